@@ -1,0 +1,204 @@
+"""Momentum and the generalized Jacobian: how a drifting robot answers to its own joints.
+
+Letters are the paper's: ``D``, ``Dq`` in (1), ``J`` in (2), ``A`` in (5), ``S`` for S* in (7). Rows
+are ordered linear before angular. Base columns belong to the base twist in the spacecraft frame.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.linalg.lapack import dgesv
+
+from freefloat.errors import InputError
+from freefloat.model import FreeFloatingModel
+from freefloat.spatial import Array, finite_vector
+
+_IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+class Task(StrEnum):
+    """What of the end-effector's motion is prescribed.
+
+    The planar tasks are those of arms that move in the x-y plane of the inertial frame, with the
+    spacecraft turning about z.
+    """
+
+    POSE = "pose"
+    POSITION = "position"
+    PLANAR_POSE = "planar-pose"
+    PLANAR_POSITION = "planar-position"
+
+    @property
+    def rows(self) -> list[int]:
+        """Rows of the end-effector twist ``[linear; angular]`` that are prescribed."""
+        return {
+            Task.POSE: [0, 1, 2, 3, 4, 5],
+            Task.POSITION: [0, 1, 2],
+            Task.PLANAR_POSE: [0, 1, 5],
+            Task.PLANAR_POSITION: [0, 1],
+        }[self]
+
+    @property
+    def planar(self) -> bool:
+        """Whether everything happens in the x-y plane."""
+        return self in (Task.PLANAR_POSE, Task.PLANAR_POSITION)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the attitude of the end-effector is prescribed, too."""
+        return self in (Task.POSE, Task.PLANAR_POSE)
+
+
+def momentum_map(
+    model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = _IDENTITY
+) -> Array:
+    """The centroidal momentum matrix.
+
+    Args:
+        model: Robot.
+        joints: Joint values, shape (n,).
+        attitude: Unit quaternion x, y, z, w; at the identity the rows are in spacecraft axes.
+
+    Returns:
+        Shape (6, 6 + n). Times ``[base twist; joint rates]`` it gives the linear momentum [N s] and
+        the angular momentum about the centre of mass [N m s] in inertial axes.
+    """
+    q = np.concatenate([np.zeros(3), attitude, joints])
+    return np.array(pin.computeCentroidalMap(model.pin_model, model.scratch, q))
+
+
+def end_effector_jacobian(
+    model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = _IDENTITY
+) -> Array:
+    """Jacobian of the end-effector, the base counted as a joint.
+
+    Returns:
+        Shape (6, 6 + n). Times ``[base twist; joint rates]`` it gives the end-effector's twist in
+        inertial axes [m/s; rad/s]; at the identity attitude in spacecraft axes.
+    """
+    q = np.concatenate([np.zeros(3), attitude, joints])
+    return np.array(
+        pin.computeFrameJacobian(
+            model.pin_model, model.scratch, q, model.frame_id, pin.LOCAL_WORLD_ALIGNED
+        )
+    )
+
+
+def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array]:
+    """D and Dq of (1): angular momentum per spacecraft rate and per joint rate.
+
+    Both are about the system's centre of mass, in the spacecraft frame, the linear momentum being
+    zero.
+
+    Returns:
+        ``D`` of shape (3, 3) and ``Dq`` of shape (3, n) [kg m²].
+    """
+    A = momentum_map(model, joints)
+    return A[3:, 3:6], A[3:, 6:]
+
+
+def system_matrix(
+    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE
+) -> Array:
+    """The matrix A of (5): what the momentum and the end-effector demand of the rates.
+
+    Rows: angular momentum about the centre of mass, then the task's rows of the end-effector twist.
+    Columns: spacecraft angular velocity, then joint rates. Everything in the spacecraft frame, the
+    linear velocity of the spacecraft eliminated by zero linear momentum. For planar tasks only the
+    components about z remain of the angular momentum and of the spacecraft's rate.
+
+    Returns:
+        Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n).
+    """
+    A = momentum_map(model, joints)
+    J = end_effector_jacobian(model, joints)[task.rows]
+    J = J[:, 3:] - J[:, :3] @ np.linalg.solve(A[:3, :3], A[:3, 3:])
+    D = A[3:, 3:]
+    if task.planar:
+        return np.vstack([D[2:], J])[:, 2:]
+    return np.vstack([D, J])
+
+
+def generalized_jacobian(
+    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE
+) -> Array:
+    """The generalized Jacobian S* of (7), after Umetani and Yoshida (1989).
+
+    Returns:
+        Shape (m, n): the task's rows of the end-effector twist [m/s; rad/s], in the spacecraft
+        frame, per joint rate, while the momentum is zero.
+    """
+    A = system_matrix(model, joints, task)
+    k = 1 if task.planar else 3
+    D, Dq, J11, J12 = A[:k, :k], A[:k, k:], A[k:, :k], A[k:, k:]
+    return np.asarray(J12 - J11 @ np.linalg.solve(D, Dq))
+
+
+class DriftEquation:
+    """Equation (4): the rates that give the end-effector its twist and keep the momentum.
+
+    With as many joints as task rows the solution is unique; with more, the joint rates of least
+    Euclidean norm are taken [rad/s, m/s].
+    """
+
+    def __init__(self, model: FreeFloatingModel, task: Task, momentum: npt.ArrayLike) -> None:
+        """Prepare the equation.
+
+        Args:
+            model: Robot.
+            task: What of the end-effector is prescribed.
+            momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
+
+        Raises:
+            InputError: If the task has more rows than the arm has joints.
+        """
+        m, n = len(task.rows), model.dof
+        if m > n:
+            raise InputError(
+                "task", f"{task} prescribes {m} rates, the arm has {n} joints",
+                ", ".join(t for t in Task if len(t.rows) <= n) or "a robot with more joints",
+            )  # fmt: skip
+        self._model, self._rows = model, task.rows
+        self._q = np.zeros(7 + n)
+        self._matrix = np.zeros((6 + m, 6 + n), order="F")
+        self._right = np.zeros(6 + m)
+        self._right[3:6] = finite_vector("momentum", momentum, 3)
+
+    def rates(self, attitude: Array, joints: Array, twist: Array) -> tuple[Array, Array]:
+        """Solve (4) at a configuration.
+
+        Args:
+            attitude: Unit quaternion x, y, z, w.
+            joints: Joint values, shape (n,).
+            twist: End-effector twist, inertial axes, shape (6,).
+
+        Returns:
+            Spacecraft angular velocity in the spacecraft frame [rad/s], shape (3,), and joint
+            rates, shape (n,). Infinite where the matrix is exactly singular.
+        """
+        model, matrix, right = self._model, self._matrix, self._right
+        self._q[3:7], self._q[7:] = attitude, joints
+        matrix[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, self._q)
+        matrix[6:] = pin.getFrameJacobian(
+            model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
+        )[self._rows]
+        right[6:] = twist[self._rows]
+        if matrix.shape[0] == matrix.shape[1]:
+            _, _, v, singular = dgesv(matrix, right)
+            if singular:
+                v = np.full(len(v), np.inf)
+            return v[3:6], v[6:]
+        return self._least_norm()
+
+    def _least_norm(self) -> tuple[Array, Array]:
+        Ab, Am = self._matrix[:6, :6], self._matrix[:6, 6:]
+        Jb, Jm = self._matrix[6:, :6], self._matrix[6:, 6:]
+        B = np.linalg.solve(Ab, np.column_stack([Am, self._right[:6]]))
+        S = Jm - Jb @ B[:, :-1]
+        joint_rates = np.linalg.pinv(S, rcond=0.0) @ (self._right[6:] - Jb @ B[:, -1])
+        base_twist = B[:, -1] - B[:, :-1] @ joint_rates
+        return base_twist[3:], joint_rates

@@ -1,0 +1,71 @@
+"""What can go wrong through misuse: one tree, evidence on the object, a way out in the message.
+
+Every error takes exactly the arguments it is raised with, so all of them survive pickling between
+processes. Expected endings of a computation (singular, infeasible) are data, not errors.
+"""
+
+
+class FreeFloatError(Exception):
+    """Base of everything that freefloat raises on purpose."""
+
+
+class InputError(FreeFloatError):
+    """Something that was given cannot be used.
+
+    Attributes:
+        key: What was given: an argument, a key of a file, a link of a URDF.
+        problem: What is wrong with it, naming the value given.
+        accepted: What would be accepted instead.
+        source: The file it stands in, where it stands in one.
+    """
+
+    def __init__(self, key: str, problem: str, accepted: str, source: str | None = None) -> None:
+        super().__init__(key, problem, accepted, source)
+        self.key = key
+        self.problem = problem
+        self.accepted = accepted
+        self.source = source
+
+    def __str__(self) -> str:
+        place = f"{self.source}: {self.key}" if self.source else self.key
+        return f"{place}: {self.problem}; accepted: {self.accepted}"
+
+    def found_in(self, source: str, prefix: str = "") -> "InputError":
+        """The same error, told with the file it was found in and its key inside that file.
+
+        Args:
+            source: The file.
+            prefix: Put before the key, e.g. ``"path."``.
+
+        Returns:
+            A new error of the same class; where this one already names a file, that file is kept.
+        """
+        return type(self)(prefix + self.key, self.problem, self.accepted, self.source or source)
+
+
+class ModelError(InputError):
+    """The robot described by a URDF cannot float freely with an arm."""
+
+
+class UnreachableError(InputError):
+    """The arm cannot put its end-effector where the path begins, from the attitude given."""
+
+
+class IntegrationError(FreeFloatError):
+    """The integrator gave up for a reason that is not a dynamic singularity.
+
+    Attributes:
+        time: Where it gave up [s].
+        reason: In its own words.
+    """
+
+    def __init__(self, time: float, reason: str) -> None:
+        super().__init__(time, reason)
+        self.time = time
+        self.reason = reason
+
+    def __str__(self) -> str:
+        return (
+            f"the motion could not be integrated beyond t = {self.time:.6g} s: {self.reason}; "
+            "try a smaller tolerance or a smoother path"
+        )

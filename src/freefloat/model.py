@@ -1,0 +1,283 @@
+"""A URDF as a free-floating robot: free-flyer root, joints by name, plain angles, checked bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from freefloat.errors import InputError, ModelError
+from freefloat.spatial import Array, Pose, finite_vector, frozen
+from freefloat.urdf import UNLIMITED, Description, Doubt, read_urdf
+
+_MOVING_JOINTS = ("JointModelR", "JointModelP")
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid body of the drifting chain: fixed joints merged, held joints frozen.
+
+    Attributes:
+        joint: Name of the joint that moves it; ``"root_joint"`` for the spacecraft.
+        placement: Of the joint's frame in the previous body's, the joint at zero.
+        axis: Unit vector of the joint in its own frame, shape (3,); zeros for the spacecraft.
+        prismatic: Whether the joint slides along the axis instead of turning about it.
+        lower: Joint range from the URDF [rad or m]; minus infinity for continuous joints.
+        upper: Likewise.
+        mass: [kg].
+        centre: Centre of mass in the joint's frame [m], shape (3,).
+        inertia: About the centre of mass, axes of the joint's frame [kg m²], shape (3, 3).
+    """
+
+    joint: str
+    placement: Pose
+    axis: Array
+    prismatic: bool
+    lower: float
+    upper: float
+    mass: float
+    centre: Array
+    inertia: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FreeFloatingModel:
+    """A spacecraft with an arm, drifting: no external force, its base not actuated.
+
+    The joints between the spacecraft and the end-effector move; every other joint of the robot is
+    held. Joint vectors list the moving joints from the spacecraft to the end-effector, see
+    :attr:`joint_names`.
+
+    Attributes:
+        description: The checked URDF.
+        end_effector: Name of the link (or other frame) that follows the path.
+        held: Joint name to value [rad or m] for joints off the chain; zero for those not named.
+    """
+
+    description: Description
+    end_effector: str
+    held: Mapping[str, float]
+
+    @classmethod
+    def from_urdf(
+        cls,
+        urdf: str | Path,
+        end_effector: str | None = None,
+        *,
+        scale_mass: float | Mapping[str, float] = 1.0,
+        held: Mapping[str, float] | None = None,
+    ) -> FreeFloatingModel:
+        """Load a robot whose root link is the spacecraft.
+
+        Args:
+            urdf: A file or XML text.
+            end_effector: Frame that follows the path; may be left out where the robot has a
+                single last link.
+            scale_mass: Factor on every mass and inertia, or a map from link to factor.
+            held: Values [rad or m] of joints that do not move the end-effector.
+
+        Raises:
+            ModelError: If the URDF is unfit, or has no such frame, or no joint moves it.
+        """
+        description = read_urdf(urdf, scale_mass)
+        model = cls(description, end_effector or _only_tip(description), dict(held or {}))
+        _ = model.pin_model
+        return model
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: getattr(self, key) for key in ("description", "end_effector", "held")}
+
+    @cached_property
+    def pin_model(self) -> Any:
+        """The Pinocchio model: free-flyer root, then the moving joints. Not to be modified."""
+        whole = _build(self.description)
+        try:
+            return _reduced(whole, self.end_effector, self.held)
+        except InputError as error:
+            raise error.found_in(self.description.source) from None
+
+    @cached_property
+    def scratch(self) -> Any:
+        """Pinocchio's scratch memory, one a process; what is read from it must be copied."""
+        return self.pin_model.createData()
+
+    @cached_property
+    def frame_id(self) -> int:
+        """Pinocchio's index of the end-effector frame."""
+        return int(self.pin_model.getFrameId(self.end_effector))
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What the URDF says that is probably not what was meant."""
+        return self.description.doubts
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """The moving joints, from the spacecraft to the end-effector."""
+        return tuple(self.pin_model.names[2:])
+
+    @property
+    def dof(self) -> int:
+        """Number of moving joints."""
+        return len(self.joint_names)
+
+    @cached_property
+    def total_mass(self) -> float:
+        """Mass of the whole system [kg]."""
+        return float(pin.computeTotalMass(self.pin_model))
+
+    @cached_property
+    def bodies(self) -> tuple[Body, ...]:
+        """The spacecraft and the bodies moved by each joint, in order."""
+        model = self.pin_model
+        data = model.createData()
+        pin.computeJointJacobians(model, data, pin.neutral(model))
+        return tuple(_body(model, data, index) for index in range(1, model.njoints))
+
+    @cached_property
+    def tool(self) -> Pose:
+        """The end-effector's frame in the frame of the last joint."""
+        placement = self.pin_model.frames[self.frame_id].placement
+        return Pose(placement.translation, placement.rotation)
+
+    def configuration(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Array:
+        """Pinocchio's configuration with the system's centre of mass at the origin.
+
+        Args:
+            attitude: Unit quaternion x, y, z, w, shape (4,).
+            joints: Joint values, shape (n,).
+
+        Returns:
+            ``[base position, base quaternion, joints]``, shape (7 + n,).
+        """
+        q = np.concatenate([np.zeros(3), attitude, joints])
+        q[:3] = -pin.centerOfMass(self.pin_model, self.scratch, q)
+        return q
+
+    def base_position(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Array:
+        """Origin of the spacecraft's root link in the inertial frame [m], shape (3,)."""
+        return self.configuration(attitude, joints)[:3]
+
+    def end_effector_pose(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Pose:
+        """Pose of the end-effector in the inertial frame, whose origin is the centre of mass."""
+        q = self.configuration(attitude, joints)
+        pin.framesForwardKinematics(self.pin_model, self.scratch, q)
+        placement = self.scratch.oMf[self.frame_id]
+        return Pose(placement.translation, placement.rotation)
+
+    def joint_vector(self, joints: Mapping[str, float] | npt.ArrayLike) -> Array:
+        """Joint values as a vector, from a map by joint name or a sequence in chain order.
+
+        Raises:
+            InputError: If a joint is missing, unknown, or a value is not a finite number.
+        """
+        if isinstance(joints, Mapping):
+            unknown = sorted(set(joints) - set(self.joint_names))
+            missing = [name for name in self.joint_names if name not in joints]
+            if unknown or missing:
+                raise InputError(
+                    "joints",
+                    f"unknown: {', '.join(unknown) or 'none'}, missing: {', '.join(missing) or 'none'}",
+                    ", ".join(self.joint_names),
+                )
+            joints = [joints[name] for name in self.joint_names]
+        values = np.atleast_1d(np.asarray(joints))
+        if values.shape != (self.dof,):
+            raise InputError(
+                "joints",
+                f"{values.size} values were given",
+                f"{self.dof} values: {', '.join(self.joint_names)}",
+            )
+        return finite_vector("joints", values, self.dof)
+
+
+def _build(description: Description) -> Any:
+    try:
+        return pin.buildModelFromXML(description.text, pin.JointModelFreeFlyer())
+    except Exception as error:  # Pinocchio passes on whatever C++ throws
+        raise ModelError(
+            "urdf",
+            f"the URDF parser refuses it ({str(error).strip() or 'no reason given'})",
+            "one root link, every other link the child of exactly one joint, unique names",
+            description.source,
+        ) from None
+
+
+def _links(model: Any) -> list[str]:
+    return [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+
+
+def _only_tip(description: Description) -> str:
+    model = _build(description)
+    links = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    parents = {model.frames[frame.parentFrame].parentFrame for frame in links}
+    tips = [link.name for link in links if model.getFrameId(link.name) not in parents]
+    if len(tips) != 1:
+        raise ModelError(
+            "end_effector", "none was given and the robot has several last links",
+            ", ".join(tips), description.source,
+        )  # fmt: skip
+    return tips[0]
+
+
+def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:
+    """The model with only the joints that move the end-effector left free."""
+    if not whole.existFrame(end_effector):
+        raise ModelError(
+            "end_effector", f"the robot has no frame {end_effector!r}", ", ".join(_links(whole))
+        )
+    frame = whole.frames[whole.getFrameId(end_effector)]
+    chain = [index for index in whole.supports[frame.parentJoint] if index > 1]
+    if not chain:
+        raise ModelError(
+            "end_effector",
+            f"{end_effector!r} is fixed to the spacecraft, no joint moves it",
+            "a link beyond at least one joint: "
+            + ", ".join(f.name for f in whole.frames
+                        if f.type == pin.FrameType.BODY and f.parentJoint > 1),
+        )  # fmt: skip
+    for index in range(2, whole.njoints):
+        kind = whole.joints[index].shortname()
+        if not kind.startswith(_MOVING_JOINTS) or whole.joints[index].nq != 1:
+            raise ModelError(
+                f"joint {whole.names[index]}", f"its type {kind} is not supported",
+                "revolute, continuous, prismatic or fixed",
+            )  # fmt: skip
+    others = [index for index in range(2, whole.njoints) if index not in chain]
+    q = pin.neutral(whole)
+    for name, value in held.items():
+        if name not in [whole.names[index] for index in others]:
+            raise ModelError(
+                f"held.{name}", "not a joint that can be held",
+                ", ".join(whole.names[index] for index in others) or "no joint: all of them move",
+            )  # fmt: skip
+        q[whole.joints[whole.getJointId(name)].idx_q] = value
+    return pin.buildReducedModel(whole, others, q) if others else whole
+
+
+def _body(model: Any, data: Any, index: int) -> Body:
+    joint, inertia, placement = model.joints[index], model.inertias[index], model.jointPlacements[index]
+    S = np.zeros((6, 1))
+    lower, upper = -np.inf, np.inf
+    if index > 1:
+        S = pin.getJointJacobian(model, data, index, pin.LOCAL)[:, joint.idx_v : joint.idx_v + 1]
+        lower = float(model.lowerPositionLimit[joint.idx_q])
+        upper = float(model.upperPositionLimit[joint.idx_q])
+    prismatic = bool(np.linalg.norm(S[:3]) > 0.5)
+    return Body(
+        joint=model.names[index],
+        placement=Pose(placement.translation, placement.rotation),
+        axis=frozen(S[:3, 0] if prismatic else S[3:, 0]),
+        prismatic=prismatic,
+        lower=lower if lower > -UNLIMITED else -np.inf,
+        upper=upper if upper < UNLIMITED else np.inf,
+        mass=float(inertia.mass),
+        centre=frozen(inertia.lever),
+        inertia=frozen(inertia.inertia),
+    )

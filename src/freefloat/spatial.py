@@ -1,0 +1,162 @@
+r"""The conventions, stated once, and the few attitude helpers that follow from them.
+
+* The inertial origin is the system's centre of mass. It never moves.
+* A quaternion is Hamilton's, ordered ``x, y, z, w``. It turns spacecraft-frame vectors into the
+  inertial frame: Pinocchio's order and sense for a free-flyer root, and (8c) of the paper.
+* A twist is ``[linear; angular]``. End-effector twists are inertial (axes of the inertial frame, at
+  the end-effector); the base twist is in the spacecraft frame.
+* Angular momentum ``h`` is about the centre of mass, in inertial axes.
+* A heading is the angle of a planar spacecraft about the inertial z axis.
+* SI units and radians everywhere; degrees exist only in files and options whose name says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from freefloat.errors import InputError
+
+Array = npt.NDArray[np.float64]
+
+
+def frozen(values: npt.ArrayLike) -> Array:
+    """A read-only float copy of an array, for the fields of records."""
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a frame is.
+
+    Attributes:
+        position: Its origin in the other frame [m], shape (3,).
+        rotation: Turns its own vectors into the other frame, shape (3, 3).
+    """
+
+    position: Array
+    rotation: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", frozen(self.position))
+        object.__setattr__(self, "rotation", frozen(self.rotation))
+
+    def seen_from(self, rotation: Array) -> Pose:
+        """The same pose in a frame with the same origin, turned by ``rotation`` (3, 3)."""
+        return Pose(rotation.T @ self.position, rotation.T @ self.rotation)
+
+
+def finite_vector(key: str, values: npt.ArrayLike, length: int) -> Array:
+    """Check that ``values`` are ``length`` finite numbers.
+
+    Raises:
+        InputError: Naming ``key`` when they are not.
+    """
+    accepted = f"{length} finite numbers"
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(key, f"{values!r} is not a list of numbers", accepted) from None
+    if array.shape != (length,) or not np.isfinite(array).all():
+        raise InputError(key, f"{values!r} was given", accepted)
+    return array
+
+
+def unit_vector(key: str, values: npt.ArrayLike) -> Array:
+    """A direction, normalized; refused when it has none."""
+    vector = finite_vector(key, values, 3)
+    length = np.linalg.norm(vector)
+    if length == 0.0:
+        raise InputError(key, "the zero vector has no direction", "a vector of nonzero length")
+    return vector / length
+
+
+def unit_quaternion(key: str, values: npt.ArrayLike) -> Array:
+    """A quaternion ``x, y, z, w``, normalized.
+
+    Values printed with a few digits are welcome; a quaternion whose norm is off by more than one
+    percent is more likely a mistake and is refused.
+    """
+    quaternion = finite_vector(key, values, 4)
+    norm = float(np.linalg.norm(quaternion))
+    if abs(norm - 1.0) > 0.01:
+        raise InputError(key, f"norm {norm:.4g} was given", "a unit quaternion x, y, z, w")
+    return quaternion / norm
+
+
+def rotation_matrix(quaternion: npt.ArrayLike) -> Array:
+    """The rotation (3, 3) that a quaternion ``x, y, z, w`` stands for."""
+    return np.asarray(Rotation.from_quat(quaternion).as_matrix())
+
+
+def quaternion(rotation: npt.ArrayLike) -> Array:
+    """The quaternion ``x, y, z, w`` of a rotation (3, 3), with the sign scipy chooses."""
+    return np.asarray(Rotation.from_matrix(rotation).as_quat())
+
+
+def heading_quaternion(heading: float) -> Array:
+    """The attitude ``x, y, z, w`` of a planar spacecraft with a heading [rad]."""
+    return np.array([0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)])
+
+
+def heading_of(attitude: npt.ArrayLike) -> float:
+    """The heading [rad] in [0, 2 pi) of an attitude ``x, y, z, w`` that turns about z alone."""
+    x, y, z, w = np.asarray(attitude, dtype=float)
+    return float(2.0 * np.arctan2(z, w) % (2.0 * np.pi))
+
+
+def rotation_angle(rotation: npt.ArrayLike) -> float:
+    """The angle [rad] by which a rotation (3, 3) turns, in [0, pi]."""
+    return float(Rotation.from_matrix(rotation).magnitude())
+
+
+def axes_rotation(key: str, kept: tuple[str, npt.ArrayLike], bent: tuple[str, npt.ArrayLike]) -> Array:
+    """The rotation whose columns are given by two named axes.
+
+    Args:
+        key: Named in errors.
+        kept: Letter of an axis (``x``, ``y`` or ``z``) and the direction it points to, kept.
+        bent: Another axis and its direction, made orthogonal to the first.
+
+    Returns:
+        Rotation of shape (3, 3), right-handed.
+
+    Raises:
+        InputError: If the directions are parallel or the letters are equal.
+    """
+    i, j = "xyz".index(kept[0]), "xyz".index(bent[0])
+    if i == j:
+        raise InputError(key, f"axis {kept[0]} was given twice", "two different axes of x, y, z")
+    first = unit_vector(f"{key}.{kept[0]}", kept[1])
+    second = unit_vector(f"{key}.{bent[0]}", bent[1])
+    across = second - first * (first @ second)
+    if np.linalg.norm(across) < 1e-6:
+        raise InputError(
+            key, f"axes {kept[0]} and {bent[0]} are parallel", "two directions that are not parallel"
+        )
+    columns = np.empty((3, 3))
+    columns[:, i] = first
+    columns[:, j] = across / np.linalg.norm(across)
+    k = 3 - i - j
+    columns[:, k] = np.cross(columns[:, (k + 1) % 3], columns[:, (k + 2) % 3])
+    return columns
+
+
+def low_discrepancy(count: int, dimension: int) -> Array:
+    """Evenly spread points of the unit cube, the same at every call: an additive recurrence.
+
+    The steps are powers of the inverse of the ``dimension``-th generalized golden ratio.
+
+    Returns:
+        Shape (count, dimension), in [0, 1).
+    """
+    ratio = 2.0
+    for _ in range(64):
+        ratio = (1.0 + ratio) ** (1.0 / (dimension + 1))
+    steps = ratio ** -np.arange(1.0, dimension + 1)
+    return np.asarray((0.5 + np.outer(np.arange(count), steps)) % 1.0)

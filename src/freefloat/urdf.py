@@ -1,0 +1,244 @@
+"""The text of a URDF: read, checked, masses scaled; what stays doubtful is listed with a remedy."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from freefloat.errors import InputError, ModelError
+
+UNLIMITED = 1e9
+"""Stands for 'no limit' in the text handed to the URDF parser, which knows no infinity."""
+
+_NUMBERS = ("xyz", "rpy", "value", "ixx", "ixy", "ixz", "iyy", "iyz", "izz",
+            "lower", "upper", "effort", "velocity", "radius", "length", "size", "scale")  # fmt: skip
+_NUMERIC_TAGS = ("origin", "mass", "inertia", "axis", "limit", "box", "cylinder", "sphere", "mesh")
+_MOVING = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Something in a URDF that loads but is probably not what was meant.
+
+    Attributes:
+        link: The link concerned.
+        problem: What looks wrong, with its numbers.
+        remedy: What to write instead.
+    """
+
+    link: str
+    problem: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"link {self.link}: {self.problem}; {self.remedy}"
+
+
+@dataclass(frozen=True)
+class Description:
+    """A URDF that is fit to be built.
+
+    Attributes:
+        text: The XML, masses scaled, continuous joints written as revolute ones without limits.
+        source: The file it came from, or ``"URDF text"``.
+        doubts: What loads but looks wrong.
+    """
+
+    text: str
+    source: str
+    doubts: tuple[Doubt, ...]
+
+
+def read_urdf(
+    urdf: str | Path, scale_mass: float | Mapping[str, float] = 1.0
+) -> Description:
+    """Read a URDF and check what no parser would tell clearly.
+
+    Args:
+        urdf: A file, or the XML text itself (recognized by its leading ``<``).
+        scale_mass: Factor on mass and inertia of every link, or of the links named in a map.
+
+    Raises:
+        ModelError: If the file is missing, is not XML, or holds numbers that are none, joints
+            without limits, negative masses or no mass at all.
+    """
+    text, source = _text(urdf)
+    try:
+        robot = _parse(text)
+        _check_numbers(robot)
+        _scale(robot, scale_mass)
+        _check_masses(robot)
+        _write_plain_joints(robot)
+    except InputError as error:
+        raise error.found_in(source) from None
+    return Description(ET.tostring(robot, encoding="unicode"), source, tuple(_doubts(robot)))
+
+
+def _text(urdf: str | Path) -> tuple[str, str]:
+    if isinstance(urdf, str) and urdf.lstrip().startswith("<"):
+        return urdf, "URDF text"
+    path = Path(urdf)
+    try:
+        return path.read_text(encoding="utf-8"), str(path)
+    except OSError as error:
+        problem = "no such file" if isinstance(error, FileNotFoundError) else str(error.strerror)
+        raise ModelError("urdf", f"{path}: {problem}", "a readable URDF file") from None
+    except UnicodeDecodeError:
+        raise ModelError("urdf", f"{path} is not UTF-8 text", "a URDF file") from None
+
+
+def _parse(text: str) -> ET.Element:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ModelError("urdf", "it declares a DTD or entities", "plain XML without <!...> parts")
+    try:
+        robot = ET.fromstring(text.encode())
+    except ET.ParseError as error:
+        raise ModelError("urdf", f"not well-formed XML ({error})", "a URDF file") from None
+    if robot.tag != "robot":
+        raise ModelError("urdf", f"its root element is <{robot.tag}>", "<robot>")
+    return robot
+
+
+def _check_numbers(robot: ET.Element) -> None:
+    for owner in robot:
+        for element in owner.iter():
+            if element.tag not in _NUMERIC_TAGS:
+                continue
+            for name in set(_NUMBERS) & set(element.attrib):
+                words = element.attrib[name].split()
+                if not words or not all(_is_finite_number(word) for word in words):
+                    raise ModelError(
+                        f"{owner.tag} {owner.get('name')}: <{element.tag} {name}>",
+                        f"{element.attrib[name]!r} was given",
+                        "finite numbers (expressions are not evaluated)",
+                    )
+        if owner.tag == "joint" and owner.get("type") in ("revolute", "prismatic"):
+            limit = owner.find("limit")
+            if limit is None or not {"effort", "velocity"} <= set(limit.attrib):
+                raise ModelError(
+                    f"joint {owner.get('name')}",
+                    f"a {owner.get('type')} joint without a complete <limit>",
+                    '<limit lower=".." upper=".." effort=".." velocity=".."/>, '
+                    'or type="continuous" where it turns without end',
+                )
+
+
+def _is_finite_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
+
+
+def _scale(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> None:
+    links = {str(link.get("name")): link for link in robot.findall("link")}
+    if isinstance(scale_mass, Mapping):
+        factors = dict(scale_mass)
+    else:
+        factors = dict.fromkeys(links, float(scale_mass))
+    for name, factor in factors.items():
+        if name not in links:
+            raise ModelError(
+                f"scale_mass.{name}", "the robot has no such link", ", ".join(links)
+            )
+        if not (math.isfinite(factor) and factor > 0.0):
+            raise ModelError(f"scale_mass.{name}", f"{factor} was given", "a positive number")
+        for tag in ("inertial/mass", "inertial/inertia"):
+            element = links[name].find(tag)
+            if element is not None and factor != 1.0:
+                for key, value in element.attrib.items():
+                    element.set(key, repr(float(value) * factor))
+
+
+def _check_masses(robot: ET.Element) -> None:
+    total = 0.0
+    for link in robot.findall("link"):
+        mass = _mass(link)
+        if mass < 0.0:
+            raise ModelError(f"link {link.get('name')}", f"mass {mass} kg", "a mass of zero or more")
+        total += mass
+    if total == 0.0:
+        raise ModelError("urdf", "the total mass is zero", "links with <inertial><mass value=.../>")
+
+
+def _mass(link: ET.Element) -> float:
+    element = link.find("inertial/mass")
+    return 0.0 if element is None else float(element.get("value", "0"))
+
+
+def _write_plain_joints(robot: ET.Element) -> None:
+    """Write continuous joints as revolute: one plain angle each instead of a cosine and a sine."""
+    for joint in robot.findall("joint"):
+        if joint.get("type") != "continuous":
+            continue
+        joint.set("type", "revolute")
+        limit = joint.find("limit")
+        if limit is None:
+            limit = ET.SubElement(joint, "limit")
+        for key in ("effort", "velocity"):
+            limit.set(key, limit.get(key, repr(UNLIMITED)))
+        limit.set("lower", repr(-UNLIMITED))
+        limit.set("upper", repr(UNLIMITED))
+
+
+def _doubts(robot: ET.Element) -> list[Doubt]:
+    doubts = []
+    for link in robot.findall("link"):
+        doubts += _inertia_doubts(link)
+    for joint in robot.findall("joint"):
+        if joint.find("mimic") is not None:
+            child = joint.find("child")
+            doubts.append(Doubt(
+                str(child.get("link") if child is not None else joint.get("name")),
+                f"joint {joint.get('name')} mimics another one, which is ignored",
+                "hold it still or make it fixed",
+            ))  # fmt: skip
+    return doubts + _massless_doubts(robot)
+
+
+def _inertia_doubts(link: ET.Element) -> list[Doubt]:
+    name, element = str(link.get("name")), link.find("inertial/inertia")
+    if element is None:
+        return []
+    xx, xy, xz, yy, yz, zz = (
+        float(element.get(key, "0")) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    printed = ", ".join(f"{moment:.6g}" for moment in moments)
+    if moments[0] < 0.0 or (moments[0] == 0.0 and _mass(link) > 0.0):
+        return [Doubt(name, f"its inertia is not positive definite (principal moments {printed})",
+                      "check the signs of its <inertia>, and that it is about the centre of mass")]  # fmt: skip
+    if moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
+        return [Doubt(name, f"its principal moments {printed} break the triangle inequality",
+                      "no rigid body has them: the smaller two must sum to the largest or more")]  # fmt: skip
+    return []
+
+
+def _massless_doubts(robot: ET.Element) -> list[Doubt]:
+    children: dict[str, list[str]] = {}
+    moved = []
+    for joint in robot.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is None or child is None:
+            continue
+        if joint.get("type") == "fixed":
+            children.setdefault(str(parent.get("link")), []).append(str(child.get("link")))
+        elif joint.get("type") in _MOVING:
+            moved.append(str(child.get("link")))
+    masses = {str(link.get("name")): _mass(link) for link in robot.findall("link")}
+    doubts = []
+    for name in moved:
+        rigid, stack = 0.0, [name]
+        for link in stack:
+            rigid += masses.get(link, 0.0)
+            stack += [child for child in children.get(link, []) if child not in stack]
+        if rigid == 0.0:
+            doubts.append(Doubt(name, "it moves but has no mass",
+                                "motions are still exact; give it a small <inertial> "
+                                "where its joint torque or a forward simulation matters"))  # fmt: skip
+    return doubts
