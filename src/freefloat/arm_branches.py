@@ -90,7 +90,9 @@ def _rotate(axis: Array, angle: float) -> Array:
 
 def _angle_onto(axis: Array, start: Array, end: Array) -> float:
     """The angle about an axis that brings one vector's direction onto another's."""
-    return float(np.arctan2(axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end)))
+    return float(
+        np.arctan2(axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end))
+    )
 
 
 def _angle_to_height(axis: Array, vector: Array, along: Array, height: float, sign: float) -> float:
@@ -138,9 +140,7 @@ def _elbow_with_wrist(
         yield number, f"shoulder{a} elbow{b} wrist{c}", np.array([q1, q2, q3, q4, q5, q6])
 
 
-def _planar_elbow(
-    virtual: VirtualManipulator, target: Pose
-) -> Iterator[tuple[int, str, Array]]:
+def _planar_elbow(virtual: VirtualManipulator, target: Pose) -> Iterator[tuple[int, str, Array]]:
     """Two branches: the triangle of b and c under the paper's point 3 (20), (28)."""
     p, R0, points, axes = virtual.kinematics(np.zeros(len(virtual.axes)))
     P, h = points[:, 0], axes[:, 0]

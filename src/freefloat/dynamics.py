@@ -101,9 +101,7 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
     return A[3:, 3:6], A[3:, 6:]
 
 
-def system_matrix(
-    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE
-) -> Array:
+def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE) -> Array:
     """The matrix A of (5): what the momentum and the end-effector demand of the rates.
 
     Rows: angular momentum about the centre of mass, then the task's rows of the end-effector twist.

@@ -262,7 +262,11 @@ def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:
 
 
 def _body(model: Any, data: Any, index: int) -> Body:
-    joint, inertia, placement = model.joints[index], model.inertias[index], model.jointPlacements[index]
+    joint, inertia, placement = (
+        model.joints[index],
+        model.inertias[index],
+        model.jointPlacements[index],
+    )
     S = np.zeros((6, 1))
     lower, upper = -np.inf, np.inf
     if index > 1:

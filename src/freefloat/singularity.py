@@ -223,7 +223,9 @@ def joint_space_extremes(model: FreeFloatingModel, of: Measure, samples: int = 4
     points = lower + (upper - lower) * low_discrepancy(samples, model.dof)
     values = np.array([of.value(point) for point in points])
     order = np.argsort(values)
-    bounds = [(body.lower, body.upper) if body.prismatic else (None, None) for body in model.bodies[1:]]
+    bounds = [
+        (body.lower, body.upper) if body.prismatic else (None, None) for body in model.bodies[1:]
+    ]
     smallest, smallest_at = _polished(of.value, points[order[:8]], bounds)
     largest, largest_at = _polished(lambda q: -of.value(q), points[order[-8:]], bounds)
     return Extremes(-largest, frozen(largest_at), smallest, frozen(smallest_at))
@@ -240,7 +242,9 @@ def joint_box(model: FreeFloatingModel) -> tuple[Array, Array]:
 
 
 def _polished(
-    function: Callable[[Array], float], starts: Array, bounds: list[tuple[float | None, float | None]]
+    function: Callable[[Array], float],
+    starts: Array,
+    bounds: list[tuple[float | None, float | None]],
 ) -> tuple[float, npt.NDArray[np.float64]]:
     from scipy.optimize import minimize  # a third of a second that most commands need not pay
 

@@ -115,7 +115,9 @@ def rotation_angle(rotation: npt.ArrayLike) -> float:
     return float(Rotation.from_matrix(rotation).magnitude())
 
 
-def axes_rotation(key: str, kept: tuple[str, npt.ArrayLike], bent: tuple[str, npt.ArrayLike]) -> Array:
+def axes_rotation(
+    key: str, kept: tuple[str, npt.ArrayLike], bent: tuple[str, npt.ArrayLike]
+) -> Array:
     """The rotation whose columns are given by two named axes.
 
     Args:
@@ -137,7 +139,9 @@ def axes_rotation(key: str, kept: tuple[str, npt.ArrayLike], bent: tuple[str, np
     across = second - first * (first @ second)
     if np.linalg.norm(across) < 1e-6:
         raise InputError(
-            key, f"axes {kept[0]} and {bent[0]} are parallel", "two directions that are not parallel"
+            key,
+            f"axes {kept[0]} and {bent[0]} are parallel",
+            "two directions that are not parallel",
         )
     columns = np.empty((3, 3))
     columns[:, i] = first
@@ -160,3 +164,9 @@ def low_discrepancy(count: int, dimension: int) -> Array:
         ratio = (1.0 + ratio) ** (1.0 / (dimension + 1))
     steps = ratio ** -np.arange(1.0, dimension + 1)
     return np.asarray((0.5 + np.outer(np.arange(count), steps)) % 1.0)
+
+
+def turn_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
+    """The rotation vector [rad] that turns one rotation (3, 3) into another, shape (3,)."""
+    turn = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).T)
+    return np.asarray(turn.as_rotvec())

@@ -54,9 +54,7 @@ class Description:
     doubts: tuple[Doubt, ...]
 
 
-def read_urdf(
-    urdf: str | Path, scale_mass: float | Mapping[str, float] = 1.0
-) -> Description:
+def read_urdf(urdf: str | Path, scale_mass: float | Mapping[str, float] = 1.0) -> Description:
     """Read a URDF and check what no parser would tell clearly.
 
     Args:
@@ -143,9 +141,7 @@ def _scale(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> None:
         factors = dict.fromkeys(links, float(scale_mass))
     for name, factor in factors.items():
         if name not in links:
-            raise ModelError(
-                f"scale_mass.{name}", "the robot has no such link", ", ".join(links)
-            )
+            raise ModelError(f"scale_mass.{name}", "the robot has no such link", ", ".join(links))
         if not (math.isfinite(factor) and factor > 0.0):
             raise ModelError(f"scale_mass.{name}", f"{factor} was given", "a positive number")
         for tag in ("inertial/mass", "inertial/inertia"):
@@ -160,7 +156,9 @@ def _check_masses(robot: ET.Element) -> None:
     for link in robot.findall("link"):
         mass = _mass(link)
         if mass < 0.0:
-            raise ModelError(f"link {link.get('name')}", f"mass {mass} kg", "a mass of zero or more")
+            raise ModelError(
+                f"link {link.get('name')}", f"mass {mass} kg", "a mass of zero or more"
+            )
         total += mass
     if total == 0.0:
         raise ModelError("urdf", "the total mass is zero", "links with <inertial><mass value=.../>")

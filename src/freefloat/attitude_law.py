@@ -1,0 +1,216 @@
+"""How the end-effector stands along its curve: attitude as a function of s in [0, 1].
+
+A law gives a rotation and the angular velocity per unit of s, which is its exact derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from freefloat.curve import Curve
+from freefloat.errors import InputError
+from freefloat.spatial import Array, axes_rotation, finite_vector, frozen, unit_vector
+
+_LOOKS = np.linspace(0.0, 1.0, 201)
+"""Where a directed attitude is inspected when it is made."""
+
+
+class AttitudeLaw(Protocol):
+    """An end-effector attitude as a function of s."""
+
+    def rotation(self, s: float) -> Array:
+        """End-effector axes in the inertial frame, shape (3, 3)."""
+
+    def rate(self, s: float) -> Array:
+        """Angular velocity per unit of s [rad], inertial frame, shape (3,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class FixedAttitude:
+    """An end-effector that does not turn.
+
+    Attributes:
+        axes: Its axes in the inertial frame, shape (3, 3).
+    """
+
+    axes: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axes", frozen(self.axes))
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`AttitudeLaw`."""
+        return self.axes
+
+    def rate(self, s: float) -> Array:
+        """See :class:`AttitudeLaw`."""
+        return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class SlerpAttitude:
+    """The shortest turn between two attitudes, at a constant rate.
+
+    Attributes:
+        start: Axes at s = 0, shape (3, 3).
+        end: Axes at s = 1, shape (3, 3).
+    """
+
+    start: Array
+    end: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", frozen(self.start))
+        object.__setattr__(self, "end", frozen(self.end))
+
+    @cached_property
+    def _turn(self) -> Array:
+        return frozen(Rotation.from_matrix(self.end @ self.start.T).as_rotvec())
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`AttitudeLaw`."""
+        turn = Rotation.from_rotvec(s * self._turn)
+        return np.asarray(turn.as_matrix() @ self.start)
+
+    def rate(self, s: float) -> Array:
+        """See :class:`AttitudeLaw`."""
+        return self._turn
+
+
+@dataclass(frozen=True, eq=False)
+class DirectedAttitude:
+    """One end-effector axis along a moving direction, a second as near as can be to a fixed one.
+
+    Attributes:
+        axis: Letter of the first axis, with a minus sign where it points backwards.
+        second: Letter of the second axis.
+        reference: Unit vector that the second axis keeps to, inertial frame, shape (3,).
+        direction: The moving direction and its derivative by s, not normalized.
+    """
+
+    axis: str
+    second: str
+    reference: Array
+    direction: Callable[[float], tuple[Array, Array]]
+
+    def _axes(self, s: float) -> tuple[Array, Array]:
+        """The two named axes and their derivatives by s, shapes (2, 3)."""
+        d, d1 = self.direction(s)
+        r, sign = self.reference, -1.0 if self.axis.startswith("-") else 1.0
+        first, first1 = _unit_and_rate(sign * d, sign * d1)
+        across = r - (r @ first) * first
+        across1 = -(r @ first1) * first - (r @ first) * first1
+        second, second1 = _unit_and_rate(across, across1)
+        return np.array([first, second]), np.array([first1, second1])
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`AttitudeLaw`."""
+        (first, second), _ = self._axes(s)
+        return axes_rotation("attitude", (self.axis[-1], first), (self.second, second))
+
+    def rate(self, s: float) -> Array:
+        """See :class:`AttitudeLaw`: half the sum of each axis times its derivative."""
+        (first, second), (first1, second1) = self._axes(s)
+        third = np.cross(first, second)
+        third1 = np.cross(first1, second) + np.cross(first, second1)
+        turns = np.cross([first, second, third], [first1, second1, third1])
+        return np.asarray(turns.sum(axis=0) / 2.0)
+
+    def refuse_gaps(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
+        """Raise an InputError where the direction vanishes or lies along the reference."""
+        for s in _LOOKS:
+            d, _ = self.direction(float(s))
+            length = np.linalg.norm(d)
+            if length < 1e-9:
+                raise InputError(key, f"{undefined} at s = {s:.3g}", accepted)
+            if np.linalg.norm(np.cross(d / length, self.reference)) < 1e-6:
+                raise InputError(key, f"{parallel} at s = {s:.3g}", accepted)
+
+
+def _unit_and_rate(vector: Array, rate: Array) -> tuple[Array, Array]:
+    length = np.sqrt(vector @ vector)
+    unit = vector / length
+    return unit, (rate - unit * (unit @ rate)) / length
+
+
+def follow_attitude(curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedAttitude:
+    """An end-effector that looks along its direction of travel, its z axis along a normal.
+
+    Args:
+        curve: The curve.
+        axis: ``x``, ``-x``, ``y`` or ``-y``: kept along the direction of travel.
+        normal: Inertial direction that the z axis keeps to, made orthogonal to the travel.
+
+    Raises:
+        InputError: If the curve stands still somewhere or runs along the normal.
+    """
+    if axis not in ("x", "-x", "y", "-y"):
+        raise InputError("attitude.follow.axis", f"{axis!r} was given", "x, -x, y or -y")
+    reference = unit_vector("attitude.follow.normal", normal)
+    law = DirectedAttitude(axis, "z", frozen(reference), partial(_travel, curve))
+    law.refuse_gaps(
+        "attitude.follow", "the path has no direction of travel", "normal lies along the path",
+        "a path that never stands still and a normal across it",
+    )  # fmt: skip
+    return law
+
+
+def _travel(curve: Curve, s: float) -> tuple[Array, Array]:
+    return curve(s, 1), curve(s, 2)
+
+
+def point_at_attitude(curve: Curve, axis: str, target: npt.ArrayLike) -> DirectedAttitude:
+    """An end-effector that points one axis at a fixed target.
+
+    Roll about that axis is settled by keeping the next axis (y after x, z after y, x after z) as
+    near as can be to the inertial axis that lies farthest from all directions of sight.
+
+    Args:
+        curve: The curve of the end-effector.
+        axis: ``x``, ``y``, ``z`` or one of them with a minus sign.
+        target: Inertial point looked at [m], shape (3,).
+
+    Raises:
+        InputError: If the curve passes through the target or roll cannot be settled.
+    """
+    if axis not in ("x", "-x", "y", "-y", "z", "-z"):
+        raise InputError("attitude.point_at.axis", f"{axis!r} was given", "x, y, z, -x, -y or -z")
+    point = finite_vector("attitude.point_at.target", target, 3)
+    sights = np.array([point - curve(float(s)) for s in _LOOKS])
+    sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
+    reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
+    second = "yzx"["xyz".index(axis[-1])]
+    law = DirectedAttitude(axis, second, frozen(reference), partial(_sight, curve, point))
+    law.refuse_gaps(
+        "attitude.point_at", "the path passes through the target",
+        "no inertial axis stays clear of the directions of sight",
+        "a target off the path, seen within less than half a sphere",
+    )  # fmt: skip
+    return law
+
+
+def _sight(curve: Curve, point: Array, s: float) -> tuple[Array, Array]:
+    return point - curve(s), -curve(s, 1)
+
+
+class SampledAttitude:
+    """A rotation spline with continuous angular acceleration through given attitudes."""
+
+    def __init__(self, quaternions: npt.ArrayLike, s: npt.ArrayLike) -> None:
+        """Interpolate quaternions x, y, z, w (N, 4) passed at ``s`` (N,)."""
+        self._spline = RotationSpline(np.asarray(s, dtype=float), Rotation.from_quat(quaternions))
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`AttitudeLaw`."""
+        return np.asarray(self._spline(s).as_matrix())
+
+    def rate(self, s: float) -> Array:
+        """See :class:`AttitudeLaw`."""
+        return self.rotation(s) @ np.asarray(self._spline(s, 1))

@@ -1,0 +1,97 @@
+"""How close a motion comes to a singularity: found between its nodes, not on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from freefloat.motion import Motion
+from freefloat.singularity import Measure
+from freefloat.spatial import Array
+
+
+@dataclass(frozen=True)
+class Least:
+    """The smallest magnitude of a measure along a motion.
+
+    Attributes:
+        measure: Name of the measure.
+        value: The magnitude; zero where the measure changes sign on the way.
+        sign: 1 or -1: of the measure at the start.
+        time: When [s].
+    """
+
+    measure: str
+    value: float
+    sign: int
+    time: float
+
+
+def least(motion: Motion, of: Measure) -> Least:
+    """Where a measure is smallest along a motion.
+
+    Args:
+        motion: The motion.
+        of: A measure of the same robot.
+    """
+    profile = _Profile(motion, of)
+    place, value = profile.first_place_below(0.0), 0.0
+    if place is None:
+        lowest = int(np.argmin(profile.values))
+        value = float(profile.values[lowest])
+        candidates = [(value, float(motion.node_places[lowest])), *profile.dips(value)]
+        value, place = min(candidates)
+    return Least(of.name, value, profile.sign, float(motion.at_place(place)[0][0]))
+
+
+def first_place_below(motion: Motion, of: Measure, value: float) -> float | None:
+    """Panel coordinate at which a measure first falls below a magnitude or changes sign."""
+    return _Profile(motion, of).first_place_below(value)
+
+
+class _Profile:
+    """A measure along a motion, made positive at the start."""
+
+    def __init__(self, motion: Motion, of: Measure) -> None:
+        self._motion, self._measure = motion, of
+        values = np.array([of.value(joints) for joints in motion.joints])
+        self.sign = -1 if values[0] < 0.0 else 1
+        self.values: Array = self.sign * values
+
+    def _at(self, place: float) -> float:
+        return self.sign * self._measure.value(self._motion.at_place(place)[2][0])
+
+    def dips(self, bound: float) -> Iterator[tuple[float, float]]:
+        """Minima between nodes that may lie below a bound: value and place, in order.
+
+        A parabola through a lowest node and its neighbours tells how deep the dip may be; where
+        three times that could pass the bound, the motion itself is searched.
+        """
+        u, v = self._motion.node_places, self.values
+        for i in np.flatnonzero((v[1:-1] <= v[:-2]) & (v[1:-1] <= v[2:])) + 1:
+            left, right = u[i] - u[i - 1], u[i + 1] - u[i]
+            rise, fall = (v[i + 1] - v[i]) / right, (v[i - 1] - v[i]) / left
+            bend = (rise + fall) / (left + right)
+            slope = (rise * left - fall * right) / (left + right)
+            if bend > 0.0 and v[i] - 3.0 * slope**2 / (4.0 * bend) <= bound:
+                found = minimize_scalar(
+                    self._at, bounds=(u[i - 1], u[i + 1]), method="bounded", options={"xatol": 1e-9}
+                )
+                yield float(found.fun), float(found.x)
+
+    def first_place_below(self, value: float) -> float | None:
+        u, v = self._motion.node_places, self.values
+        if v[0] < value:
+            return 0.0
+        below = [float(place) for place in u[v < value][:1]]
+        below += [place for depth, place in self.dips(value) if depth < value][:1]
+        if not below:
+            return None
+        low = min(below)
+        above = float(u[(u < low) & (v >= value)][-1])
+        if self._at(low) >= value or self._at(above) < value:
+            return low  # the two differ by rounding alone
+        return float(brentq(lambda place: self._at(place) - value, above, low, xtol=1e-13))

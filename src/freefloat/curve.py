@@ -1,0 +1,128 @@
+"""Curves the end-effector can move on: position as a function of s in [0, 1].
+
+A curve is called ``curve(s, order)``: position for order 0, its derivatives by s for orders 1 and 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from freefloat.errors import InputError
+from freefloat.spatial import Array, finite_vector, frozen, unit_vector
+
+
+class Curve(Protocol):
+    """A position [m] as a function of s."""
+
+    def __call__(self, s: float, order: int = 0) -> Array:
+        """Position, or its derivative of order 1 or 2 by s, shape (3,), inertial frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialCurve:
+    """A polynomial in s; straight lines are its simplest case.
+
+    Attributes:
+        coefficients: Lowest power first [m], shape (degree + 1, 3).
+    """
+
+    coefficients: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "coefficients", frozen(self.coefficients))
+
+    @cached_property
+    def _orders(self) -> tuple[Array, Array, Array]:
+        powers = np.arange(1.0, len(self.coefficients))[:, None]
+        first = powers * self.coefficients[1:]
+        return self.coefficients, first, powers[:-1] * first[1:]
+
+    @classmethod
+    def line(cls, start: npt.ArrayLike, end: npt.ArrayLike) -> PolynomialCurve:
+        """The straight line between two points [m]."""
+        a, b = finite_vector("line.from", start, 3), finite_vector("line.to", end, 3)
+        return cls(np.array([a, b - a]))
+
+    def __call__(self, s: float, order: int = 0) -> Array:
+        """See :class:`Curve`."""
+        value = np.zeros(3)
+        for coefficient in self._orders[order][::-1]:
+            value = value * s + coefficient
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class ArcCurve:
+    """A circular arc, its angle proportional to s.
+
+    Attributes:
+        centre: [m], shape (3,).
+        start: Where it begins [m], shape (3,).
+        normal: Unit vector about which it turns, shape (3,).
+        angle: How far [rad].
+    """
+
+    centre: Array
+    start: Array
+    normal: Array
+    angle: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", frozen(finite_vector("arc.center", self.centre, 3)))
+        object.__setattr__(self, "start", frozen(finite_vector("arc.from", self.start, 3)))
+        object.__setattr__(self, "normal", frozen(unit_vector("arc.normal", self.normal)))
+        arm = self.start - self.centre
+        if abs(arm @ self.normal) > 1e-6 * max(1.0, float(np.linalg.norm(arm))):
+            raise InputError(
+                "arc.from", f"it lies {arm @ self.normal:.3g} m off the plane of the arc",
+                "a point in the plane through center, across normal",
+            )  # fmt: skip
+
+    def __call__(self, s: float, order: int = 0) -> Array:
+        """See :class:`Curve`."""
+        arm = self.start - self.centre
+        phase = self.angle * s + order * np.pi / 2
+        turned = np.cos(phase) * arm + np.sin(phase) * np.cross(self.normal, arm)
+        return self.angle**order * turned + (self.centre if order == 0 else 0.0)
+
+
+class SplineCurve:
+    """A twice continuously differentiable cubic spline through points."""
+
+    def __init__(self, points: npt.ArrayLike, s: npt.ArrayLike | None = None) -> None:
+        """Interpolate.
+
+        Args:
+            points: [m], shape (N, 3), N at least 2.
+            s: Where each is passed, rising from 0 to 1; by chord length when left out.
+
+        Raises:
+            InputError: If there are too few points or two neighbours coincide.
+        """
+        self.points = frozen(points)
+        if self.points.ndim != 2 or self.points.shape[1] != 3 or len(self.points) < 2:
+            raise InputError(
+                "waypoints", f"shape {self.points.shape}", "two or more points x, y, z"
+            )
+        if not np.isfinite(self.points).all():
+            raise InputError("waypoints", "a coordinate is not finite", "finite numbers")
+        chords = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
+        if s is None:
+            if (chords == 0.0).any():
+                at = int(np.argmin(chords))
+                raise InputError(
+                    "waypoints", f"points {at + 1} and {at + 2} coincide", "distinct neighbours"
+                )
+            s = np.append(0.0, np.cumsum(chords)) / chords.sum()
+        self.knots = frozen(s)
+        self._spline: Any = CubicSpline(self.knots, self.points)
+
+    def __call__(self, s: float, order: int = 0) -> Array:
+        """See :class:`Curve`."""
+        return np.asarray(self._spline(s, order))

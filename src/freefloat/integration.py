@@ -1,0 +1,243 @@
+"""The flow of (8), integrated precisely along its own arc length.
+
+Near a dynamic singularity the rates grow without bound as functions of time, yet the curve that the
+state draws through (time, attitude, joints) stays smooth: there it turns back in time. Followed along
+its arc length it is an ordinary curve, and the singularity is the point where its time is largest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import DOP853
+from scipy.optimize import brentq
+
+from freefloat.arm_branches import ArmBranch
+from freefloat.closeness import first_place_below
+from freefloat.dynamics import DriftEquation, generalized_jacobian
+from freefloat.errors import InputError, IntegrationError, UnreachableError
+from freefloat.motion import NODES, Ending, Motion
+from freefloat.problem import Problem
+from freefloat.singularity import measure
+from freefloat.spatial import Array, turn_between
+
+_TIME_UNITS = 10.0
+"""The duration counts as this much arc length beside the joints' radians and metres."""
+_LONGEST_STEP = 1.0
+_MAX_STEPS = 20_000
+_RANK_LOST = 1e-9
+"""A start is singular when S*'s smallest singular value is below this share of its largest."""
+_MEETS = 1e-6
+"""Joints meet the start of the path when the end-effector is off by less than this [m, rad]."""
+
+
+def integrate_motion(
+    problem: Problem,
+    attitude: npt.ArrayLike,
+    joints: npt.ArrayLike,
+    *,
+    start: float = 0.0,
+    end: float | None = None,
+    stop_at_margin: bool = False,
+    tolerance: float = 1e-10,
+) -> Motion:
+    """Follow the path from an attitude and an arm configuration.
+
+    The motion ends where the path does, or exactly where the arm becomes dynamically singular: where
+    det S* changes sign or the rates by time grow beyond all bounds.
+
+    Args:
+        problem: Robot, path and momentum.
+        attitude: Of the spacecraft at ``start``, quaternion x, y, z, w.
+        joints: Joint values at ``start``, shape (n,); the end-effector must be on the path.
+        start: Where on the time law to begin [s].
+        end: Where to stop [s]; the duration when left out. An ``end`` before ``start`` retraces the
+            motion that leads to ``start``: the paper's reverse motion with -h (Appendix A).
+        stop_at_margin: End where the problem's margin is used up.
+        tolerance: Relative and absolute, of the integrator, per step.
+
+    Returns:
+        The motion, whatever its ending.
+
+    Raises:
+        InputError: If the joints do not meet the path at ``start``.
+        IntegrationError: If the integrator gives up for a reason other than a singularity.
+    """
+    attitude = problem.attitude("attitude", attitude)
+    joints = problem.model.joint_vector(joints)
+    duration = problem.path.duration
+    end = duration if end is None else end
+    for key, time in (("start", start), ("end", end)):
+        if not 0.0 <= time <= duration:
+            raise InputError(key, f"{time} was given", f"a time from 0 to {duration:g} s")
+    _refuse_off_path(problem, attitude, joints, start)
+    rows, ending = _follow(problem, np.concatenate([[start], attitude, joints]), end, tolerance)
+    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
+    if len(problem.task.rows) == problem.model.dof:
+        determinant = measure(problem.model, problem.task, "gjm")
+        motion = _cut(motion, first_place_below(motion, determinant, 0.0), Ending.SINGULAR)
+    if stop_at_margin:
+        margin = problem.margin
+        place = first_place_below(motion, margin.measure, margin.value)
+        motion = _cut(motion, place, Ending.MARGIN)
+    return motion
+
+
+def follow_branches(
+    problem: Problem, attitude: npt.ArrayLike, *, tolerance: float = 1e-10
+) -> tuple[tuple[ArmBranch, Motion], ...]:
+    """Follow the path from one attitude with every arm branch that reaches its start.
+
+    Args:
+        problem: Robot, path and momentum.
+        attitude: Of the spacecraft, quaternion x, y, z, w.
+        tolerance: As for :func:`integrate_motion`.
+
+    Raises:
+        UnreachableError: If no branch reaches the start of the path.
+    """
+    attitude = problem.attitude("attitude", attitude)
+    branches = problem.branches(attitude)
+    if not branches:
+        where = problem.path.pose(0.0).position
+        raise UnreachableError(
+            "attitude",
+            f"from {np.round(attitude, 6).tolist()} the arm cannot reach the start of the path at "
+            f"{np.round(where, 6).tolist()} m, {np.linalg.norm(where):.4g} m from the centre of mass",
+            "an attitude from which it can, or a path nearer to the centre of mass",
+        )
+    return tuple(
+        (branch, integrate_motion(problem, attitude, branch.joints, tolerance=tolerance))
+        for branch in branches
+    )
+
+
+def _cut(motion: Motion, place: float | None, ending: Ending) -> Motion:
+    return motion if place is None else motion.cut(place, ending)
+
+
+def _refuse_off_path(problem: Problem, attitude: Array, joints: Array, start: float) -> None:
+    wanted = problem.path.pose(start)
+    found = problem.model.end_effector_pose(attitude, joints)
+    turn = turn_between(found.rotation, wanted.rotation)
+    error = np.concatenate([found.position - wanted.position, turn])[problem.task.rows]
+    if np.abs(error).max() > _MEETS:
+        raise InputError(
+            "joints",
+            f"the end-effector would stand {np.linalg.norm(found.position - wanted.position):.3g} m "
+            f"and {np.linalg.norm(turn):.3g} rad off the path at t = {start:g} s",
+            "joints that meet the path; Problem.branches(attitude) lists them",
+        )
+
+
+class _Flow:
+    """The unit tangent of the curve (time, attitude, joints) along which (8) moves the system.
+
+    The tangent keeps to the side of ``reference``, the tangent last accepted: so it stays continuous
+    across a singularity, where time turns back.
+    """
+
+    def __init__(self, problem: Problem, direction: float) -> None:
+        self._path = problem.path
+        self._equation = DriftEquation(problem.model, problem.task, problem.momentum)
+        self.unit = problem.path.duration / _TIME_UNITS
+        self.piece = 0
+        self.reference = np.zeros(5 + problem.model.dof)
+        self.reference[0] = direction
+
+    def __call__(self, _: float, y: Array) -> Array:
+        attitude = y[1:5] / np.sqrt(y[1:5] @ y[1:5])
+        twist = self._path.twist(y[0] * self.unit, self.piece)
+        omega, rates = self._equation.rates(attitude, y[5:], twist)
+        tangent = np.empty_like(y)
+        tangent[0] = 1.0 / self.unit
+        tangent[1:5] = _quaternion_rate(attitude, omega)
+        tangent[5:] = rates
+        tangent /= np.sqrt(tangent @ tangent)
+        return tangent if tangent @ self.reference >= 0.0 else -tangent
+
+
+def _quaternion_rate(attitude: Array, omega: Array) -> tuple[float, float, float, float]:
+    """(8c), written out."""
+    x, y, z, w = attitude.tolist()
+    p, q, r = omega.tolist()
+    return (
+        0.5 * (w * p + y * r - z * q),
+        0.5 * (w * q + z * p - x * r),
+        0.5 * (w * r + x * q - y * p),
+        -0.5 * (x * p + y * q + z * r),
+    )
+
+
+def _follow(problem: Problem, row: Array, end: float, tolerance: float) -> tuple[Array, Ending]:
+    """Nodes (time, attitude, joints) of the motion from a first one to a time or a singularity."""
+    rows = row[None]
+    if _is_singular(problem, row[5:]):
+        return rows, Ending.SINGULAR
+    flow = _Flow(problem, 1.0 if end >= row[0] else -1.0)
+    for piece, leg_end in _legs(problem, float(row[0]), end):
+        flow.piece = piece
+        for panel, turned in _panels(flow, rows[-1], leg_end, tolerance):
+            rows = np.vstack([rows, panel[1:]])
+            if turned:
+                return rows, Ending.SINGULAR
+        rows[-1, 0] = leg_end
+    return rows, Ending.COMPLETED
+
+
+def _is_singular(problem: Problem, joints: Array) -> bool:
+    S = generalized_jacobian(problem.model, joints, problem.task)
+    values = np.linalg.svd(S, compute_uv=False)
+    return bool(values[-1] < _RANK_LOST * values[0])
+
+
+def _legs(problem: Problem, start: float, end: float) -> Iterator[tuple[int, float]]:
+    """Pieces of the time law from start to end, and where the motion leaves each."""
+    timing = problem.path.timing
+    starts = (0.0, *timing.ends[:-1])
+    pieces = list(enumerate(zip(starts, timing.ends, strict=True)))
+    if end >= start:
+        for piece, (low, high) in pieces:
+            if low < end and high > start:
+                yield piece, min(high, end)
+    else:
+        for piece, (low, high) in reversed(pieces):
+            if high > end and low < start:
+                yield piece, max(low, end)
+
+
+def _panels(
+    flow: _Flow, row: Array, end: float, tolerance: float
+) -> Iterator[tuple[Array, bool]]:
+    """Panels up to a time, each with whether time turned back at its end."""
+    direction = np.sign(flow.reference[0])
+    goal = end / flow.unit
+    start = np.concatenate([[row[0] / flow.unit], row[1:]])
+    solver = DOP853(flow, 0.0, start, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance)
+    flow.reference = solver.f
+    for _ in range(_MAX_STEPS):
+        message = solver.step()
+        if solver.status == "failed":
+            raise IntegrationError(float(solver.y[0] * flow.unit), str(message))
+        dense = solver.dense_output()
+        stop, turned = solver.t, bool(direction * solver.f[0] <= 0.0)
+        if turned:
+            stop = brentq(lambda a: flow(a, dense(a))[0], solver.t_old, stop, xtol=1e-14)
+        if direction * (dense(stop)[0] - goal) >= 0.0:
+            stop = brentq(lambda a: dense(a)[0] - goal, solver.t_old, stop, xtol=1e-14)
+            yield _nodes(flow, dense, solver.t_old, stop), False
+            return
+        yield _nodes(flow, dense, solver.t_old, stop), turned
+        if turned:
+            return
+        flow.reference = solver.f
+    raise IntegrationError(float(solver.y[0] * flow.unit), f"{_MAX_STEPS} steps were not enough")
+
+
+def _nodes(flow: _Flow, dense: Callable[[Array], Array], start: float, stop: float) -> Array:
+    values = dense(start + (stop - start) * (NODES + 1.0) / 2.0).T
+    values[:, 0] *= flow.unit
+    values[:, 1:5] /= np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
+    return values

@@ -1,0 +1,134 @@
+"""What is asked of a robot: where the machine and the wish meet, checked against each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.arm_branches import ArmBranch, arm_branches
+from freefloat.dynamics import DriftEquation, Task, momentum_map
+from freefloat.errors import InputError
+from freefloat.model import FreeFloatingModel
+from freefloat.singularity import Measure
+from freefloat.spatial import (
+    Array,
+    finite_vector,
+    frozen,
+    low_discrepancy,
+    rotation_matrix,
+    unit_quaternion,
+)
+from freefloat.timing import TimedPath
+from freefloat.virtual_manipulator import VirtualManipulator
+
+
+@dataclass(frozen=True, eq=False)
+class Margin:
+    """How far from dynamic singularities a motion has to stay.
+
+    Attributes:
+        measure: What is measured.
+        value: The measure must keep its initial sign and never be smaller in magnitude.
+    """
+
+    measure: Measure
+    value: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.value) and self.value >= 0.0):
+            raise InputError("margin.value", f"{self.value} was given", "a magnitude, 0 or more")
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A robot, a path for its end-effector, and the momentum the system drifts with.
+
+    Attributes:
+        model: Robot.
+        path: Where the end-effector should be, and when.
+        task: What of the path counts.
+        momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
+        margin: Distance to keep from dynamic singularities.
+    """
+
+    model: FreeFloatingModel
+    path: TimedPath
+    task: Task
+    momentum: Array
+    margin: Margin
+
+    def __post_init__(self) -> None:
+        momentum = finite_vector("momentum", self.momentum, 3)
+        object.__setattr__(self, "momentum", frozen(momentum))
+        DriftEquation(self.model, self.task, momentum)
+        if self.task.planar:
+            self._refuse_what_is_not_planar()
+
+    def _refuse_what_is_not_planar(self) -> None:
+        virtual = VirtualManipulator.of(self.model)
+        if not (virtual.is_planar and _drifts_in_plane(self.model)):
+            raise InputError(
+                "task",
+                f"{self.task}, but this robot does not stay in the x-y plane",
+                "pose or position; planar tasks want joint axes along z and masses spread evenly "
+                "above and below z = 0",
+            )
+        if self.momentum[0] != 0.0 or self.momentum[1] != 0.0:
+            raise InputError(
+                "momentum",
+                f"{self.momentum.tolist()} turns the plane of a planar task",
+                "[0, 0, hz]",
+            )
+        straight = virtual.pose(np.zeros(self.model.dof)).rotation
+        for s in np.linspace(0.0, 1.0, 21) if self.task.turns else ():
+            upright = self.path.path.attitude.rotation(float(s)) @ straight.T
+            if upright[2, 2] < 1.0 - 1e-9:
+                raise InputError(
+                    "path.attitude",
+                    f"the end-effector would leave the plane at s = {s:.2g}",
+                    "attitudes that turn about z alone",
+                )
+
+    def attitude(self, key: str, given: npt.ArrayLike) -> Array:
+        """Check an attitude of the spacecraft.
+
+        Args:
+            key: Named in errors.
+            given: Quaternion x, y, z, w.
+
+        Returns:
+            The unit quaternion, shape (4,).
+
+        Raises:
+            InputError: If it is no unit quaternion or, for planar tasks, not about z alone.
+        """
+        attitude = unit_quaternion(key, given)
+        if self.task.planar and np.abs(attitude[:2]).max() > 1e-9:
+            raise InputError(
+                key, f"{attitude.tolist()} leaves the plane", "a turn about z: [0, 0, z, w]"
+            )
+        return attitude
+
+    def branches(self, attitude: npt.ArrayLike, t: float = 0.0) -> tuple[ArmBranch, ...]:
+        """All arm configurations with the end-effector on the path.
+
+        Args:
+            attitude: Of the spacecraft at that time, unit quaternion x, y, z, w.
+            t: Time [s].
+
+        Returns:
+            The branches; none where the path is out of reach.
+        """
+        R0 = rotation_matrix(attitude)
+        return arm_branches(self.model, self.path.pose(t).seen_from(R0), self.task)
+
+
+def _drifts_in_plane(model: FreeFloatingModel) -> bool:
+    """Whether no planar motion gives angular momentum about x or y."""
+    for fraction in low_discrepancy(4, model.dof):
+        A = momentum_map(model, 2.0 * np.pi * fraction)
+        if np.abs(A[3:5, 5:]).max() > 1e-9 * np.abs(A[3:, 3:]).max():
+            return False
+    return True
