@@ -1,0 +1,59 @@
+"""Free-floating space manipulators: from which attitudes a path avoids dynamic singularities.
+
+Names are loaded when first used, so that ``import freefloat`` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from freefloat.closeness import Least as Least
+    from freefloat.closeness import least as least
+    from freefloat.dynamics import Task as Task
+    from freefloat.dynamics import generalized_jacobian as generalized_jacobian
+    from freefloat.errors import FreeFloatError as FreeFloatError
+    from freefloat.errors import InputError as InputError
+    from freefloat.integration import integrate_motion as integrate_motion
+    from freefloat.model import FreeFloatingModel as FreeFloatingModel
+    from freefloat.motion import Ending as Ending
+    from freefloat.motion import Motion as Motion
+    from freefloat.path import EndEffectorPath as EndEffectorPath
+    from freefloat.problem import Margin as Margin
+    from freefloat.problem import Problem as Problem
+    from freefloat.scenario import load_scenario as load_scenario
+    from freefloat.simulation import simulate as simulate
+    from freefloat.singularity import measure as measure
+    from freefloat.timing import TimedPath as TimedPath
+    from freefloat.timing import Timing as Timing
+
+_ROOMS = {
+    "Least": "closeness",
+    "least": "closeness",
+    "Task": "dynamics",
+    "generalized_jacobian": "dynamics",
+    "FreeFloatError": "errors",
+    "InputError": "errors",
+    "integrate_motion": "integration",
+    "FreeFloatingModel": "model",
+    "Ending": "motion",
+    "Motion": "motion",
+    "EndEffectorPath": "path",
+    "Margin": "problem",
+    "Problem": "problem",
+    "load_scenario": "scenario",
+    "simulate": "simulation",
+    "measure": "singularity",
+    "TimedPath": "timing",
+    "Timing": "timing",
+}
+__all__ = sorted(_ROOMS)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ROOMS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

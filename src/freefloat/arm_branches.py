@@ -71,6 +71,20 @@ def arm_branches(model: FreeFloatingModel, target: Pose, task: Task) -> tuple[Ar
     )
 
 
+def nearest_configuration(
+    model: FreeFloatingModel, target: Pose, task: Task, joints: Array
+) -> list[ArmBranch]:
+    """The configuration that Newton's method reaches from given joints: one, or none.
+
+    For arms with more joints than the task needs, whose configurations are a continuum.
+    """
+    virtual = VirtualManipulator.of(model)
+    q = _newton(virtual, target, task, joints[None])
+    if np.abs(_errors(virtual, target, task, q)).max() > _MET:
+        return []
+    return [ArmBranch(_REDUNDANT_SET, "given", frozen(q[0]))]
+
+
 def _in_range(model: FreeFloatingModel, joints: Array) -> Array:
     """Turn joints by whole turns into their range, as near to zero as that allows."""
     values = joints.copy()
@@ -165,7 +179,7 @@ def _planar_elbow(virtual: VirtualManipulator, target: Pose) -> Iterator[tuple[i
 def enumerate_numeric(
     virtual: VirtualManipulator, model: FreeFloatingModel, target: Pose, task: Task
 ) -> Iterator[tuple[int, str, Array]]:
-    """Newton's method from many starts: all solutions, or a spread of them where they are a continuum."""
+    """Newton's method from many starts: all solutions, or a spread of them for redundant arms."""
     arm = model.bodies[1:]
     lower = np.array([b.lower if b.prismatic else -np.pi for b in arm])
     upper = np.array([b.upper if b.prismatic else np.pi for b in arm])

@@ -213,4 +213,4 @@ class SampledAttitude:
 
     def rate(self, s: float) -> Array:
         """See :class:`AttitudeLaw`."""
-        return self.rotation(s) @ np.asarray(self._spline(s, 1))
+        return np.asarray(self.rotation(s) @ self._spline(s, 1))

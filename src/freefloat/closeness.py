@@ -44,7 +44,8 @@ def least(motion: Motion, of: Measure) -> Least:
         value = float(profile.values[lowest])
         candidates = [(value, float(motion.node_places[lowest])), *profile.dips(value)]
         value, place = min(candidates)
-    return Least(of.name, value, profile.sign, float(motion.at_place(place)[0][0]))
+    time = np.clip(motion.at_place(place)[0][0], motion.times.min(), motion.times.max())
+    return Least(of.name, value, profile.sign, float(time))
 
 
 def first_place_below(motion: Motion, of: Measure, value: float) -> float | None:

@@ -1,6 +1,6 @@
 """Curves the end-effector can move on: position as a function of s in [0, 1].
 
-A curve is called ``curve(s, order)``: position for order 0, its derivatives by s for orders 1 and 2.
+``curve(s, order)`` is the position for order 0, its derivatives by s for orders 1 and 2.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class ArcCurve:
         arm = self.start - self.centre
         phase = self.angle * s + order * np.pi / 2
         turned = np.cos(phase) * arm + np.sin(phase) * np.cross(self.normal, arm)
-        return self.angle**order * turned + (self.centre if order == 0 else 0.0)
+        return np.asarray(self.angle**order * turned + (self.centre if order == 0 else 0.0))
 
 
 class SplineCurve:

@@ -1,23 +1,23 @@
 """The flow of (8), integrated precisely along its own arc length.
 
-Near a dynamic singularity the rates grow without bound as functions of time, yet the curve that the
-state draws through (time, attitude, joints) stays smooth: there it turns back in time. Followed along
-its arc length it is an ordinary curve, and the singularity is the point where its time is largest.
+Near a dynamic singularity the rates grow without bound as functions of time, yet the curve that
+the state draws through (time, attitude, joints) stays smooth: there it turns back in time. Followed
+along its arc length it is an ordinary curve, and the singularity is the point of its largest time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from freefloat.arm_branches import ArmBranch
 from freefloat.closeness import first_place_below
 from freefloat.dynamics import DriftEquation, generalized_jacobian
-from freefloat.errors import InputError, IntegrationError, UnreachableError
+from freefloat.errors import InputError, IntegrationError
 from freefloat.motion import NODES, Ending, Motion
 from freefloat.problem import Problem
 from freefloat.singularity import measure
@@ -45,8 +45,8 @@ def integrate_motion(
 ) -> Motion:
     """Follow the path from an attitude and an arm configuration.
 
-    The motion ends where the path does, or exactly where the arm becomes dynamically singular: where
-    det S* changes sign or the rates by time grow beyond all bounds.
+    The motion ends where the path does, or exactly where the arm becomes dynamically singular:
+    where det S* changes sign or the rates by time grow beyond all bounds.
 
     Args:
         problem: Robot, path and momentum.
@@ -85,35 +85,6 @@ def integrate_motion(
     return motion
 
 
-def follow_branches(
-    problem: Problem, attitude: npt.ArrayLike, *, tolerance: float = 1e-10
-) -> tuple[tuple[ArmBranch, Motion], ...]:
-    """Follow the path from one attitude with every arm branch that reaches its start.
-
-    Args:
-        problem: Robot, path and momentum.
-        attitude: Of the spacecraft, quaternion x, y, z, w.
-        tolerance: As for :func:`integrate_motion`.
-
-    Raises:
-        UnreachableError: If no branch reaches the start of the path.
-    """
-    attitude = problem.attitude("attitude", attitude)
-    branches = problem.branches(attitude)
-    if not branches:
-        where = problem.path.pose(0.0).position
-        raise UnreachableError(
-            "attitude",
-            f"from {np.round(attitude, 6).tolist()} the arm cannot reach the start of the path at "
-            f"{np.round(where, 6).tolist()} m, {np.linalg.norm(where):.4g} m from the centre of mass",
-            "an attitude from which it can, or a path nearer to the centre of mass",
-        )
-    return tuple(
-        (branch, integrate_motion(problem, attitude, branch.joints, tolerance=tolerance))
-        for branch in branches
-    )
-
-
 def _cut(motion: Motion, place: float | None, ending: Ending) -> Motion:
     return motion if place is None else motion.cut(place, ending)
 
@@ -122,12 +93,12 @@ def _refuse_off_path(problem: Problem, attitude: Array, joints: Array, start: fl
     wanted = problem.path.pose(start)
     found = problem.model.end_effector_pose(attitude, joints)
     turn = turn_between(found.rotation, wanted.rotation)
-    error = np.concatenate([found.position - wanted.position, turn])[problem.task.rows]
-    if np.abs(error).max() > _MEETS:
+    off = found.position - wanted.position
+    if np.abs(np.concatenate([off, turn])[problem.task.rows]).max() > _MEETS:
         raise InputError(
             "joints",
-            f"the end-effector would stand {np.linalg.norm(found.position - wanted.position):.3g} m "
-            f"and {np.linalg.norm(turn):.3g} rad off the path at t = {start:g} s",
+            f"the end-effector would stand {np.linalg.norm(off):.3g} m and "
+            f"{np.linalg.norm(turn):.3g} rad off the path at t = {start:g} s",
             "joints that meet the path; Problem.branches(attitude) lists them",
         )
 
@@ -135,8 +106,8 @@ def _refuse_off_path(problem: Problem, attitude: Array, joints: Array, start: fl
 class _Flow:
     """The unit tangent of the curve (time, attitude, joints) along which (8) moves the system.
 
-    The tangent keeps to the side of ``reference``, the tangent last accepted: so it stays continuous
-    across a singularity, where time turns back.
+    The tangent keeps to the side of ``reference``, the tangent last accepted: so it stays
+    continuous across a singularity, where time turns back.
     """
 
     def __init__(self, problem: Problem, direction: float) -> None:
@@ -208,14 +179,14 @@ def _legs(problem: Problem, start: float, end: float) -> Iterator[tuple[int, flo
                 yield piece, max(low, end)
 
 
-def _panels(
-    flow: _Flow, row: Array, end: float, tolerance: float
-) -> Iterator[tuple[Array, bool]]:
+def _panels(flow: _Flow, row: Array, end: float, tolerance: float) -> Iterator[tuple[Array, bool]]:
     """Panels up to a time, each with whether time turned back at its end."""
     direction = np.sign(flow.reference[0])
     goal = end / flow.unit
     start = np.concatenate([[row[0] / flow.unit], row[1:]])
-    solver = DOP853(flow, 0.0, start, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance)
+    solver = DOP853(
+        flow, 0.0, start, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance
+    )
     flow.reference = solver.f
     for _ in range(_MAX_STEPS):
         message = solver.step()
@@ -224,9 +195,9 @@ def _panels(
         dense = solver.dense_output()
         stop, turned = solver.t, bool(direction * solver.f[0] <= 0.0)
         if turned:
-            stop = brentq(lambda a: flow(a, dense(a))[0], solver.t_old, stop, xtol=1e-14)
+            stop = brentq(partial(_pace, flow, dense), solver.t_old, stop, xtol=1e-14)
         if direction * (dense(stop)[0] - goal) >= 0.0:
-            stop = brentq(lambda a: dense(a)[0] - goal, solver.t_old, stop, xtol=1e-14)
+            stop = brentq(partial(_lateness, dense, goal), solver.t_old, stop, xtol=1e-14)
             yield _nodes(flow, dense, solver.t_old, stop), False
             return
         yield _nodes(flow, dense, solver.t_old, stop), turned
@@ -234,6 +205,14 @@ def _panels(
             return
         flow.reference = solver.f
     raise IntegrationError(float(solver.y[0] * flow.unit), f"{_MAX_STEPS} steps were not enough")
+
+
+def _pace(flow: _Flow, dense: Callable[[float], Array], along: float) -> float:
+    return float(flow(along, dense(along))[0])
+
+
+def _lateness(dense: Callable[[float], Array], goal: float, along: float) -> float:
+    return float(dense(along)[0] - goal)
 
 
 def _nodes(flow: _Flow, dense: Callable[[Array], Array], start: float, stop: float) -> Array:

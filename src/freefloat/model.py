@@ -1,4 +1,4 @@
-"""A URDF as a free-floating robot: free-flyer root, joints by name, plain angles, checked bodies."""
+"""A URDF as a free-floating robot: free-flyer root, joints by name, plain angles."""
 
 from __future__ import annotations
 
@@ -96,11 +96,7 @@ class FreeFloatingModel:
     @cached_property
     def pin_model(self) -> Any:
         """The Pinocchio model: free-flyer root, then the moving joints. Not to be modified."""
-        whole = _build(self.description)
-        try:
-            return _reduced(whole, self.end_effector, self.held)
-        except InputError as error:
-            raise error.found_in(self.description.source) from None
+        return _reduced(_build(self.description), self.end_effector, self.held)
 
     @cached_property
     def scratch(self) -> Any:
@@ -183,7 +179,7 @@ class FreeFloatingModel:
             if unknown or missing:
                 raise InputError(
                     "joints",
-                    f"unknown: {', '.join(unknown) or 'none'}, missing: {', '.join(missing) or 'none'}",
+                    f"unknown: {', '.join(unknown) or '-'}, missing: {', '.join(missing) or '-'}",
                     ", ".join(self.joint_names),
                 )
             joints = [joints[name] for name in self.joint_names]
@@ -223,7 +219,7 @@ def _only_tip(description: Description) -> str:
             "end_effector", "none was given and the robot has several last links",
             ", ".join(tips), description.source,
         )  # fmt: skip
-    return tips[0]
+    return str(tips[0])
 
 
 def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:

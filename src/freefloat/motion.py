@@ -1,8 +1,8 @@
-"""A motion: what the spacecraft and the arm do, as a record that can be evaluated and proves itself.
+"""A motion: what spacecraft and arm do, as a record that can be evaluated and proves itself.
 
-The record holds configurations at the nodes of consecutive panels. Inside a panel time, attitude and
-joints are polynomials of a parameter that need not be time; so a motion that ends in a singularity,
-where rates by time have no bound, is recorded as exactly as any other.
+The record holds configurations at the nodes of consecutive panels. Inside a panel time, attitude
+and joints are polynomials of a parameter that need not be time; so a motion that ends in a
+singularity, where rates by time have no bound, is recorded as exactly as any other.
 """
 
 from __future__ import annotations
@@ -26,12 +26,10 @@ NODES = frozen(chebyshev.chebpts2(DEGREE + 1))
 """Where a panel is sampled, in [-1, 1], ends included."""
 
 _TO_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
-_DERIVATIVE = (
-    chebyshev.chebvander(NODES, DEGREE - 1) @ chebyshev.chebder(np.eye(DEGREE + 1)) @ _TO_COEFFICIENTS
-)  # fmt: skip
+_DERIVATIVE = chebyshev.chebval(NODES, chebyshev.chebder(_TO_COEFFICIENTS)).T
 _BISECTIONS = 60
 _NEARLY_STILL = 1e-2
-"""Where time passes slower than this share of its pace in the panel, rates by time are not formed."""
+"""Where time passes slower than this share of its pace in the panel, no rates are formed."""
 
 
 class Ending(Enum):
@@ -113,8 +111,9 @@ class Motion:
     @cached_property
     def base_positions(self) -> Array:
         """Of the spacecraft's root link from the centre of mass at the nodes [m], shape (N, 3)."""
-        model = self.problem.model
-        return frozen([model.base_position(a, q) for a, q in zip(self.attitudes, self.joints, strict=True)])  # fmt: skip
+        base_position = self.problem.model.base_position
+        nodes = zip(self.attitudes, self.joints, strict=True)
+        return frozen([base_position(attitude, joints) for attitude, joints in nodes])
 
     @property
     def initial(self) -> State:
@@ -159,7 +158,8 @@ class Motion:
         """
         places = np.atleast_1d(np.asarray(place, dtype=float))
         if not self.panels:
-            return tuple(np.repeat(a, len(places), 0) for a in (self.times, self.attitudes, self.joints))  # type: ignore[return-value]  # fmt: skip
+            alone = np.zeros(len(places), dtype=int)
+            return self.times[alone], self.attitudes[alone], self.joints[alone]
         panel = np.clip(places.astype(int), 0, self.panels - 1)
         basis = chebyshev.chebvander(2.0 * (places - panel) - 1.0, DEGREE)
         values = np.einsum("ij,ijc->ic", basis, self._coefficients[panel])
@@ -201,16 +201,15 @@ class Motion:
     def cut(self, place: float, ending: Ending) -> Motion:
         """The motion up to a panel coordinate, ending there."""
         whole = min(int(place), max(self.panels - 1, 0))
-        share = place - whole
-        kept = DEGREE * whole
-        places = whole + share * (NODES[1:] + 1.0) / 2.0 if share > 0.0 else np.empty(0)
-        t, a, q = self.at_place(places) if share > 0.0 else (self.times[:0], self.attitudes[:0], self.joints[:0])  # fmt: skip
+        kept = slice(0, DEGREE * whole + 1)
+        nodes = NODES[1:] if place > whole else NODES[:0]
+        t, a, q = self.at_place(whole + (place - whole) * (nodes + 1.0) / 2.0)
         return Motion(
             self.problem,
             ending,
-            np.concatenate([self.times[: kept + 1], t]),
-            np.vstack([self.attitudes[: kept + 1], a]),
-            np.vstack([self.joints[: kept + 1], q]),
+            np.concatenate([self.times[kept], t]),
+            np.vstack([self.attitudes[kept], a]),
+            np.vstack([self.joints[kept], q]),
         )
 
     def residuals(self) -> Residuals:
@@ -230,7 +229,9 @@ class Motion:
         task, wanted = self.problem.task, self.problem.path.pose(t)
         is_ = self.problem.model.end_effector_pose(attitude, joints)
         off = (is_.position - wanted.position)[[row for row in task.rows if row < 3]]
-        turn = turn_between(is_.rotation, wanted.rotation)[[row - 3 for row in task.rows if row > 2]]
+        turn = turn_between(is_.rotation, wanted.rotation)[
+            [row - 3 for row in task.rows if row > 2]
+        ]
         return float(np.linalg.norm(off)), float(np.linalg.norm(turn))
 
     def _momentum_residual(self) -> float:

@@ -63,8 +63,7 @@ def read_samples(file: str | Path) -> tuple[SplineCurve, SampledAttitude | None]
     source = str(file)
     s = rows[:, columns.index("s")] if "s" in columns else None
     if s is not None and (s[0] != 0.0 or s[-1] != 1.0 or (np.diff(s) <= 0.0).any()):
-        raise InputError("path.samples", "column s does not rise from 0 to 1", "0 = s1 < s2 < .. = 1",
-                         source)  # fmt: skip
+        raise InputError("path.samples", "column s does not rise from 0 to 1", "0 to 1", source)
     try:
         curve = SplineCurve(points, s)
         if "qw" not in columns:

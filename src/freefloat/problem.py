@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.arm_branches import ArmBranch, arm_branches
+from freefloat.arm_branches import ArmBranch, arm_branches, nearest_configuration
 from freefloat.dynamics import DriftEquation, Task, momentum_map
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
@@ -22,6 +23,9 @@ from freefloat.spatial import (
 )
 from freefloat.timing import TimedPath
 from freefloat.virtual_manipulator import VirtualManipulator
+
+_NEAR = 0.05
+"""How near joint values must be to mean a branch [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +127,36 @@ class Problem:
         """
         R0 = rotation_matrix(attitude)
         return arm_branches(self.model, self.path.pose(t).seen_from(R0), self.task)
+
+    def branch_near(
+        self, attitude: npt.ArrayLike, joints: npt.ArrayLike, branches: Sequence[ArmBranch]
+    ) -> ArmBranch:
+        """The arm branch meant by roughly given joint values.
+
+        Args:
+            attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+            joints: Joint values within 0.05 rad each (whole turns not counted) of a branch; for an
+                arm with more joints than the task needs, of any configuration on the path.
+            branches: Those found by :meth:`branches`.
+
+        Raises:
+            InputError: Listing the branches when the joints lie near none.
+        """
+        given = self.model.joint_vector(joints)
+        candidates = list(branches)
+        if self.model.dof > len(self.task.rows):
+            target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
+            candidates += nearest_configuration(self.model, target, self.task, given)
+        for branch in candidates:
+            gap = (branch.joints - given + np.pi) % (2.0 * np.pi) - np.pi
+            if np.abs(gap).max() <= _NEAR:
+                return branch
+        raise InputError(
+            "joints",
+            f"{given.tolist()} lies near no arm branch at this attitude",
+            f"within {_NEAR} rad each of one of: "
+            + "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches),
+        )
 
 
 def _drifts_in_plane(model: FreeFloatingModel) -> bool:

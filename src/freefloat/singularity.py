@@ -5,7 +5,7 @@ All depend on the joints alone: neither the spacecraft's attitude nor its moment
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -44,10 +44,10 @@ def measure(model: FreeFloatingModel, task: Task, name: str) -> Measure:
     Args:
         model: Robot.
         task: What of the end-effector is prescribed.
-        name: ``gjm``: det S* (6); for redundant arms sqrt(det(S* S*ᵀ)). ``system``: det A (5), which
-            is det D times ``gjm`` and the paper's planar S (21a). ``arm``: the factor of det A that
-            belongs to the plane of an elbow arm under a spherical wrist, the paper's S(q2, q3)
-            (40). ``sigma``: smallest singular value of S* with lengths in units of the reach.
+        name: ``gjm``: det S* (6); for redundant arms sqrt(det(S* S*ᵀ)). ``system``: det A (5),
+            which is det D times ``gjm`` and the paper's planar S (21a). ``arm``: the factor of
+            det A that belongs to the plane of an elbow arm under a spherical wrist, the paper's
+            S(q2, q3) (40). ``sigma``: smallest singular value of S*, lengths in units of the reach.
 
     Raises:
         InputError: If there is no such measure, or ``arm`` is asked of an arm that has no such
@@ -65,7 +65,7 @@ def measure(model: FreeFloatingModel, task: Task, name: str) -> Measure:
         unit = f"{_unit(lengths + 2 * k)} kg" + ("^3" if k == 3 else "")
         return Measure(name, words, unit, partial(_system, model, task))
     if name == "sigma":
-        words = f"smallest singular value of S* (7), lengths in units of the reach {virtual.reach:.4g} m"
+        words = f"smallest singular value of S* (7), in units of the reach {virtual.reach:.4g} m"
         return Measure(name, words, "1", partial(_sigma, model, task, virtual.reach))
     if name == "arm":
         axes = _axes_of_splitting_arm(model, virtual, task)
@@ -107,7 +107,7 @@ _IN_PLANE, _ACROSS = [0, 4, 5], [1, 2, 3]
 
 
 def _shoulder_system(model: FreeFloatingModel, joints: Array, axes: Array) -> Array:
-    """The 6x6 system (37) of shoulder and elbow: the wrist eliminated, the end-effector not turning.
+    """The 6x6 system (37) of shoulder and elbow: wrist eliminated, end-effector not turning.
 
     Args:
         model: Robot.
@@ -244,7 +244,7 @@ def joint_box(model: FreeFloatingModel) -> tuple[Array, Array]:
 def _polished(
     function: Callable[[Array], float],
     starts: Array,
-    bounds: list[tuple[float | None, float | None]],
+    bounds: Sequence[tuple[float | None, float | None]],
 ) -> tuple[float, npt.NDArray[np.float64]]:
     from scipy.optimize import minimize  # a third of a second that most commands need not pay
 

@@ -106,7 +106,7 @@ def heading_quaternion(heading: float) -> Array:
 
 def heading_of(attitude: npt.ArrayLike) -> float:
     """The heading [rad] in [0, 2 pi) of an attitude ``x, y, z, w`` that turns about z alone."""
-    x, y, z, w = np.asarray(attitude, dtype=float)
+    z, w = np.asarray(attitude, dtype=float)[2:]
     return float(2.0 * np.arctan2(z, w) % (2.0 * np.pi))
 
 

@@ -6,6 +6,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -103,7 +104,7 @@ class Timing:
         rests = [Stop(0.0, 0.0), *self.stops, Stop(1.0, self.duration)]
         return tuple(
             _piece(before, after, end, law)
-            for before, after in zip(rests, rests[1:], strict=False)
+            for before, after in pairwise(rests)
             for end, law in self.law.polynomials
         )
 
@@ -117,7 +118,7 @@ class Timing:
         return min(bisect_right(self.ends, t), len(self.ends) - 1)
 
     def s(self, t: float, order: int = 0, piece: int | None = None) -> float:
-        """s or its derivative of order 1 or 2 by time.
+        """S or its derivative of order 1 or 2 by time.
 
         Args:
             t: Time [s]; without ``piece``, at rest before 0 and after the end.
@@ -133,7 +134,7 @@ class Timing:
 def _piece(before: Stop, after: Stop, end: float, law: Polynomial) -> _Piece:
     span = after.t - before.t
     s = before.s + (after.s - before.s) * law
-    orders = tuple(tuple(s.deriv(k).coef[::-1] / span**k) for k in range(3))
+    orders = tuple(tuple((s.deriv(k) / span**k).coef[::-1].tolist()) for k in range(3))
     return _Piece(after.t if end == 1.0 else before.t + end * span, before.t, span, orders)
 
 

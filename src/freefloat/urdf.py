@@ -15,8 +15,10 @@ from freefloat.errors import InputError, ModelError
 UNLIMITED = 1e9
 """Stands for 'no limit' in the text handed to the URDF parser, which knows no infinity."""
 
-_NUMBERS = ("xyz", "rpy", "value", "ixx", "ixy", "ixz", "iyy", "iyz", "izz",
-            "lower", "upper", "effort", "velocity", "radius", "length", "size", "scale")  # fmt: skip
+_NUMBERS = frozenset(
+    {"xyz", "rpy", "value", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"}
+    | {"lower", "upper", "effort", "velocity", "radius", "length", "size", "scale"}
+)
 _NUMERIC_TAGS = ("origin", "mass", "inertia", "axis", "limit", "box", "cylinder", "sphere", "mesh")
 _MOVING = ("revolute", "continuous", "prismatic")
 
@@ -107,7 +109,7 @@ def _check_numbers(robot: ET.Element) -> None:
         for element in owner.iter():
             if element.tag not in _NUMERIC_TAGS:
                 continue
-            for name in set(_NUMBERS) & set(element.attrib):
+            for name in _NUMBERS & set(element.attrib):
                 words = element.attrib[name].split()
                 if not words or not all(_is_finite_number(word) for word in words):
                     raise ModelError(
@@ -191,11 +193,9 @@ def _doubts(robot: ET.Element) -> list[Doubt]:
     for joint in robot.findall("joint"):
         if joint.find("mimic") is not None:
             child = joint.find("child")
-            doubts.append(Doubt(
-                str(child.get("link") if child is not None else joint.get("name")),
-                f"joint {joint.get('name')} mimics another one, which is ignored",
-                "hold it still or make it fixed",
-            ))  # fmt: skip
+            moved = str(joint.get("name") if child is None else child.get("link"))
+            problem = f"joint {joint.get('name')} mimics another one, which is ignored"
+            doubts.append(Doubt(moved, problem, "hold it still or make it fixed"))
     return doubts + _massless_doubts(robot)
 
 
@@ -209,11 +209,13 @@ def _inertia_doubts(link: ET.Element) -> list[Doubt]:
     moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     printed = ", ".join(f"{moment:.6g}" for moment in moments)
     if moments[0] < 0.0 or (moments[0] == 0.0 and _mass(link) > 0.0):
-        return [Doubt(name, f"its inertia is not positive definite (principal moments {printed})",
-                      "check the signs of its <inertia>, and that it is about the centre of mass")]  # fmt: skip
+        problem = f"its inertia is not positive definite (principal moments {printed})"
+        remedy = "check the signs of its <inertia>, and that it is about the centre of mass"
+        return [Doubt(name, problem, remedy)]
     if moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
-        return [Doubt(name, f"its principal moments {printed} break the triangle inequality",
-                      "no rigid body has them: the smaller two must sum to the largest or more")]  # fmt: skip
+        problem = f"its principal moments {printed} break the triangle inequality"
+        remedy = "no rigid body has them: the smaller two must sum to the largest or more"
+        return [Doubt(name, problem, remedy)]
     return []
 
 
@@ -236,7 +238,6 @@ def _massless_doubts(robot: ET.Element) -> list[Doubt]:
             rigid += masses.get(link, 0.0)
             stack += [child for child in children.get(link, []) if child not in stack]
         if rigid == 0.0:
-            doubts.append(Doubt(name, "it moves but has no mass",
-                                "motions are still exact; give it a small <inertial> "
-                                "where its joint torque or a forward simulation matters"))  # fmt: skip
+            remedy = "motions stay exact; where joint torques matter give it a small <inertial>"
+            doubts.append(Doubt(name, "it moves but has no mass", remedy))
     return doubts

@@ -1,7 +1,7 @@
 """The virtual manipulator: seen from the spacecraft, a drifting arm is a fixed-base arm.
 
-Its base stands at the system's centre of mass, its joints turn with the real ones, its links are the
-barycentric vectors (17). So everything known about fixed-base arms holds at a given attitude.
+Its base stands at the system's centre of mass, its joints turn with the real ones, its links are
+the barycentric vectors (17). So what is known of fixed-base arms holds at a given attitude.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ class VirtualManipulator:
     """A chain of barycentric vectors, in the spacecraft's frame.
 
     Attributes:
-        links: Barycentric vectors [m], shape (n + 1, 3): the first fixed to the spacecraft, from the
-            centre of mass to the first joint, the others fixed to the body behind each joint. Their
-            lengths are the paper's a, b, c, d.
+        links: Barycentric vectors [m], shape (n + 1, 3): the first fixed to the spacecraft, from
+            the centre of mass to the first joint, the others fixed to the body behind each joint.
+            Their lengths are the paper's a, b, c, d.
         turns: Constant rotation from each joint's frame at zero into the previous body's frame,
             shape (n, 3, 3).
         axes: Joint axes in their own frames, shape (n, 3).
@@ -148,7 +148,7 @@ class VirtualManipulator:
     @cached_property
     def is_planar(self) -> bool:
         """Whether every joint keeps the arm in the x-y plane: axes along z, slides across it."""
-        _, R, points, axes = self.kinematics(np.zeros(len(self.axes)))
+        axes = self.kinematics(np.zeros(len(self.axes)))[3]
         along_z = np.abs(axes[:, 0, :2]).max(axis=1) < _TOUCHING
         across_z = np.abs(axes[:, 0, 2]) < _TOUCHING
         return bool(np.where(self.prismatic, across_z, along_z).all())

@@ -1,0 +1,5 @@
+"""``python -m freefloat``."""
+
+from freefloat.cli import main
+
+main()

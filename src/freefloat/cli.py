@@ -1,0 +1,209 @@
+"""The ``freefloat`` command; the only place that prints."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from freefloat.errors import FreeFloatError, InputError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from freefloat.problem import Problem
+
+app = typer.Typer(
+    help="Plan end-effector paths for free-floating space manipulators.",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")]
+ScenarioName = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line")
+]
+DONE, NO, BAD_INPUT = 0, 1, 2
+_PIPE_WIDTH = 120
+"""Columns of tables that go to a file or another program."""
+
+
+@contextmanager
+def _answering(as_json: bool) -> Iterator[None]:
+    """Turn our errors into one message on stderr and exit code 2."""
+    try:
+        yield
+    except FreeFloatError as error:
+        if as_json:
+            fields = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source"}
+            details = {name: getattr(error, field, None) for name, field in fields.items()}
+            _print_json({"error": {"message": str(error), **details}})
+        typer.echo(f"freefloat: {error}", err=True)
+        raise typer.Exit(BAD_INPUT) from None
+
+
+def _print_json(document: dict[str, Any]) -> None:
+    typer.echo(json.dumps(document, indent=2, allow_nan=False))
+
+
+@app.callback(invoke_without_command=True)
+def _main(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    if version:
+        from importlib.metadata import version as installed
+
+        typer.echo(f"freefloat {installed('freefloat')}")
+        raise typer.Exit(DONE)
+
+
+@app.command()
+def info(
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL_OR_SCENARIO", help="A URDF, a scenario file, or a bundled name of either"
+        ),
+    ],
+    end_effector: Annotated[
+        str | None, typer.Option(help="For a URDF with several last links: which one.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Tell what a robot is: bodies, joints, barycentric lengths, and doubts about its URDF."""
+    with _answering(as_json):
+        from pathlib import Path
+
+        from freefloat.bundled import bundled_robots, bundled_scenarios, find_robot, unknown
+        from freefloat.model import FreeFloatingModel
+        from freefloat.report import info_document, natural_task
+        from freefloat.scenario import load_scenario
+
+        if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
+            problem = load_scenario(robot).problem()
+            document = info_document(problem.model, problem.task, problem.margin.measure)
+        elif robot in bundled_robots() or Path(robot).is_file():
+            model = FreeFloatingModel.from_urdf(find_robot(robot, Path()), end_effector)
+            document = info_document(model, natural_task(model))
+        else:
+            names = (*bundled_robots(), *bundled_scenarios())
+            raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
+    if as_json:
+        _print_json(document)
+        return
+    from freefloat.tables import info_tables
+
+    _print_for_people(info_tables(document))
+
+
+@app.command()
+def simulate(
+    scenario: ScenarioName,
+    attitude: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(metavar="X Y Z W", help="Initial spacecraft attitude, a quaternion."),
+    ] = None,
+    heading: Annotated[
+        float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
+    ] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(
+            metavar="Q1,Q2,...", help="Follow the arm branch near these joint values [rad]."
+        ),
+    ] = None,
+    branch: Annotated[
+        int | None, typer.Option(metavar="K", help="Follow the arm branch with this number.")
+    ] = None,
+    stop_at_margin: Annotated[
+        bool, typer.Option("--stop-at-margin", help="End where the scenario's margin is used up.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Follow the path from one attitude; tell where it becomes singular if it does.
+
+    Exit code 0 when the whole path was followed, 1 when not.
+
+    Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
+    """
+    with _answering(as_json):
+        from freefloat.report import simulation_document
+        from freefloat.scenario import load_scenario
+        from freefloat.simulation import simulate as run
+        from freefloat.tables import simulation_tables
+
+        problem = load_scenario(scenario).problem()
+        simulation = run(
+            problem,
+            _attitude(problem, attitude, heading),
+            branch=branch,
+            joints=_joint_values(joints),
+            stop_at_margin=stop_at_margin,
+        )
+        document = simulation_document(simulation)
+    if as_json:
+        _print_json(document)
+    else:
+        _print_for_people(simulation_tables(document, scenario))
+    raise typer.Exit(DONE if document["completed"] else NO)
+
+
+def _attitude(
+    problem: Problem, attitude: Sequence[float] | None, heading: float | None
+) -> Sequence[float]:
+    if (attitude is None) == (heading is None):
+        raise InputError(
+            "attitude", "none or both of --attitude and --heading were given",
+            "--heading DEG" if problem.task.planar else "--attitude X Y Z W",
+        )  # fmt: skip
+    if attitude is not None:
+        return attitude
+    from freefloat.spatial import heading_quaternion
+
+    if not problem.task.planar:
+        raise InputError("heading", f"task {problem.task} is not planar", "--attitude X Y Z W")
+    return list(heading_quaternion(math.radians(heading or 0.0)))
+
+
+def _joint_values(text: str | None) -> list[float] | None:
+    if text is None:
+        return None
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise InputError("joints", f"{text!r} was given", "numbers with commas between") from None
+
+
+@app.command()
+def schema(as_json: Json = False) -> None:
+    """Print the JSON schema of scenario files, for editors and checkers."""
+    with _answering(as_json):
+        from freefloat.scenario import ScenarioFile
+    _print_json({"scenario": ScenarioFile.model_json_schema()})
+
+
+def _print_for_people(renderables: Sequence[RenderableType]) -> None:
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=_PIPE_WIDTH)
+    for renderable in renderables:
+        console.print(renderable, soft_wrap=isinstance(renderable, Text))
+
+
+def main() -> NoReturn:
+    """Run the command line; an interrupt ends it quietly."""
+    try:
+        app(standalone_mode=True)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    sys.exit(DONE)

@@ -1,0 +1,110 @@
+"""One attitude, every arm branch: each followed along the path, one of them chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.arm_branches import ArmBranch
+from freefloat.closeness import Least, least
+from freefloat.errors import InputError, UnreachableError
+from freefloat.integration import integrate_motion
+from freefloat.motion import Motion
+from freefloat.problem import Problem
+from freefloat.spatial import Array
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedBranch:
+    """An arm branch and what became of it.
+
+    Attributes:
+        branch: The arm at the start.
+        motion: How it followed the path.
+        least: How near it came to a dynamic singularity, by the problem's margin.
+    """
+
+    branch: ArmBranch
+    motion: Motion
+    least: Least
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """What an attitude leads to.
+
+    Attributes:
+        followed: Every arm branch that reaches the start of the path.
+        chosen: The one asked for; else the one that completes with the largest margin, or, where
+            none completes, comes nearest to it.
+    """
+
+    followed: tuple[FollowedBranch, ...]
+    chosen: FollowedBranch
+
+
+def simulate(
+    problem: Problem,
+    attitude: npt.ArrayLike,
+    *,
+    branch: int | None = None,
+    joints: npt.ArrayLike | None = None,
+    stop_at_margin: bool = False,
+    tolerance: float = 1e-10,
+) -> Simulation:
+    """Follow the path from one attitude with every arm branch.
+
+    Args:
+        problem: Robot, path and momentum.
+        attitude: Of the spacecraft at the start, quaternion x, y, z, w.
+        branch: Choose the branch with this number.
+        joints: Choose the branch near these joint values, shape (n,).
+        stop_at_margin: End motions where the problem's margin is used up.
+        tolerance: As for :func:`~freefloat.integration.integrate_motion`.
+
+    Raises:
+        UnreachableError: If no branch reaches the start of the path.
+        InputError: If the branch asked for does not exist.
+    """
+    attitude = problem.attitude("attitude", attitude)
+    branches = list(problem.branches(attitude))
+    if not branches:
+        raise _unreachable(problem, attitude)
+    wanted = None
+    if joints is not None:
+        wanted = problem.branch_near(attitude, joints, branches)
+        if wanted not in branches:
+            branches.append(wanted)
+    elif branch is not None:
+        wanted = next((one for one in branches if one.index == branch), None)
+        if wanted is None:
+            numbers = ", ".join(str(one.index) for one in branches)
+            raise InputError("branch", f"there is no branch {branch} here", numbers)
+    followed = []
+    for one in branches:
+        motion = integrate_motion(
+            problem, attitude, one.joints, stop_at_margin=stop_at_margin, tolerance=tolerance
+        )
+        followed.append(FollowedBranch(one, motion, least(motion, problem.margin.measure)))
+    if wanted is not None:
+        chosen = next(one for one in followed if one.branch is wanted)
+    else:
+        chosen = max(followed, key=_merit)
+    return Simulation(tuple(followed), chosen)
+
+
+def _merit(one: FollowedBranch) -> tuple[bool, float, float]:
+    """Completed first, then the distance kept from singularities, then how far it came."""
+    return one.motion.completed, one.least.value, one.motion.final.time
+
+
+def _unreachable(problem: Problem, attitude: Array) -> UnreachableError:
+    where = problem.path.pose(0.0).position
+    return UnreachableError(
+        "attitude",
+        f"from {np.round(attitude, 6).tolist()} no arm configuration puts the end-effector at the "
+        f"start of the path, {np.round(where, 6).tolist()} m from the centre of mass",
+        "an attitude from which the arm reaches it, or a path that begins nearer",
+    )

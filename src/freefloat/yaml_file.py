@@ -1,0 +1,93 @@
+"""YAML read as plain data: no tags, no aliases, no key twice, every error with its line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from freefloat.errors import InputError
+
+_LARGEST = 1_000_000
+"""Bytes; a scenario has a few hundred."""
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """Safe YAML that reads ``1e-3`` as a number and refuses keys given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {key.value!r} is given twice", key.start_mark
+                )
+            seen.add(str(key.value))
+        return super().construct_mapping(node, deep)
+
+
+_PlainLoader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:float"]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_PlainLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(
+        r"^[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|\.inf|\.Inf|\.INF|\.nan|\.NaN|\.NAN)$"
+    ),
+    list("-+0123456789."),
+)
+
+
+def read_yaml(path: Path) -> tuple[str, dict[str, Any]]:
+    """Read a YAML file whose top is a mapping.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its text and its data.
+
+    Raises:
+        InputError: With the line of whatever is wrong.
+    """
+    text = _text(path)
+    try:
+        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+            if isinstance(event, yaml.AliasEvent):
+                raise _at(event.start_mark, path, f"alias *{event.anchor}", "values written out")
+            tag = getattr(event, "tag", None)
+            if tag is not None:
+                raise _at(event.start_mark, path, f"tag {tag}", "plain values")
+        data = yaml.load(text, Loader=_PlainLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise _at(mark, path, str(error.problem or error.context), "valid YAML") from None
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        problem = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError("file", problem, "valid YAML", str(path)) from None
+    if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
+        found = "it is empty" if data is None else f"its top is a {type(data).__name__}"
+        raise InputError("file", found, "keys and values, such as 'task: pose'", str(path))
+    return text, data
+
+
+def _at(mark: Any, path: Path, problem: str, accepted: str) -> InputError:
+    line = f"line {mark.line + 1}" if mark is not None else "file"
+    return InputError(line, problem, accepted, str(path))
+
+
+def _text(path: Path) -> str:
+    accepted = f"a readable UTF-8 text file of at most {_LARGEST} bytes"
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(_LARGEST + 1)
+        if len(content) > _LARGEST:
+            raise InputError("file", "it is too large", accepted, str(path))
+        return content.decode("utf-8")
+    except OSError as error:
+        raise InputError("file", str(error.strerror), accepted, str(path)) from None
+    except UnicodeDecodeError:
+        raise InputError("file", "it is not UTF-8 text", accepted, str(path)) from None
