@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +37,7 @@ def least(motion: Motion, of: Measure) -> Least:
         motion: The motion.
         of: A measure of the same robot.
     """
-    profile = _Profile(motion, of)
+    profile = _Profile(motion, of.value)
     place, value = profile.first_place_below(0.0), 0.0
     if place is None:
         lowest = int(np.argmin(profile.values))
@@ -48,22 +48,31 @@ def least(motion: Motion, of: Measure) -> Least:
     return Least(of.name, value, profile.sign, float(time))
 
 
-def first_place_below(motion: Motion, of: Measure, value: float) -> float | None:
-    """Panel coordinate at which a measure first falls below a magnitude or changes sign."""
+def first_place_below(motion: Motion, of: Callable[[Array], float], value: float) -> float | None:
+    """Panel coordinate at which a function of the joints first changes sign or gets too small.
+
+    Args:
+        motion: The motion.
+        of: Function of joint values, shape (n,).
+        value: The magnitude it must keep.
+
+    Returns:
+        None where it keeps its sign and that magnitude.
+    """
     return _Profile(motion, of).first_place_below(value)
 
 
 class _Profile:
-    """A measure along a motion, made positive at the start."""
+    """A function of the joints along a motion, made positive at the start."""
 
-    def __init__(self, motion: Motion, of: Measure) -> None:
-        self._motion, self._measure = motion, of
-        values = np.array([of.value(joints) for joints in motion.joints])
+    def __init__(self, motion: Motion, of: Callable[[Array], float]) -> None:
+        self._motion, self._of = motion, of
+        values = np.array([of(joints) for joints in motion.joints])
         self.sign = -1 if values[0] < 0.0 else 1
         self.values: Array = self.sign * values
 
     def _at(self, place: float) -> float:
-        return self.sign * self._measure.value(self._motion.at_place(place)[2][0])
+        return self.sign * self._of(self._motion.at_place(place)[2][0])
 
     def dips(self, bound: float) -> Iterator[tuple[float, float]]:
         """Minima between nodes that may lie below a bound: value and place, in order.

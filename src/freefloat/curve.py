@@ -51,8 +51,9 @@ class PolynomialCurve:
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
-        value = np.zeros(3)
-        for coefficient in self._orders[order][::-1]:
+        coefficients = self._orders[order]
+        value = coefficients[-1] if len(coefficients) else np.zeros(3)
+        for coefficient in coefficients[-2::-1]:
             value = value * s + coefficient
         return value
 

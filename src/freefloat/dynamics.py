@@ -11,7 +11,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.linalg.lapack import dgesv
+from scipy.linalg.lapack import dgesv, dgetrf
 
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
@@ -136,6 +136,26 @@ def generalized_jacobian(
     return np.asarray(J12 - J11 @ np.linalg.solve(D, Dq))
 
 
+def generalized_determinant(
+    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE
+) -> float:
+    """Det S* of (6), for arms with as many joints as task rows, without forming S*.
+
+    The determinant of all the base and joint rates have to satisfy, over that of the momentum's
+    share of it, which is the total mass cubed times det D.
+    """
+    M = np.vstack([momentum_map(model, joints), end_effector_jacobian(model, joints)[task.rows]])
+    return _determinant(M) / float(model.total_mass**3 * np.linalg.det(M[3:6, 3:6]))
+
+
+def _determinant(M: Array) -> float:
+    """As ``np.linalg.det``, in a third of the time."""
+    LU, pivots, _ = dgetrf(M)
+    swaps = sum(pivot != i for i, pivot in enumerate(pivots.tolist()))
+    product = float(LU.diagonal().prod())
+    return -product if swaps % 2 else product
+
+
 class DriftEquation:
     """Equation (4): the rates that give the end-effector its twist and keep the momentum.
 
@@ -160,7 +180,8 @@ class DriftEquation:
                 "task", f"{task} prescribes {m} rates, the arm has {n} joints",
                 ", ".join(t for t in Task if len(t.rows) <= n) or "a robot with more joints",
             )  # fmt: skip
-        self._model, self._rows = model, task.rows
+        self._model = model
+        self._rows = slice(None) if m == 6 else task.rows
         self._q = np.zeros(7 + n)
         self._matrix = np.zeros((6 + m, 6 + n), order="F")
         self._right = np.zeros(6 + m)
@@ -178,12 +199,8 @@ class DriftEquation:
             Spacecraft angular velocity in the spacecraft frame [rad/s], shape (3,), and joint
             rates, shape (n,). Infinite where the matrix is exactly singular.
         """
-        model, matrix, right = self._model, self._matrix, self._right
-        self._q[3:7], self._q[7:] = attitude, joints
-        matrix[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, self._q)
-        matrix[6:] = pin.getFrameJacobian(
-            model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
-        )[self._rows]
+        self._assemble(attitude, joints)
+        matrix, right = self._matrix, self._right
         right[6:] = twist[self._rows]
         if matrix.shape[0] == matrix.shape[1]:
             _, _, v, singular = dgesv(matrix, right)
@@ -191,6 +208,19 @@ class DriftEquation:
                 v = np.full(len(v), np.inf)
             return v[3:6], v[6:]
         return self._least_norm()
+
+    def determinant(self, joints: Array) -> float:
+        """Of the matrix of (4): a positive multiple of det S*, where that is square."""
+        self._assemble(_IDENTITY, joints)
+        return _determinant(self._matrix)
+
+    def _assemble(self, attitude: Array, joints: Array) -> None:
+        model, q = self._model, self._q
+        q[3:7], q[7:] = attitude, joints
+        self._matrix[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
+        self._matrix[6:] = pin.getFrameJacobian(
+            model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
+        )[self._rows]
 
     def _least_norm(self) -> tuple[Array, Array]:
         Ab, Am = self._matrix[:6, :6], self._matrix[:6, 6:]

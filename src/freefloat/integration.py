@@ -7,6 +7,7 @@ along its arc length it is an ordinary curve, and the singularity is the point o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from functools import partial
 
@@ -20,7 +21,6 @@ from freefloat.dynamics import DriftEquation, generalized_jacobian
 from freefloat.errors import InputError, IntegrationError
 from freefloat.motion import NODES, Ending, Motion
 from freefloat.problem import Problem
-from freefloat.singularity import measure
 from freefloat.spatial import Array, turn_between
 
 _TIME_UNITS = 10.0
@@ -76,11 +76,11 @@ def integrate_motion(
     rows, ending = _follow(problem, np.concatenate([[start], attitude, joints]), end, tolerance)
     motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
     if len(problem.task.rows) == problem.model.dof:
-        determinant = measure(problem.model, problem.task, "gjm")
+        determinant = DriftEquation(problem.model, problem.task, problem.momentum).determinant
         motion = _cut(motion, first_place_below(motion, determinant, 0.0), Ending.SINGULAR)
     if stop_at_margin:
         margin = problem.margin
-        place = first_place_below(motion, margin.measure, margin.value)
+        place = first_place_below(motion, margin.measure.value, margin.value)
         motion = _cut(motion, place, Ending.MARGIN)
     return motion
 
@@ -119,14 +119,14 @@ class _Flow:
         self.reference[0] = direction
 
     def __call__(self, _: float, y: Array) -> Array:
-        attitude = y[1:5] / np.sqrt(y[1:5] @ y[1:5])
+        attitude = y[1:5] / math.sqrt(y[1:5] @ y[1:5])
         twist = self._path.twist(y[0] * self.unit, self.piece)
         omega, rates = self._equation.rates(attitude, y[5:], twist)
         tangent = np.empty_like(y)
         tangent[0] = 1.0 / self.unit
         tangent[1:5] = _quaternion_rate(attitude, omega)
         tangent[5:] = rates
-        tangent /= np.sqrt(tangent @ tangent)
+        tangent /= math.sqrt(tangent @ tangent)
         return tangent if tangent @ self.reference >= 0.0 else -tangent
 
 

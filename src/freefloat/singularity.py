@@ -12,7 +12,13 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics import Task, generalized_jacobian, inertia_matrices, system_matrix
+from freefloat.dynamics import (
+    Task,
+    generalized_determinant,
+    generalized_jacobian,
+    inertia_matrices,
+    system_matrix,
+)
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
 from freefloat.spatial import Array, frozen, low_discrepancy
@@ -79,9 +85,9 @@ def _unit(power: int) -> str:
 
 
 def _gjm(model: FreeFloatingModel, task: Task, joints: Array) -> float:
+    if len(task.rows) == model.dof:
+        return generalized_determinant(model, joints, task)
     S = generalized_jacobian(model, joints, task)
-    if S.shape[0] == S.shape[1]:
-        return float(np.linalg.det(S))
     return float(np.prod(np.linalg.svd(S, compute_uv=False)))
 
 

@@ -1,0 +1,147 @@
+"""Measure freefloat against the plain code a user would write, both in this very run.
+
+``python scripts/benchmark.py`` prints a table of ratios; ``--json FILE`` writes them, too. Seconds
+differ from machine to machine, ratios hardly do: only ratios are worth quoting.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from rich.console import Console
+from rich.table import Table
+from scipy.integrate import solve_ivp
+
+import freefloat as ff
+from freefloat.motion import Motion
+from freefloat.problem import Problem
+
+ATTITUDE = (0.46008, 0.09337, 0.73519, -0.48898)
+
+
+@dataclass(frozen=True)
+class Result:
+    """One comparison.
+
+    ``ratio`` is baseline seconds over ours; where there is no baseline, ``limit`` is the most that
+    our seconds may be.
+    """
+
+    what: str
+    seconds: float
+    baseline: float | None
+    wanted: float | None
+    limit: float | None
+    remark: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        return None if self.baseline is None else self.baseline / self.seconds
+
+    @property
+    def met(self) -> bool:
+        if self.wanted is not None and self.ratio is not None:
+            return self.ratio >= self.wanted
+        return self.limit is None or self.seconds <= self.limit
+
+
+def race(*contestants: Callable[[], object], rounds: int = 15) -> list[float]:
+    """The best time of each [s], taken in turns so that a slow spell of the machine hits all."""
+    best = [np.inf] * len(contestants)
+    for _ in range(rounds):
+        for i, contestant in enumerate(contestants):
+            start = time.perf_counter()
+            contestant()
+            best[i] = min(best[i], time.perf_counter() - start)
+    return best
+
+
+def plain_motion(problem: Problem, joints: np.ndarray, tolerance: float) -> np.ndarray:
+    """What a user would write: Pinocchio's two matrices, numpy's solve, scipy's solve_ivp."""
+    model, path = problem.model.pin_model, problem.path
+    data, frame = model.createData(), problem.model.frame_id
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        q = np.concatenate([np.zeros(3), y[:4] / np.linalg.norm(y[:4]), y[4:]])
+        A = pin.computeCentroidalMap(model, data, q)
+        J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+        right = np.concatenate([np.zeros(3), problem.momentum, path.twist(t)])
+        v = np.linalg.solve(np.vstack([A, J]), right)
+        x, w = q[3:6], q[6]
+        turning = v[3:6]
+        quaternion = 0.5 * np.append(w * turning + np.cross(x, turning), -x @ turning)
+        return np.concatenate([quaternion, v[6:]])
+
+    start = np.concatenate([ATTITUDE / np.linalg.norm(ATTITUDE), joints])
+    return solve_ivp(
+        rates, (0.0, path.duration), start, method="DOP853", rtol=tolerance, atol=tolerance
+    ).y[:, -1]
+
+
+def motion_of_example_2() -> Result:
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    joints = problem.branches(np.array(ATTITUDE) / np.linalg.norm(ATTITUDE))[0].joints
+
+    def ours(tolerance: float = 1e-8) -> Motion:
+        return ff.integrate_motion(problem, ATTITUDE, joints, tolerance=tolerance)
+
+    exact = ours(1e-13).final.attitude
+    errors = (
+        np.linalg.norm(ours().final.attitude - exact),
+        np.linalg.norm(plain_motion(problem, joints, 1e-8)[:4] - exact),
+    )
+    seconds, baseline = race(ours, lambda: plain_motion(problem, joints, 1e-8))
+    return Result(
+        "one motion of Example 2 at 1e-8", seconds, baseline, 1.5, None,
+        f"final attitude off by {errors[0]:.0e}, plain loop {errors[1]:.0e}",
+    )  # fmt: skip
+
+
+def start_up() -> list[Result]:
+    def run(*command: str) -> Callable[[], object]:
+        return lambda: subprocess.run(command, check=True, capture_output=True)
+
+    program = Path(sys.executable).with_name("freefloat")
+    help_, imported = race(
+        run(str(program), "--help"), run(sys.executable, "-c", "import freefloat"), rounds=5
+    )
+    return [
+        Result("freefloat --help", help_, None, None, 0.4),
+        Result("python -c 'import freefloat'", imported, None, None, 0.5),
+    ]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, help="also write the results to this file")
+    arguments = parser.parse_args()
+    results = [motion_of_example_2(), *start_up()]
+    table = Table(title="freefloat against plain code, same machine, same run")
+    for column in ("what", "seconds", "baseline", "ratio", "wanted", "remark"):
+        table.add_column(column)
+    for result in results:
+        wanted = f">= {result.wanted:g}" if result.wanted else f"<= {result.limit:g} s"
+        table.add_row(
+            result.what, f"{result.seconds:.4f}",
+            "" if result.baseline is None else f"{result.baseline:.4f}",
+            "" if result.ratio is None else f"{result.ratio:.2f}",
+            wanted if result.met else f"[bold red]{wanted}", result.remark,
+        )  # fmt: skip
+    Console(width=140).print(table)
+    if arguments.json:
+        rows = [{**asdict(result), "ratio": result.ratio, "met": result.met} for result in results]
+        arguments.json.write_text(json.dumps(rows, indent=2), encoding="utf-8")
+    return 0 if all(result.met for result in results) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
