@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
@@ -79,8 +81,6 @@ def info(
 ) -> None:
     """Tell what a robot is: bodies, joints, barycentric lengths, and doubts about its URDF."""
     with _answering(as_json):
-        from pathlib import Path
-
         from freefloat.bundled import bundled_robots, bundled_scenarios, find_robot, unknown
         from freefloat.model import FreeFloatingModel
         from freefloat.report import info_document, natural_task
@@ -95,12 +95,9 @@ def info(
         else:
             names = (*bundled_robots(), *bundled_scenarios())
             raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
-    if as_json:
-        _print_json(document)
-        return
     from freefloat.tables import info_tables
 
-    _print_for_people(info_tables(document))
+    _answer(document, info_tables(document), as_json)
 
 
 @app.command()
@@ -148,10 +145,7 @@ def simulate(
             stop_at_margin=stop_at_margin,
         )
         document = simulation_document(simulation)
-    if as_json:
-        _print_json(document)
-    else:
-        _print_for_people(simulation_tables(document, scenario))
+    _answer(document, simulation_tables(document, scenario), as_json)
     raise typer.Exit(DONE if document["completed"] else NO)
 
 
@@ -181,22 +175,108 @@ def _joint_values(text: str | None) -> list[float] | None:
         raise InputError("joints", f"{text!r} was given", "numbers with commas between") from None
 
 
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
+]
+
+
+@app.command()
+def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
+    """Tell a planar arm's reach and where in it the arm can become singular."""
+    with _answering(as_json):
+        from freefloat.report import workspace_document
+        from freefloat.scenario import load_scenario
+        from freefloat.tables import workspace_tables
+
+        document = workspace_document(load_scenario(scenario).problem())
+    _answer(document, workspace_tables(document, scenario), as_json)
+
+
+@app.command()
+def plan(scenario: ScenarioName, output: Output = None, as_json: Json = False) -> None:
+    """Find every initial attitude from which the path can be followed, choose one, prove it.
+
+    Exit code 0 when there is one, 1 when there is none.
+
+    Example: freefloat plan planar_3dof/parabola -o plan.h5
+    """
+    with _answering(as_json):
+        from freefloat.planner import plan as make_plan
+        from freefloat.report import plan_document
+        from freefloat.scenario import load_scenario
+        from freefloat.storage import save_plan
+        from freefloat.tables import plan_tables
+
+        loaded = load_scenario(scenario)
+        with _progress("searching headings") as progress:
+            found = make_plan(loaded.problem(), loaded.search(), progress)
+        document = plan_document(found)
+        if output is not None:
+            save_plan(output, found, loaded, document)
+    _answer(document, plan_tables(document, scenario), as_json)
+    raise typer.Exit(DONE if found.feasible else NO)
+
+
+@app.command("map")
+def map_(
+    scenario: ScenarioName,
+    samples: Annotated[int, typer.Option(min=8, help="How many headings.")] = 360,
+    output: Output = None,
+    as_json: Json = False,
+) -> None:
+    """Tell how near to a singularity every initial heading leads, arm branch by arm branch."""
+    with _answering(as_json):
+        from freefloat.planar_search import heading_map
+        from freefloat.report import map_document
+        from freefloat.scenario import load_scenario
+        from freefloat.storage import save_map
+        from freefloat.tables import map_tables
+
+        loaded = load_scenario(scenario)
+        problem = loaded.problem()
+        if not problem.task.planar:
+            raise InputError("task", f"{problem.task} was given", "planar-pose or planar-position")
+        start = time.perf_counter()
+        with _progress("following headings") as progress:
+            found = heading_map(problem, samples, progress)
+        document = map_document(found, time.perf_counter() - start)
+        if output is not None:
+            save_map(output, found, loaded, document)
+    _answer(document, map_tables(document, scenario), as_json)
+    raise typer.Exit(DONE if document["feasible_fraction"] > 0.0 else NO)
+
+
+@contextmanager
+def _progress(words: str) -> Iterator[Callable[[float], None]]:
+    """A bar on stderr, on terminals only."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(words, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
 @app.command()
 def schema(as_json: Json = False) -> None:
     """Print the JSON schema of scenario files, for editors and checkers."""
     with _answering(as_json):
-        from freefloat.scenario import ScenarioFile
+        from freefloat.schema import ScenarioFile
     _print_json({"scenario": ScenarioFile.model_json_schema()})
 
 
-def _print_for_people(renderables: Sequence[RenderableType]) -> None:
+def _answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: bool) -> None:
+    """Print a document for a machine or its tables for people."""
+    if as_json:
+        _print_json(document)
+        return
     from rich.console import Console
     from rich.text import Text
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=_PIPE_WIDTH)
-    for renderable in renderables:
+    width = None if sys.stdout.isatty() else _PIPE_WIDTH
+    console = Console(highlight=False, markup=False, width=width)
+    for renderable in tables:
         console.print(renderable, soft_wrap=isinstance(renderable, Text))
 
 

@@ -126,8 +126,17 @@ class _Flow:
         tangent[0] = 1.0 / self.unit
         tangent[1:5] = _quaternion_rate(attitude, omega)
         tangent[5:] = rates
-        tangent /= math.sqrt(tangent @ tangent)
+        square = tangent @ tangent
+        if not math.isfinite(square):
+            return self._standing_still_in_time()
+        tangent /= math.sqrt(square)
         return tangent if tangent @ self.reference >= 0.0 else -tangent
+
+    def _standing_still_in_time(self) -> Array:
+        """The tangent where (4) is singular to the last digit: in the limit no time passes."""
+        tangent = self.reference.copy()
+        tangent[0] = 0.0
+        return tangent
 
 
 def _quaternion_rate(attitude: Array, omega: Array) -> tuple[float, float, float, float]:

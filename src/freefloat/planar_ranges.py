@@ -13,7 +13,7 @@ from itertools import groupby
 
 import numpy as np
 
-from freefloat.closeness import Least, least
+from freefloat.closeness import least
 from freefloat.errors import IntegrationError
 from freefloat.integration import integrate_motion
 from freefloat.motion import Motion
@@ -122,11 +122,8 @@ def margin_level(problem: Problem) -> float:
 
 def keeps_margin(problem: Problem, motion: Motion, level: float) -> bool:
     """Whether a motion was completed with S of one sign and never below a level."""
-    return motion.completed and _closeness(problem, motion).value >= level * (1.0 - _KEPT)
-
-
-def _closeness(problem: Problem, motion: Motion) -> Least:
-    return least(motion, problem.margin.measure)
+    closest = least(motion, problem.margin.measure).value
+    return motion.completed and closest > 0.0 and closest >= level * (1.0 - _KEPT)
 
 
 def find_limits(problem: Problem, span: Span) -> tuple[Limit, ...]:

@@ -1,19 +1,29 @@
 """Heading by heading: how near each motion comes to a singularity, and ranges found that way.
 
-For planar arms without a closed form (more joints than the task needs, sliding joints, measures other
-than ``system``), and as the map over heading for all of them.
+For planar arms without a closed form (more joints than the task needs, sliding joints, measures
+other than ``system``), and as the map over heading for all of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from freefloat.closeness import least
 from freefloat.errors import IntegrationError, UnreachableError
-from freefloat.planar_ranges import TURN, BranchRanges, HeadingRange, LimitCause
+from freefloat.integration import integrate_motion
+from freefloat.planar_ranges import (
+    TURN,
+    BranchRanges,
+    HeadingRange,
+    LimitCause,
+    keeps_margin,
+)
 from freefloat.problem import Problem
 from freefloat.simulation import FollowedBranch, simulate
 from freefloat.spatial import Array, frozen, heading_quaternion
@@ -21,6 +31,7 @@ from freefloat.spatial import Array, frozen, heading_quaternion
 Progress = Callable[[float], None]
 _BISECTIONS = 30
 _TOLERANCE = 1e-9
+_ROUGH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +99,36 @@ def reached(one: FollowedBranch) -> float:
     return one.least.value if one.motion.completed else 0.0
 
 
+def margin_from(problem: Problem, heading: float, branch: int | None) -> float:
+    """The margin that an arm branch, or the best of all, keeps from a heading; quick and rough.
+
+    Args:
+        problem: A planar problem.
+        heading: [rad].
+        branch: Number of the branch, or None for the best.
+
+    Returns:
+        Smallest magnitude of the measure to a few digits; zero where the path cannot be followed.
+    """
+    attitude, best = heading_quaternion(heading), 0.0
+    for one in problem.branches(attitude):
+        if branch in (None, one.index):
+            try:
+                motion = integrate_motion(problem, attitude, one.joints, tolerance=_ROUGH)
+            except IntegrationError:
+                continue
+            if motion.completed:
+                best = max(best, least(motion, problem.margin.measure).value)
+    return best
+
+
 def searched_ranges(
     problem: Problem, samples: int, progress: Progress | None = None
 ) -> tuple[BranchRanges, ...]:
     """Ranges of heading by sampling and bisection: none narrower than the spacing is sure to show.
 
-    An arm with as many joints as the task needs is told branch by branch; for others a heading counts
-    when any of the starting configurations tried keeps the margin.
+    An arm with as many joints as the task needs is told branch by branch; for others a heading
+    counts when any of the starting configurations tried keeps the margin.
 
     Args:
         problem: A planar problem.
@@ -104,10 +138,8 @@ def searched_ranges(
     redundant = problem.model.dof > len(problem.task.rows)
 
     def keeps(heading: float) -> dict[int, bool]:
-        level = problem.margin.value
-        found = follow_heading(problem, heading)
-        good = {index: reached(one) >= max(level, 1e-300) for index, one in found.items()}
-        return {0: any(good.values())} if redundant else good
+        verdicts = _verdicts(problem, heading)
+        return {0: any(good for _, good in verdicts)} if redundant else dict(verdicts)
 
     headings = np.arange(samples) * (TURN / samples)
     verdicts = []
@@ -121,10 +153,22 @@ def searched_ranges(
     )
 
 
+def _verdicts(problem: Problem, heading: float) -> Iterator[tuple[int, bool]]:
+    """Which arm branches keep the margin from a heading, one motion at a time."""
+    attitude = heading_quaternion(heading)
+    for branch in problem.branches(attitude):
+        try:
+            motion = integrate_motion(problem, attitude, branch.joints, tolerance=_TOLERANCE)
+        except IntegrationError:
+            yield branch.index, False
+            continue
+        yield branch.index, keeps_margin(problem, motion, problem.margin.value)
+
+
 def _ranges_of(
     index: int,
     label: str,
-    headings: Array,
+    headings: npt.NDArray[Any],
     verdicts: list[dict[int, bool]],
     keeps: Callable[[float], dict[int, bool]],
 ) -> BranchRanges:

@@ -3,7 +3,7 @@
 A motion whose S just touches S0 does so at an instant of its path (Case I, (14) and (15)) or at one
 of its ends (Case II, (15) and (16)). At a point of the path S = S0 and the distance (28) fix the
 first two joint angles, and the direction of point 3 fixes the heading. So what touches is a curve
-of candidates over (margin curve, time), and (27), dS/dt = 0, picks from it: a search in one variable.
+of candidates over (margin curve, time), and (27), dS/dt = 0, picks from it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Scenario files: a problem written down, checked against a schema, built with located errors."""
+"""Scenario files: a problem written down, read, and built with errors that say where."""
 
 from __future__ import annotations
 
@@ -6,17 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_validator,
-)
+from pydantic import BaseModel, ValidationError
 from scipy.spatial.transform import Rotation
 
 from freefloat.attitude_law import (
@@ -28,248 +21,22 @@ from freefloat.attitude_law import (
 )
 from freefloat.bundled import find_robot, find_scenario
 from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
-from freefloat.dynamics import Task
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath, read_samples
+from freefloat.planner import Search
 from freefloat.problem import Margin, Problem
-from freefloat.singularity import joint_space_extremes, measure
-from freefloat.spatial import Array, axes_rotation, rotation_matrix, unit_quaternion
-from freefloat.timing import Stop, TimedPath, TimeLaw, Timing
-from freefloat.yaml_file import read_yaml
-
-Number = Annotated[float, Field(strict=True)]
-Positive = Annotated[float, Field(strict=True, gt=0.0)]
-Vector = tuple[Number, Number, Number]
-Quaternion = tuple[Number, Number, Number, Number]
-Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]
-
-
-class _Section(BaseModel):
-    """A mapping of a scenario file: unknown keys refused, numbers finite."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
-
-
-def _one_of(section: BaseModel, *names: str) -> None:
-    given = [name for name in names if getattr(section, name) is not None]
-    if len(given) != 1:
-        raise ValueError(f"exactly one of {', '.join(names)}")
-
-
-class RobotSection(_Section):
-    """Which robot."""
-
-    urdf: str
-    """A URDF file, relative to the scenario file, or the name of a bundled robot."""
-    end_effector: str
-    """The link that follows the path."""
-    scale_mass: Positive | dict[str, Positive] = 1.0
-    """Factor on mass and inertia of every link, or a map from link to factor."""
-
-
-class LineSection(_Section):
-    """A straight line."""
-
-    start: Vector = Field(alias="from")
-    """Where it begins [m]."""
-    end: Vector = Field(alias="to")
-    """Where it ends [m]."""
-
-
-class PolynomialSection(_Section):
-    """Polynomials in s, coefficients [m] from the lowest power up."""
-
-    x: Coefficients
-    """Of the x coordinate."""
-    y: Coefficients
-    """Of the y coordinate."""
-    z: Coefficients
-    """Of the z coordinate."""
-
-
-class ArcSection(_Section):
-    """A circular arc."""
-
-    center: Vector
-    """[m]"""
-    normal: Vector
-    """Axis of the turn."""
-    start: Vector = Field(alias="from")
-    """Where it begins [m]."""
-    angle_deg: Number
-    """How far it turns [degrees]."""
-
-
-class AxesSection(_Section):
-    """Two axes of the end-effector by their inertial directions; the first named is kept."""
-
-    x: Vector | None = None
-    y: Vector | None = None
-    z: Vector | None = None
-
-    @model_validator(mode="after")
-    def _two(self) -> AxesSection:
-        if len(self.model_fields_set) != 2 or None in (
-            getattr(self, a) for a in self.model_fields_set
-        ):
-            raise ValueError("exactly two of x, y, z")
-        return self
-
-
-class OrientationSection(_Section):
-    """An attitude, written in one of three ways."""
-
-    quaternion: Quaternion | None = None
-    """x, y, z, w."""
-    rpy: Vector | None = None
-    """Roll, pitch, yaw about the inertial x, y, z axes in this order [rad]."""
-    axes: AxesSection | None = None
-    """Directions of two axes."""
-
-    @model_validator(mode="after")
-    def _one(self) -> OrientationSection:
-        _one_of(self, "quaternion", "rpy", "axes")
-        return self
-
-    def rotation(self, key: str) -> Array:
-        """Its axes in the inertial frame, shape (3, 3)."""
-        if self.quaternion is not None:
-            return rotation_matrix(unit_quaternion(f"{key}.quaternion", self.quaternion))
-        if self.rpy is not None:
-            return np.asarray(Rotation.from_euler("xyz", self.rpy).as_matrix())
-        named = [] if self.axes is None else self.axes.model_dump(exclude_none=True).items()
-        kept, bent = named
-        return axes_rotation(f"{key}.axes", kept, bent)
-
-
-Orientation = Annotated[
+from freefloat.schema import (
+    AttitudeSection,
+    FollowSection,
     OrientationSection,
-    BeforeValidator(lambda given: {"quaternion": given} if isinstance(given, list) else given),
-]
-
-
-class SlerpSection(_Section):
-    """The shortest turn between two attitudes; a plain list is a quaternion x, y, z, w."""
-
-    start: Orientation = Field(alias="from")
-    """At the start of the path."""
-    end: Orientation = Field(alias="to")
-    """At its end."""
-
-
-class FollowSection(_Section):
-    """An axis along the direction of travel."""
-
-    axis: Literal["x", "-x", "y", "-y"]
-    """The end-effector's axis."""
-    normal: Vector
-    """Direction that its z axis keeps to."""
-
-
-class PointAtSection(_Section):
-    """An axis toward a point."""
-
-    target: Vector
-    """The point [m]."""
-    axis: Literal["x", "-x", "y", "-y", "z", "-z"]
-    """The end-effector's axis."""
-
-
-class AttitudeSection(_Section):
-    """How the end-effector stands, in one of four ways."""
-
-    fixed: Orientation | None = None
-    slerp: SlerpSection | None = None
-    follow: FollowSection | None = None
-    point_at: PointAtSection | None = None
-
-    @model_validator(mode="after")
-    def _one(self) -> AttitudeSection:
-        _one_of(self, "fixed", "slerp", "follow", "point_at")
-        return self
-
-    def law(self, curve: Curve) -> AttitudeLaw:
-        """The attitude law along a curve."""
-        if self.fixed is not None:
-            return FixedAttitude(self.fixed.rotation("attitude.fixed"))
-        if self.slerp is not None:
-            return SlerpAttitude(self.slerp.start.rotation("attitude.slerp.from"),
-                                 self.slerp.end.rotation("attitude.slerp.to"))  # fmt: skip
-        if self.point_at is not None:
-            return point_at_attitude(curve, self.point_at.axis, self.point_at.target)
-        follow = self.follow or FollowSection(axis="x", normal=(0.0, 0.0, 1.0))
-        return follow_attitude(curve, follow.axis, follow.normal)
-
-
-class PathSection(_Section):
-    """Where the end-effector goes, in one of five ways, and how it stands."""
-
-    line: LineSection | None = None
-    polynomial: PolynomialSection | None = None
-    arc: ArcSection | None = None
-    waypoints: Annotated[list[Vector], Field(min_length=2, max_length=10_000)] | None = None
-    """Points [m] of a twice continuously differentiable spline."""
-    samples: str | None = None
-    """A CSV file, relative to the scenario file: x, y, z [m], optionally s and qx, qy, qz, qw."""
-    attitude: AttitudeSection | None = None
-    """Left out for position tasks, and where the samples have quaternions."""
-
-    @model_validator(mode="after")
-    def _one(self) -> PathSection:
-        _one_of(self, "line", "polynomial", "arc", "waypoints", "samples")
-        return self
-
-
-class StopSection(_Section):
-    """A rest on the way."""
-
-    s: Number
-    """Where, in (0, 1)."""
-    t: Number
-    """When [s]."""
-
-
-class TimingSection(_Section):
-    """When the end-effector is where."""
-
-    duration: Number
-    """Of the whole motion [s]."""
-    law: TimeLaw = TimeLaw.QUINTIC
-    """How each segment between rests is travelled."""
-    stops: list[StopSection] = []
-    """Rests on the way."""
-
-
-class MarginSection(_Section):
-    """How far from dynamic singularities to stay."""
-
-    measure: Literal["gjm", "system", "arm", "sigma"] = "gjm"
-    """det S*, det A, the arm's in-plane factor, or the smallest singular value of S*."""
-    value: Annotated[float, Field(strict=True, ge=0.0)] | None = None
-    """Magnitude the measure must keep."""
-    fraction: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] | None = None
-    """The same as a share of the measure's largest magnitude over the joint space."""
-
-    @model_validator(mode="after")
-    def _one(self) -> MarginSection:
-        _one_of(self, "value", "fraction")
-        return self
-
-
-class ScenarioFile(_Section):
-    """A scenario: a robot, a path for its end-effector, and what it drifts with."""
-
-    robot: RobotSection
-    task: Task
-    """What of the path is prescribed."""
-    momentum: Vector = (0.0, 0.0, 0.0)
-    """About the centre of mass, inertial axes [N m s]."""
-    path: PathSection
-    timing: TimingSection
-    margin: MarginSection = MarginSection(measure="gjm", value=0.0)
+    PolynomialSection,
+    ScenarioFile,
+)
+from freefloat.singularity import joint_space_extremes, measure
+from freefloat.spatial import Array, axes_rotation, frozen, rotation_matrix, unit_quaternion
+from freefloat.timing import Stop, TimedPath, Timing
+from freefloat.yaml_file import read_yaml
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,6 +85,18 @@ class Scenario:
                 model, timed, content.task, np.array(content.momentum), Margin(of, value or 0.0)
             )
 
+    def search(self) -> Search:
+        """What a plan should look for.
+
+        Raises:
+            InputError: Naming this file and the key.
+        """
+        given = self.content.search
+        with self._told():
+            now = given.from_attitude
+            attitude = None if now is None else frozen(unit_quaternion("search.from_attitude", now))
+            return Search(given.objective, attitude, given.samples, given.seed)
+
     def _curve_and_attitude(self) -> tuple[Curve, AttitudeLaw]:
         path, sampled = self.content.path, None
         curve: Curve
@@ -340,7 +119,7 @@ class Scenario:
         if given is not None and sampled is not None:
             raise InputError("attitude", "the samples have quaternions, too", "one of the two")
         if given is not None:
-            return given.law(curve)
+            return _law(given, curve)
         if sampled is not None:
             return sampled
         if task.turns:
@@ -360,6 +139,30 @@ class Scenario:
             if error.source is not None:
                 raise
             raise error.found_in(str(self.source), prefix) from None
+
+
+def _rotation(section: OrientationSection, key: str) -> Array:
+    """An attitude's axes in the inertial frame, shape (3, 3)."""
+    if section.quaternion is not None:
+        return rotation_matrix(unit_quaternion(f"{key}.quaternion", section.quaternion))
+    if section.rpy is not None:
+        return np.asarray(Rotation.from_euler("xyz", section.rpy).as_matrix())
+    named = [] if section.axes is None else section.axes.model_dump(exclude_none=True).items()
+    kept, bent = named
+    return axes_rotation(f"{key}.axes", kept, bent)
+
+
+def _law(section: AttitudeSection, curve: Curve) -> AttitudeLaw:
+    """The attitude law along a curve."""
+    if section.fixed is not None:
+        return FixedAttitude(_rotation(section.fixed, "attitude.fixed"))
+    if section.slerp is not None:
+        start = _rotation(section.slerp.start, "attitude.slerp.from")
+        return SlerpAttitude(start, _rotation(section.slerp.end, "attitude.slerp.to"))
+    if section.point_at is not None:
+        return point_at_attitude(curve, section.point_at.axis, section.point_at.target)
+    follow = section.follow or FollowSection(axis="x", normal=(0.0, 0.0, 1.0))
+    return follow_attitude(curve, follow.axis, follow.normal)
 
 
 def _polynomial(section: PolynomialSection) -> PolynomialCurve:

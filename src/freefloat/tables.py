@@ -14,8 +14,11 @@ from rich.text import Text
 Document = dict[str, Any]
 
 
-def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", box=SIMPLE_HEAD, show_edge=False)
+def _table(*columns: str) -> Table:
+    table = Table(box=SIMPLE_HEAD, show_edge=False)
+    for column in columns:
+        table.add_column(column)
+    return table
 
 
 def _terse(label: str) -> str:
@@ -30,15 +33,11 @@ def _numbers(values: Sequence[float], digits: int = 4) -> str:
 def simulation_tables(document: Document, name: str) -> list[RenderableType]:
     """A simulation: the verdict on every branch, the chosen motion, its proof."""
     chosen = document["branch"]
-    table = _table(f"{name}: arm branches from this attitude")
+    title = Text(f"{name}: arm branches from this attitude")
     margin = document["min_margin"]
-    for column in (
-        "branch",
-        "joints at the start [rad, m]",
-        f"least {margin['measure']}",
-        "verdict",
-    ):
-        table.add_column(column)
+    table = _table(
+        "branch", "joints at the start [rad, m]", f"least {margin['measure']}", "verdict"
+    )
     for one in document["branches"]:
         table.add_row(
             f"{one['branch']}{'*' if one['branch'] == chosen else ''} {_terse(one['label'])}",
@@ -46,7 +45,7 @@ def simulation_tables(document: Document, name: str) -> list[RenderableType]:
             f"{one['min_margin']['sign'] * one['min_margin']['value']:.4g}",
             _verdict(one),
         )
-    return [table, *_chosen_lines(document)]
+    return [title, table, *_chosen_lines(document)]
 
 
 def _verdict(one: Document) -> Text:
@@ -85,17 +84,83 @@ def _chosen_lines(document: Document) -> list[RenderableType]:
     return [Text(line) for line in lines]
 
 
+def plan_tables(document: Document, name: str) -> list[RenderableType]:
+    """A plan: every range of heading, the attitude chosen and why, its proof."""
+    title = Text(f"{name}: initial headings that keep the margin")
+    table = _table("branch", "ranges [deg]")
+    for entry in document["attitude_ranges_deg"]:
+        table.add_row(f"{entry['branch']} {_terse(entry['label'])}", _ranges(entry) or "none")
+    if not document["feasible"]:
+        return [title, table, Text(f"Not feasible: {document['reason']}.", "red")]
+    deviation = document["deviation_deg"]
+    lines = [
+        f"Chosen: heading {document['heading_deg']:.4f} deg, {document['reason']}.",
+        f"  it may be off by {document['robust_radius_deg']:.4f} deg"
+        + ("" if deviation is None else f"; {deviation:.4f} deg from the present attitude"),
+    ]
+    for segment in document["segments"]:
+        lines.append(f"  from {segment['from']:g} to {segment['to']:g} s, at its end:")
+        lines += [
+            f"    {words} {_terse(entry['label'])}: {_ranges(entry) or 'none'} deg"
+            for words, key in (("alone", "ranges_at_end_deg"), ("and onward", "joined_at_end_deg"))
+            for entry in segment[key]
+        ]
+    return [title, table, *(Text(line) for line in lines), *_chosen_lines(document)]
+
+
+def _ranges(entry: Document) -> str:
+    return "  ".join(f"[{low:.3f}, {high:.3f}]" for low, high in entry["ranges"])
+
+
+def workspace_tables(document: Document, name: str) -> list[RenderableType]:
+    """Reach and areas of a planar arm."""
+    title = Text(f"{name}: distance of the {document['point']} from the centre of mass")
+    table = _table("area", "from [m]", "to [m]")
+    rows = [("reach", document["reach"])]
+    rows += [("path-dependent", interval) for interval in document["pdw"]]
+    rows += [("path-independent", interval) for interval in document["piw"]]
+    for area, (low, high) in rows:
+        table.add_row(area, f"{low:.5f}", f"{high:.5f}")
+    parts = "; ".join(
+        f"{part['s'][0]:.3f} to {part['s'][1]:.3f} {'in' if part['path_dependent'] else 'outside'}"
+        for part in document["path"]
+    )
+    return [
+        title,
+        table,
+        Text(f"S from {document['s_min']:.6g} to {document['s_max']:.6g} over the joint space"),
+        Text(f"The path, by s, is inside or outside the path-dependent areas: {parts}"),
+    ]
+
+
+def map_tables(document: Document, name: str) -> list[RenderableType]:
+    """A map over heading in brief."""
+    title = Text(f"{name}: headings that keep the margin, of {document['samples']}")
+    table = _table("branch", "size [deg]", "centre [deg]")
+    for region in document["regions"]:
+        table.add_row(
+            str(region["branch"]), f"{region['size_deg']:.3f}", f"{region['centre_deg']:.3f}"
+        )
+    best = document["best"]
+    lines = [
+        f"{document['feasible_fraction']:.2%} of the headings serve with some arm branch, "
+        f"{document['motion_fraction']:.2%} of the {document['motions']} motions do",
+    ]
+    if best is not None:
+        lines.append(
+            f"best: {best['heading_deg']:.3f} deg, branch {best['branch']}, "
+            f"margin {best['value']:.6g}"
+        )
+    lines.append(f"{document['seconds']:.1f} s")
+    return [title, table, *(Text(line) for line in lines)]
+
+
 def info_tables(document: Document) -> list[RenderableType]:
     """A robot: its bodies, its joints, what it can reach, and doubts."""
-    bodies = _table(f"{document['urdf']}: {document['total_mass']:.6g} kg")
-    for column in (
-        "moved by",
-        "mass [kg]",
-        "range",
-        "centre of mass [m]",
-        "moments about it [kg m²]",
-    ):
-        bodies.add_column(column)
+    title = Text(f"{document['urdf']}: {document['total_mass']:.6g} kg")
+    bodies = _table(
+        "moved by", "mass [kg]", "range", "centre of mass [m]", "moments about it [kg m²]"
+    )
     ranges = {joint["name"]: _range(joint) for joint in document["joints"]}
     for body in document["bodies"]:
         moments = [body["inertia"][k][k] for k in range(3)]
@@ -113,7 +178,7 @@ def info_tables(document: Document) -> list[RenderableType]:
         f"{document['s_max']:.6g} {of['unit']}",
         *(f"doubt: {warning}" for warning in document["warnings"]),
     ]
-    return [bodies, *(Text(line) for line in lines)]
+    return [title, bodies, *(Text(line) for line in lines)]
 
 
 def _range(joint: Document) -> str:

@@ -1,0 +1,236 @@
+"""The keys of scenario files: what they mean, what they accept."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from freefloat.dynamics import Task
+from freefloat.planner import Objective
+from freefloat.timing import TimeLaw
+
+Number = Annotated[float, Field(strict=True)]
+Positive = Annotated[float, Field(strict=True, gt=0.0)]
+Vector = tuple[Number, Number, Number]
+Quaternion = tuple[Number, Number, Number, Number]
+Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]
+
+
+class _Section(BaseModel):
+    """A mapping of a scenario file: unknown keys refused, numbers finite."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+def _one_of(section: BaseModel, *names: str) -> None:
+    given = [name for name in names if getattr(section, name) is not None]
+    if len(given) != 1:
+        raise ValueError(f"exactly one of {', '.join(names)}")
+
+
+class RobotSection(_Section):
+    """Which robot."""
+
+    urdf: str
+    """A URDF file, relative to the scenario file, or the name of a bundled robot."""
+    end_effector: str
+    """The link that follows the path."""
+    scale_mass: Positive | dict[str, Positive] = 1.0
+    """Factor on mass and inertia of every link, or a map from link to factor."""
+
+
+class LineSection(_Section):
+    """A straight line."""
+
+    start: Vector = Field(alias="from")
+    """Where it begins [m]."""
+    end: Vector = Field(alias="to")
+    """Where it ends [m]."""
+
+
+class PolynomialSection(_Section):
+    """Polynomials in s, coefficients [m] from the lowest power up."""
+
+    x: Coefficients
+    """Of the x coordinate."""
+    y: Coefficients
+    """Of the y coordinate."""
+    z: Coefficients
+    """Of the z coordinate."""
+
+
+class ArcSection(_Section):
+    """A circular arc."""
+
+    center: Vector
+    """[m]"""
+    normal: Vector
+    """Axis of the turn."""
+    start: Vector = Field(alias="from")
+    """Where it begins [m]."""
+    angle_deg: Number
+    """How far it turns [degrees]."""
+
+
+class AxesSection(_Section):
+    """Two axes of the end-effector by their inertial directions; the first named is kept."""
+
+    x: Vector | None = None
+    y: Vector | None = None
+    z: Vector | None = None
+
+    @model_validator(mode="after")
+    def _two(self) -> AxesSection:
+        if len(self.model_fields_set) != 2 or None in (
+            getattr(self, a) for a in self.model_fields_set
+        ):
+            raise ValueError("exactly two of x, y, z")
+        return self
+
+
+class OrientationSection(_Section):
+    """An attitude, written in one of three ways."""
+
+    quaternion: Quaternion | None = None
+    """x, y, z, w."""
+    rpy: Vector | None = None
+    """Roll, pitch, yaw about the inertial x, y, z axes in this order [rad]."""
+    axes: AxesSection | None = None
+    """Directions of two axes."""
+
+    @model_validator(mode="after")
+    def _one(self) -> OrientationSection:
+        _one_of(self, "quaternion", "rpy", "axes")
+        return self
+
+
+Orientation = Annotated[
+    OrientationSection,
+    BeforeValidator(lambda given: {"quaternion": given} if isinstance(given, list) else given),
+]
+
+
+class SlerpSection(_Section):
+    """The shortest turn between two attitudes; a plain list is a quaternion x, y, z, w."""
+
+    start: Orientation = Field(alias="from")
+    """At the start of the path."""
+    end: Orientation = Field(alias="to")
+    """At its end."""
+
+
+class FollowSection(_Section):
+    """An axis along the direction of travel."""
+
+    axis: Literal["x", "-x", "y", "-y"]
+    """The end-effector's axis."""
+    normal: Vector
+    """Direction that its z axis keeps to."""
+
+
+class PointAtSection(_Section):
+    """An axis toward a point."""
+
+    target: Vector
+    """The point [m]."""
+    axis: Literal["x", "-x", "y", "-y", "z", "-z"]
+    """The end-effector's axis."""
+
+
+class AttitudeSection(_Section):
+    """How the end-effector stands, in one of four ways."""
+
+    fixed: Orientation | None = None
+    slerp: SlerpSection | None = None
+    follow: FollowSection | None = None
+    point_at: PointAtSection | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> AttitudeSection:
+        _one_of(self, "fixed", "slerp", "follow", "point_at")
+        return self
+
+
+class PathSection(_Section):
+    """Where the end-effector goes, in one of five ways, and how it stands."""
+
+    line: LineSection | None = None
+    polynomial: PolynomialSection | None = None
+    arc: ArcSection | None = None
+    waypoints: Annotated[list[Vector], Field(min_length=2, max_length=10_000)] | None = None
+    """Points [m] of a twice continuously differentiable spline."""
+    samples: str | None = None
+    """A CSV file, relative to the scenario file: x, y, z [m], optionally s and qx, qy, qz, qw."""
+    attitude: AttitudeSection | None = None
+    """Left out for position tasks, and where the samples have quaternions."""
+
+    @model_validator(mode="after")
+    def _one(self) -> PathSection:
+        _one_of(self, "line", "polynomial", "arc", "waypoints", "samples")
+        return self
+
+
+class StopSection(_Section):
+    """A rest on the way."""
+
+    s: Number
+    """Where, in (0, 1)."""
+    t: Number
+    """When [s]."""
+
+
+class TimingSection(_Section):
+    """When the end-effector is where."""
+
+    duration: Number
+    """Of the whole motion [s]."""
+    law: TimeLaw = TimeLaw.QUINTIC
+    """How each segment between rests is travelled."""
+    stops: list[StopSection] = []
+    """Rests on the way."""
+
+
+class MarginSection(_Section):
+    """How far from dynamic singularities to stay."""
+
+    measure: Literal["gjm", "system", "arm", "sigma"] = "gjm"
+    """det S*, det A, the arm's in-plane factor, or the smallest singular value of S*."""
+    value: Annotated[float, Field(strict=True, ge=0.0)] | None = None
+    """Magnitude the measure must keep."""
+    fraction: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] | None = None
+    """The same as a share of the measure's largest magnitude over the joint space."""
+
+    @model_validator(mode="after")
+    def _one(self) -> MarginSection:
+        _one_of(self, "value", "fraction")
+        return self
+
+
+class SearchSection(_Section):
+    """Which of the feasible attitudes a plan should choose."""
+
+    objective: Objective = Objective.MARGIN
+    """The largest margin, the nearest to from_attitude, or the one deepest inside."""
+    from_attitude: Quaternion | None = None
+    """Attitude the spacecraft has now: x, y, z, w."""
+    samples: Annotated[int, Field(strict=True, ge=8, le=100_000_000)] = 360
+    """How many attitudes are tried where there is no closed form."""
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    """Of whatever is drawn at random."""
+
+
+class ScenarioFile(_Section):
+    """A scenario: a robot, a path for its end-effector, and what it drifts with."""
+
+    robot: RobotSection
+    task: Task
+    """What of the path is prescribed."""
+    momentum: Vector = (0.0, 0.0, 0.0)
+    """About the centre of mass, inertial axes [N m s]."""
+    path: PathSection
+    timing: TimingSection
+    margin: MarginSection = MarginSection(measure="gjm", value=0.0)
+    search: SearchSection = SearchSection()
