@@ -1,0 +1,285 @@
+"""Compare exact ranges of heading with brute force on random planar problems.
+
+Brute force follows the path from every quarter of a degree by a fixed-step method written here,
+notes where S_min crosses S0, and bisects each crossing with precise motions. Every range has to
+be found by both to 0.05 degrees. ``python scripts/verify_planar_ranges.py --cases 200`` prints a
+table; ``--seed`` chooses other cases, ``--json FILE`` keeps the details.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+import freefloat as ff
+from freefloat.attitude_law import FixedAttitude, follow_attitude
+from freefloat.closeness import least
+from freefloat.curve import PolynomialCurve
+from freefloat.integration import integrate_motion
+from freefloat.planar_arm import PlanarArm
+from freefloat.planar_ranges import BranchRanges, find_limits, heading_ranges
+from freefloat.problem import Margin, Problem
+from freefloat.singularity import joint_space_extremes, measure
+from freefloat.spatial import heading_quaternion
+from freefloat.workspace import path_areas, planar_workspace, point_3_on_path
+
+SPACING = 0.25
+AGREEMENT = 0.05
+
+
+def planar_urdf(lengths: np.ndarray, masses: np.ndarray, moments: np.ndarray) -> str:
+    """A planar arm; ``lengths[0]`` is the mount's distance from the spacecraft's centre."""
+    text = ['<robot name="random">']
+    for i, (mass, moment) in enumerate(zip(masses, moments, strict=True)):
+        centre = lengths[i] / 2 if i else 0.0
+        text.append(
+            f'<link name="l{i}"><inertial><origin xyz="{centre} 0 0"/><mass value="{mass}"/>'
+            f'<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/>'
+            "</inertial></link>"
+        )
+        if i:
+            text.append(
+                f'<joint name="q{i}" type="continuous"><parent link="l{i - 1}"/>'
+                f'<child link="l{i}"/><origin xyz="{lengths[i - 1]} 0 0"/><axis xyz="0 0 1"/>'
+                "</joint>"
+            )
+    last = len(masses) - 1
+    text.append(
+        f'<link name="tip"/><joint name="tool" type="fixed"><parent link="l{last}"/>'
+        f'<child link="tip"/><origin xyz="{lengths[-1]} 0 0"/></joint></robot>'
+    )
+    return "".join(text)
+
+
+def random_problem(rng: np.random.Generator) -> Problem:
+    """An arm of two or three joints, a line or a parabola within reach, momentum and margin."""
+    joints = int(rng.choice([2, 3]))
+    lengths = np.concatenate([[rng.uniform(0.2, 0.8)], rng.uniform(0.5, 2.0, joints)])
+    masses = np.concatenate([[rng.uniform(50, 500)], rng.uniform(2, 50, joints)])
+    if joints == 3:
+        lengths[3], masses[3] = rng.uniform(0.2, 0.5), rng.uniform(0.5, 5.0)
+    moments = masses * np.maximum(lengths, 0.3) ** 2 * rng.uniform(0.08, 0.3, joints + 1)
+    model = ff.FreeFloatingModel.from_urdf(planar_urdf(lengths, masses, moments), "tip")
+    task = ff.Task.PLANAR_POSE if joints == 3 else ff.Task.PLANAR_POSITION
+    of = measure(model, task, "system")
+    S0 = rng.uniform(0.02, 0.12) * joint_space_extremes(model, of).magnitude
+    momentum = [0.0, 0.0, rng.choice([0.0, rng.uniform(-2.0, 2.0)])]
+    a, b, c = np.abs(PlanarArm.of(model).links[:3])
+    low, high = max(0.0, abs(b - c) - a, a - b - c), a + b + c
+    while True:
+        ends = rng.uniform(low, high, 2) * np.exp(1j * rng.uniform(0, 2 * np.pi, 2))
+        start, end = (np.array([z.real, z.imag, 0.0]) for z in ends)
+        bow = rng.normal(0.0, 0.5, 3) * [1, 1, 0] * rng.choice([0.0, 1.0])
+        curve = PolynomialCurve(np.array([start, end - start - bow, bow]))
+        law = FixedAttitude(np.eye(3))
+        if joints == 3:
+            angle = rng.uniform(0, 2 * np.pi)
+            law = FixedAttitude(
+                [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+            )
+            if rng.random() < 0.5:
+                law = follow_attitude(curve, str(rng.choice(["x", "-y"])), [0, 0, 1])
+        path = ff.TimedPath(ff.EndEffectorPath(curve, law), ff.Timing(float(rng.uniform(30, 200))))
+        problem = Problem(model, path, task, momentum, Margin(of, float(S0)))
+        radii = [abs(point_3_on_path(problem, s)) for s in np.linspace(0, 1, 41)]
+        if low < min(radii) and max(radii) < high and np.linalg.norm(end - start) > 0.3:
+            return problem
+
+
+def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int, np.ndarray]:
+    """Whether each heading keeps the margin, by branch: Runge-Kutta steps for all at once."""
+    arm, h = PlanarArm.of(problem.model), float(problem.momentum[2])
+    duration, level = problem.path.duration, problem.margin.value
+    last_link = arm.links[3] if len(arm.links) == 4 else 0.0
+
+    def travel(t: float) -> tuple[complex, float]:
+        twist = problem.path.twist(t)
+        turn = twist[5] if len(arm.links) == 4 else 0.0
+        pose = problem.path.pose(t)
+        angle = np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]) - arm.tool_angle
+        return complex(*twist[:2]) - 1j * turn * last_link * np.exp(1j * angle), float(turn)
+
+    grid = np.linspace(0.0, duration, 2 * steps + 1)
+    travels = [travel(float(t)) for t in grid]
+    verdicts = {}
+    for index in (0, 1):
+        rows, alive = [], np.zeros(len(headings), dtype=bool)
+        for k, heading in enumerate(headings):
+            for branch in problem.branches(heading_quaternion(float(heading))):
+                if branch.index == index:
+                    rows.append(arm.angles(heading, branch.joints))
+                    alive[k] = True
+        phi, kept = np.array(rows).reshape(-1, len(arm.links)), np.flatnonzero(alive)
+        sign = np.sign(arm.determinant(phi))
+        good = np.abs(arm.determinant(phi)) >= level
+        for k in range(steps):
+            dt = duration / steps
+
+            def rate(phi: np.ndarray, j: int) -> np.ndarray:
+                velocity, turn = travels[j]
+                return arm.rates(phi, h, np.full(len(phi), velocity), np.full(len(phi), turn))
+
+            live = np.flatnonzero(good)
+            if not len(live):
+                break
+            p = phi[live]
+            k1 = rate(p, 2 * k)
+            k2 = rate(p + dt / 2 * k1, 2 * k + 1)
+            k3 = rate(p + dt / 2 * k2, 2 * k + 1)
+            k4 = rate(p + dt * k3, 2 * k + 2)
+            phi[live] = p + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            good[live] = sign[live] * arm.determinant(phi[live]) >= level
+        verdict = np.zeros(len(headings), dtype=bool)
+        verdict[kept[good]] = True
+        verdicts[index] = verdict
+    return verdicts
+
+
+def precise(problem: Problem, heading: float, index: int) -> bool:
+    """The verdict of one precise motion."""
+    attitude = heading_quaternion(heading)
+    for branch in problem.branches(attitude):
+        if branch.index == index:
+            motion = integrate_motion(problem, attitude, branch.joints, tolerance=1e-9)
+            closest = least(motion, problem.margin.measure).value
+            return motion.completed and closest >= problem.margin.value
+    return False
+
+
+def brute_force(problem: Problem) -> dict[int, list[tuple[float, bool]]]:
+    """Headings [deg] at which the verdict changes, with whether a range begins there."""
+    headings = np.radians(np.arange(0.0, 360.0, SPACING) + SPACING / 2)
+    found: dict[int, list[tuple[float, bool]]] = {}
+    for index, verdict in sweep(problem, headings).items():
+        found[index] = []
+        for k in np.flatnonzero(verdict != np.roll(verdict, -1)):
+            low, high = float(headings[k]), float(headings[k]) + np.radians(SPACING)
+            at_low, at_high = (precise(problem, x, index) for x in (low, high))
+            while at_low == at_high:  # the fixed-step verdict was off by a sample or so
+                low, high = low - np.radians(SPACING) / 2, high + np.radians(SPACING) / 2
+                at_low, at_high = (precise(problem, x, index) for x in (low, high))
+                if high - low > np.radians(8 * SPACING):
+                    break
+            else:
+                while high - low > np.radians(0.002):
+                    middle = (low + high) / 2
+                    if precise(problem, middle, index) == at_low:
+                        low = middle
+                    else:
+                        high = middle
+                found[index].append((float(np.degrees((low + high) / 2) % 360.0), at_high))
+    return found
+
+
+@dataclass
+class Verdict:
+    """What one case showed."""
+
+    number: int
+    joints: int
+    areas: int
+    momentum: float
+    limits: int
+    worst: float
+    seconds: float
+    brute_seconds: float
+    trouble: list[str] = field(default_factory=list)
+
+
+def judge(problem: Problem, number: int = 0) -> Verdict:
+    """Both answers for one problem, and how far apart they are."""
+    span = (0.0, problem.path.duration)
+    start = time.perf_counter()
+    entries = heading_ranges(problem, find_limits(problem, span), span, 0.0)
+    between = time.perf_counter()
+    brute = brute_force(problem)
+    end = time.perf_counter()
+    areas = sum(inside for _, inside in path_areas(problem, planar_workspace(problem)))
+    verdict = Verdict(
+        number, problem.model.dof, areas, float(problem.momentum[2]),
+        sum(len(entry.limits) for entry in entries), 0.0, between - start, end - between,
+    )  # fmt: skip
+    for entry in entries:
+        _compare(problem, entry, brute[entry.branch], verdict)
+    return verdict
+
+
+def _compare(
+    problem: Problem, entry: BranchRanges, brute: list[tuple[float, bool]], verdict: Verdict
+) -> None:
+    exact = [
+        (float(np.degrees(edge)) % 360.0, opens)
+        for one in entry.ranges if one.causes
+        for edge, opens in ((one.low, True), (one.high, False))
+    ]  # fmt: skip
+    if len(exact) % 2:
+        verdict.trouble.append(f"branch {entry.branch}: {len(exact)} limits")
+
+    def gap(one: float, other: float) -> float:
+        return abs((one - other + 180.0) % 360.0 - 180.0)
+
+    for heading, opens in brute:
+        nearest = min((gap(heading, x) for x, y in exact if y == opens), default=360.0)
+        verdict.worst = max(verdict.worst, nearest)
+        if nearest > AGREEMENT:
+            verdict.trouble.append(f"branch {entry.branch}: missed {heading:.4f} deg")
+    for one in entry.ranges:
+        for share in (0.02, 0.5, 0.98) if one.causes else (0.1, 0.6):
+            if not precise(problem, one.low + share * one.width, entry.branch):
+                verdict.trouble.append(f"branch {entry.branch}: invented, at {share:g} of {one}")
+    for heading, opens in exact:
+        seen = min((gap(heading, x) for x, y in brute if y == opens), default=360.0)
+        if seen > AGREEMENT and not _narrow(entry, heading):
+            verdict.trouble.append(f"branch {entry.branch}: {heading:.4f} deg not in the sweep")
+
+
+def _narrow(entry: BranchRanges, heading: float) -> bool:
+    """Whether a limit bounds a range or a gap that the sweep's spacing cannot show."""
+    edges = np.degrees(np.array(entry.limits))
+    gaps = np.abs((edges - heading + 180.0) % 360.0 - 180.0)
+    return bool(np.sort(gaps)[1:2].min(initial=360.0) < 2.0 * SPACING)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    console = Console(stderr=True)
+    numbers = range(arguments.seed, arguments.seed + arguments.cases)
+    verdicts = [
+        judge(random_problem(np.random.default_rng(number)), number)
+        for number in track(numbers, console=console, disable=not console.is_terminal)
+    ]
+    table = Table(title=f"{len(verdicts)} random planar problems")
+    for column in ("areas", "cases", "limits", "worst deg", "exact s", "brute s", "trouble"):
+        table.add_column(column)
+    for areas in sorted({verdict.areas for verdict in verdicts}):
+        group = [verdict for verdict in verdicts if verdict.areas == areas]
+        table.add_row(
+            str(areas), str(len(group)), str(sum(v.limits for v in group)),
+            f"{max(v.worst for v in group):.4f}", f"{np.mean([v.seconds for v in group]):.2f}",
+            f"{np.mean([v.brute_seconds for v in group]):.2f}",
+            str(sum(len(v.trouble) for v in group)),
+        )  # fmt: skip
+    Console().print(table)
+    for verdict in verdicts:
+        for line in verdict.trouble:
+            print(f"case {verdict.number}: {line}")
+    if arguments.json:
+        arguments.json.write_text(json.dumps([vars(verdict) for verdict in verdicts], indent=1))
+    return 1 if any(verdict.trouble for verdict in verdicts) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
