@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 import freefloat as ff
+from freefloat.report import plan_document
 from freefloat.singularity import joint_space_extremes
 from freefloat.spatial import unit_quaternion
 from freefloat.virtual_manipulator import VirtualManipulator
@@ -70,6 +71,43 @@ def planar() -> Iterator[Line]:
         yield Line(f"Example 1: {heading:g} deg completes", becomes == "completed", reached, 0.0)
 
 
+def planar_ranges() -> Iterator[Line]:
+    """Section V on Example 1: touch points, ranges segment by segment, ranges at A.
+
+    The paper looks at motions with S > 0 alone. Its printed touch points have S of 5.006, 4.992 and
+    4.996 instead of 5, so that they can be met to a few milliradians only.
+    """
+    document = plan_document(ff.plan(ff.load_scenario("planar_3dof/parabola").problem()))
+    AF, FB = (
+        sorted((t for t in segment["touch_points"] if t["level"] > 0), key=lambda t: t["tau"])
+        for segment in document["segments"]
+    )
+    touches = (
+        ("FB", FB[0], [-0.7463, -3.6512, 0.1762, 1.7885], 0.9495),
+        ("AF, first", AF[0], [0.9158, -0.6074, 2.9265, 0.9617], 0.4895),
+        ("AF, second", AF[1], [1.5922, -0.7348, 2.9014, 0.2833], 0.6413),
+    )
+    for name, touch, printed, tau in touches:
+        found = np.array([touch["heading"], *touch["joints"]])
+        near = np.array(printed) + np.angle(np.exp(1j * (found - printed)))
+        yield from lines(f"Example 1: touch point of {name} in rad", printed, near, 6e-3)
+        yield Line(f"Example 1: its dimensionless time, {name}", tau, touch["tau"], 6e-3)
+    limits = (
+        ("at B, tangent", 318.9, FB[0]["heading_at_end_deg"]),
+        ("at B, end touch", 259.4, FB[1]["heading_at_end_deg"]),
+        ("of FB moved to F", 298.7, FB[1]["heading_at_start_deg"]),
+        ("of FB moved to F", 354.2, FB[0]["heading_at_start_deg"]),
+        ("of AF at F", 335.3, AF[0]["heading_at_end_deg"]),
+        ("of AF at F", 60.9, AF[1]["heading_at_end_deg"]),
+    )
+    for name, printed, computed in limits:
+        yield Line(f"Example 1: limit {name} in deg", printed, computed, 0.2)
+    joined = document["segments"][0]["joined_at_end_deg"][0]["ranges"]
+    yield from lines("Example 1: range of both at F in deg", [60.9, 298.7], joined[0], 0.2)
+    ranges = np.ravel(document["attitude_ranges_deg"][0]["ranges"])
+    yield from lines("Example 1: ranges at A in deg", [0.0, 63.0, 161.0, 360.0], ranges, 2.0)
+
+
 def _heading(degrees: float) -> list[float]:
     half = np.deg2rad(degrees) / 2.0
     return [0.0, 0.0, float(np.sin(half)), float(np.cos(half))]
@@ -105,7 +143,7 @@ def main() -> int:
     table = Table(title="Printed and computed")
     for column in ("quantity", "printed", "computed", "difference", "tolerance", ""):
         table.add_column(column)
-    found = [*planar(), *spatial()]
+    found = [*planar(), *planar_ranges(), *spatial()]
     for line in found:
         table.add_row(
             line.what, f"{line.printed:.6g}", f"{line.computed:.6g}",

@@ -34,6 +34,7 @@ from freefloat.workspace import path_areas, planar_workspace, point_3_on_path
 
 SPACING = 0.25
 AGREEMENT = 0.05
+PRECISION = 0.01
 
 
 def planar_urdf(lengths: np.ndarray, masses: np.ndarray, moments: np.ndarray) -> str:
@@ -155,22 +156,24 @@ def precise(problem: Problem, heading: float, index: int) -> bool:
     return False
 
 
-def brute_force(problem: Problem) -> dict[int, list[tuple[float, bool]]]:
+def brute_force(
+    problem: Problem, spacing: float = SPACING, steps: int = 1500
+) -> dict[int, list[tuple[float, bool]]]:
     """Headings [deg] at which the verdict changes, with whether a range begins there."""
-    headings = np.radians(np.arange(0.0, 360.0, SPACING) + SPACING / 2)
+    headings = np.radians(np.arange(0.0, 360.0, spacing) + spacing / 2)
     found: dict[int, list[tuple[float, bool]]] = {}
-    for index, verdict in sweep(problem, headings).items():
+    for index, verdict in sweep(problem, headings, steps).items():
         found[index] = []
         for k in np.flatnonzero(verdict != np.roll(verdict, -1)):
-            low, high = float(headings[k]), float(headings[k]) + np.radians(SPACING)
+            low, high = float(headings[k]), float(headings[k]) + np.radians(spacing)
             at_low, at_high = (precise(problem, x, index) for x in (low, high))
             while at_low == at_high:  # the fixed-step verdict was off by a sample or so
-                low, high = low - np.radians(SPACING) / 2, high + np.radians(SPACING) / 2
+                low, high = low - np.radians(spacing) / 2, high + np.radians(spacing) / 2
                 at_low, at_high = (precise(problem, x, index) for x in (low, high))
-                if high - low > np.radians(8 * SPACING):
+                if high - low > np.radians(8 * spacing):
                     break
             else:
-                while high - low > np.radians(0.002):
+                while high - low > np.radians(PRECISION):
                     middle = (low + high) / 2
                     if precise(problem, middle, index) == at_low:
                         low = middle
@@ -195,13 +198,22 @@ class Verdict:
     trouble: list[str] = field(default_factory=list)
 
 
-def judge(problem: Problem, number: int = 0) -> Verdict:
-    """Both answers for one problem, and how far apart they are."""
+def judge(
+    problem: Problem, number: int = 0, spacing: float = SPACING, steps: int = 1500
+) -> Verdict:
+    """Both answers for one problem, and how far apart they are.
+
+    Args:
+        problem: The problem.
+        number: Told in the verdict.
+        spacing: Of the sweep [deg].
+        steps: Runge-Kutta steps of a motion of the sweep.
+    """
     span = (0.0, problem.path.duration)
     start = time.perf_counter()
     entries = heading_ranges(problem, find_limits(problem, span), span, 0.0)
     between = time.perf_counter()
-    brute = brute_force(problem)
+    brute = brute_force(problem, spacing, steps)
     end = time.perf_counter()
     areas = sum(inside for _, inside in path_areas(problem, planar_workspace(problem)))
     verdict = Verdict(
@@ -209,12 +221,16 @@ def judge(problem: Problem, number: int = 0) -> Verdict:
         sum(len(entry.limits) for entry in entries), 0.0, between - start, end - between,
     )  # fmt: skip
     for entry in entries:
-        _compare(problem, entry, brute[entry.branch], verdict)
+        _compare(problem, entry, brute[entry.branch], verdict, spacing)
     return verdict
 
 
 def _compare(
-    problem: Problem, entry: BranchRanges, brute: list[tuple[float, bool]], verdict: Verdict
+    problem: Problem,
+    entry: BranchRanges,
+    brute: list[tuple[float, bool]],
+    verdict: Verdict,
+    spacing: float,
 ) -> None:
     exact = [
         (float(np.degrees(edge)) % 360.0, opens)
@@ -238,15 +254,15 @@ def _compare(
                 verdict.trouble.append(f"branch {entry.branch}: invented, at {share:g} of {one}")
     for heading, opens in exact:
         seen = min((gap(heading, x) for x, y in brute if y == opens), default=360.0)
-        if seen > AGREEMENT and not _narrow(entry, heading):
+        if seen > AGREEMENT and not _narrow(entry, heading, spacing):
             verdict.trouble.append(f"branch {entry.branch}: {heading:.4f} deg not in the sweep")
 
 
-def _narrow(entry: BranchRanges, heading: float) -> bool:
+def _narrow(entry: BranchRanges, heading: float, spacing: float) -> bool:
     """Whether a limit bounds a range or a gap that the sweep's spacing cannot show."""
     edges = np.degrees(np.array(entry.limits))
     gaps = np.abs((edges - heading + 180.0) % 360.0 - 180.0)
-    return bool(np.sort(gaps)[1:2].min(initial=360.0) < 2.0 * SPACING)
+    return bool(np.sort(gaps)[1:2].min(initial=360.0) < 2.0 * spacing)
 
 
 def main() -> int:

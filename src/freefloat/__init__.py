@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from freefloat.motion import Ending as Ending
     from freefloat.motion import Motion as Motion
     from freefloat.path import EndEffectorPath as EndEffectorPath
+    from freefloat.planner import Objective as Objective
+    from freefloat.planner import Plan as Plan
+    from freefloat.planner import Search as Search
+    from freefloat.planner import plan as plan
     from freefloat.problem import Margin as Margin
     from freefloat.problem import Problem as Problem
     from freefloat.scenario import load_scenario as load_scenario
@@ -38,6 +42,10 @@ _ROOMS = {
     "Ending": "motion",
     "Motion": "motion",
     "EndEffectorPath": "path",
+    "Objective": "planner",
+    "Plan": "planner",
+    "Search": "planner",
+    "plan": "planner",
     "Margin": "problem",
     "Problem": "problem",
     "load_scenario": "scenario",

@@ -11,7 +11,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.linalg.lapack import dgesv, dgetrf
+from scipy.linalg.lapack import dgesv, dgetrf, dtrtrs
 
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
@@ -227,6 +227,10 @@ class DriftEquation:
         Jb, Jm = self._matrix[6:, :6], self._matrix[6:, 6:]
         B = np.linalg.solve(Ab, np.column_stack([Am, self._right[:6]]))
         S = Jm - Jb @ B[:, :-1]
-        joint_rates = np.linalg.pinv(S, rcond=0.0) @ (self._right[6:] - Jb @ B[:, -1])
+        Q, R = np.linalg.qr(S.T)
+        through, singular = dtrtrs(R, self._right[6:] - Jb @ B[:, -1], trans=1)
+        if singular:
+            through = np.full(len(through), np.inf)
+        joint_rates = Q @ through
         base_twist = B[:, -1] - B[:, :-1] @ joint_rates
         return base_twist[3:], joint_rates

@@ -137,4 +137,4 @@ def _inertia(model: FreeFloatingModel, turns: list[Array]) -> Complex:
     offsets = steps - masses @ steps / masses.sum()
     moments = [(R @ body.inertia @ R.T)[2, 2] for R, body in zip(turns, bodies, strict=True)]
     shared = (np.conj(offsets).T * masses) @ offsets
-    return np.asarray(shared.conj() + np.diag(moments))
+    return np.asarray(shared + np.diag(moments))

@@ -29,7 +29,7 @@ from freefloat.simulation import FollowedBranch, simulate
 from freefloat.spatial import Array, frozen, heading_quaternion
 
 Progress = Callable[[float], None]
-_BISECTIONS = 30
+_BISECTIONS = 22
 _TOLERANCE = 1e-9
 _ROUGH = 1e-6
 
@@ -137,8 +137,8 @@ def searched_ranges(
     """
     redundant = problem.model.dof > len(problem.task.rows)
 
-    def keeps(heading: float) -> dict[int, bool]:
-        verdicts = _verdicts(problem, heading)
+    def keeps(heading: float, only: int | None = None) -> dict[int, bool]:
+        verdicts = _verdicts(problem, heading, None if redundant else only)
         return {0: any(good for _, good in verdicts)} if redundant else dict(verdicts)
 
     headings = np.arange(samples) * (TURN / samples)
@@ -153,10 +153,14 @@ def searched_ranges(
     )
 
 
-def _verdicts(problem: Problem, heading: float) -> Iterator[tuple[int, bool]]:
+def _verdicts(
+    problem: Problem, heading: float, only: int | None = None
+) -> Iterator[tuple[int, bool]]:
     """Which arm branches keep the margin from a heading, one motion at a time."""
     attitude = heading_quaternion(heading)
     for branch in problem.branches(attitude):
+        if only not in (None, branch.index):
+            continue
         try:
             motion = integrate_motion(problem, attitude, branch.joints, tolerance=_TOLERANCE)
         except IntegrationError:
@@ -170,7 +174,7 @@ def _ranges_of(
     label: str,
     headings: npt.NDArray[Any],
     verdicts: list[dict[int, bool]],
-    keeps: Callable[[float], dict[int, bool]],
+    keeps: Callable[[float, int], dict[int, bool]],
 ) -> BranchRanges:
     good = np.array([verdict.get(index, False) for verdict in verdicts])
     if good.all():
@@ -192,12 +196,12 @@ def _ranges_of(
 
 
 def _bisected(
-    index: int, low: float, high: float, keeps: Callable[[float], dict[int, bool]]
+    index: int, low: float, high: float, keeps: Callable[[float, int], dict[int, bool]]
 ) -> float:
-    first = keeps(low).get(index, False)
+    first = keeps(low, index).get(index, False)
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0
-        if keeps(middle).get(index, False) == first:
+        if keeps(middle, index).get(index, False) == first:
             low = middle
         else:
             high = middle

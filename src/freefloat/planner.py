@@ -39,6 +39,8 @@ _INSIDE = 1e-6
 """How far inside a range a heading is put that would lie on its limit [rad]."""
 _LOOKS = 24
 """Headings tried in each range when the largest margin is sought."""
+_POLISHED = 2
+"""How many of them are then improved."""
 
 
 class Objective(StrEnum):
@@ -254,14 +256,15 @@ def _largest_margin(problem: Problem, now: float, pairs: list[Pair]) -> Choice:
         spacing = one.width / _LOOKS
         looks = one.low + spacing * (np.arange(_LOOKS) + 0.5)
         margins = [margin_from(problem, float(heading) % TURN, branch) for heading in looks]
-        top = int(np.argmax(margins))
-        refined = minimize_scalar(
-            lambda heading, branch=branch: -margin_from(problem, heading % TURN, branch),
-            bounds=(looks[top] - spacing / 2.0, looks[top] + spacing / 2.0), method="bounded",
-            options={"xatol": 1e-6},
-        )  # fmt: skip
-        found = max((margins[top], float(looks[top])), (-float(refined.fun), float(refined.x)))
-        best.append((*found, entry, one))
+        best.append((max(margins), float(looks[int(np.argmax(margins))]), entry, one))
+        for top in np.argsort(margins)[-_POLISHED:]:
+            refined = minimize_scalar(
+                lambda heading, branch=branch: -margin_from(problem, heading % TURN, branch),
+                bounds=(looks[top] - spacing, looks[top] + spacing), method="bounded",
+                options={"xatol": 1e-6},
+            )  # fmt: skip
+            if one.depth(float(refined.x)) > 0.0:
+                best.append((-float(refined.fun), float(refined.x), entry, one))
     value, heading, entry, one = max(best, key=lambda candidate: candidate[0])
     reason = f"the largest margin, {problem.margin.measure.name} {value:.6g}"
     return heading % TURN, entry, one, reason
