@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from freefloat.curve import Curve
 from freefloat.errors import InputError
-from freefloat.spatial import Array, axes_rotation, finite_vector, frozen, unit_vector
+from freefloat.spatial import Array, axes_rotation, cross, finite_vector, frozen, unit_vector
 
 _LOOKS = np.linspace(0.0, 1.0, 201)
 """Where a directed attitude is inspected when it is made."""
@@ -116,12 +116,12 @@ class DirectedAttitude:
         return axes_rotation("attitude", (self.axis[-1], first), (self.second, second))
 
     def rate(self, s: float) -> Array:
-        """See :class:`AttitudeLaw`: half the sum of each axis times its derivative."""
+        """See :class:`AttitudeLaw`: each component is one axis' drift towards another."""
         (first, second), (first1, second1) = self._axes(s)
-        third = np.cross(first, second)
-        third1 = np.cross(first1, second) + np.cross(first, second1)
-        turns = np.cross([first, second, third], [first1, second1, third1])
-        return np.asarray(turns.sum(axis=0) / 2.0)
+        third = cross(first, second)
+        return np.asarray(
+            (second1 @ third) * first - (first1 @ third) * second + (first1 @ second) * third
+        )
 
     def refuse_gaps(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""
