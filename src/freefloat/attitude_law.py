@@ -5,6 +5,7 @@ A law gives a rotation and the angular velocity per unit of s, which is its exac
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -12,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from freefloat.curve import Curve
@@ -20,6 +22,10 @@ from freefloat.spatial import Array, axes_rotation, cross, finite_vector, frozen
 
 _LOOKS = np.linspace(0.0, 1.0, 201)
 """Where a directed attitude is inspected when it is made."""
+_DIPS = 5
+"""How many of the lowest places between are searched."""
+_GAP = 1e-6
+"""Share of its usual length below which a direction counts as none."""
 
 
 class AttitudeLaw(Protocol):
@@ -125,13 +131,37 @@ class DirectedAttitude:
 
     def refuse_gaps(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""
-        for s in _LOOKS:
-            d, _ = self.direction(float(s))
-            length = np.linalg.norm(d)
-            if length < 1e-9:
-                raise InputError(key, f"{undefined} at s = {s:.3g}", accepted)
-            if np.linalg.norm(np.cross(d / length, self.reference)) < 1e-6:
-                raise InputError(key, f"{parallel} at s = {s:.3g}", accepted)
+        longest = max(self._length(s) for s in _LOOKS)
+        for function, threshold, words in (
+            (self._length, _GAP * longest, undefined),
+            (self._slant, _GAP, parallel),
+        ):
+            s, value = _smallest(function)
+            if value <= threshold:
+                raise InputError(key, f"{words} at s = {s:.4g}", accepted)
+
+    def _length(self, s: float) -> float:
+        d, _ = self.direction(float(s))
+        return math.sqrt(d @ d)
+
+    def _slant(self, s: float) -> float:
+        """Sine of the angle between the direction and the reference."""
+        d, _ = self.direction(float(s))
+        across = cross(d, self.reference)
+        return math.sqrt((across @ across) / (d @ d))
+
+
+def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
+    """Where a function on [0, 1] is smallest and how small: samples, the lowest dips searched."""
+    values = np.array([function(float(s)) for s in _LOOKS])
+    best = [(float(values.min()), float(_LOOKS[np.argmin(values)]))]
+    dips = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
+    for i in dips[np.argsort(values[dips])][:_DIPS]:
+        bounds = (_LOOKS[i - 1], _LOOKS[i + 1])
+        found = minimize_scalar(function, bounds=bounds, method="bounded", options={"xatol": 1e-12})
+        best.append((float(found.fun), float(found.x)))
+    value, s = min(best)
+    return s, value
 
 
 def _unit_and_rate(vector: Array, rate: Array) -> tuple[Array, Array]:

@@ -33,7 +33,7 @@ def find_scenario(name: str) -> Path:
         InputError: Listing the bundled names when there is neither.
     """
     path = Path(name)
-    if path.is_file():
+    if is_file(path):
         return path
     if name in bundled_scenarios():
         return models_folder() / f"{name}.yaml"
@@ -47,7 +47,7 @@ def find_robot(name: str, folder: Path) -> Path:
         InputError: Listing the bundled names when there is neither.
     """
     path = folder / name
-    if path.is_file():
+    if is_file(path):
         return path
     stem = name.removesuffix(".urdf")
     if stem in bundled_robots():
@@ -55,8 +55,20 @@ def find_robot(name: str, folder: Path) -> Path:
     raise unknown("urdf", name, bundled_robots(), "a URDF file, or one of")
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; no name is too long or too odd to ask."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def unknown(key: str, name: str, names: tuple[str, ...], what: str) -> InputError:
     """The error for a name that does not exist, with the nearest one that does."""
     near = difflib.get_close_matches(name, names, 1)
     hint = f" (did you mean {near[0]}?)" if near else ""
-    return InputError(key, f"no such file or name: {name}{hint}", f"{what} {', '.join(names)}")
+    shown = name if len(name) <= 80 else name[:77] + "..."
+    problem = f"no such file or name: {shown}{hint}"
+    if name and len(name) < 256 and "\0" not in name and Path(name).is_dir():
+        problem = f"{name} is a directory"
+    return InputError(key, problem, f"{what} {', '.join(names)}")

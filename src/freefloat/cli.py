@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -12,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from freefloat.errors import FreeFloatError, InputError
 
@@ -20,7 +24,50 @@ if TYPE_CHECKING:
 
     from freefloat.problem import Problem
 
+
+class _Group(TyperGroup):
+    """The commands; what cannot be understood is one line, or one JSON document, like any input."""
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run a command line and exit."""
+        words = sys.argv[1:] if args is None else list(args)
+        try:
+            status = super().main(
+                args, prog_name, complete_var, False, windows_expand_args, **extra
+            )
+        except UsageError as error:
+            told = _usage_error(error)
+            _print_error(told, "--json" in words)
+            sys.exit(BAD_INPUT)
+        except OSError as error:
+            if error.errno != errno.EPIPE:
+                typer.echo(f"freefloat: the answer cannot be written: {error.strerror}", err=True)
+            sys.exit(BAD_INPUT)
+        sys.exit(status if isinstance(status, int) else DONE)
+
+
+def _usage_error(error: Any) -> InputError:
+    """Typer's refusal of a command line as ours: the option, what is wrong, what is accepted."""
+    message = str(error.format_message()).rstrip(".")
+    parameter = getattr(error, "param", None)
+    named = parameter.opts[-1] if parameter else getattr(error, "option_name", None)
+    command = error.ctx.info_name if error.ctx and error.ctx.parent else ""
+    hint = f"see freefloat {command} --help".replace("  ", " ")
+    wanted = re.search(r"(?:should be|requires) (.*?)(?:,|$)", message)
+    accepted = f"{wanted[1]}, {hint}" if wanted else hint
+    return InputError(named or "command", message, accepted)
+
+
 app = typer.Typer(
+    cls=_Group,
     help="Plan end-effector paths for free-floating space manipulators.",
     no_args_is_help=True,
     add_completion=True,
@@ -32,6 +79,8 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout,
 ScenarioName = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line")
 ]
+UsageError: type[Any] = typer.BadParameter.__bases__[0]
+"""What typer raises for a command line it cannot understand; it exports only this child."""
 DONE, NO, BAD_INPUT = 0, 1, 2
 _PIPE_WIDTH = 120
 """Columns of tables that go to a file or another program."""
@@ -43,12 +92,16 @@ def _answering(as_json: bool) -> Iterator[None]:
     try:
         yield
     except FreeFloatError as error:
-        if as_json:
-            fields = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source"}
-            details = {name: getattr(error, field, None) for name, field in fields.items()}
-            _print_json({"error": {"message": str(error), **details}})
-        typer.echo(f"freefloat: {error}", err=True)
+        _print_error(error, as_json)
         raise typer.Exit(BAD_INPUT) from None
+
+
+def _print_error(error: FreeFloatError, as_json: bool) -> None:
+    if as_json:
+        fields = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source"}
+        details = {name: getattr(error, field, None) for name, field in fields.items()}
+        _print_json({"error": {"message": str(error), **details}})
+    typer.echo(f"freefloat: {error}", err=True)
 
 
 def _print_json(document: dict[str, Any]) -> None:
@@ -81,15 +134,23 @@ def info(
 ) -> None:
     """Tell what a robot is: bodies, joints, barycentric lengths, and doubts about its URDF."""
     with _answering(as_json):
-        from freefloat.bundled import bundled_robots, bundled_scenarios, find_robot, unknown
+        from freefloat.bundled import (
+            bundled_robots,
+            bundled_scenarios,
+            find_robot,
+            is_file,
+            unknown,
+        )
         from freefloat.model import FreeFloatingModel
         from freefloat.report import info_document, natural_task
         from freefloat.scenario import load_scenario
 
         if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
+            if end_effector is not None:
+                raise InputError("end_effector", "the scenario names it already", "a URDF with it")
             problem = load_scenario(robot).problem()
             document = info_document(problem.model, problem.task, problem.margin.measure)
-        elif robot in bundled_robots() or Path(robot).is_file():
+        elif robot in bundled_robots() or is_file(Path(robot)):
             model = FreeFloatingModel.from_urdf(find_robot(robot, Path()), end_effector)
             document = info_document(model, natural_task(model))
         else:
@@ -161,9 +222,11 @@ def _attitude(
         return attitude
     from freefloat.spatial import heading_quaternion
 
+    if heading is None or not math.isfinite(heading):
+        raise InputError("heading", f"{heading} was given", "a finite number of degrees")
     if not problem.task.planar:
         raise InputError("heading", f"task {problem.task} is not planar", "--attitude X Y Z W")
-    return list(heading_quaternion(math.radians(heading or 0.0)))
+    return list(heading_quaternion(math.radians(heading)))
 
 
 def _joint_values(text: str | None) -> list[float] | None:
@@ -263,7 +326,9 @@ def schema(as_json: Json = False) -> None:
     """Print the JSON schema of scenario files, for editors and checkers."""
     with _answering(as_json):
         from freefloat.schema import ScenarioFile
-    _print_json({"scenario": ScenarioFile.model_json_schema()})
+
+        document = {"$id": "urn:freefloat:scenario", **ScenarioFile.model_json_schema()}
+    _print_json({"scenario": document})
 
 
 def _answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: bool) -> None:
@@ -281,9 +346,10 @@ def _answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json:
 
 
 def main() -> NoReturn:
-    """Run the command line; an interrupt ends it quietly."""
-    try:
-        app(standalone_mode=True)
-    except KeyboardInterrupt:
-        sys.exit(130)
+    """Run the command line.
+
+    The matrices are tiny: threads for linear algebra would only wait for each other.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    app()
     sys.exit(DONE)

@@ -21,9 +21,9 @@ class InputError(FreeFloatError):
 
     def __init__(self, key: str, problem: str, accepted: str, source: str | None = None) -> None:
         super().__init__(key, problem, accepted, source)
-        self.key = key
-        self.problem = problem
-        self.accepted = accepted
+        self.key = _one_line(key)
+        self.problem = _one_line(problem)
+        self.accepted = _one_line(accepted)
         self.source = source
 
     def __str__(self) -> str:
@@ -41,6 +41,10 @@ class InputError(FreeFloatError):
             A new error of the same class; where this one already names a file, that file is kept.
         """
         return type(self)(prefix + self.key, self.problem, self.accepted, self.source or source)
+
+
+def _one_line(text: str) -> str:
+    return text.replace("\n", "\\n").replace("\r", "\\r")
 
 
 class ModelError(InputError):

@@ -106,7 +106,7 @@ class FreeFloatingModel:
     @cached_property
     def frame_id(self) -> int:
         """Pinocchio's index of the end-effector frame."""
-        return int(self.pin_model.getFrameId(self.end_effector))
+        return _frame_id(self.pin_model, self.end_effector)
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
@@ -183,13 +183,13 @@ class FreeFloatingModel:
                     ", ".join(self.joint_names),
                 )
             joints = [joints[name] for name in self.joint_names]
-        values = np.atleast_1d(np.asarray(joints))
+        accepted = f"{self.dof} values: {', '.join(self.joint_names)}"
+        try:
+            values = np.atleast_1d(np.asarray(joints, dtype=float))
+        except (TypeError, ValueError):
+            raise InputError("joints", f"{joints!r} was given", accepted) from None
         if values.shape != (self.dof,):
-            raise InputError(
-                "joints",
-                f"{values.size} values were given",
-                f"{self.dof} values: {', '.join(self.joint_names)}",
-            )
+            raise InputError("joints", f"{values.size} values were given", accepted)
         return finite_vector("joints", values, self.dof)
 
 
@@ -209,11 +209,18 @@ def _links(model: Any) -> list[str]:
     return [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
 
 
+def _frame_id(model: Any, name: str) -> int:
+    """Index of a link, or of another frame where no link has the name."""
+    if model.existFrame(name, pin.FrameType.BODY):
+        return int(model.getFrameId(name, pin.FrameType.BODY))
+    return next(i for i, frame in enumerate(model.frames) if frame.name == name)
+
+
 def _only_tip(description: Description) -> str:
     model = _build(description)
     links = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
     parents = {model.frames[frame.parentFrame].parentFrame for frame in links}
-    tips = [link.name for link in links if model.getFrameId(link.name) not in parents]
+    tips = [link.name for link in links if _frame_id(model, link.name) not in parents]
     if len(tips) != 1:
         raise ModelError(
             "end_effector", "none was given and the robot has several last links",
@@ -224,11 +231,11 @@ def _only_tip(description: Description) -> str:
 
 def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:
     """The model with only the joints that move the end-effector left free."""
-    if not whole.existFrame(end_effector):
+    if not any(frame.name == end_effector for frame in whole.frames):
         raise ModelError(
             "end_effector", f"the robot has no frame {end_effector!r}", ", ".join(_links(whole))
         )
-    frame = whole.frames[whole.getFrameId(end_effector)]
+    frame = whole.frames[_frame_id(whole, end_effector)]
     chain = [index for index in whole.supports[frame.parentJoint] if index > 1]
     if not chain:
         raise ModelError(
@@ -253,6 +260,8 @@ def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:
                 f"held.{name}", "not a joint that can be held",
                 ", ".join(whole.names[index] for index in others) or "no joint: all of them move",
             )  # fmt: skip
+        if not np.isfinite(value):
+            raise ModelError(f"held.{name}", f"{value} was given", "a finite number [rad, m]")
         q[whole.joints[whole.getJointId(name)].idx_q] = value
     return pin.buildReducedModel(whole, others, q) if others else whole
 

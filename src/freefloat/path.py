@@ -56,62 +56,71 @@ def read_samples(file: str | Path) -> tuple[SplineCurve, SampledAttitude | None]
         The curve, and the attitude where the file has one.
 
     Raises:
-        InputError: Naming line and column.
+        InputError: Naming the file and the line.
     """
-    rows, columns = _read_csv(Path(file))
+    path = Path(file)
+    columns, rows, lines = _read_csv(path)
     points = np.column_stack([rows[:, columns.index(name)] for name in "xyz"])
-    source = str(file)
     s = rows[:, columns.index("s")] if "s" in columns else None
-    if s is not None and (s[0] != 0.0 or s[-1] != 1.0 or (np.diff(s) <= 0.0).any()):
-        raise InputError("path.samples", "column s does not rise from 0 to 1", "0 to 1", source)
+    if s is not None and (s[0] != 0.0 or s[-1] != 1.0 or (np.diff(s) < _CLOSEST).any()):
+        raise _refusal(
+            path, "column s does not rise from 0 to 1", "0 to 1, no two rows closer than 1e-9"
+        )
     try:
         curve = SplineCurve(points, s)
-        if "qw" not in columns:
-            return curve, None
-        quaternions = [
-            unit_quaternion(f"line {line}", [row[columns.index(name)] for name in _QUATERNION])
-            for line, row in enumerate(rows, start=2)
-        ]
     except InputError as error:
-        raise InputError("path.samples", error.problem, error.accepted, source) from None
+        raise _refusal(path, error.problem, error.accepted) from None
+    if "qw" not in columns:
+        return curve, None
+    quaternions = []
+    for line, row in zip(lines, rows, strict=True):
+        try:
+            given = [row[columns.index(name)] for name in _QUATERNION]
+            quaternions.append(unit_quaternion("samples", given))
+        except InputError as error:
+            raise _refusal(path, f"line {line}: {error.problem}", error.accepted) from None
     return curve, SampledAttitude(quaternions, curve.knots)
 
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
+_COLUMNS = "a CSV file with the columns x, y, z and optionally s and qx, qy, qz, qw"
+_CLOSEST = 1e-9
+_LARGEST = 1e9
 
 
-def _read_csv(path: Path) -> tuple[Array, list[str]]:
-    accepted = "a CSV file with the columns x, y, z and optionally s and qx, qy, qz, qw"
+def _refusal(path: Path, problem: str, accepted: str) -> InputError:
+    return InputError("path.samples", problem, accepted, str(path))
+
+
+def _read_csv(path: Path) -> tuple[list[str], Array, list[int]]:
+    """Column names, rows of numbers, and the line each row stands in."""
     try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            lines = [row for row in csv.reader(stream, strict=True) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            "path.samples", f"it cannot be read ({error})", accepted, str(path)
-        ) from None
-    columns = [name.strip() for name in lines[0]] if lines else []
-    known = {"s", "x", "y", "z", *_QUATERNION}
-    given = set(columns)
-    quaternion_complete = given >= set(_QUATERNION) or not given & set(_QUATERNION)
-    if not (
-        given >= set("xyz")
-        and given <= known
-        and len(given) == len(columns)
-        and quaternion_complete
-    ):
-        raise InputError(
-            "path.samples", f"columns {', '.join(columns) or 'none'}", accepted, str(path)
-        )
-    rows = []
-    for number, row in enumerate(lines[1:], start=2):
-        try:
-            values = [float(word) for word in row]
-        except ValueError:
-            values = []
-        if len(values) != len(columns) or not np.isfinite(values).all():
-            raise InputError("path.samples", f"row {number} is {','.join(row)!r}",
-                             f"{len(columns)} finite numbers", str(path))  # fmt: skip
-        rows.append(values)
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, strict=True)
+            table = [(reader.line_num, row) for row in reader if row]
+    except FileNotFoundError:
+        raise _refusal(path, "no such file", _COLUMNS) from None
+    except OSError as error:
+        raise _refusal(path, f"it cannot be read: {error.strerror}", _COLUMNS) from None
+    except (ValueError, csv.Error):
+        raise _refusal(path, "it cannot be read as text", _COLUMNS) from None
+    columns = [name.strip() for name in table[0][1]] if table else []
+    given, quaternion = set(columns), set(_QUATERNION)
+    complete = given >= set("xyz") and (given >= quaternion or not given & quaternion)
+    if not (complete and given <= {"s", *"xyz", *quaternion} and len(given) == len(columns)):
+        raise _refusal(path, f"columns {', '.join(columns) or 'none'}", _COLUMNS)
+    rows = [_numbers(path, line, row, len(columns)) for line, row in table[1:]]
     if len(rows) < 2:
-        raise InputError("path.samples", f"{len(rows)} rows of numbers", "two or more", str(path))
-    return np.array(rows), columns
+        raise _refusal(path, f"{len(rows)} rows of numbers", "two or more")
+    return columns, np.array(rows), [line for line, _ in table[1:]]
+
+
+def _numbers(path: Path, line: int, row: list[str], count: int) -> list[float]:
+    try:
+        values = [float(word) for word in row]
+    except ValueError:
+        values = []
+    if len(values) != count or not np.isfinite(values).all() or max(map(abs, values)) > _LARGEST:
+        accepted = f"{count} finite numbers, none beyond {_LARGEST:g}"
+        raise _refusal(path, f"line {line} is {','.join(row)!r}", accepted)
+    return values

@@ -85,7 +85,15 @@ class Problem:
                 f"{self.momentum.tolist()} turns the plane of a planar task",
                 "[0, 0, hz]",
             )
+        level = float(virtual.pose(np.zeros(self.model.dof)).position[2])
         straight = virtual.pose(np.zeros(self.model.dof)).rotation
+        heights = [self.path.path.curve(float(s))[2] for s in np.linspace(0.0, 1.0, 21)]
+        if np.abs(np.array(heights) - level).max() > 1e-6:
+            raise InputError(
+                "path",
+                f"it leaves the plane of the end-effector, z = {level:g} m",
+                f"a path with z = {level:g} m everywhere",
+            )
         for s in np.linspace(0.0, 1.0, 21) if self.task.turns else ():
             upright = self.path.path.attitude.rotation(float(s)) @ straight.T
             if upright[2, 2] < 1.0 - 1e-9:

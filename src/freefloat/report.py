@@ -41,7 +41,7 @@ def _followed_document(chosen: FollowedBranch) -> Document:
         "completed": motion.completed,
         "ending": motion.ending.value,
         "singular": singular_document(motion),
-        "min_margin": _margin_document(problem, chosen.least),
+        "min_margin": _margin_document(motion, chosen.least),
         "branch": chosen.branch.index,
         "joint_names": list(problem.model.joint_names),
         "initial": state_document(motion.initial),
@@ -60,7 +60,7 @@ def _branch_document(one: FollowedBranch) -> Document:
         "completed": one.motion.completed,
         "ended_at": one.motion.final.time,
         "singular": singular_document(one.motion),
-        "min_margin": _margin_document(one.motion.problem, one.least),
+        "min_margin": _margin_document(one.motion, one.least),
     }
 
 
@@ -78,9 +78,10 @@ def singular_document(motion: Motion) -> Document | None:
     }
 
 
-def _margin_document(problem: Problem, found: Least) -> Document:
-    required = problem.margin.value
-    return {**asdict(found), "required": required, "kept": found.value >= required}
+def _margin_document(motion: Motion, found: Least) -> Document:
+    required = motion.problem.margin.value
+    kept = motion.completed and found.value >= required
+    return {**asdict(found), "required": required, "kept": kept}
 
 
 def state_document(state: State) -> Document:

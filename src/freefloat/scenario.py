@@ -147,8 +147,7 @@ def _rotation(section: OrientationSection, key: str) -> Array:
         return rotation_matrix(unit_quaternion(f"{key}.quaternion", section.quaternion))
     if section.rpy is not None:
         return np.asarray(Rotation.from_euler("xyz", section.rpy).as_matrix())
-    named = [] if section.axes is None else section.axes.model_dump(exclude_none=True).items()
-    kept, bent = named
+    kept, bent = (section.axes or {}).items()
     return axes_rotation(f"{key}.axes", kept, bent)
 
 
@@ -190,22 +189,54 @@ def load_scenario(name: str | Path) -> Scenario:
         raise _first_error(error, ScenarioFile, source) from None
 
 
+_WORDS = {
+    "float_type": "a number",
+    "int_type": "an integer",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "finite_number": "a finite number",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "keys and values",
+    "model_type": "keys and values",
+    "model_attributes_type": "keys and values",
+    "string_too_short": "a name",
+}
+"""What is accepted, for the kinds of pydantic's errors whose own words are Python's."""
+
+
 def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) -> InputError:
     """Pydantic's first error in our words; unknown and missing keys before wrong values."""
     order = {"extra_forbidden": 0, "missing": 1}
-    first = min(error.errors(), key=lambda e: order.get(e["type"], 2))
-    key = ".".join(str(part) for part in first["loc"]) or "file"
-    if first["type"] == "extra_forbidden":
+    found = sorted(error.errors(), key=lambda e: order.get(e["type"], 2))
+    first = found[0]
+    location = [str(part) for part in first["loc"] if "[" not in str(part)]
+    steps = [part for part in location if part not in ("constrained-float", "float")]
+    key = ".".join(steps) or "file"
+    kind, details = first["type"], first.get("ctx", {})
+    if kind == "extra_forbidden":
         keys = _keys_at(schema, first["loc"][:-1])
         return InputError(key, "there is no such key", ", ".join(keys), str(source))
-    if first["type"] == "missing":
+    if kind == "missing":
+        if len(first["loc"]) > 1 and isinstance(first["loc"][-1], int):
+            short = ".".join(steps[:-1])
+            return InputError(
+                short, "it is too short", "more entries, see freefloat schema", str(source)
+            )
         return InputError(key, "it is missing", "a value, see freefloat schema", str(source))
-    accepted = str(first["msg"]).removeprefix("Value error, ").removeprefix("Input should be ")
+    accepted = _WORDS.get(kind) or str(first["msg"]).removeprefix("Value error, ")
+    if kind == "too_long":
+        accepted = f"{details['max_length']} entries at most"
+    if kind == "too_short":
+        accepted = f"{details['min_length']} entries or more"
+    if len(location) != len(steps):  # one factor, or a map
+        accepted = "a number from 1e-06 to 1e+06, or a map from link to such a number"
+    accepted = accepted.removeprefix("Input should be ")
     return InputError(key, f"{_short(first['input'])} was given", accepted, str(source))
 
 
 def _short(given: Any) -> str:
-    text = repr(given)
+    text = "nothing" if given is None else repr(given)
     return text if len(text) <= 80 else text[:77] + "..."
 
 

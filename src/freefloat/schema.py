@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from freefloat.dynamics import Task
 from freefloat.planner import Objective
 from freefloat.timing import TimeLaw
 
-Number = Annotated[float, Field(strict=True)]
-Positive = Annotated[float, Field(strict=True, gt=0.0)]
+_LARGEST = 1e9
+"""No length, time or momentum of a spacecraft comes near; beyond it squares leave the numbers."""
+
+Name = Annotated[str, Field(min_length=1)]
+Number = Annotated[float, Field(strict=True, ge=-_LARGEST, le=_LARGEST)]
+Factor = Annotated[float, Field(strict=True, ge=1e-6, le=1e6)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
 Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]
@@ -34,11 +38,11 @@ def _one_of(section: BaseModel, *names: str) -> None:
 class RobotSection(_Section):
     """Which robot."""
 
-    urdf: str
+    urdf: Name
     """A URDF file, relative to the scenario file, or the name of a bundled robot."""
-    end_effector: str
+    end_effector: Name
     """The link that follows the path."""
-    scale_mass: Positive | dict[str, Positive] = 1.0
+    scale_mass: Factor | dict[str, Factor] = 1.0
     """Factor on mass and inertia of every link, or a map from link to factor."""
 
 
@@ -75,20 +79,17 @@ class ArcSection(_Section):
     """How far it turns [degrees]."""
 
 
-class AxesSection(_Section):
-    """Two axes of the end-effector by their inertial directions; the first named is kept."""
+def _two(axes: dict[str, Vector]) -> dict[str, Vector]:
+    if len(axes) != 2:
+        raise ValueError("exactly two of x, y, z")
+    return axes
 
-    x: Vector | None = None
-    y: Vector | None = None
-    z: Vector | None = None
 
-    @model_validator(mode="after")
-    def _two(self) -> AxesSection:
-        if len(self.model_fields_set) != 2 or None in (
-            getattr(self, a) for a in self.model_fields_set
-        ):
-            raise ValueError("exactly two of x, y, z")
-        return self
+Axes = Annotated[
+    dict[Literal["x", "y", "z"], Vector],
+    AfterValidator(_two),
+    Field(json_schema_extra={"minProperties": 2, "maxProperties": 2}),
+]
 
 
 class OrientationSection(_Section):
@@ -98,8 +99,8 @@ class OrientationSection(_Section):
     """x, y, z, w."""
     rpy: Vector | None = None
     """Roll, pitch, yaw about the inertial x, y, z axes in this order [rad]."""
-    axes: AxesSection | None = None
-    """Directions of two axes."""
+    axes: Axes | None = None
+    """Inertial directions of two of its axes x, y, z; the first one named is kept."""
 
     @model_validator(mode="after")
     def _one(self) -> OrientationSection:
@@ -109,7 +110,10 @@ class OrientationSection(_Section):
 
 Orientation = Annotated[
     OrientationSection,
-    BeforeValidator(lambda given: {"quaternion": given} if isinstance(given, list) else given),
+    BeforeValidator(
+        lambda given: {"quaternion": given} if isinstance(given, list) else given,
+        json_schema_input_type=OrientationSection | Quaternion,
+    ),
 ]
 
 

@@ -69,6 +69,8 @@ def simulate(
         InputError: If the branch asked for does not exist.
     """
     attitude = problem.attitude("attitude", attitude)
+    if branch is not None and joints is not None:
+        raise InputError("branch", f"{branch} was given, and joints, too", "branch or joints")
     branches = list(problem.branches(attitude))
     if not branches:
         raise _unreachable(problem, attitude)
@@ -96,8 +98,15 @@ def simulate(
 
 
 def _merit(one: FollowedBranch) -> tuple[bool, float, float]:
-    """Completed first, then the distance kept from singularities, then how far it came."""
-    return one.motion.completed, one.least.value, one.motion.final.time
+    """Completed first, then the distance kept from singularities, then how far it came.
+
+    To six digits: motions of mirrored branches differ by rounding, and the first one is meant.
+    """
+    return (
+        one.motion.completed,
+        float(f"{one.least.value:.6g}"),
+        float(f"{one.motion.final.time:.6g}"),
+    )
 
 
 def _unreachable(problem: Problem, attitude: Array) -> UnreachableError:

@@ -63,17 +63,18 @@ def finite_vector(key: str, values: npt.ArrayLike, length: int) -> Array:
     except (TypeError, ValueError):
         raise InputError(key, f"{values!r} is not a list of numbers", accepted) from None
     if array.shape != (length,) or not np.isfinite(array).all():
-        raise InputError(key, f"{values!r} was given", accepted)
+        raise InputError(key, f"{array.tolist()} was given", accepted)
     return array
 
 
 def unit_vector(key: str, values: npt.ArrayLike) -> Array:
     """A direction, normalized; refused when it has none."""
     vector = finite_vector(key, values, 3)
-    length = np.linalg.norm(vector)
-    if length == 0.0:
+    largest = np.abs(vector).max()
+    if largest == 0.0:
         raise InputError(key, "the zero vector has no direction", "a vector of nonzero length")
-    return vector / length
+    scaled = vector / largest
+    return np.asarray(scaled / np.linalg.norm(scaled))
 
 
 def unit_quaternion(key: str, values: npt.ArrayLike) -> Array:

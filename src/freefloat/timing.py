@@ -17,6 +17,10 @@ from freefloat.spatial import Array, Pose
 
 _BLEND = 0.25
 """Share of a trapezoidal segment spent speeding up, and again slowing down."""
+_SHORTEST, _LONGEST = 1e-6, 1e12
+"""Durations [s] between which rates and their squares stay far from the ends of the numbers."""
+_CLOSEST = 1e-9
+"""Shares of the whole by which stops must be apart in s and t."""
 
 
 class TimeLaw(StrEnum):
@@ -86,13 +90,13 @@ class Timing:
     stops: tuple[Stop, ...] = ()
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.duration) and self.duration > 0.0):
-            raise InputError(
-                "timing.duration", f"{self.duration} was given", "a positive number [s]"
-            )
+        if not _SHORTEST <= self.duration <= _LONGEST:
+            accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
+            raise InputError("timing.duration", f"{self.duration} was given", accepted)
         times = (0.0, *(stop.t for stop in self.stops), self.duration)
         places = (0.0, *(stop.s for stop in self.stops), 1.0)
-        if not (np.isfinite([times, places]).all() and (np.diff([times, places]) > 0.0).all()):
+        steps = np.diff([np.array(times) / self.duration, places])
+        if not (np.isfinite([times, places]).all() and (steps > _CLOSEST).all()):
             raise InputError(
                 "timing.stops",
                 "they do not rise in s and t",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +20,11 @@ _NUMBERS = frozenset(
     {"xyz", "rpy", "value", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"}
     | {"lower", "upper", "effort", "velocity", "radius", "length", "size", "scale"}
 )
+_COUNTS = {"xyz": 3, "rpy": 3, "size": 3, "scale": 3}
+_PLAIN_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _NUMERIC_TAGS = ("origin", "mass", "inertia", "axis", "limit", "box", "cylinder", "sphere", "mesh")
+_MOMENTS = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]
+_TREE = "one root link, every other link the child of exactly one joint"
 _MOVING = ("revolute", "continuous", "prismatic")
 
 
@@ -71,11 +76,14 @@ def read_urdf(urdf: str | Path, scale_mass: float | Mapping[str, float] = 1.0) -
     try:
         robot = _parse(text)
         _check_numbers(robot)
-        _scale(robot, scale_mass)
+        _check_inertials(robot)
+        _check_tree(robot)
+        _check_joints(robot)
         _check_masses(robot)
-        _write_plain_joints(robot)
     except InputError as error:
         raise error.found_in(source) from None
+    _scale(robot, scale_mass)
+    _write_plain_joints(robot)
     return Description(ET.tostring(robot, encoding="unicode"), source, tuple(_doubts(robot)))
 
 
@@ -111,28 +119,97 @@ def _check_numbers(robot: ET.Element) -> None:
                 continue
             for name in _NUMBERS & set(element.attrib):
                 words = element.attrib[name].split()
-                if not words or not all(_is_finite_number(word) for word in words):
+                plain = all(_is_finite_number(word) for word in words)
+                count = _COUNTS.get(name, 1)
+                if not plain or len(words) != count:
                     raise ModelError(
                         f"{owner.tag} {owner.get('name')}: <{element.tag} {name}>",
                         f"{element.attrib[name]!r} was given",
-                        "finite numbers (expressions are not evaluated)",
-                    )
-        if owner.tag == "joint" and owner.get("type") in ("revolute", "prismatic"):
-            limit = owner.find("limit")
-            if limit is None or not {"effort", "velocity"} <= set(limit.attrib):
+                        f"{count} finite numbers" if words and plain
+                        else "finite numbers (expressions are not evaluated)",
+                    )  # fmt: skip
+
+
+def _check_inertials(robot: ET.Element) -> None:
+    """Half an inertial is dropped whole, without a word, by the usual parser."""
+    for link in robot.findall("link"):
+        inertial = link.find("inertial")
+        if inertial is None:
+            continue
+        for tag, names in (("mass", ["value"]), ("inertia", _MOMENTS)):
+            element = inertial.find(tag)
+            missing = names if element is None else [n for n in names if n not in element.attrib]
+            if missing:
                 raise ModelError(
-                    f"joint {owner.get('name')}",
-                    f"a {owner.get('type')} joint without a complete <limit>",
-                    '<limit lower=".." upper=".." effort=".." velocity=".."/>, '
-                    'or type="continuous" where it turns without end',
+                    f"link {link.get('name')}",
+                    f"its <inertial> lacks {', '.join(missing)} of <{tag}>",
+                    '<mass value=".."/> and <inertia> with all six moments',
+                )
+
+
+def _check_tree(robot: ET.Element) -> None:
+    """One root, every other link the child of one joint, no circle."""
+    links = _unique(robot, "link")
+    _unique(robot, "joint")
+    parents: dict[str, str] = {}
+    for joint in robot.findall("joint"):
+        name = f"joint {joint.get('name')}"
+        ends = []
+        for tag in ("parent", "child"):
+            element = joint.find(tag)
+            link = None if element is None else element.get("link")
+            if link not in links:
+                raise ModelError(name, f"its {tag} link is {link}", ", ".join(links))
+            ends.append(str(link))
+        if ends[1] in parents:
+            raise ModelError(f"link {ends[1]}", "it is the child of two joints", "one joint")
+        parents[ends[1]] = ends[0]
+    roots = [link for link in links if link not in parents]
+    for link in links:
+        above = link
+        for _ in links:
+            above = parents.get(above, above)
+        if above not in roots:
+            raise ModelError(f"link {link}", "its links go round in a circle", _TREE)
+    if len(roots) > 1:
+        raise ModelError("urdf", f"several root links: {', '.join(roots)}", _TREE)
+
+
+def _unique(robot: ET.Element, tag: str) -> list[str]:
+    names = [str(element.get("name")) for element in robot.findall(tag)]
+    for name in names:
+        if names.count(name) > 1:
+            raise ModelError(f"{tag} {name}", "the name is given twice", f"{_TREE}, unique names")
+    return names
+
+
+def _check_joints(robot: ET.Element) -> None:
+    for joint in robot.findall("joint"):
+        name, kind = f"joint {joint.get('name')}", joint.get("type")
+        if kind not in (*_MOVING, "fixed"):
+            raise ModelError(name, f"its type is {kind}", f"{', '.join(_MOVING)} or fixed")
+        limit = joint.find("limit")
+        if kind in ("revolute", "prismatic") and (
+            limit is None or not {"effort", "velocity"} <= set(limit.attrib)
+        ):
+            raise ModelError(
+                name,
+                f"a {kind} joint without a complete <limit>",
+                '<limit lower=".." upper=".." effort=".." velocity=".."/>, '
+                'or type="continuous" where it turns without end',
+            )
+        axis = joint.find("axis")
+        if kind != "fixed" and axis is not None:
+            numbers = [float(word) for word in axis.get("xyz", "1 0 0").split()]
+            if len(numbers) != 3 or not any(numbers):
+                given = axis.get("xyz")
+                raise ModelError(
+                    f"{name}: <axis xyz>", f"{given!r} was given", "three numbers, not all zero"
                 )
 
 
 def _is_finite_number(word: str) -> bool:
-    try:
-        return math.isfinite(float(word))
-    except ValueError:
-        return False
+    return bool(_PLAIN_NUMBER.fullmatch(word)) and math.isfinite(float(word))
 
 
 def _scale(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> None:
@@ -149,8 +226,8 @@ def _scale(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> None:
         for tag in ("inertial/mass", "inertial/inertia"):
             element = links[name].find(tag)
             if element is not None and factor != 1.0:
-                for key, value in element.attrib.items():
-                    element.set(key, repr(float(value) * factor))
+                for key in {"value", *_MOMENTS} & set(element.attrib):
+                    element.set(key, repr(float(element.attrib[key]) * factor))
 
 
 def _check_masses(robot: ET.Element) -> None:

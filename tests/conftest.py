@@ -1,0 +1,38 @@
+"""What all tests share: the bundled robots, a seeded generator, one hypothesis profile."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+
+from freefloat.bundled import models_folder
+from freefloat.model import FreeFloatingModel
+
+settings.register_profile(
+    "freefloat",
+    derandomize=True,  # the same examples on every machine and every day
+    deadline=None,
+    max_examples=40,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("freefloat")
+
+
+@pytest.fixture(scope="session")
+def planar_3dof() -> FreeFloatingModel:
+    """Table I of the paper."""
+    return FreeFloatingModel.from_urdf(models_folder() / "planar_3dof" / "planar_3dof.urdf")
+
+
+@pytest.fixture(scope="session")
+def spatial_6dof() -> FreeFloatingModel:
+    """Table II of the paper."""
+    return FreeFloatingModel.from_urdf(models_folder() / "spatial_6dof" / "spatial_6dof.urdf")
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Random numbers, the same in every test and every run."""
+    return np.random.default_rng(20160804)

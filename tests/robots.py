@@ -1,0 +1,209 @@
+"""Robots as URDF text: random ones of every structure, planar ones from tables.
+
+A structure is a word, one letter a joint from the spacecraft outwards: ``R`` revolute,
+``C`` continuous, ``P`` prismatic, ``F`` fixed with a massive link behind it.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+KINDS = {"R": "revolute", "C": "continuous", "P": "prismatic", "F": "fixed"}
+STROKE = 4.0
+"""Range of random sliding joints, both ways [m]."""
+AWKWARD = (0.0, 1e-9, -1e-6, 1e-3, np.pi / 2, -np.pi / 2, np.pi, -np.pi)
+"""Where formulas break: zero, nearly zero, right angles, folded back."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """URDF text and the names a test needs to speak of it.
+
+    Attributes:
+        text: The URDF. Its root link is ``bus``.
+        tip: Last link of the arm.
+        joints: Moving joints from the spacecraft to the tip.
+        others: Moving joints of the second arm.
+        tip_centre: ``xyz`` and ``rpy`` of the tip's inertial frame.
+    """
+
+    text: str
+    tip: str
+    joints: tuple[str, ...]
+    others: tuple[str, ...]
+    tip_centre: tuple[str, str]
+
+    def with_frame(self, name: str, xyz: str, rpy: str) -> Robot:
+        """The same robot with one more massless frame fixed to the tip."""
+        frame = f'<link name="{name}"/>' + joint_text(
+            f"{name}_joint", "F", self.tip, name, xyz, rpy
+        )
+        return replace(self, text=self.text.replace("</robot>", frame + "</robot>"), tip=name)
+
+
+def numbers(values: Sequence[float] | np.ndarray) -> str:
+    """Numbers as a URDF wants them, no digit lost."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def inertial_text(mass: float, inertia: np.ndarray, xyz: str = "0 0 0", rpy: str = "0 0 0") -> str:
+    """An ``<inertial>`` with its frame at ``xyz``, ``rpy``."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.asarray(inertia).tolist()
+    return (
+        f'<inertial><origin xyz="{xyz}" rpy="{rpy}"/><mass value="{mass!r}"/>'
+        f'<inertia ixx="{xx!r}" ixy="{xy!r}" ixz="{xz!r}" iyy="{yy!r}" iyz="{yz!r}" izz="{zz!r}"/>'
+        "</inertial>"
+    )
+
+
+def link_text(name: str, inertial: str = "") -> str:
+    """A ``<link>``."""
+    return f'<link name="{name}">{inertial}</link>\n'
+
+
+def joint_text(
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    xyz: str = "0 0 0",
+    rpy: str = "0 0 0",
+    axis: str = "0 0 1",
+    limits: tuple[float, float] = (-STROKE, STROKE),
+) -> str:
+    """A ``<joint>``."""
+    text = (
+        f'<joint name="{name}" type="{KINDS[kind]}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="{xyz}" rpy="{rpy}"/>'
+    )
+    if kind != "F":
+        text += f'<axis xyz="{axis}"/>'
+    if kind in "RP":
+        text += f'<limit lower="{limits[0]}" upper="{limits[1]}" effort="100" velocity="10"/>'
+    return text + "</joint>\n"
+
+
+def random_inertia(rng: np.random.Generator, scale: float) -> np.ndarray:
+    """A full inertia matrix that a rigid body can have: second moments are positive."""
+    a, b, c = scale * rng.uniform(0.1, 1.0, 3)
+    R = Rotation.random(rng=rng).as_matrix()
+    return R @ np.diag([b + c, a + c, a + b]) @ R.T
+
+
+def random_robot(rng: np.random.Generator, chain: str = "RRRRRR", branch: str = "") -> Robot:
+    """A robot with random masses, inertias, offsets and frames; names in no order.
+
+    Args:
+        rng: Source of randomness.
+        chain: Structure of the arm to the tip.
+        branch: Structure of a second arm, mounted on a random body.
+    """
+    names = iter(rng.permutation(100))
+
+    def direction() -> np.ndarray:
+        vector = rng.normal(size=3)
+        return vector / np.linalg.norm(vector)
+
+    def place(size: float) -> tuple[str, str]:
+        return numbers(rng.uniform(-size, size, 3)), numbers(rng.uniform(-3.0, 3.0, 3))
+
+    def arm(structure: str, parents: list[str], parent: str) -> tuple[list[str], tuple[str, str]]:
+        moving, centre = [], ("0 0 0", "0 0 0")
+        for kind in structure:
+            number = next(names)
+            joint, child = f"joint_{number:02d}", f"link_{number:02d}"
+            axis = direction()
+            parts.append(joint_text(joint, kind, parent, child, *place(0.8), numbers(axis)))
+            mass, centre = float(np.exp(rng.uniform(0.0, 4.0))), place(0.3)
+            inertia = random_inertia(rng, 0.1 * mass)
+            parts.append(link_text(child, inertial_text(mass, inertia, *centre)))
+            if kind != "F":
+                moving.append(joint)
+            parents.append(child)
+            parent = child
+        return moving, centre
+
+    mass = float(rng.uniform(50.0, 500.0))
+    bus = inertial_text(mass, random_inertia(rng, 0.2 * mass), *place(0.4))
+    parts, bodies = [link_text("bus", bus)], ["bus"]
+    joints, centre = arm(chain, bodies, "bus")
+    tip = bodies[-1]
+    others, _ = arm(branch, bodies, bodies[rng.integers(len(chain) + 1)])
+    text = '<?xml version="1.0"?>\n<robot name="random">\n' + "".join(parts) + "</robot>"
+    return Robot(text, tip, tuple(joints), tuple(others), centre)
+
+
+def planar_robot(
+    m: Sequence[float], inertia: Sequence[float], before: Sequence[float], after: Sequence[float]
+) -> str:
+    """A planar arm in the x-y plane, straight along x at zero, as in the paper's Table I.
+
+    Args:
+        m: Masses of spacecraft and links [kg].
+        inertia: Moments about z [kg m²].
+        before: ``l_i``: from joint i to the CM of link i, the spacecraft's left out [m].
+        after: ``r_i``: from the CM of body i to joint i + 1, at last to the end-effector [m].
+    """
+    text = link_text("bus", inertial_text(float(m[0]), float(inertia[0]) * np.eye(3)))
+    at, parent = float(after[0]), "bus"
+    for i in range(1, len(m)):
+        link, to_centre = f"link_{i}", float(before[i - 1])
+        text += joint_text(f"q{i}", "C", parent, link, f"{at!r} 0 0")
+        text += link_text(
+            link, inertial_text(float(m[i]), float(inertia[i]) * np.eye(3), f"{to_centre!r} 0 0")
+        )
+        at, parent = to_centre + float(after[i]), link
+    text += joint_text("tool", "F", parent, "end_effector", f"{at!r} 0 0")
+    return f'<robot name="planar">{text}<link name="end_effector"/></robot>'
+
+
+def in_units(text: str, metres: float = 1.0, kilograms: float = 1.0) -> str:
+    """The same robot, told in other units: a length of 1 m becomes ``metres``, and so on."""
+    robot = ET.fromstring(text)
+    for element in robot.iter():
+        for key, value in element.attrib.items():
+            factor = {
+                ("origin", "xyz"): metres,
+                ("mass", "value"): kilograms,
+                ("limit", "lower"): metres,
+                ("limit", "upper"): metres,
+            }.get((element.tag, key), kilograms * metres**2 if element.tag == "inertia" else None)
+            if factor is not None:
+                element.set(key, numbers([factor * float(word) for word in value.split()]))
+    return ET.tostring(robot, encoding="unicode")
+
+
+structures = st.text("RCPF", min_size=1, max_size=7).filter(lambda word: set(word) != {"F"})
+"""Any arm of up to seven joints, at least one of them moving."""
+
+
+@st.composite
+def robots(
+    draw: st.DrawFn,
+    chain: st.SearchStrategy[str] = structures,
+    branch: st.SearchStrategy[str] = st.text("RCPF", max_size=3),  # noqa: B008
+) -> Robot:
+    """Random robots of a structure; by default any."""
+    seed = draw(st.integers(0, 2**32 - 1))
+    return random_robot(np.random.default_rng(seed), draw(chain), draw(branch))
+
+
+def joint_values(count: int) -> st.SearchStrategy[np.ndarray]:
+    """Joint vectors, with a liking for awkward values."""
+    value = st.one_of(st.sampled_from(AWKWARD), st.floats(-3.0, 3.0))
+    return st.lists(value, min_size=count, max_size=count).map(np.array)
+
+
+attitudes = st.one_of(
+    st.sampled_from([[0.0, 0.0, 0.0, 1.0], [1e-9, 0.0, 0.0, 1.0], [0.6, 0.0, 0.8, 0.0]]),
+    st.integers(0, 2**32 - 1).map(
+        lambda seed: Rotation.random(rng=np.random.default_rng(seed)).as_quat().tolist()
+    ),
+).map(np.array)
+"""Unit quaternions: none, almost none, half turns, anything."""

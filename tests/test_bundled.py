@@ -1,0 +1,134 @@
+"""The robots and scenarios that come with the package."""
+
+from __future__ import annotations
+
+import shutil
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from freefloat.bundled import (
+    bundled_robots,
+    bundled_scenarios,
+    find_robot,
+    find_scenario,
+    models_folder,
+)
+from freefloat.errors import InputError
+from freefloat.model import FreeFloatingModel
+from freefloat.scenario import load_scenario
+
+
+def test_the_papers_robots_and_scenarios_are_there() -> None:
+    assert {"planar_3dof", "spatial_6dof"} <= set(bundled_robots())
+    assert {"planar_3dof/parabola", "planar_3dof/parabola_nonstop", "spatial_6dof/line"} <= set(
+        bundled_scenarios()
+    )
+    assert list(bundled_scenarios()) == sorted(bundled_scenarios())
+
+
+@pytest.mark.parametrize("name", bundled_robots())
+def test_every_bundled_robot_loads(name: str) -> None:
+    urdf = find_robot(name, Path("/"))
+    assert urdf.parent.name == urdf.stem == name
+    assert ET.parse(urdf).getroot().get("name") == name
+    assert FreeFloatingModel.from_urdf(urdf).dof > 0
+
+
+def test_the_papers_impossible_inertia_is_the_only_doubt_about_its_robots() -> None:
+    urdfs = [find_robot(name, Path("/")) for name in ("planar_3dof", "spatial_6dof")]
+    planar, spatial = [FreeFloatingModel.from_urdf(urdf).doubts for urdf in urdfs]
+    assert planar == ()
+    assert [doubt.link for doubt in spatial] == ["link_3"]
+    assert "0.001, 1.7, 7.5" in spatial[0].problem
+
+
+@pytest.mark.parametrize("name", bundled_scenarios())
+def test_every_bundled_scenario_builds_with_a_reachable_start(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.source == models_folder() / f"{name}.yaml"
+    problem = scenario.problem()
+    assert problem.margin.value > 0.0
+    reached = [
+        bool(problem.branches([0.0, 0.0, np.sin(angle), np.cos(angle)]))
+        for angle in np.linspace(0.0, np.pi, 8)
+    ]
+    assert any(reached)
+
+
+@pytest.mark.parametrize("name", bundled_scenarios())
+def test_every_bundled_scenario_uses_the_robot_beside_it(name: str) -> None:
+    scenario = load_scenario(name)
+    beside = scenario.source.parent / scenario.content.robot.urdf
+    assert beside.is_file()
+    assert scenario.model().description.source == str(beside)
+
+
+def test_a_scenario_is_found_by_its_path_before_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_scenario("spatial_6dof/line") == models_folder() / "spatial_6dof" / "line.yaml"
+    mine = tmp_path / "spatial_6dof" / "line"
+    mine.parent.mkdir()
+    mine.write_text("task: pose\n")
+    assert find_scenario("spatial_6dof/line").resolve() == mine
+    assert find_scenario(str(mine)) == mine
+
+
+def test_a_folder_named_like_a_scenario_does_not_hide_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "spatial_6dof" / "line").mkdir(parents=True)
+    assert find_scenario("spatial_6dof/line") == models_folder() / "spatial_6dof" / "line.yaml"
+
+
+@pytest.mark.parametrize("name", ["planar_3dof", "planar_3dof.urdf"])
+def test_a_robot_is_found_by_its_file_before_its_name(name: str, tmp_path: Path) -> None:
+    bundled = models_folder() / "planar_3dof" / "planar_3dof.urdf"
+    assert find_robot(name, tmp_path) == bundled
+    mine = tmp_path / name
+    shutil.copy(bundled, mine)
+    assert find_robot(name, tmp_path) == mine
+    assert find_robot(str(mine), Path("/")) == mine
+
+
+def test_a_robot_in_a_folder_below_is_found_relative_to_the_scenario(tmp_path: Path) -> None:
+    mine = tmp_path / "robots" / "arm.urdf"
+    mine.parent.mkdir()
+    mine.write_text("<robot/>")
+    assert find_robot("robots/arm.urdf", tmp_path) == mine
+    assert find_robot("../robots/arm.urdf", tmp_path / "robots").resolve() == mine
+
+
+@pytest.mark.parametrize(
+    ("name", "nearest"),
+    [("spatial_6dof/lin", "spatial_6dof/line"), ("planar_3dof/parabla", "planar_3dof/parabola")],
+)
+def test_a_misspelt_scenario_gets_a_suggestion_and_the_list(name: str, nearest: str) -> None:
+    with pytest.raises(InputError) as caught:
+        find_scenario(name)
+    error = caught.value
+    assert error.key == "scenario"
+    assert name in error.problem
+    assert f"did you mean {nearest}?" in error.problem
+    assert all(known in error.accepted for known in bundled_scenarios())
+
+
+def test_a_misspelt_robot_gets_a_suggestion_and_the_list(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        find_robot("spatial_7dof.urdf", tmp_path)
+    error = caught.value
+    assert error.key == "urdf"
+    assert "did you mean spatial_6dof?" in error.problem
+    assert all(known in error.accepted for known in bundled_robots())
+
+
+def test_a_name_unlike_any_other_gets_the_list_without_a_guess(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        find_robot("xyz", tmp_path)
+    assert "did you mean" not in caught.value.problem
+    assert "planar_3dof" in caught.value.accepted

@@ -1,0 +1,523 @@
+"""Momentum and the generalized Jacobian: physical laws, printed numbers, and two other engines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics import (
+    DriftEquation,
+    Task,
+    end_effector_jacobian,
+    generalized_jacobian,
+    inertia_matrices,
+    momentum_map,
+    system_matrix,
+)
+from freefloat.errors import InputError
+from freefloat.model import FreeFloatingModel
+from freefloat.spatial import rotation_matrix, turn_between
+from tests.robots import (
+    Robot,
+    attitudes,
+    joint_values,
+    planar_robot,
+    random_robot,
+    robots,
+)
+
+
+def relative(found: np.ndarray, expected: np.ndarray) -> float:
+    """Largest difference, in units of the largest entry expected."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def loaded(robot: Robot, **options: object) -> FreeFloatingModel:
+    return FreeFloatingModel.from_urdf(robot.text, robot.tip, **options)
+
+
+# ------------------------------------------------------------------------------- planar numbers
+
+TWO_LINKS = ([40, 4, 3], [6.667, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5])
+CEPHEUS = (
+    [13, 0.06, 0.106, 0.08],
+    [0.1196, 2e-4, 2.7e-4, 3.7e-5],
+    [0.181004, 0.1605, 0.0499],
+    [0.1746, 0.0817, 0.04386, 0.014],
+)
+CBK_PAN = (
+    [64.859, 2.913, 2.646, 1.699],
+    [2.6952, 0.091391, 0.081375, 0.021904],
+    [0.1805, 0.2, 0.1029],
+    [0.3696, 0.4488 - 0.1805, 0.4499 - 0.2, 0.3545 - 0.1029],
+)
+
+
+def planar_task(dof: int) -> Task:
+    return {2: Task.PLANAR_POSITION, 3: Task.PLANAR_POSE}[dof]
+
+
+@pytest.mark.parametrize(
+    ("table", "joints", "S", "D", "gjm"),
+    [
+        (TWO_LINKS, [0.3, 0.7], 3.753986067, 19.715011740, 0.190412571),
+        (CEPHEUS, [0.3, 0.7, -0.4], 0.003997646, 0.191676358, 0.020856228),
+        (CBK_PAN, [0.3, 0.7, -0.4], 0.315493112, 8.341450842, 0.037822331),
+    ],
+    ids=["two links 40/4/3", "NTUA Cepheus", "CBK PAN"],
+)
+def test_planar_golden_values(
+    table: tuple[list[float], ...], joints: list[float], S: float, D: float, gjm: float
+) -> None:
+    """det A, D and det S* of three planar systems, to all digits known from three other codes."""
+    model = FreeFloatingModel.from_urdf(planar_robot(*table))
+    task = planar_task(model.dof)
+    assert np.linalg.det(system_matrix(model, joints, task)) == pytest.approx(S, abs=1e-9)
+    assert inertia_matrices(model, joints)[0][2, 2] == pytest.approx(D, abs=1e-9)
+    assert np.linalg.det(generalized_jacobian(model, joints, task)) == pytest.approx(gjm, abs=1e-9)
+
+
+def closed_form(
+    m: np.ndarray, inertia: np.ndarray, before: np.ndarray, after: np.ndarray, q: np.ndarray
+) -> tuple[float, float, np.ndarray]:
+    """The paper's planar S (21a), its largest possible size, and D_j, from masses and geometry.
+
+    ``v[i, k]`` is what body k contributes to the way from the system's centre of mass to that of
+    body i, along body k. ``D_j`` is the coefficient of the absolute rate of body j in the angular
+    momentum.
+    """
+    n, M = len(m), m.sum()
+    u = np.zeros((n, n))
+    for i in range(n):
+        for k in range(i):
+            u[i, k] = after[k] + (before[k - 1] if k else 0.0)
+        u[i, i] = before[i - 1] if i else 0.0
+    v = u - (m @ u) / M
+    theta = np.concatenate([[0.0], np.cumsum(q)])
+    D = inertia + np.einsum(
+        "i,ik,ij,kj->j", m, v, v, np.cos(theta[:, None] - theta[None, :]), optimize=True
+    )
+    a = after[0] * m[0] / M
+    b = (before[0] * m[0] + after[1] * (m[0] + m[1])) / M
+    c = (before[1] * (m[0] + m[1]) + after[2] * (m[0] + m[1] + m[2])) / M
+    terms = np.array([
+        a * b * D[2] * np.sin(q[0]),
+        b * c * D[0] * np.sin(q[1]),
+        -a * c * D[1] * np.sin(q[0] + q[1]),
+    ])  # fmt: skip
+    return terms.sum(), np.abs([a * b * D[2], b * c * D[0], a * c * D[1]]).sum(), D
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    q=st.integers(2, 3).flatmap(joint_values),
+)
+def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> None:
+    """S = a b D2 sin q1 + b c D0 sin q2 - a c D1 sin(q1 + q2), the third joint without effect."""
+    rng, n = np.random.default_rng(seed), len(q)
+    m, inertia = np.exp(rng.uniform(-1, 4, n + 1)), np.exp(rng.uniform(-3, 3, n + 1))
+    before, after = rng.uniform(0.05, 1.5, n), rng.uniform(0.05, 1.5, n + 1)
+    model = FreeFloatingModel.from_urdf(planar_robot(m, inertia, before, after))
+    S, size, D = closed_form(m, inertia, before, after, q)
+    A = system_matrix(model, q, planar_task(n))
+    found_D, Dq = inertia_matrices(model, q)
+    rates = np.append(found_D[2, 2], Dq[2])
+    assert abs(np.linalg.det(A) - S) < 1e-9 * size
+    assert found_D[2, 2] * np.linalg.det(
+        generalized_jacobian(model, q, planar_task(n))
+    ) == pytest.approx(S, abs=1e-9 * size)
+    # an angle of joint j turns bodies j and beyond
+    assert relative(rates, np.cumsum(D[::-1])[::-1]) < 1e-12
+
+
+def test_closed_joint_loop_turns_the_base() -> None:
+    """The base comes back turned by -2.35462974398 degrees: drift is not holonomic."""
+    model = FreeFloatingModel.from_urdf(planar_robot(*TWO_LINKS))
+
+    def turning(phase: float) -> float:
+        q = [0.3 + 0.6 * np.cos(phase), 0.7 + 0.6 * np.sin(phase)]
+        D, Dq = inertia_matrices(model, q)
+        return float(-Dq[2] @ [-0.6 * np.sin(phase), 0.6 * np.cos(phase)] / D[2, 2])
+
+    turned, _ = quad(turning, 0.0, 2.0 * np.pi, epsabs=1e-12, epsrel=1e-12)
+    assert np.degrees(turned) == pytest.approx(-2.35462974398, abs=1e-10)
+
+
+def test_dynamic_singularity_is_not_kinematic() -> None:
+    """A drifting planar arm gets stuck at elbow angles where a bolted one moves freely."""
+    table = [10, 4, 3], [0.8, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5]
+    model = FreeFloatingModel.from_urdf(planar_robot(*table))
+
+    def free(q1: float, q2: float) -> float:
+        return float(np.linalg.det(generalized_jacobian(model, [q1, q2], Task.PLANAR_POSITION)))
+
+    met = 0
+    for q2 in np.arcsin([0.2, 0.3, 0.4, 0.5]):
+        grid = np.linspace(-np.pi, np.pi, 61)
+        values = np.array([free(q1, q2) for q1 in grid])
+        for i in np.flatnonzero(values[:-1] * values[1:] < 0.0):
+            q1 = brentq(free, grid[i], grid[i + 1], args=(q2,), xtol=1e-15)
+            bolted = end_effector_jacobian(model, [q1, q2])[:2, 6:]
+            S = generalized_jacobian(model, [q1, q2], Task.PLANAR_POSITION)
+            assert abs(np.linalg.det(S)) < 1e-13
+            assert np.linalg.det(bolted) == pytest.approx(np.sin(q2), abs=1e-12)
+            met += 1
+    assert met == 8
+
+
+# ----------------------------------------------------------------------------------------- laws
+
+
+def momentum_by_hand(
+    model: FreeFloatingModel, attitude: np.ndarray, joints: np.ndarray, v: np.ndarray
+) -> np.ndarray:
+    """Linear momentum, and angular momentum about the centre of mass: a sum over the bodies."""
+    R = rotation_matrix(attitude)
+    p = model.base_position(attitude, joints)
+    V, W = R @ v[:3], R @ v[3:6]
+    moving = []
+    for i, body in enumerate(model.bodies):
+        if i:
+            V = V + np.cross(W, R @ body.placement.position)
+            p = p + R @ body.placement.position
+            R = R @ body.placement.rotation
+            axis, rate = R @ body.axis, v[5 + i]
+            if body.prismatic:
+                p = p + joints[i - 1] * axis
+                V = V + np.cross(W, joints[i - 1] * axis) + rate * axis
+            else:
+                R = R @ Rotation.from_rotvec(joints[i - 1] * body.axis).as_matrix()
+                W = W + rate * axis
+        arm = R @ body.centre
+        spin = R @ body.inertia @ R.T @ W
+        moving.append((body.mass, p + arm, V + np.cross(W, arm), spin))
+    P = sum(mass * u for mass, _, u, _ in moving)
+    centre = sum(mass * x for mass, x, _, _ in moving) / model.total_mass
+    L = sum(np.cross(x - centre, mass * u) + spin for mass, x, u, spin in moving)
+    return np.concatenate([P, L])
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_momentum_map_sums_the_momentum_of_every_body(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """Mass times velocity, and moments about the centre of mass, in inertial axes."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    v = np.random.default_rng(1).normal(size=6 + model.dof)
+    found = momentum_map(model, q, attitude) @ v
+    assert relative(found, momentum_by_hand(model, attitude, q, v)) < 1e-12
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_momentum_is_zero(data: st.DataObject, robot: Robot, attitude: np.ndarray) -> None:
+    """The rates that (1) allows without momentum carry none, body by body."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    D, Dq = inertia_matrices(model, q)
+    A = momentum_map(model, q)
+    for rate in np.eye(model.dof):
+        w = -np.linalg.solve(D, Dq @ rate)
+        V = -np.linalg.solve(A[:3, :3], A[:3, 3:] @ np.concatenate([w, rate]))
+        momentum = momentum_by_hand(model, attitude, q, np.concatenate([V, w, rate]))
+        assert np.abs(momentum).max() < 1e-12 * np.abs(A).max()
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_generalized_jacobian_is_the_derivative_of_the_pose(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """Joint steps, the base turned as zero momentum wants, move the end-effector by S* dq."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    D, Dq = inertia_matrices(model, q)
+    R0, h = Rotation.from_quat(attitude), 1e-5
+    S = generalized_jacobian(model, q)
+    for i, rate in enumerate(np.eye(model.dof)):
+        w = -np.linalg.solve(D, Dq @ rate)
+        before, after = (
+            model.end_effector_pose(
+                (R0 * Rotation.from_rotvec(step * w)).as_quat(), q + step * rate
+            )
+            for step in (-h, h)
+        )
+        twist = np.concatenate([
+            after.position - before.position,
+            turn_between(before.rotation, after.rotation),
+        ]) / (2.0 * h)  # fmt: skip
+        seen = np.concatenate([R0.inv().apply(twist[:3]), R0.inv().apply(twist[3:])])
+        assert np.abs(seen - S[:, i]).max() < 1e-8 * (1.0 + np.abs(S).max())
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_generalized_jacobian_ignores_the_base_pose(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """Assembled at any attitude and seen from the spacecraft, S* is the same."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    A, J = momentum_map(model, q, attitude), end_effector_jacobian(model, q, attitude)
+    S = J[:, 6:] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, 6:])
+    R = rotation_matrix(attitude)
+    seen = np.vstack([R.T @ S[:3], R.T @ S[3:]])
+    assert relative(seen, generalized_jacobian(model, q)) < 1e-11
+
+
+@given(data=st.data(), robot=robots())
+def test_two_routes_to_the_base_map_agree(data: st.DataObject, robot: Robot) -> None:
+    """Centroidal matrix and mass matrix give the same base twist per joint rate."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    A = momentum_map(model, q)
+    H = pin.crba(model.pin_model, model.pin_model.createData(), np.r_[0, 0, 0, 0, 0, 0, 1, q])
+    H = np.triu(H) + np.triu(H, 1).T
+    centroidal = -np.linalg.solve(A[:, :6], A[:, 6:])
+    assert relative(-np.linalg.solve(H[:6, :6], H[:6, 6:]), centroidal) < 1e-11
+
+
+@given(data=st.data(), robot=robots())
+def test_scaling_every_mass_changes_nothing(data: st.DataObject, robot: Robot) -> None:
+    """All masses and inertias times 7.3: the same S*, and momenta times 7.3."""
+    light, heavy = loaded(robot), loaded(robot, scale_mass=7.3)
+    q = data.draw(joint_values(light.dof))
+    assert relative(generalized_jacobian(heavy, q), generalized_jacobian(light, q)) < 1e-11
+    assert relative(momentum_map(heavy, q), 7.3 * momentum_map(light, q)) < 1e-12
+
+
+@given(data=st.data(), robot=robots(branch=st.just("")))
+def test_heavy_base_recovers_the_fixed_base_arm(data: st.DataObject, robot: Robot) -> None:
+    """The arm on a spacecraft a hundred times heavier is a hundred times nearer to a bolted one."""
+    light, heavy = (loaded(robot, scale_mass={"bus": factor}) for factor in (1e5, 1e7))
+    q = data.draw(joint_values(light.dof))
+    bolted = end_effector_jacobian(light, q)[:, 6:]
+    near, nearer = (relative(generalized_jacobian(model, q), bolted) for model in (light, heavy))
+    assert near < 0.02
+    assert nearer == pytest.approx(near / 100.0, rel=0.02)
+
+
+@given(data=st.data(), robot=robots())
+def test_determinant_of_the_system_splits_into_inertia_and_jacobian(
+    data: st.DataObject, robot: Robot
+) -> None:
+    """A is the Schur complement's parent: its lower block less J11* D^-1 Dq is S*."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    A = system_matrix(model, q)
+    D, Dq = inertia_matrices(model, q)
+    assert relative(A[:3], np.hstack([D, Dq])) < 1e-13
+    assert np.abs(D - D.T).max() < 1e-12 * np.abs(D).max()
+    assert np.linalg.eigvalsh(D)[0] > 0.0
+    assert relative(A[6:, :3], np.eye(3)) < 1e-13
+    S = A[3:, 3:] - A[3:, :3] @ np.linalg.solve(D, Dq)
+    assert relative(generalized_jacobian(model, q), S) < 1e-12
+
+
+def test_tasks_are_rows_of_the_twist(spatial_6dof: FreeFloatingModel) -> None:
+    """Position is the linear half of the pose; the planar tasks keep x, y and the turn about z."""
+    q = np.array([0.3, -0.4, 1.1, 0.2, 0.9, -0.5])
+    S = generalized_jacobian(spatial_6dof, q)
+    np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, Task.POSITION), S[:3])
+    assert [task.rows for task in Task] == [[0, 1, 2, 3, 4, 5], [0, 1, 2], [0, 1, 5], [0, 1]]
+    assert [task.planar for task in Task] == [False, False, True, True]
+    assert [task.turns for task in Task] == [True, False, True, False]
+
+
+def test_in_the_plane_three_dimensions_say_the_same(planar_3dof: FreeFloatingModel) -> None:
+    """A planar arm's S* is the x, y, turn part of its spatial one: nothing leaves the plane."""
+    q = np.array([0.5, -1.2, 0.7])
+    spatial = generalized_jacobian(planar_3dof, q)
+    planar = generalized_jacobian(planar_3dof, q, Task.PLANAR_POSE)
+    assert relative(spatial[[0, 1, 5]], planar) < 1e-13
+    assert np.abs(spatial[[2, 3, 4]]).max() < 1e-14
+
+
+# --------------------------------------------------------------------------------- the equation
+
+
+@given(data=st.data(), robot=robots(st.text("RC", min_size=6, max_size=8)), attitude=attitudes)
+def test_rates_give_the_twist_and_keep_the_momentum(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """Equation (4): A [w; dq] = [R0^T h; C^T v], also where joints are left to spare."""
+    model = loaded(robot)
+    # away from singularities: what is asked of (4) there is not to be had
+    q = data.draw(st.lists(st.floats(0.3, 1.2), min_size=model.dof, max_size=model.dof))
+    rng = np.random.default_rng(len(q))
+    h, twist, q = rng.normal(size=3), rng.normal(size=6), np.array(q)
+    w, rates = DriftEquation(model, Task.POSE, h).rates(attitude, q, twist)
+    R = rotation_matrix(attitude)
+    v = np.concatenate([w, rates])
+    right = np.concatenate([R.T @ h, R.T @ twist[:3], R.T @ twist[3:]])
+    A = system_matrix(model, q)
+    assert np.abs(A @ v - right).max() < 1e-11 * np.abs(A).max() * max(1.0, np.abs(v).max())
+    S = generalized_jacobian(model, q)
+    idle = np.linalg.svd(S)[2][6:]
+    assert idle.shape == (model.dof - 6, model.dof)
+    assert np.abs(idle @ rates).max(initial=0.0) < 1e-9 * max(1.0, np.abs(rates).max())
+
+
+def test_momentum_alone_turns_the_spacecraft(spatial_6dof: FreeFloatingModel) -> None:
+    """A hand that must not move does not stop the drift: h turns spacecraft and joints."""
+    q, h = np.array([0.4, 0.9, 1.3, 0.2, 0.8, -0.3]), np.array([0.5, 0.3, 0.1])
+    attitude = np.array([0.46008, 0.09337, 0.73519, -0.48898])
+    attitude /= np.linalg.norm(attitude)
+    w, rates = DriftEquation(spatial_6dof, Task.POSE, h).rates(attitude, q, np.zeros(6))
+    R0, step = Rotation.from_quat(attitude), 1e-3
+    before, after = (
+        spatial_6dof.end_effector_pose((R0 * Rotation.from_rotvec(t * w)).as_quat(), q + t * rates)
+        for t in (-step, step)
+    )
+    assert np.linalg.norm(w) > 1e-4
+    assert np.abs(after.position - before.position).max() < 1e-9 * np.linalg.norm(w)
+    assert np.abs(turn_between(before.rotation, after.rotation)).max() < 1e-9 * np.linalg.norm(w)
+
+
+def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
+    """A straight arm without mass cannot move its hand outwards, nor does anything crash."""
+    bolted = FreeFloatingModel.from_urdf(planar_robot([5, 0, 0], [1, 0, 0], [1, 1], [0, 0, 0]))
+    equation = DriftEquation(bolted, Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
+    w, rates = equation.rates(np.array([0.0, 0, 0, 1]), np.zeros(2), np.eye(6)[0])
+    assert np.isinf([*w, *rates]).all()
+
+
+def test_task_with_too_many_rows_is_refused_with_those_that_fit(
+    planar_3dof: FreeFloatingModel,
+) -> None:
+    """Three joints cannot prescribe six rates; what they can is listed."""
+    with pytest.raises(InputError) as caught:
+        DriftEquation(planar_3dof, Task.POSE, [0, 0, 0])
+    assert caught.value.key == "task"
+    assert caught.value.accepted == "position, planar-pose, planar-position"
+
+
+@pytest.mark.parametrize("h", [[0, 0], [0, 0, np.nan], "abc"])
+def test_momentum_must_be_three_finite_numbers(planar_3dof: FreeFloatingModel, h: object) -> None:
+    """What is not a vector is refused by name."""
+    with pytest.raises(InputError, match=r"momentum: .*3 finite numbers"):
+        DriftEquation(planar_3dof, Task.PLANAR_POSE, h)
+
+
+def test_returned_matrices_are_copies(spatial_6dof: FreeFloatingModel) -> None:
+    """What was returned does not change at the next call: no scratch memory leaks."""
+    equation = DriftEquation(spatial_6dof, Task.POSE, [0.1, 0.2, 0.3])
+    here = np.array([0.0, 0, 0, 1]), np.array([0.4, 0.9, 1.3, 0.2, 0.8, -0.3])
+    there = np.array([0.6, 0, 0, 0.8]), np.array([1.4, -0.9, 0.3, 1.2, -0.8, 0.3])
+
+    def everything(attitude: np.ndarray, joints: np.ndarray) -> list[np.ndarray]:
+        return [
+            momentum_map(spatial_6dof, joints, attitude),
+            end_effector_jacobian(spatial_6dof, joints, attitude),
+            *inertia_matrices(spatial_6dof, joints),
+            system_matrix(spatial_6dof, joints),
+            generalized_jacobian(spatial_6dof, joints),
+            *equation.rates(attitude, joints, np.ones(6)),
+        ]
+
+    first = everything(*here)
+    kept = [array.copy() for array in first]
+    for array in everything(*there):
+        array[...] = 1e6
+    for array, copy, again in zip(first, kept, everything(*here), strict=True):
+        np.testing.assert_array_equal(array, copy)
+        np.testing.assert_array_equal(again, copy)
+
+
+# -------------------------------------------------------------------------------- other engines
+
+
+def mujoco_generalized_jacobian(
+    robot: Robot, joints: np.ndarray, held: dict[str, float]
+) -> np.ndarray:
+    """S* from MuJoCo's mass matrix and Jacobian; its own reader of URDF, its own algorithms."""
+    drift = (
+        '<mujoco><compiler fusestatic="false" balanceinertia="false"/></mujoco><link name="world"/>'
+        '<joint name="drift" type="floating"><parent link="world"/><child link="bus"/></joint>'
+    )
+    text = robot.text.replace('<link name="bus">', drift + '<link name="bus">', 1)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    for name, value in {**dict(zip(robot.joints, joints, strict=True)), **held}.items():
+        data.joint(name).qpos[0] = value
+    mujoco.mj_forward(model, data)
+    H, J = np.zeros((model.nv, model.nv)), np.zeros((6, model.nv))
+    for column, unit in zip(H, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, column, unit)
+    tip = data.body(robot.tip)
+    mujoco.mj_jac(model, data, J[:3], J[3:], tip.xpos, tip.id)
+    arm = [int(model.joint(name).dofadr[0]) for name in robot.joints]
+    return J[:, arm] - J[:, :6] @ np.linalg.solve(H[:6, :6], H[:6, arm])
+
+
+@given(data=st.data(), robot=robots())
+def test_mujoco_finds_the_same_generalized_jacobian(data: st.DataObject, robot: Robot) -> None:
+    """Any structure: revolute, prismatic, fixed in mid-chain, a second arm held still."""
+    held = dict(zip(robot.others, [0.7, -1.3, 0.4], strict=False))
+    model = loaded(robot, held=held)
+    assert model.joint_names == robot.joints
+    q = data.draw(joint_values(model.dof))
+    expected = mujoco_generalized_jacobian(robot, q, held)
+    assert relative(generalized_jacobian(model, q), expected) < 1e-10
+
+
+def spart_generalized_jacobian(
+    path: Path, robot: Robot, joints: np.ndarray, held: dict[str, float]
+) -> np.ndarray:
+    """S* of the tip's centre of mass from SPART's kinematics, linear rows first."""
+    from SPARTpy import SPART
+    from SPARTpy.urdf2robot import urdf2robot
+
+    path.write_text(robot.text)
+    spart, keys = SPART(str(path)), urdf2robot(str(path))[1]
+    body, n = spart.robot, spart.robot.n_links_joints
+    column = {name: number - 1 for name, number in keys["q_id"].items()}
+    q = np.zeros(body.n_q)
+    for name, value in {**dict(zip(robot.joints, joints, strict=True)), **held}.items():
+        q[column[name]] = value
+    _, RL, _, rL, e, g = spart.kinematics(np.eye(3), np.zeros(3), q)
+    Bij, Bi0, P0, pm = spart.diff_kinematics(np.eye(3), np.zeros(3), rL, e, g)
+    I0, Im = spart.i_i(np.eye(3), RL)
+    M, M0 = np.zeros((n, 6, 6)), np.zeros((6, 6))
+    M[:, :3, :3], M0[:3, :3] = Im, I0
+    M[:, 3:, 3:] = np.array([link.mass for link in body.links])[:, None, None] * np.eye(3)
+    M0[3:, 3:] = body.base_link_mass * np.eye(3)
+    A0, Am = Bi0 @ P0, np.zeros((n, 6, body.n_q))
+    for j, joint in enumerate(body.joints):
+        if joint.q_id > 0:
+            Am[:, :, int(joint.q_id) - 1] = Bij[:, j] @ pm[:, j]
+    H0 = P0.T @ M0 @ P0 + np.einsum("iab,iac,icd->bd", A0, M, A0, optimize=True)
+    H0m = np.einsum("iab,iac,icd->bd", A0, M, Am, optimize=True)
+    i = keys["link_id"][robot.tip] - 1
+    S = Am[i] - A0[i] @ np.linalg.solve(H0, H0m)
+    return S[[3, 4, 5, 0, 1, 2]][:, [column[name] for name in robot.joints]]
+
+
+def test_spart_finds_the_same_generalized_jacobian(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """SPART speaks of centres of mass and of the spacecraft's inertial axes; S* is the same."""
+    # one test, so that one worker only meets SPART, which compiles itself when first used
+    structures = [("RRRRRR", "")] * 6 + [("RRRRRR", "RR"), ("RFCPRR", "PR"), ("CRPF", "FR")] * 3
+    for number, (chain, branch) in enumerate(structures):
+        robot = random_robot(rng, chain, branch)
+        held = dict(zip(robot.others, rng.uniform(-2.0, 2.0, len(robot.others)), strict=True))
+        model = loaded(robot.with_frame("centre", robot.tip_centre[0], "0 0 0"), held=held)
+        for q in rng.uniform(-3.0, 3.0, (4, model.dof)):
+            bus = Rotation.from_euler("xyz", _bus_angles(robot)).as_matrix()
+            S = spart_generalized_jacobian(tmp_path / f"{number}.urdf", robot, q, held)
+            seen = np.vstack([bus @ S[:3], bus @ S[3:]])
+            assert relative(generalized_jacobian(model, q), seen) < 1e-12
+
+
+def _bus_angles(robot: Robot) -> list[float]:
+    """``rpy`` of the spacecraft's inertial frame."""
+    inertial = robot.text.split('<link name="bus">')[1].split('rpy="')[1].split('"')[0]
+    return [float(word) for word in inertial.split()]

@@ -1,0 +1,222 @@
+"""MuJoCo as a second opinion: its dynamics, its kinematics, our motions.
+
+The robot reaches MuJoCo through its own URDF reader. Inertias are overwritten with those of the
+bodies, because link 3 of the paper's spatial arm breaks the triangle inequality that the reader
+insists on. MuJoCo's free joint has its linear velocity in inertial axes, its angular velocity in
+those of the body, and its quaternion in the order w, x, y, z.
+"""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+from scipy.spatial.transform import Rotation
+
+from freefloat.integration import integrate_motion
+from freefloat.scenario import load_scenario
+from freefloat.spatial import heading_quaternion
+
+GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
+WINDOW = 0.5
+"""Half the time over which a motion is differentiated [s]."""
+
+
+class Engine:
+    """A freefloat model in MuJoCo: free base, no gravity, no contacts, no joint limits."""
+
+    def __init__(self, model):
+        spec = mujoco.MjSpec.from_string(model.description.text)
+        spec.compiler.balanceinertia = True
+        spec.compiler.fusestatic = False
+        root = spec.worldbody.first_body()
+        root.add_freejoint()
+        self.model = spec.compile()
+        self.model.opt.gravity[:] = 0.0
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        self.data = mujoco.MjData(self.model)
+        moved = [self.model.body(root.name).id]
+        moved += [int(self.model.joint(name).bodyid[0]) for name in model.joint_names]
+        for index, body in zip(moved, model.bodies, strict=True):
+            moments, axes = np.linalg.eigh(body.inertia)
+            axes[:, 0] *= np.linalg.det(axes)
+            self.model.body_mass[index] = body.mass
+            self.model.body_inertia[index] = moments
+            self.model.body_ipos[index] = body.centre
+            self.model.body_iquat[index] = _wxyz(Rotation.from_matrix(axes).as_quat())
+        mujoco.mj_setConst(self.model, self.data)
+        self.root, self.tool = moved[0], self.model.body(model.end_effector).id
+
+    def place(self, value, rate, bend):
+        """Set [position, quaternion x y z w, joints] and its first two derivatives by time."""
+        a = value[3:7]
+        self.data.qpos[:] = [*value[:3], *_wxyz(a), *value[7:]]
+        self.data.qvel[:] = [*rate[:3], *_turning(a, rate[3:7]), *rate[7:]]
+        self.data.qacc[:] = [*bend[:3], *_turning(a, bend[3:7]), *bend[7:]]
+
+    def inverse(self, *motion):
+        """Forces that make a motion happen: wrench on the base (6,), joint torques (n,)."""
+        self.place(*motion)
+        mujoco.mj_inverse(self.model, self.data)
+        return self.data.qfrc_inverse[:6].copy(), self.data.qfrc_inverse[6:].copy()
+
+    def momentum(self, *motion):
+        """Centre of mass, linear momentum, angular momentum about it."""
+        self.place(*motion)
+        mujoco.mj_forward(self.model, self.data)
+        mujoco.mj_subtreeVel(self.model, self.data)
+        mass = self.model.body_subtreemass[self.root]
+        of = (self.data.subtree_com, self.data.subtree_linvel, self.data.subtree_angmom)
+        centre, velocity, angular = (row[self.root].copy() for row in of)
+        return centre, mass * velocity, angular
+
+
+def _wxyz(quaternion):
+    return np.roll(quaternion, 1)
+
+
+def _turning(a, change):
+    """Vector part of 2 conj(a) a' or 2 conj(a) a'': body-frame angular rate or acceleration."""
+    return 2.0 * (a[3] * change[:3] - change[3] * a[:3] - np.cross(a[:3], change[:3]))
+
+
+def differentiated(motion, t):
+    """State at a time and its first two derivatives: Chebyshev fit of samples of the motion."""
+    places = chebyshev.chebpts1(15)
+    states = motion.sample(t + WINDOW * places)
+    rows = [np.concatenate([s.base_position, s.attitude, s.joints]) for s in states]
+    fit = chebyshev.chebfit(places, np.array(rows), 6)
+    return [chebyshev.chebval(0.0, chebyshev.chebder(fit, k)) / WINDOW**k for k in range(3)]
+
+
+def followed(problem, attitude, branch):
+    attitude = problem.attitude("attitude", attitude)
+    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
+
+
+@pytest.fixture(scope="module")
+def motions():
+    """Example 2 and Example 1, each from its good attitude."""
+    return {
+        "spatial": followed(load_scenario("spatial_6dof/line").problem(), GOOD, 2),
+        "planar": followed(
+            load_scenario("planar_3dof/parabola").problem(), heading_quaternion(np.deg2rad(200)), 0
+        ),
+    }
+
+
+@pytest.fixture(scope="module")
+def engines(motions):
+    return {name: Engine(motion.problem.model) for name, motion in motions.items()}
+
+
+TIMES = np.linspace(6.0, 94.0, 23)
+
+
+@pytest.mark.parametrize("name", ["spatial", "planar"])
+def test_the_motion_needs_no_wrench_on_the_base(motions, engines, name):
+    """Free floating: inverse dynamics asks for joint torques alone, 1e-4 of the largest at most."""
+    results = [engines[name].inverse(*differentiated(motions[name], t)) for t in TIMES]
+    wrenches, torques = (np.array(column) for column in zip(*results, strict=True))
+    assert np.abs(torques).max() > 1e-2
+    assert np.abs(wrenches).max() < 1e-4 * np.abs(torques).max()
+
+
+@pytest.mark.parametrize("name", ["spatial", "planar"])
+def test_a_base_held_still_needs_a_wrench(motions, engines, name):
+    """The check can fail: with the base at rest the arm pushes it about as much as its torques."""
+    wrenches, torques = [], []
+    for t in TIMES:
+        value, rate, bend = differentiated(motions[name], t)
+        rate[:7], bend[:7] = 0.0, 0.0
+        for kept, found in zip(
+            (wrenches, torques), engines[name].inverse(value, rate, bend), strict=True
+        ):
+            kept.append(found)
+    assert np.abs(wrenches).max() > 0.1 * np.abs(torques).max()
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_base_that_turns_a_little_differently_needs_a_wrench(motions, engines, axis):
+    """One percent more angular acceleration about one axis shows clearly above the tolerance."""
+    motion, engine, worst, largest = motions["spatial"], engines["spatial"], 0.0, 0.0
+    for t in TIMES:
+        engine.place(*differentiated(motion, t))
+        engine.data.qacc[3 + axis] += 0.01 * np.abs(engine.data.qacc[3:6]).max()
+        mujoco.mj_inverse(engine.model, engine.data)
+        forces = np.abs(engine.data.qfrc_inverse)
+        worst, largest = max(worst, forces[:6].max()), max(largest, forces[6:].max())
+    assert worst > 1e-3 * largest
+
+
+@pytest.mark.parametrize("name", ["spatial", "planar"])
+def test_mujoco_counts_the_same_momentum(motions, engines, name):
+    """Centre of mass at the origin, no linear momentum, the angular momentum of the problem."""
+    motion = motions[name]
+    for t in TIMES:
+        centre, linear, angular = engines[name].momentum(*differentiated(motion, t))
+        np.testing.assert_allclose(centre, 0.0, atol=1e-9)
+        np.testing.assert_allclose(linear, 0.0, atol=1e-5)
+        np.testing.assert_allclose(angular, motion.problem.momentum, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["spatial", "planar"])
+def test_mujoco_sees_the_end_effector_on_the_path(motions, engines, name):
+    """Its kinematics of the recorded states put the hand where the path wants it."""
+    motion, engine = motions[name], engines[name]
+    rest = np.zeros(7 + motion.problem.model.dof)
+    for state in motion.sample(np.linspace(0.0, 100.0, 41)):
+        value = np.concatenate([state.base_position, state.attitude, state.joints])
+        engine.place(value, rest, rest)
+        mujoco.mj_kinematics(engine.model, engine.data)
+        wanted = motion.problem.path.pose(state.time)
+        np.testing.assert_allclose(engine.data.xpos[engine.tool], wanted.position, atol=1e-8)
+        axes = engine.data.xmat[engine.tool].reshape(3, 3)
+        np.testing.assert_allclose(axes, wanted.rotation, atol=1e-8)
+
+
+def test_mujoco_drifts_along_the_motion(motions, engines):
+    """Driven by the torques of inverse dynamics alone, MuJoCo's own integration stays on it.
+
+    Half a minute around the middle of Example 2, torques from the motion at every stage of the
+    integrator: base and joints end where freefloat says.
+    """
+    motion, engine = motions["spatial"], engines["spatial"]
+    model, data, start, steps, h = engine.model, engine.data, 35.0, 120, 0.25
+    torques = {}
+    for k in range(2 * steps + 1):
+        torques[k] = engine.inverse(*differentiated(motion, start + k * h / 2))[1]
+
+    def acceleration(y, k):
+        data.qpos[:], data.qvel[:] = y[: model.nq], y[model.nq :]
+        data.qfrc_applied[:] = [*np.zeros(6), *torques[k]]
+        mujoco.mj_forward(model, data)
+        w, x, spin = y[3], y[4:7], y[model.nq + 3 : model.nq + 6]
+        turned = [-x @ spin / 2, *((w * spin + np.cross(x, spin)) / 2)]
+        return np.concatenate([y[model.nq :][:3], turned, y[model.nq + 6 :], data.qacc])
+
+    engine.place(*differentiated(motion, start))
+    y = np.concatenate([data.qpos, data.qvel])
+    for k in range(0, 2 * steps, 2):
+        k1 = acceleration(y, k)
+        k2 = acceleration(y + h / 2 * k1, k + 1)
+        k3 = acceleration(y + h / 2 * k2, k + 1)
+        k4 = acceleration(y + h * k3, k + 2)
+        y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    data.qfrc_applied[:] = 0.0
+    (state,) = motion.sample(start + steps * h)
+    np.testing.assert_allclose(y[7 : model.nq], state.joints, atol=1e-4)
+    np.testing.assert_allclose(y[:3], state.base_position, atol=1e-5)
+
+
+def test_tampered_records_are_noticed_by_mujoco(motions, engines):
+    """A motion whose second joint lags by a percent of its excursion needs a wrench on the base."""
+    motion = motions["spatial"]
+    joints = motion.joints.copy()
+    joints[:, 1] = joints[0, 1] + 0.99 * (joints[:, 1] - joints[0, 1])
+    lagging, worst = replace(motion, joints=joints), 0.0
+    for t in TIMES:
+        wrench, _ = engines["spatial"].inverse(*differentiated(lagging, t))
+        worst = max(worst, np.abs(wrench).max())
+    assert worst > 1e-3
