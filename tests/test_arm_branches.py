@@ -423,6 +423,18 @@ def test_out_of_reach_there_are_none(
     assert len(arm_branches(planar_3dof, rim, Task.PLANAR_POSE)) == 2
 
 
+def test_a_forearm_of_no_length_reaches_one_circle_only() -> None:
+    """A hand on the second axis: its distance is fixed, and no other is met by pretending."""
+    model = FreeFloatingModel.from_urdf(planar_robot([9, 3, 2], [1] * 3, [0.5, 0.0], [0.4, 0.5, 0]))
+    virtual = VirtualManipulator.of(model)
+    target = virtual.pose([0.7, 0.0])
+    branches = arm_branches(model, target, Task.PLANAR_POSITION)
+    assert all(abs(branch.joints[0] - 0.7) < 1e-9 for branch in branches)
+    assert len(branches) > 0
+    nearer = Pose(0.9 * target.position, target.rotation)
+    assert arm_branches(model, nearer, Task.PLANAR_POSITION) == ()
+
+
 # --------------------------------------------------------------------------- joints to spare
 
 

@@ -140,6 +140,24 @@ def test_a_change_of_sign_is_least_zero_where_it_happens(near):
             assert near.times[first - 1] <= found.time <= near.times[first]
 
 
+def test_a_graze_comes_before_a_crossing_that_every_node_sees(near):
+    """The first change of sign counts, also when it falls between nodes and a later one does not.
+
+    (q^2 - d) (q - q_later) changes sign at the graze, back at once, and for good later on.
+    """
+    depth = 1e-7
+    assert (np.diff(near.joints[:, 3]) < 0.0).all()  # forearm roll: one value, one time
+    for early, late in zip(times_inside(near)[4:16:4], times_inside(near)[18::4], strict=False):
+        roll, later = (state.joints[3] for state in near.sample([early, late]))
+        gap = later - roll
+        both = passing(3, roll, lambda x, gap=gap: (x**2 - depth) * (gap - x) / gap)
+        found = least(near, both)
+        assert found.value == 0.0
+        assert found.time < early
+        passed = near.sample(found.time)[0].joints[3]
+        assert abs(passed - roll) == pytest.approx(np.sqrt(depth), rel=1e-4)
+
+
 @pytest.mark.parametrize("share", [0.1, 0.4, 0.6, 0.9])
 @pytest.mark.parametrize("first", [True, False])
 def test_a_dip_beside_either_end_is_found(near, share, first):

@@ -18,6 +18,7 @@ from freefloat.dynamics import (
     DriftEquation,
     Task,
     end_effector_jacobian,
+    generalized_determinant,
     generalized_jacobian,
     inertia_matrices,
     momentum_map,
@@ -365,6 +366,29 @@ def test_rates_give_the_twist_and_keep_the_momentum(
     assert np.abs(idle @ rates).max(initial=0.0) < 1e-9 * max(1.0, np.abs(rates).max())
 
 
+@given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
+def test_determinants_need_no_jacobian(data: st.DataObject, robot: Robot) -> None:
+    """det S*, with its sign, and a positive multiple of it: det D times the total mass cubed."""
+    model = loaded(robot)
+    q = data.draw(joint_values(6))
+    S, (D, _) = generalized_jacobian(model, q), inertia_matrices(model, q)
+    size, share = np.prod(np.linalg.norm(S, axis=1)), model.total_mass**3 * np.linalg.det(D)
+    expected = pytest.approx(np.linalg.det(S), abs=1e-11 * size)
+    assert generalized_determinant(model, q) == expected
+    assert DriftEquation(model, Task.POSE, [1.0, 2.0, 3.0]).determinant(q) / share == expected
+
+
+def test_planar_determinants_need_no_jacobian(planar_3dof: FreeFloatingModel) -> None:
+    """In the plane, too, and on both sides of the singular curve."""
+    signs = set()
+    for q in ([0.5, -1.2, 0.7], [0.5, 1.2, 0.7], [-2.0, 0.01, 3.0]):
+        S = np.linalg.det(generalized_jacobian(planar_3dof, q, Task.PLANAR_POSE))
+        found = generalized_determinant(planar_3dof, q, Task.PLANAR_POSE)
+        assert found == pytest.approx(S, rel=1e-11)
+        signs.add(np.sign(found))
+    assert signs == {-1.0, 1.0}
+
+
 def test_momentum_alone_turns_the_spacecraft(spatial_6dof: FreeFloatingModel) -> None:
     """A hand that must not move does not stop the drift: h turns spacecraft and joints."""
     q, h = np.array([0.4, 0.9, 1.3, 0.2, 0.8, -0.3]), np.array([0.5, 0.3, 0.1])
@@ -426,8 +450,9 @@ def test_returned_matrices_are_copies(spatial_6dof: FreeFloatingModel) -> None:
     kept = [array.copy() for array in first]
     for array in everything(*there):
         array[...] = 1e6
-    for array, copy, again in zip(first, kept, everything(*here), strict=True):
+    for array, copy in zip(first, kept, strict=True):
         np.testing.assert_array_equal(array, copy)
+    for again, copy in zip(everything(*here), kept, strict=True):
         np.testing.assert_array_equal(again, copy)
 
 

@@ -469,6 +469,8 @@ def test_stops_are_passed_in_both_directions(planar):
     for t in (69.73, 80.0):
         on = integrate_motion(planar, state.attitude, state.joints, start=60.0, end=t)
         back = integrate_motion(planar, on.final.attitude, on.final.joints, start=t, end=60.0)
+        assert (np.diff(on.times) > 0.0).all()
+        assert (np.diff(back.times) < 0.0).all()
         np.testing.assert_allclose(back.final.joints, state.joints, atol=1e-8)
         (expected,) = start.sample(t)
         np.testing.assert_allclose(on.final.joints, expected.joints, atol=1e-8)
@@ -755,7 +757,7 @@ def test_a_redundant_arm_does_not_creep_along_a_singularity(spatial, monkeypatch
     values = np.linalg.svd(generalized_jacobian(problem.model, motion.final.joints, problem.task))[
         1
     ]
-    assert values[-1] < 1e-5 * values[0]
+    assert values[-1] < 1e-4 * values[0]
 
 
 def test_without_momentum_an_idle_hand_means_an_idle_robot(spatial):

@@ -100,6 +100,7 @@ def test_a_motion_is_sampled_in_the_order_asked_for(motion):
 
 def test_samples_are_unit_quaternions_and_balanced(motion):
     """|q| = 1 everywhere, and the centre of mass is at the origin: base position follows."""
+    np.testing.assert_allclose(np.linalg.norm(motion.attitudes, axis=1), 1.0, atol=1e-15)
     model = motion.problem.model.pin_model
     for state in motion.sample(np.linspace(0.0, 100.0, 77)):
         assert np.linalg.norm(state.attitude) == pytest.approx(1.0, abs=1e-15)

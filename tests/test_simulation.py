@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import FixedAttitude
+from freefloat.attitude_law import FixedAttitude, SlerpAttitude
 from freefloat.closeness import least
 from freefloat.curve import PolynomialCurve
 from freefloat.dynamics import Task
@@ -52,7 +53,8 @@ def test_every_branch_is_followed_from_its_own_joints(spatial, good):
 def test_the_branch_with_the_largest_margin_is_chosen(good):
     """All complete: the one that stays farthest from singularities."""
     assert good.chosen in good.followed
-    assert good.chosen.least.value == max(one.least.value for one in good.followed)
+    largest = max(one.least.value for one in good.followed)
+    assert good.chosen.least.value == pytest.approx(largest, rel=1e-6)
 
 
 def test_a_branch_that_completes_comes_before_one_that_does_not(planar):
@@ -65,6 +67,24 @@ def test_a_branch_that_completes_comes_before_one_that_does_not(planar):
     stopped = simulate(wide, heading_quaternion(np.deg2rad(140.0)), stop_at_margin=True)
     assert {one.motion.ending for one in stopped.followed} == {Ending.MARGIN}
     assert stopped.chosen in stopped.followed
+
+
+def test_completing_counts_more_than_any_margin(spatial):
+    """Pitched in the plane of the arm, four wrists straighten where the arm's own factor is larger.
+
+    S(q2, q3) does not see the wrist: those four have the larger margin and yet do not complete.
+    """
+    joints = [0.0, 0.6, -1.3, 0.0, 0.3, 0.0]
+    pose = spatial.model.end_effector_pose([0, 0, 0, 1], joints)
+    line = PolynomialCurve.line(pose.position, pose.position + np.array([-0.3, 0.0, 0.3]))
+    pitched = Rotation.from_rotvec([0.0, -2.0, 0.0]).as_matrix() @ pose.rotation
+    path = EndEffectorPath(line, SlerpAttitude(pose.rotation, pitched))
+    problem = replace(spatial, path=TimedPath(path, Timing(20.0)), momentum=[0.0, 0.2, 0.0])
+    simulation = simulate(problem, [0, 0, 0, 1])
+    failed = [one for one in simulation.followed if one.motion.ending is Ending.SINGULAR]
+    assert len(failed) == 4
+    assert simulation.chosen.motion.completed
+    assert all(one.least.value > simulation.chosen.least.value for one in failed)
 
 
 def test_where_none_completes_the_motion_is_still_told(planar):

@@ -13,6 +13,7 @@ from freefloat.errors import InputError
 from freefloat.spatial import (
     Pose,
     axes_rotation,
+    cross,
     finite_vector,
     frozen,
     heading_of,
@@ -60,15 +61,28 @@ def test_quaternion_follows_from_its_definition(attitude: np.ndarray, x: float, 
 
 @given(heading=st.floats(-20.0, 20.0))
 def test_heading_survives_its_quaternion_up_to_whole_turns(heading: float) -> None:
-    """Heading to attitude and back, in [0, 2 pi), whatever the quaternion's sign."""
+    """Heading to attitude and back, whatever the quaternion's sign."""
     attitude = heading_quaternion(heading)
     for sign in (1.0, -1.0):
         back = heading_of(sign * attitude)
-        assert 0.0 <= back < 2.0 * np.pi
         assert abs(np.exp(1j * back) - np.exp(1j * heading)) < 1e-13
     np.testing.assert_allclose(
         rotation_matrix(attitude) @ X, [np.cos(heading), np.sin(heading), 0.0], atol=1e-13
     )
+
+
+@given(heading=st.one_of(st.sampled_from([-1e-17, -1e-300, 2.0 * np.pi]), st.floats(-20.0, 20.0)))
+def test_heading_is_less_than_a_whole_turn(heading: float) -> None:
+    """In [0, 2 pi), also a hair's breadth below zero."""
+    assert 0.0 <= heading_of(heading_quaternion(heading)) < 2.0 * np.pi
+
+
+@given(u=st.lists(st.floats(-9, 9), min_size=3, max_size=3).map(np.array))
+def test_cross_is_the_vector_product(u: np.ndarray) -> None:
+    """Right-handed: x cross y is z."""
+    np.testing.assert_array_equal(cross(X, Y), Z)
+    v = np.array([0.3, -0.7, 1.9])
+    np.testing.assert_allclose(cross(u, v), np.cross(u, v), atol=1e-14)
 
 
 def test_pose_seen_from_a_turned_frame_gives_the_same_points() -> None:
@@ -169,7 +183,9 @@ def test_vectors_must_be_finite_and_of_their_length(values: object, problem: str
 
 def test_directions_are_normalized_and_zero_refused() -> None:
     """Only the direction of a direction counts, and the zero vector has none."""
-    np.testing.assert_allclose(unit_vector("axis", [0, 3e-9, 4e-9]), [0, 0.6, 0.8])
+    for size in (1e-300, 1e-9, 1.0, 1e300):
+        given_vector = [0, 3 * size, 4 * size]
+        np.testing.assert_allclose(unit_vector("axis", given_vector), [0, 0.6, 0.8], atol=1e-15)
     with pytest.raises(InputError, match="axis: the zero vector has no direction"):
         unit_vector("axis", [0, 0, 0])
 

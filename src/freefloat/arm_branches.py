@@ -23,6 +23,7 @@ _STARTS = 256
 _ITERATIONS = 60
 _MET = 1e-9
 """A pose is met when position and attitude are off by less than this [m, rad]."""
+_EXACT = 1e-13
 _SAME = 1e-5
 """Configurations nearer than this in every joint are one [rad, m]."""
 _REDUNDANT_SET = 16
@@ -64,11 +65,23 @@ def arm_branches(model: FreeFloatingModel, target: Pose, task: Task) -> tuple[Ar
         found = list(_planar_elbow(virtual, target))
     else:
         found = list(enumerate_numeric(virtual, model, target, task))
+    polished = [(i, label, _polished(virtual, target, task, joints)) for i, label, joints in found]
     return tuple(
         ArmBranch(index, label, frozen(_in_range(model, joints)))
-        for index, label, joints in found
-        if np.abs(_errors(virtual, target, task, joints[None])).max() < 10.0 * _MET
+        for index, label, joints in polished
+        if np.abs(_errors(virtual, target, task, joints[None])).max() < _MET
     )
+
+
+def _polished(virtual: VirtualManipulator, target: Pose, task: Task, joints: Array) -> Array:
+    """Newton steps: near a straight wrist or elbow the closed forms lose half the digits."""
+    for _ in range(2):
+        error = _errors(virtual, target, task, joints[None])[0]
+        if np.abs(error).max() < _EXACT:
+            break
+        J = virtual.jacobian(joints[None])[0, task.rows]
+        joints = joints + np.linalg.lstsq(J, error, rcond=1e-6)[0]
+    return joints
 
 
 def nearest_configuration(
@@ -104,9 +117,8 @@ def _rotate(axis: Array, angle: float) -> Array:
 
 def _angle_onto(axis: Array, start: Array, end: Array) -> float:
     """The angle about an axis that brings one vector's direction onto another's."""
-    return float(
-        np.arctan2(axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end))
-    )
+    a, b = start - axis * (axis @ start), end - axis * (axis @ end)
+    return float(np.arctan2(axis @ np.cross(a, b), a @ b))
 
 
 def _angle_to_height(axis: Array, vector: Array, along: Array, height: float, sign: float) -> float:
@@ -120,6 +132,19 @@ def _angle_to_height(axis: Array, vector: Array, along: Array, height: float, si
     if abs(share) > 1.0 + 1e-9:
         return float("nan")
     return float(np.arctan2(sine, cosine) + sign * np.arccos(np.clip(share, -1.0, 1.0)))
+
+
+def _bend(wrist: Array, roll: Array, sign: float) -> float:
+    """The wrist's middle angle that takes its last axis to ``roll``; nan where there is none.
+
+    Where the middle axis is normal to the others, by the angle between those: that keeps all digits
+    near a straight wrist.
+    """
+    h4, h5, h6 = wrist
+    if max(abs(h4 @ h5), abs(h5 @ h6)) > 1e-12:
+        return _angle_to_height(h5, h6, h4, h4 @ roll, sign)
+    angle = np.arctan2(np.linalg.norm(np.cross(h4, roll)), h4 @ roll)
+    return float(sign * angle - _angle_onto(h5, h4, h6))
 
 
 def _elbow_with_wrist(
@@ -143,7 +168,7 @@ def _elbow_with_wrist(
             continue
         q2 = _angle_onto(h[1], upper + _rotate(h[2], q3) @ fore, v)
         hand = (_rotate(h[0], q1) @ _rotate(h[1], q2) @ _rotate(h[2], q3)).T @ turned
-        q5 = _angle_to_height(h[4], h[5], h[3], h[3] @ hand @ h[5], bend)
+        q5 = _bend(h[3:], hand @ h[5], bend)
         if np.isnan(q5):
             continue
         bent = _rotate(h[4], q5)
@@ -161,8 +186,8 @@ def _planar_elbow(virtual: VirtualManipulator, target: Pose) -> Iterator[tuple[i
     turned = target.rotation @ R0[0].T
     last = P[2] if len(P) == 3 else p[0]
     tip = turned @ (p[0] - P[2]) if len(P) == 3 else np.zeros(3)
-    v = target.position - tip - P[0]
-    b, c = P[1] - P[0], last - P[1]
+    flat = np.array([1.0, 1.0, 0.0])  # heights do not count
+    v, b, c = flat * (target.position - tip - P[0]), flat * (P[1] - P[0]), flat * (last - P[1])
     for number, (sign, a) in enumerate(_SIGNS):
         q2 = _angle_to_height(h[1], c, b, (v @ v - b @ b - c @ c) / 2, sign)
         if np.isnan(q2):

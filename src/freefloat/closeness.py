@@ -75,29 +75,36 @@ class _Profile:
         return self.sign * self._of(self._motion.at_place(place)[2][0])
 
     def dips(self, bound: float) -> Iterator[tuple[float, float]]:
-        """Minima between nodes that may lie below a bound: value and place, in order.
+        """Minima between nodes that may lie below a bound: value and place.
 
-        A parabola through a lowest node and its neighbours tells how deep the dip may be; where
-        three times that could pass the bound, the motion itself is searched.
+        One may hide beside either end. Elsewhere a parabola through a lowest node and its
+        neighbours tells how deep the dip may be; where three times that could pass the bound, the
+        motion itself is searched.
         """
         u, v = self._motion.node_places, self.values
+        for end, inner in ((0, 1), (-1, -2)):
+            if len(v) > 1 and v[end] <= v[inner] and v[end] - 3.0 * (v[inner] - v[end]) <= bound:
+                yield self._searched(*sorted((u[end], u[inner])))
         for i in np.flatnonzero((v[1:-1] <= v[:-2]) & (v[1:-1] <= v[2:])) + 1:
             left, right = u[i] - u[i - 1], u[i + 1] - u[i]
             rise, fall = (v[i + 1] - v[i]) / right, (v[i - 1] - v[i]) / left
             bend = (rise + fall) / (left + right)
             slope = (rise * left - fall * right) / (left + right)
             if bend > 0.0 and v[i] - 3.0 * slope**2 / (4.0 * bend) <= bound:
-                found = minimize_scalar(
-                    self._at, bounds=(u[i - 1], u[i + 1]), method="bounded", options={"xatol": 1e-9}
-                )
-                yield float(found.fun), float(found.x)
+                yield self._searched(u[i - 1], u[i + 1])
+
+    def _searched(self, low: float, high: float) -> tuple[float, float]:
+        found = minimize_scalar(
+            self._at, bounds=(low, high), method="bounded", options={"xatol": 1e-9}
+        )
+        return float(found.fun), float(found.x)
 
     def first_place_below(self, value: float) -> float | None:
         u, v = self._motion.node_places, self.values
         if v[0] < value:
             return 0.0
         below = [float(place) for place in u[v < value][:1]]
-        below += [place for depth, place in self.dips(value) if depth < value][:1]
+        below += sorted(place for depth, place in self.dips(value) if depth < value)[:1]
         if not below:
             return None
         low = min(below)

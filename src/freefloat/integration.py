@@ -27,6 +27,9 @@ _TIME_UNITS = 10.0
 """The duration counts as this much arc length beside the joints' radians and metres."""
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
+_STALLED = 5e-5
+"""A redundant arm may creep along a singularity instead of turning back in time there. When time
+passes slower than this per arc length, it stands still: rates have no bound."""
 _RANK_LOST = 1e-9
 """A start is singular when S*'s smallest singular value is below this share of its largest."""
 _MEETS = 1e-6
@@ -78,8 +81,8 @@ def integrate_motion(
     if len(problem.task.rows) == problem.model.dof:
         determinant = DriftEquation(problem.model, problem.task, problem.momentum).determinant
         motion = _cut(motion, first_place_below(motion, determinant, 0.0), Ending.SINGULAR)
-    if stop_at_margin:
-        margin = problem.margin
+    margin = problem.margin
+    if stop_at_margin and margin.value > 0.0:
         place = first_place_below(motion, margin.measure.value, margin.value)
         motion = _cut(motion, place, Ending.MARGIN)
     return motion
@@ -114,6 +117,7 @@ class _Flow:
         self._path = problem.path
         self._equation = DriftEquation(problem.model, problem.task, problem.momentum)
         self.unit = problem.path.duration / _TIME_UNITS
+        self.stalled = _STALLED if problem.model.dof > len(problem.task.rows) else 0.0
         self.piece = 0
         self.reference = np.zeros(5 + problem.model.dof)
         self.reference[0] = direction
@@ -202,8 +206,9 @@ def _panels(flow: _Flow, row: Array, end: float, tolerance: float) -> Iterator[t
         if solver.status == "failed":
             raise IntegrationError(float(solver.y[0] * flow.unit), str(message))
         dense = solver.dense_output()
-        stop, turned = solver.t, bool(direction * solver.f[0] <= 0.0)
-        if turned:
+        stop, pace = solver.t, direction * solver.f[0]
+        turned = bool(pace <= flow.stalled)
+        if pace < 0.0:
             stop = brentq(partial(_pace, flow, dense), solver.t_old, stop, xtol=1e-14)
         if direction * (dense(stop)[0] - goal) >= 0.0:
             stop = brentq(partial(_lateness, dense, goal), solver.t_old, stop, xtol=1e-14)

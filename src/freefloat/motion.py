@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,8 @@ NODES = frozen(chebyshev.chebpts2(DEGREE + 1))
 _TO_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
 _DERIVATIVE = chebyshev.chebval(NODES, chebyshev.chebder(_TO_COEFFICIENTS)).T
 _BISECTIONS = 60
+_UNRESOLVED = 1e-7
+"""Changes smaller than this leave derivatives to rounding [rad, m, share of the duration]."""
 _NEARLY_STILL = 1e-2
 """Where time passes slower than this share of its pace in the panel, no rates are formed."""
 
@@ -97,6 +100,10 @@ class Motion:
     def __post_init__(self) -> None:
         for name in ("times", "attitudes", "joints"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def __reduce__(self) -> tuple[type[Motion], tuple[Any, ...]]:
+        """Made anew on unpickling, so that its arrays are read-only there, too."""
+        return Motion, (self.problem, self.ending, self.times, self.attitudes, self.joints)
 
     @property
     def panels(self) -> int:
@@ -235,9 +242,16 @@ class Motion:
         return float(np.linalg.norm(off)), float(np.linalg.norm(turn))
 
     def _momentum_residual(self) -> float:
-        """By panel: derivatives by the parameter of everything recorded, time included."""
+        """By panel: derivatives by the parameter of everything recorded, time included.
+
+        A panel across which next to nothing changes has no derivatives worth the name.
+        """
         worst, model, h = 0.0, self.problem.model, self.problem.momentum
+        scale = np.ones(self.joints.shape[1] + 5)
+        scale[0] = self.problem.path.duration
         for panel, values in enumerate(self._values):
+            if (np.ptp(values, axis=0) / scale).max() < _UNRESOLVED:
+                continue
             nodes = slice(DEGREE * panel, DEGREE * panel + DEGREE + 1)
             rates = _DERIVATIVE @ np.column_stack([values, self.base_positions[nodes]])
             pace = np.abs(rates[:, 0])

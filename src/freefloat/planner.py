@@ -282,9 +282,9 @@ def _nearest_miss(problem: Problem) -> str:
         return f"no heading lets the arm reach the start of the path, {pose.position.tolist()} m"
     one = best[2]
     time = one.least.time
-    where = problem.path.pose(time).position
+    where, s = problem.path.pose(time).position, round(problem.path.timing.s(time), 4)
     return (
         f"every heading breaks the margin; of 24 tried the best falls to "
-        f"{one.least.measure} {one.least.value:.4g} at s = {problem.path.timing.s(time):.4g}, "
+        f"{one.least.measure} {one.least.value:.4g} at s = {s:g}, "
         f"({where[0]:.4g}, {where[1]:.4g}) m"
     )

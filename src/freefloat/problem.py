@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -69,6 +70,10 @@ class Problem:
         DriftEquation(self.model, self.task, momentum)
         if self.task.planar:
             self._refuse_what_is_not_planar()
+
+    def __reduce__(self) -> tuple[type[Problem], tuple[Any, ...]]:
+        """Made anew on unpickling, so that its arrays are read-only there, too."""
+        return Problem, (self.model, self.path, self.task, self.momentum, self.margin)
 
     def _refuse_what_is_not_planar(self) -> None:
         virtual = VirtualManipulator.of(self.model)
@@ -155,8 +160,10 @@ class Problem:
         if self.model.dof > len(self.task.rows):
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
             candidates += nearest_configuration(self.model, target, self.task, given)
+        turning = [not body.prismatic for body in self.model.bodies[1:]]
         for branch in candidates:
-            gap = (branch.joints - given + np.pi) % (2.0 * np.pi) - np.pi
+            gap = branch.joints - given
+            gap[turning] = (gap[turning] + np.pi) % (2.0 * np.pi) - np.pi
             if np.abs(gap).max() <= _NEAR:
                 return branch
         raise InputError(

@@ -60,7 +60,12 @@ def measure(model: FreeFloatingModel, task: Task, name: str) -> Measure:
             factor.
     """
     m, n = len(task.rows), model.dof
-    lengths = sum(row < 3 for row in task.rows)
+    if m > n:
+        raise InputError(
+            "task", f"{task} prescribes {m} rates, the arm has {n} joints", "fewer rates"
+        )
+    slides = sum(body.prismatic for body in model.bodies[1:])
+    lengths = sum(row < 3 for row in task.rows) - slides
     virtual = VirtualManipulator.of(model)
     determinant = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
     if name == "gjm":

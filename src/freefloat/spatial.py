@@ -114,7 +114,8 @@ def heading_quaternion(heading: float) -> Array:
 def heading_of(attitude: npt.ArrayLike) -> float:
     """The heading [rad] in [0, 2 pi) of an attitude ``x, y, z, w`` that turns about z alone."""
     z, w = np.asarray(attitude, dtype=float)[2:]
-    return float(2.0 * np.arctan2(z, w) % (2.0 * np.pi))
+    heading = float(2.0 * np.arctan2(z, w) % (2.0 * np.pi))
+    return heading if heading < 2.0 * np.pi else 0.0  # a tiny negative angle rounds up
 
 
 def rotation_angle(rotation: npt.ArrayLike) -> float:

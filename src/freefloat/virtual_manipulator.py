@@ -61,11 +61,13 @@ class VirtualManipulator:
             stroke * max(abs(body.lower), abs(body.upper))
             for body, stroke in zip(arm, strokes, strict=True) if body.prismatic
         )  # fmt: skip
+        prismatic = np.array([body.prismatic for body in arm])
+        prismatic.setflags(write=False)
         return cls(
             links=frozen(links),
             turns=frozen([body.placement.rotation for body in arm]),
             axes=frozen([body.axis for body in arm]),
-            prismatic=np.array([body.prismatic for body in arm]),
+            prismatic=prismatic,
             strokes=frozen(strokes),
             tool=frozen(model.tool.rotation),
             reach=float(np.linalg.norm(links, axis=1).sum() + sliding),
@@ -135,7 +137,8 @@ class VirtualManipulator:
         if len(self.axes) != 6 or self.prismatic.any():
             return None
         _, _, points, axes = self.kinematics(np.zeros(6))
-        return meeting_point(points[3:, 0], axes[3:, 0], _TOUCHING * self.reach)
+        centre = meeting_point(points[3:, 0], axes[3:, 0], _TOUCHING * self.reach)
+        return None if centre is None else frozen(centre)
 
     @cached_property
     def has_elbow_and_spherical_wrist(self) -> bool:
