@@ -221,7 +221,7 @@ def judge(
         sum(len(entry.limits) for entry in entries), 0.0, between - start, end - between,
     )  # fmt: skip
     for entry in entries:
-        _compare(problem, entry, brute[entry.branch], verdict, spacing)
+        _compare(problem, entry, brute[entry.branch], verdict)
     return verdict
 
 
@@ -230,7 +230,6 @@ def _compare(
     entry: BranchRanges,
     brute: list[tuple[float, bool]],
     verdict: Verdict,
-    spacing: float,
 ) -> None:
     exact = [
         (float(np.degrees(edge)) % 360.0, opens)
@@ -254,15 +253,18 @@ def _compare(
                 verdict.trouble.append(f"branch {entry.branch}: invented, at {share:g} of {one}")
     for heading, opens in exact:
         seen = min((gap(heading, x) for x, y in brute if y == opens), default=360.0)
-        if seen > AGREEMENT and not _narrow(entry, heading, spacing):
-            verdict.trouble.append(f"branch {entry.branch}: {heading:.4f} deg not in the sweep")
+        if seen > AGREEMENT and not _flips(problem, entry.branch, heading):
+            verdict.trouble.append(f"branch {entry.branch}: {heading:.4f} deg is no limit")
 
 
-def _narrow(entry: BranchRanges, heading: float, spacing: float) -> bool:
-    """Whether a limit bounds a range or a gap that the sweep's spacing cannot show."""
-    edges = np.degrees(np.array(entry.limits))
-    gaps = np.abs((edges - heading + 180.0) % 360.0 - 180.0)
-    return bool(np.sort(gaps)[1:2].min(initial=360.0) < 2.0 * spacing)
+def _flips(problem: Problem, branch: int, heading: float) -> bool:
+    """Whether precise motions to either side of a heading [deg] end differently.
+
+    The sweep does not show a range narrower than its spacing, and its fixed steps may lose a crossing
+    where motions graze the margin.
+    """
+    low, high = (np.radians(heading + side * AGREEMENT / 2) for side in (-1, 1))
+    return precise(problem, float(low), branch) != precise(problem, float(high), branch)
 
 
 def main() -> int:

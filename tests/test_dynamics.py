@@ -411,6 +411,10 @@ def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
     equation = DriftEquation(bolted, Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
     w, rates = equation.rates(np.array([0.0, 0, 0, 1]), np.zeros(2), np.eye(6)[0])
     assert np.isinf([*w, *rates]).all()
+    spare = FreeFloatingModel.from_urdf(planar_robot([5, 0, 0, 0], [1, 0, 0, 0], [1] * 3, [0] * 4))
+    equation = DriftEquation(spare, Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
+    _, rates = equation.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0])
+    assert not np.isfinite(rates).all()
 
 
 def test_task_with_too_many_rows_is_refused_with_those_that_fit(

@@ -130,6 +130,15 @@ def test_a_link_may_bear_the_name_of_its_joint(planar_3dof: FreeFloatingModel) -
         )
 
 
+def test_of_a_link_and_a_joint_the_link_is_meant() -> None:
+    """The shoulder's joint may be called 'fore': the end-effector is the link of that name."""
+    named = FreeFloatingModel.from_urdf(ELBOW.replace('"shoulder"', '"fore"'), "fore")
+    assert named.joint_names == ("fore", "elbow")
+    plain = FreeFloatingModel.from_urdf(ELBOW, "fore")
+    here, there = (m.end_effector_pose([0, 0, 0, 1], [0.4, 0.9]) for m in (named, plain))
+    np.testing.assert_array_equal(here.position, there.position)
+
+
 @pytest.mark.parametrize("kind", ["floating", "planar"])
 def test_joints_of_other_kinds_are_refused(kind: str) -> None:
     """What is supported is said."""
