@@ -260,8 +260,8 @@ def _compare(
 def _flips(problem: Problem, branch: int, heading: float) -> bool:
     """Whether precise motions to either side of a heading [deg] end differently.
 
-    The sweep does not show a range narrower than its spacing, and its fixed steps may lose a crossing
-    where motions graze the margin.
+    The sweep does not show a range narrower than its spacing, and its fixed steps may lose a
+    crossing where motions graze the margin.
     """
     low, high = (np.radians(heading + side * AGREEMENT / 2) for side in (-1, 1))
     return precise(problem, float(low), branch) != precise(problem, float(high), branch)
