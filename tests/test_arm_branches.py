@@ -133,19 +133,47 @@ def test_closed_form_finds_the_configuration_a_pose_came_from(
     assert max(missed(virtual, target, branch.joints) for branch in branches) < 1e-8
 
 
-@pytest.mark.parametrize("bend", [0.0, 1e-9, 1e-8, -3e-8, 1e-7, np.pi])
+def with_wrist_axis(model: FreeFloatingModel, joint: str, axis: str) -> FreeFloatingModel:
+    """The same arm with another axis for one joint."""
+    first, rest = model.description.text.split(f'<joint name="{joint}"')
+    changed = re.sub("<axis [^>]*>", f'<axis xyz="{axis}"/>', rest, count=1)
+    return FreeFloatingModel.from_urdf(f'{first}<joint name="{joint}"{changed}', "end_effector")
+
+
+@pytest.mark.parametrize(
+    ("bend", "axis"),
+    [(bend, "0 -1 0") for bend in (0.0, 1e-9, 1e-8, -3e-8, 1e-7, np.pi)]
+    # square to eight digits, as where a URDF says rpy="1.5707963 0 0"
+    + [(bend, "1e-8 -1 0") for bend in (0.0, 1e-8, -3e-8)],
+)
 def test_a_straight_wrist_loses_no_branch(
-    spatial_6dof: FreeFloatingModel, rng: np.random.Generator, bend: float
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator, bend: float, axis: str
 ) -> None:
     """With axes 4 and 6 in line any share of the roll will do, but one must be given."""
-    virtual = VirtualManipulator.of(spatial_6dof)
+    model = with_wrist_axis(spatial_6dof, "q5", axis)
+    virtual = VirtualManipulator.of(model)
+    assert virtual.has_elbow_and_spherical_wrist
     for q in rng.uniform(-np.pi, np.pi, (20, 6)):
         q[4] = bend
         target = virtual.pose(q)
-        branches = arm_branches(spatial_6dof, target, Task.POSE)
+        branches = arm_branches(model, target, Task.POSE)
         assert [branch.index for branch in branches] == list(range(8))
         assert holds([joints[:3] for joints in joints_of(branches)], q[:3])
         assert max(missed(virtual, target, branch.joints) for branch in branches) < 1e-8
+
+
+@pytest.mark.parametrize("axis", ["0 0 1", "0.6 0 0.8"], ids=["roll pitch yaw", "bent at zero"])
+def test_wrists_need_not_be_straight_at_zero(
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator, axis: str
+) -> None:
+    """Where the zero of the middle joint lies is the maker's choice."""
+    model = with_wrist_axis(spatial_6dof, "q6", axis)
+    virtual = VirtualManipulator.of(model)
+    for q in rng.uniform(-np.pi, np.pi, (10, 6)):
+        branches = arm_branches(model, virtual.pose(q), Task.POSE)
+        assert [branch.index for branch in branches] == list(range(8))
+        assert holds(joints_of(branches), q)
+        assert max(missed(virtual, virtual.pose(q), b.joints) for b in branches) < 1e-8
 
 
 def test_branch_numbers_keep_their_meaning_at_every_attitude(
@@ -376,9 +404,9 @@ def test_planar_closed_form_and_newton_agree(
 
 
 def test_planar_tasks_do_not_mind_the_height(planar_3dof: FreeFloatingModel) -> None:
-    """A tool 0.1 m above the plane follows a path in the plane: only x, y and heading count."""
+    """A tool 1 m above the plane follows a path in the plane: only x, y and heading count."""
     text = planar_3dof.description.text.replace(
-        '<origin xyz="0.4 0 0" />', '<origin xyz="0.4 0 0.1"/>'
+        '<origin xyz="0.4 0 0" />', '<origin xyz="0.4 0 1"/>'
     )
     assert text != planar_3dof.description.text
     model = FreeFloatingModel.from_urdf(text)

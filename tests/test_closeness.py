@@ -158,6 +158,24 @@ def test_a_graze_comes_before_a_crossing_that_every_node_sees(near):
         assert abs(passed - roll) == pytest.approx(np.sqrt(depth), rel=1e-4)
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_first_of_two_grazes_counts(near, first):
+    """Neither is seen by a node; which of them is deeper does not matter."""
+    times = times_inside(near)
+    depths = [1e-7, 1e-9] if first else [1e-9, 1e-7]
+    for early, late in ((times[5], times[12]), (times[9], times[25]), (times[20], times[28])):
+        rolls = [state.joints[3] for state in near.sample([early, late])]
+
+        def both(x, later=rolls[1] - rolls[0]):
+            return (x**2 - depths[0]) * ((x - later) ** 2 - depths[1])
+
+        found = least(near, passing(3, rolls[0], both))
+        assert found.value == 0.0
+        assert found.time == pytest.approx(early, abs=0.2)
+        passed = near.sample(found.time)[0].joints[3]
+        assert abs(passed - rolls[0]) == pytest.approx(np.sqrt(depths[0]), rel=1e-3)
+
+
 @pytest.mark.parametrize("share", [0.1, 0.4, 0.6, 0.9])
 @pytest.mark.parametrize("first", [True, False])
 def test_a_dip_beside_either_end_is_found(near, share, first):

@@ -1,6 +1,7 @@
 """What is asked: checked once against the robot, so that no motion starts from nonsense."""
 
 from dataclasses import FrozenInstanceError, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from freefloat.scenario import load_scenario
 from freefloat.singularity import measure
 from freefloat.spatial import heading_quaternion, rotation_angle
 from freefloat.timing import TimedPath, Timing
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 
@@ -110,10 +113,20 @@ def test_a_planar_path_keeps_the_end_effector_upright(planar):
     asking(planar, path=TimedPath(path, Timing(100.0)), task=Task.PLANAR_POSITION)
 
 
+def test_a_planar_path_stays_at_the_height_of_the_hand(planar):
+    """A path that leaves the plane on the way, or lies beside it, cannot be followed."""
+    for rise, task in (([0, 0, 0.1], Task.PLANAR_POSE), ([0, 0, 0.0], Task.PLANAR_POSITION)):
+        start = np.array([2.0, 0.0, 0.0 if any(rise) else 0.2])
+        line = PolynomialCurve.line(start, start + np.array([-0.5, 0.3, 0.0]) + rise)
+        path = EndEffectorPath(line, planar.path.path.attitude)
+        with pytest.raises(InputError, match="leaves the plane of the end-effector, z = 0 m"):
+            asking(planar, path=TimedPath(path, Timing(100.0)), task=task)
+
+
 def test_an_attitude_is_normalized(spatial):
     """Four printed digits are welcome, a wrong norm is not."""
     found = spatial.attitude("attitude", GOOD)
-    np.testing.assert_allclose(found, np.array(GOOD) / np.linalg.norm(GOOD), atol=1e-15)
+    assert_close(found, np.array(GOOD) / np.linalg.norm(GOOD), atol=1e-15)
     with pytest.raises(InputError, match="norm 2") as caught:
         spatial.attitude("somewhere", 2 * np.array(GOOD) / np.linalg.norm(GOOD))
     assert caught.value.key == "somewhere"
@@ -141,7 +154,7 @@ def test_every_branch_puts_the_end_effector_on_the_path(spatial, t):
     assert len(branches) == 8
     for branch in branches:
         pose = spatial.model.end_effector_pose(attitude, branch.joints)
-        np.testing.assert_allclose(pose.position, wanted.position, atol=1e-9)
+        assert_close(pose.position, wanted.position, atol=1e-9)
         assert rotation_angle(pose.rotation.T @ wanted.rotation) < 1e-8
 
 
@@ -153,7 +166,7 @@ def test_a_planar_arm_has_two_branches(planar, heading):
     assert [branch.label for branch in branches] == ["elbow+", "elbow-"]
     for branch in branches:
         pose = planar.model.end_effector_pose(attitude, branch.joints)
-        np.testing.assert_allclose(pose.position[:2], wanted.position[:2], atol=1e-9)
+        assert_close(pose.position[:2], wanted.position[:2], atol=1e-9)
         assert rotation_angle(pose.rotation.T @ wanted.rotation) < 1e-8
 
 
@@ -197,7 +210,7 @@ def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial)
     chosen = problem.branch_near(attitude, on_path + 0.01, branches)
     assert np.abs(chosen.joints - on_path).max() < 0.05
     reached = problem.model.end_effector_pose(attitude, chosen.joints).position
-    np.testing.assert_allclose(reached, problem.path.pose(0.0).position, atol=1e-8)
+    assert_close(reached, problem.path.pose(0.0).position, atol=1e-8)
     with pytest.raises(InputError, match="lies near no arm branch"):
         problem.branch_near(attitude, on_path + 0.3 * np.eye(6)[1], branches)
 

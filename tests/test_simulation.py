@@ -1,6 +1,7 @@
 """One attitude, every branch: what is followed, what is chosen, what is refused."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from freefloat.simulation import simulate
 from freefloat.singularity import measure
 from freefloat.spatial import heading_quaternion
 from freefloat.timing import TimedPath, Timing
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 BAD = [0.1, 0.5, 0.2, -0.8367]
@@ -44,9 +47,7 @@ def test_every_branch_is_followed_from_its_own_joints(spatial, good):
     assert [one.branch.index for one in good.followed] == list(range(8))
     for one in good.followed:
         assert (one.motion.initial.joints == one.branch.joints).all()
-        np.testing.assert_allclose(
-            one.motion.initial.attitude, spatial.attitude("a", GOOD), atol=1e-15
-        )
+        assert_close(one.motion.initial.attitude, spatial.attitude("a", GOOD), atol=1e-15)
         assert one.least == least(one.motion, spatial.margin.measure)
 
 
@@ -123,6 +124,14 @@ def test_a_branch_that_does_not_exist_is_refused_with_those_that_do(planar):
         simulate(planar, attitude, joints=[0.0, 0.1])
 
 
+def test_a_branch_is_chosen_in_one_way(planar):
+    """By number or by joints: both could contradict each other."""
+    attitude = heading_quaternion(2.0)
+    joints = planar.branches(attitude)[0].joints
+    with pytest.raises(InputError, match="branch or joints"):
+        simulate(planar, attitude, branch=0, joints=joints)
+
+
 def test_a_path_out_of_reach_is_told_as_such(spatial):
     """Not singular, not wrong: unreachable, with the place in the message."""
     far = EndEffectorPath(PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedAttitude(np.eye(3)))
@@ -178,6 +187,6 @@ def test_a_redundant_arm_follows_a_set_of_configurations_and_any_given_one(spati
     assert simulation.chosen.branch.label == "given"
     assert len(simulation.followed) == len(problem.branches(spatial.attitude("a", GOOD))) + 1
     assert len({one.branch.index for one in simulation.followed}) == len(simulation.followed)
-    np.testing.assert_allclose(simulation.chosen.motion.initial.joints, given, atol=1e-6)
+    assert_close(simulation.chosen.motion.initial.joints, given, atol=1e-6)
     for one in simulation.followed:
         assert one.motion.residuals().end_effector_position < 1e-7
