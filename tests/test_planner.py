@@ -102,12 +102,12 @@ def test_a_planar_arm_with_a_joint_to_spare_is_planned_by_search(problem):
     """Position alone for the three-joint arm: starting configurations from a reproducible set."""
     measure = ff.measure(problem.model, ff.Task.PLANAR_POSITION, "gjm")
     other = ff.Problem(problem.model, problem.path, ff.Task.PLANAR_POSITION, problem.momentum,
-                       ff.Margin(measure, 0.3))  # fmt: skip
+                       ff.Margin(measure, 0.02))  # fmt: skip
     plan = ff.plan(other, ff.Search(ff.Objective.ROBUST, samples=8))
     assert plan.feasible
     assert plan.ranges[0].label == "any"
     assert plan.chosen.motion.completed
-    assert plan.chosen.least.value >= 0.3
+    assert plan.chosen.least.value >= 0.02
 
 
 def test_the_map_shows_the_ranges(problem):
@@ -137,3 +137,24 @@ def test_misuse_is_refused(problem):
         ff.Search(samples=2)
     with pytest.raises(InputError, match="leaves the plane"):
         ff.plan(problem, ff.Search(from_attitude=frozen([1, 0, 0, 0])))
+
+
+def test_a_sliver_beside_the_reach_is_found_by_search(problem):
+    """Sampled ranges look just inside the reach, where a range may be narrower than the spacing."""
+    from freefloat.planar_ranges import reach_limits
+    from freefloat.planar_search import _looked_at
+
+    stretched = moved(problem, [3.0, 0.5, 0], [2.5, 0.5, 0], 1.0)
+    edges = [*reach_limits(stretched, 0.0)]
+    assert edges
+    looked = _looked_at(stretched, 12)
+    for edge in edges:
+        assert np.abs(np.angle(np.exp(1j * (looked - edge)))).min() < 1e-5
+
+
+def test_a_plan_that_is_feasible_keeps_its_margin(problem):
+    """What is promised is what the chosen motion, integrated precisely, does."""
+    for objective in (ff.Objective.MARGIN, ff.Objective.ROBUST):
+        plan = ff.plan(problem, ff.Search(objective))
+        assert plan.feasible
+        assert plan.chosen.least.keeps(problem.margin.value)

@@ -173,3 +173,17 @@ def test_the_workspace_command_tells_reach_and_areas():
     refused = CliRunner().invoke(app, ["workspace", "spatial_6dof/line"])
     assert refused.exit_code == 2
     assert "planar-pose with three" in refused.stderr
+
+
+def test_only_plain_files_are_replaced(made, tmp_path):
+    """A device or a folder stays what it is; a link keeps leading to its file."""
+    scenario, plan, document = made
+    for name in ("/dev/full", str(tmp_path), ""):
+        with pytest.raises(InputError, match="output"):
+            save_plan(name, plan, scenario, document)
+    assert not os.path.isfile("/dev/full")
+    (tmp_path / "real.h5").touch()
+    (tmp_path / "link.h5").symlink_to(tmp_path / "real.h5")
+    save_plan(tmp_path / "link.h5", plan, scenario, document)
+    assert (tmp_path / "link.h5").is_symlink()
+    assert load_plan(tmp_path / "real.h5").feasible

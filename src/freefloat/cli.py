@@ -215,7 +215,8 @@ def _attitude(
 ) -> Sequence[float]:
     if (attitude is None) == (heading is None):
         raise InputError(
-            "attitude", "none or both of --attitude and --heading were given",
+            "attitude",
+            ("neither" if attitude is None else "both") + " of --attitude and --heading given",
             "--heading DEG" if problem.task.planar else "--attitude X Y Z W",
         )  # fmt: skip
     if attitude is not None:
@@ -251,7 +252,9 @@ def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
         from freefloat.scenario import load_scenario
         from freefloat.tables import workspace_tables
 
-        document = workspace_document(load_scenario(scenario).problem())
+        loaded = load_scenario(scenario)
+        with loaded.told():
+            document = workspace_document(loaded.problem())
     _answer(document, workspace_tables(document, scenario), as_json)
 
 
@@ -271,7 +274,7 @@ def plan(scenario: ScenarioName, output: Output = None, as_json: Json = False) -
         from freefloat.tables import plan_tables
 
         loaded = load_scenario(scenario)
-        with _progress("searching headings") as progress:
+        with loaded.told(), _progress("searching headings") as progress:
             found = make_plan(loaded.problem(), loaded.search(), progress)
         document = plan_document(found)
         if output is not None:
@@ -297,10 +300,8 @@ def map_(
 
         loaded = load_scenario(scenario)
         problem = loaded.problem()
-        if not problem.task.planar:
-            raise InputError("task", f"{problem.task} was given", "planar-pose or planar-position")
         start = time.perf_counter()
-        with _progress("following headings") as progress:
+        with loaded.told(), _progress("following headings") as progress:
             found = heading_map(problem, samples, progress)
         document = map_document(found, time.perf_counter() - start)
         if output is not None:

@@ -12,6 +12,9 @@ from freefloat.motion import Motion
 from freefloat.singularity import Measure
 from freefloat.spatial import Array
 
+_ROUNDING = 1e-6
+"""Share of a margin by which rounding may make a motion that just touches it miss it."""
+
 
 @dataclass(frozen=True)
 class Least:
@@ -28,6 +31,10 @@ class Least:
     value: float
     sign: int
     time: float
+
+    def keeps(self, margin: float) -> bool:
+        """Whether the magnitude is a margin's or more, but for rounding, and not zero."""
+        return self.value > 0.0 and self.value >= margin * (1.0 - _ROUNDING)
 
 
 def least(motion: Motion, of: Measure) -> Least:

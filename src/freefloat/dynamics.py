@@ -53,6 +53,17 @@ class Task(StrEnum):
         return self in (Task.POSE, Task.PLANAR_POSE)
 
 
+def refuse_too_few_joints(model: FreeFloatingModel, task: Task) -> None:
+    """Raise an InputError if a task prescribes more rates than the arm has joints."""
+    if len(task.rows) > model.dof:
+        fitting = [str(other) for other in Task if len(other.rows) <= model.dof]
+        raise InputError(
+            "task",
+            f"{task} prescribes {len(task.rows)} rates, the arm has {model.dof} joints",
+            ", ".join(fitting) or "a robot with more joints",
+        )
+
+
 def momentum_map(
     model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = _IDENTITY
 ) -> Array:
@@ -175,11 +186,7 @@ class DriftEquation:
             InputError: If the task has more rows than the arm has joints.
         """
         m, n = len(task.rows), model.dof
-        if m > n:
-            raise InputError(
-                "task", f"{task} prescribes {m} rates, the arm has {n} joints",
-                ", ".join(t for t in Task if len(t.rows) <= n) or "a robot with more joints",
-            )  # fmt: skip
+        refuse_too_few_joints(model, task)
         self._model = model
         self._rows = slice(None) if m == 6 else task.rows
         self._q = np.zeros(7 + n)
@@ -230,7 +237,7 @@ class DriftEquation:
         Q, R = np.linalg.qr(S.T)
         through, singular = dtrtrs(R, self._right[6:] - Jb @ B[:, -1], trans=1)
         if singular:
-            through = np.full(len(through), np.inf)
+            return np.full(3, np.inf), np.full(S.shape[1], np.inf)
         joint_rates = Q @ through
         base_twist = B[:, -1] - B[:, :-1] @ joint_rates
         return base_twist[3:], joint_rates

@@ -25,8 +25,6 @@ from freefloat.spatial import Array, heading_of, heading_quaternion
 from freefloat.workspace import point_3_on_path
 
 TURN = 2.0 * np.pi
-_KEPT = 1e-6
-"""A motion keeps its margin when S falls below S0 by less than this share: that of rounding."""
 _SMALLEST_LEVEL = 1e-4
 """Share of S_max that stands for a margin of zero, at which no motion can be started."""
 _TOLERANCE = 1e-9
@@ -122,8 +120,7 @@ def margin_level(problem: Problem) -> float:
 
 def keeps_margin(problem: Problem, motion: Motion, level: float) -> bool:
     """Whether a motion was completed with S of one sign and never below a level."""
-    closest = least(motion, problem.margin.measure).value
-    return motion.completed and closest > 0.0 and closest >= level * (1.0 - _KEPT)
+    return motion.completed and least(motion, problem.margin.measure).keeps(level)
 
 
 def find_limits(problem: Problem, span: Span) -> tuple[Limit, ...]:
@@ -196,9 +193,7 @@ Arc = tuple[float, float, tuple[LimitCause, ...]]
 
 def _edges(problem: Problem, limits: tuple[Limit, ...], at: float) -> list[Edge]:
     """Headings at which a verdict may change, and for which branch (None: for both)."""
-    edges: list[Edge] = [
-        (heading, None, LimitCause.REACH) for heading in _reach_limits(problem, at)
-    ]
+    edges: list[Edge] = [(heading, None, LimitCause.REACH) for heading in reach_limits(problem, at)]
     for limit in limits:
         heading, joints = limit.heading_at(at)
         edges.append((heading, _branch_of(problem, heading, joints, at), LimitCause.MARGIN))
@@ -213,7 +208,7 @@ def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> in
     return near[0] if len(near) == 1 else None
 
 
-def _reach_limits(problem: Problem, at: float) -> Iterator[float]:
+def reach_limits(problem: Problem, at: float) -> Iterator[float]:
     """Headings at which the arm is stretched or folded onto the path: |b| + |c| or |b| - |c|."""
     a, b, c = PlanarArm.of(problem.model).links[:3]
     place = point_3_on_path(problem, problem.path.timing.s(at))

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.closeness import least
-from freefloat.errors import IntegrationError, UnreachableError
+from freefloat.errors import InputError, IntegrationError, UnreachableError
 from freefloat.integration import integrate_motion
 from freefloat.planar_ranges import (
     TURN,
@@ -23,13 +23,16 @@ from freefloat.planar_ranges import (
     HeadingRange,
     LimitCause,
     keeps_margin,
+    reach_limits,
 )
 from freefloat.problem import Problem
 from freefloat.simulation import FollowedBranch, simulate
 from freefloat.spatial import Array, frozen, heading_quaternion
+from freefloat.workspace import has_two_angle_form
 
 Progress = Callable[[float], None]
-_BISECTIONS = 22
+_BISECTIONS = 24
+_BESIDE = 1e-6
 _TOLERANCE = 1e-9
 _ROUGH = 1e-6
 
@@ -56,7 +59,8 @@ class HeadingMap:
     @property
     def kept(self) -> Array:
         """Where the margin is kept, shape (B, N), as 0 or 1."""
-        return np.asarray((self.least >= self.margin) & (self.least > 0.0), dtype=float)
+        touching = self.margin * (1.0 - 1e-6)  # as Least.keeps has it
+        return np.asarray((self.least >= touching) & (self.least > 0.0), dtype=float)
 
 
 def heading_map(problem: Problem, samples: int, progress: Progress | None = None) -> HeadingMap:
@@ -67,6 +71,8 @@ def heading_map(problem: Problem, samples: int, progress: Progress | None = None
         samples: Number of headings.
         progress: Called with the share done, in [0, 1].
     """
+    if not problem.task.planar:
+        raise InputError("task", f"{problem.task} was given", "planar-pose or planar-position")
     headings = np.arange(samples) * (TURN / samples)
     columns = []
     for number, heading in enumerate(headings):
@@ -141,16 +147,31 @@ def searched_ranges(
         verdicts = _verdicts(problem, heading, None if redundant else only)
         return {0: any(good for _, good in verdicts)} if redundant else dict(verdicts)
 
-    headings = np.arange(samples) * (TURN / samples)
+    headings = _looked_at(problem, samples)
     verdicts = []
     for number, heading in enumerate(headings):
         verdicts.append(keeps(float(heading)))
         if progress is not None:
-            progress((number + 1) / samples)
-    names = {0: "any"} if redundant else {0: "elbow+", 1: "elbow-"}
+            progress((number + 1) / len(headings))
+    if redundant:
+        names = {0: "any"}
+    elif has_two_angle_form(problem.model, problem.task):
+        names = {0: "elbow+", 1: "elbow-"}
+    else:
+        names = {index: str(index) for index in sorted({i for v in verdicts for i in v})}
     return tuple(
         _ranges_of(index, name, headings, verdicts, keeps) for index, name in names.items()
     )
+
+
+def _looked_at(problem: Problem, samples: int) -> Array:
+    """Even headings, and those just inside the reach: a range may be a sliver beside its end."""
+    headings = frozen(np.arange(samples) * (TURN / samples))
+    if not has_two_angle_form(problem.model, problem.task):
+        return headings
+    edges = np.array([*reach_limits(problem, 0.0)])
+    beside = np.concatenate([edges - _BESIDE, edges + _BESIDE]) % TURN
+    return frozen(np.unique(np.concatenate([headings, beside])))
 
 
 def _verdicts(
@@ -158,11 +179,12 @@ def _verdicts(
 ) -> Iterator[tuple[int, bool]]:
     """Which arm branches keep the margin from a heading, one motion at a time."""
     attitude = heading_quaternion(heading)
+    tolerance = _ROUGH if problem.model.dof > len(problem.task.rows) else _TOLERANCE
     for branch in problem.branches(attitude):
         if only not in (None, branch.index):
             continue
         try:
-            motion = integrate_motion(problem, attitude, branch.joints, tolerance=_TOLERANCE)
+            motion = integrate_motion(problem, attitude, branch.joints, tolerance=tolerance)
         except IntegrationError:
             yield branch.index, False
             continue
@@ -183,7 +205,7 @@ def _ranges_of(
     for i, (before, after) in enumerate(pairwise([*good, good[0]])):
         if before != after:
             low = float(headings[i])
-            high = low + TURN / len(headings)
+            high = float(headings[i + 1]) if i + 1 < len(headings) else float(headings[0]) + TURN
             limits.append((_bisected(index, low, high, keeps), bool(after)))
     ranges = []
     for (low, opens), (high, _) in pairwise([*limits, *((x + TURN, y) for x, y in limits[:1])]):

@@ -144,7 +144,7 @@ class _Candidates:
         return self.arm.rates(angles, self._momentum, travel.velocity, travel.last_rate)
 
     def slope(self, q: Array, travel: _Travel) -> Array:
-        """DS/dt along the motion through a candidate: (23) to (27), without a division."""
+        """Rate dS/dt along the motion through a candidate: (23) to (27), without a division."""
         return self.arm.determinant_rate(self.angles(q, travel), self.rates(q, travel))
 
     def bend(self, q: Array, t: float) -> float:

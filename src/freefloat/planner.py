@@ -39,6 +39,8 @@ _INSIDE = 1e-6
 """How far inside a range a heading is put that would lie on its limit [rad]."""
 _LOOKS = 24
 """Headings tried in each range when the largest margin is sought."""
+_SURE = 0.95
+"""A bound known to a few percent tells for sure below this share of the margin."""
 _POLISHED = 2
 """How many of them are then improved."""
 
@@ -192,7 +194,7 @@ def _hopeless(problem: Problem) -> str | None:
                 f"{inner:.4g} to {outer:.4g} m"
             )
     s, largest = most_singular_place(problem)
-    if largest < problem.margin.value:
+    if largest < _SURE * problem.margin.value:
         place = point_3_on_path(problem, s)
         return (
             f"at s = {s:.3g}, with the {workspace.point} at {_point(place)} m, "
@@ -224,6 +226,9 @@ def _choose(
     heading, entry, one, reason = choose(problem, now, pairs)
     branch = None if entry.label == "any" else entry.branch
     chosen = simulate(problem, heading_quaternion(heading), branch=branch).chosen
+    if not (chosen.motion.completed and chosen.least.keeps(problem.margin.value)):
+        reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
+        return Plan(problem, search, False, reason, ranges, segments)
     return Plan(
         problem, search, True, reason, ranges, segments, chosen, max(0.0, one.depth(heading))
     )
@@ -266,7 +271,7 @@ def _largest_margin(problem: Problem, now: float, pairs: list[Pair]) -> Choice:
             if one.depth(float(refined.x)) > 0.0:
                 best.append((-float(refined.fun), float(refined.x), entry, one))
     value, heading, entry, one = max(best, key=lambda candidate: candidate[0])
-    reason = f"the largest margin, {problem.margin.measure.name} {value:.6g}"
+    reason = f"the largest margin, {problem.margin.measure.name} about {value:.4g}"
     return heading % TURN, entry, one, reason
 
 
@@ -284,7 +289,8 @@ def _nearest_miss(problem: Problem) -> str:
     time = one.least.time
     where, s = problem.path.pose(time).position, round(problem.path.timing.s(time), 4)
     return (
-        f"every heading breaks the margin; of 24 tried the best falls to "
+        f"every heading breaks the margin; of 24 tried the best "
+        f"{'falls to' if one.motion.completed else 'becomes singular,'} "
         f"{one.least.measure} {one.least.value:.4g} at s = {s:g}, "
         f"({where[0]:.4g}, {where[1]:.4g}) m"
     )

@@ -80,7 +80,7 @@ def singular_document(motion: Motion) -> Document | None:
 
 def _margin_document(motion: Motion, found: Least) -> Document:
     required = motion.problem.margin.value
-    kept = motion.completed and found.value >= required
+    kept = motion.completed and found.keeps(required)
     return {**asdict(found), "required": required, "kept": kept}
 
 

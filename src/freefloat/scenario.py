@@ -56,7 +56,7 @@ class Scenario:
     def model(self) -> FreeFloatingModel:
         """Load the robot."""
         robot = self.content.robot
-        with self._told("robot."):
+        with self.told("robot."):
             urdf = find_robot(robot.urdf, self.source.parent)
             return FreeFloatingModel.from_urdf(
                 urdf, robot.end_effector, scale_mass=robot.scale_mass
@@ -69,10 +69,10 @@ class Scenario:
             InputError: Naming this file and the key, or the file that it leads to.
         """
         content, model = self.content, self.model()
-        with self._told("path."):
+        with self.told("path."):
             curve, attitude = self._curve_and_attitude()
         timing = content.timing
-        with self._told():
+        with self.told():
             path = EndEffectorPath(curve, attitude)
             stops = tuple(Stop(stop.s, stop.t) for stop in timing.stops)
             timed = TimedPath(path, Timing(timing.duration, timing.law, stops))
@@ -92,7 +92,7 @@ class Scenario:
             InputError: Naming this file and the key.
         """
         given = self.content.search
-        with self._told():
+        with self.told():
             now = given.from_attitude
             attitude = None if now is None else frozen(unit_quaternion("search.from_attitude", now))
             return Search(given.objective, attitude, given.samples, given.seed)
@@ -131,7 +131,7 @@ class Scenario:
         return FixedAttitude(np.eye(3))
 
     @contextmanager
-    def _told(self, prefix: str = "") -> Iterator[None]:
+    def told(self, prefix: str = "") -> Iterator[None]:
         """Tell errors with this file and the key in it, unless they name another file."""
         try:
             yield

@@ -17,6 +17,7 @@ from freefloat.dynamics import (
     generalized_determinant,
     generalized_jacobian,
     inertia_matrices,
+    refuse_too_few_joints,
     system_matrix,
 )
 from freefloat.errors import InputError
@@ -60,10 +61,7 @@ def measure(model: FreeFloatingModel, task: Task, name: str) -> Measure:
             factor.
     """
     m, n = len(task.rows), model.dof
-    if m > n:
-        raise InputError(
-            "task", f"{task} prescribes {m} rates, the arm has {n} joints", "fewer rates"
-        )
+    refuse_too_few_joints(model, task)
     slides = sum(body.prismatic for body in model.bodies[1:])
     lengths = sum(row < 3 for row in task.rows) - slides
     virtual = VirtualManipulator.of(model)

@@ -36,6 +36,9 @@ def written_beside(path: Path) -> Iterator[Path]:
         InputError: If the folder cannot be written to.
     """
     accepted = "a file in a folder that exists, may be written to and has room"
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        raise InputError("output", f"{path} is there and is no plain file", accepted)
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         os.close(handle)
@@ -100,6 +103,8 @@ def save_map(
 def _new_file(
     path: str | Path, kind: str, scenario: Scenario, document: Mapping[str, Any]
 ) -> Iterator[Any]:
+    if not str(path):
+        raise InputError("output", "an empty name was given", "the name of a file")
     with written_beside(Path(path)) as temporary, h5py.File(temporary, "w") as file:
         file.attrs["format"], file.attrs["version"] = f"freefloat {kind}", FORMAT_VERSION
         for package in _SOFTWARE:
