@@ -129,7 +129,7 @@ def test_closed_form_finds_the_configuration_a_pose_came_from(
     x, y, _ = virtual.kinematics(q)[2][4, 0]
     if np.hypot(x, y) > 1e-2:  # else the wrist is on the first axis, whose angle is free
         # a stretched arm pinches two branches into one, known to half the digits
-        assert holds(joints_of(branches), q, 1e-6 if abs(np.sin(q[2])) > 1e-2 else 2e-5)
+        assert holds(joints_of(branches), q, 1e-6 if abs(np.sin(q[2])) > 1e-2 else 1e-3)
     assert max(missed(virtual, target, branch.joints) for branch in branches) < 1e-8
 
 

@@ -24,6 +24,8 @@ _ITERATIONS = 60
 _MET = 1e-9
 """A pose is met when position and attitude are off by less than this [m, rad]."""
 _EXACT = 1e-13
+_NEARLY_SQUARE = 1e-6
+"""Cosine below which axes count as normal to each other: written with rounded angles."""
 _SAME = 1e-5
 """Configurations nearer than this in every joint are one [rad, m]."""
 _REDUNDANT_SET = 16
@@ -141,7 +143,7 @@ def _bend(wrist: Array, roll: Array, sign: float) -> float:
     near a straight wrist.
     """
     h4, h5, h6 = wrist
-    if max(abs(h4 @ h5), abs(h5 @ h6)) > 1e-12:
+    if max(abs(h4 @ h5), abs(h5 @ h6)) > _NEARLY_SQUARE:
         return _angle_to_height(h5, h6, h4, h4 @ roll, sign)
     angle = np.arctan2(np.linalg.norm(np.cross(h4, roll)), h4 @ roll)
     return float(sign * angle - _angle_onto(h5, h4, h6))

@@ -268,12 +268,24 @@ def _doubts(robot: ET.Element) -> list[Doubt]:
     for link in robot.findall("link"):
         doubts += _inertia_doubts(link)
     for joint in robot.findall("joint"):
+        doubts += _range_doubts(joint)
         if joint.find("mimic") is not None:
             child = joint.find("child")
             moved = str(joint.get("name") if child is None else child.get("link"))
             problem = f"joint {joint.get('name')} mimics another one, which is ignored"
             doubts.append(Doubt(moved, problem, "hold it still or make it fixed"))
     return doubts + _massless_doubts(robot)
+
+
+def _range_doubts(joint: ET.Element) -> list[Doubt]:
+    limit, child = joint.find("limit"), joint.find("child")
+    if joint.get("type") == "fixed" or limit is None or child is None:
+        return []
+    lower, upper = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
+    if lower < upper:
+        return []
+    problem = f"joint {joint.get('name')} has the range {lower:g} to {upper:g}"
+    return [Doubt(str(child.get("link")), problem, 'write <limit lower=".." upper=".."> in order')]
 
 
 def _inertia_doubts(link: ET.Element) -> list[Doubt]:
