@@ -1,73 +1,34 @@
-"""The ``freefloat`` command; the only place that prints."""
+"""The ``freefloat`` command."""
 
 from __future__ import annotations
 
-import errno
-import json
 import math
 import os
-import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
-from typer.core import TyperGroup
 
-from freefloat.errors import FreeFloatError, InputError
+from freefloat.console import (
+    DONE,
+    NO,
+    CommandGroup,
+    answer,
+    answering,
+    print_json,
+    progress_bar,
+)
+from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from freefloat.problem import Problem
 
 
-class _Group(TyperGroup):
-    """The commands; what cannot be understood is one line, or one JSON document, like any input."""
-
-    def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = True,
-        **extra: Any,
-    ) -> Any:
-        """Run a command line and exit."""
-        words = sys.argv[1:] if args is None else list(args)
-        try:
-            status = super().main(
-                args, prog_name, complete_var, False, windows_expand_args, **extra
-            )
-        except UsageError as error:
-            told = _usage_error(error)
-            _print_error(told, "--json" in words)
-            sys.exit(BAD_INPUT)
-        except OSError as error:
-            if error.errno != errno.EPIPE:
-                typer.echo(f"freefloat: the answer cannot be written: {error.strerror}", err=True)
-            sys.exit(BAD_INPUT)
-        sys.exit(status if isinstance(status, int) else DONE)
-
-
-def _usage_error(error: Any) -> InputError:
-    """Typer's refusal of a command line as ours: the option, what is wrong, what is accepted."""
-    message = str(error.format_message()).rstrip(".")
-    parameter = getattr(error, "param", None)
-    named = parameter.opts[-1] if parameter else getattr(error, "option_name", None)
-    command = error.ctx.info_name if error.ctx and error.ctx.parent else ""
-    hint = f"see freefloat {command} --help".replace("  ", " ")
-    wanted = re.search(r"(?:should be|requires) (.*?)(?:,|$)", message)
-    accepted = f"{wanted[1]}, {hint}" if wanted else hint
-    return InputError(named or "command", message, accepted)
-
-
 app = typer.Typer(
-    cls=_Group,
+    cls=CommandGroup,
     help="Plan end-effector paths for free-floating space manipulators.",
     no_args_is_help=True,
     add_completion=True,
@@ -79,33 +40,6 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout,
 ScenarioName = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line")
 ]
-UsageError: type[Any] = typer.BadParameter.__bases__[0]
-"""What typer raises for a command line it cannot understand; it exports only this child."""
-DONE, NO, BAD_INPUT = 0, 1, 2
-_PIPE_WIDTH = 120
-"""Columns of tables that go to a file or another program."""
-
-
-@contextmanager
-def _answering(as_json: bool) -> Iterator[None]:
-    """Turn our errors into one message on stderr and exit code 2."""
-    try:
-        yield
-    except FreeFloatError as error:
-        _print_error(error, as_json)
-        raise typer.Exit(BAD_INPUT) from None
-
-
-def _print_error(error: FreeFloatError, as_json: bool) -> None:
-    if as_json:
-        fields = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source"}
-        details = {name: getattr(error, field, None) for name, field in fields.items()}
-        _print_json({"error": {"message": str(error), **details}})
-    typer.echo(f"freefloat: {error}", err=True)
-
-
-def _print_json(document: dict[str, Any]) -> None:
-    typer.echo(json.dumps(document, indent=2, allow_nan=False))
 
 
 @app.callback(invoke_without_command=True)
@@ -133,7 +67,7 @@ def info(
     as_json: Json = False,
 ) -> None:
     """Tell what a robot is: bodies, joints, barycentric lengths, and doubts about its URDF."""
-    with _answering(as_json):
+    with answering(as_json):
         from freefloat.bundled import (
             bundled_robots,
             bundled_scenarios,
@@ -158,7 +92,7 @@ def info(
             raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
     from freefloat.tables import info_tables
 
-    _answer(document, info_tables(document), as_json)
+    answer(document, info_tables(document), as_json)
 
 
 @app.command()
@@ -191,7 +125,7 @@ def simulate(
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
-    with _answering(as_json):
+    with answering(as_json):
         from freefloat.report import simulation_document
         from freefloat.scenario import load_scenario
         from freefloat.simulation import simulate as run
@@ -206,7 +140,7 @@ def simulate(
             stop_at_margin=stop_at_margin,
         )
         document = simulation_document(simulation)
-    _answer(document, simulation_tables(document, scenario), as_json)
+    answer(document, simulation_tables(document, scenario), as_json)
     raise typer.Exit(DONE if document["completed"] else NO)
 
 
@@ -247,7 +181,7 @@ Output = Annotated[
 @app.command()
 def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
     """Tell a planar arm's reach and where in it the arm can become singular."""
-    with _answering(as_json):
+    with answering(as_json):
         from freefloat.report import workspace_document
         from freefloat.scenario import load_scenario
         from freefloat.tables import workspace_tables
@@ -255,7 +189,7 @@ def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
         loaded = load_scenario(scenario)
         with loaded.told():
             document = workspace_document(loaded.problem())
-    _answer(document, workspace_tables(document, scenario), as_json)
+    answer(document, workspace_tables(document, scenario), as_json)
 
 
 @app.command()
@@ -266,7 +200,7 @@ def plan(scenario: ScenarioName, output: Output = None, as_json: Json = False) -
 
     Example: freefloat plan planar_3dof/parabola -o plan.h5
     """
-    with _answering(as_json):
+    with answering(as_json):
         from freefloat.planner import plan as make_plan
         from freefloat.report import plan_document
         from freefloat.scenario import load_scenario
@@ -274,12 +208,12 @@ def plan(scenario: ScenarioName, output: Output = None, as_json: Json = False) -
         from freefloat.tables import plan_tables
 
         loaded = load_scenario(scenario)
-        with loaded.told(), _progress("searching headings") as progress:
+        with loaded.told(), progress_bar("searching headings") as progress:
             found = make_plan(loaded.problem(), loaded.search(), progress)
         document = plan_document(found)
         if output is not None:
             save_plan(output, found, loaded, document)
-    _answer(document, plan_tables(document, scenario), as_json)
+    answer(document, plan_tables(document, scenario), as_json)
     raise typer.Exit(DONE if found.feasible else NO)
 
 
@@ -291,7 +225,7 @@ def map_(
     as_json: Json = False,
 ) -> None:
     """Tell how near to a singularity every initial heading leads, arm branch by arm branch."""
-    with _answering(as_json):
+    with answering(as_json):
         from freefloat.planar_search import heading_map
         from freefloat.report import map_document
         from freefloat.scenario import load_scenario
@@ -301,49 +235,23 @@ def map_(
         loaded = load_scenario(scenario)
         problem = loaded.problem()
         start = time.perf_counter()
-        with loaded.told(), _progress("following headings") as progress:
+        with loaded.told(), progress_bar("following headings") as progress:
             found = heading_map(problem, samples, progress)
         document = map_document(found, time.perf_counter() - start)
         if output is not None:
             save_map(output, found, loaded, document)
-    _answer(document, map_tables(document, scenario), as_json)
+    answer(document, map_tables(document, scenario), as_json)
     raise typer.Exit(DONE if document["feasible_fraction"] > 0.0 else NO)
-
-
-@contextmanager
-def _progress(words: str) -> Iterator[Callable[[float], None]]:
-    """A bar on stderr, on terminals only."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(words, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
 
 
 @app.command()
 def schema(as_json: Json = False) -> None:
     """Print the JSON schema of scenario files, for editors and checkers."""
-    with _answering(as_json):
+    with answering(as_json):
         from freefloat.schema import ScenarioFile
 
         document = {"$id": "urn:freefloat:scenario", **ScenarioFile.model_json_schema()}
-    _print_json({"scenario": document})
-
-
-def _answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: bool) -> None:
-    """Print a document for a machine or its tables for people."""
-    if as_json:
-        _print_json(document)
-        return
-    from rich.console import Console
-    from rich.text import Text
-
-    width = None if sys.stdout.isatty() else _PIPE_WIDTH
-    console = Console(highlight=False, markup=False, width=width)
-    for renderable in tables:
-        console.print(renderable, soft_wrap=isinstance(renderable, Text))
+    print_json({"scenario": document})
 
 
 def main() -> NoReturn:

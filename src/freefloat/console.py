@@ -1,0 +1,115 @@
+"""How the commands speak: answers on stdout, errors in one line, progress on terminals."""
+
+from __future__ import annotations
+
+import errno
+import json
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import typer
+from typer.core import TyperGroup
+
+from freefloat.errors import FreeFloatError, InputError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+DONE, NO, BAD_INPUT = 0, 1, 2
+UsageError: type[Any] = typer.BadParameter.__bases__[0]
+"""What typer raises for a command line it cannot understand; it exports only this child."""
+_PIPE_WIDTH = 120
+"""Columns of tables that go to a file or another program."""
+
+
+class CommandGroup(TyperGroup):
+    """The commands; what cannot be understood is one line, or one JSON document, like any input."""
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run a command line and exit."""
+        words = sys.argv[1:] if args is None else list(args)
+        try:
+            status = super().main(
+                args, prog_name, complete_var, False, windows_expand_args, **extra
+            )
+        except UsageError as error:
+            told = _usage_error(error)
+            _print_error(told, "--json" in words)
+            sys.exit(BAD_INPUT)
+        except OSError as error:
+            if error.errno != errno.EPIPE:
+                typer.echo(f"freefloat: the answer cannot be written: {error.strerror}", err=True)
+            sys.exit(BAD_INPUT)
+        sys.exit(status if isinstance(status, int) else DONE)
+
+
+def _usage_error(error: Any) -> InputError:
+    """Typer's refusal of a command line as ours: the option, what is wrong, what is accepted."""
+    message = str(error.format_message()).rstrip(".")
+    parameter = getattr(error, "param", None)
+    named = parameter.opts[-1] if parameter else getattr(error, "option_name", None)
+    command = error.ctx.info_name if error.ctx and error.ctx.parent else ""
+    hint = f"see freefloat {command} --help".replace("  ", " ")
+    wanted = re.search(r"(?:should be|requires) (.*?)(?:,|$)", message)
+    accepted = f"{wanted[1]}, {hint}" if wanted else hint
+    return InputError(named or "command", message, accepted)
+
+
+@contextmanager
+def answering(as_json: bool) -> Iterator[None]:
+    """Turn our errors into one message on stderr and exit code 2."""
+    try:
+        yield
+    except FreeFloatError as error:
+        _print_error(error, as_json)
+        raise typer.Exit(BAD_INPUT) from None
+
+
+def _print_error(error: FreeFloatError, as_json: bool) -> None:
+    if as_json:
+        fields = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source"}
+        details = {name: getattr(error, field, None) for name, field in fields.items()}
+        print_json({"error": {"message": str(error), **details}})
+    typer.echo(f"freefloat: {error}", err=True)
+
+
+def print_json(document: dict[str, Any]) -> None:
+    """Print one JSON document on stdout."""
+    typer.echo(json.dumps(document, indent=2, allow_nan=False))
+
+
+def answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: bool) -> None:
+    """Print a document for a machine or its tables for people."""
+    if as_json:
+        print_json(document)
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    width = None if sys.stdout.isatty() else _PIPE_WIDTH
+    console = Console(highlight=False, markup=False, width=width)
+    for renderable in tables:
+        console.print(renderable, soft_wrap=isinstance(renderable, Text))
+
+
+@contextmanager
+def progress_bar(words: str) -> Iterator[Callable[[float], None]]:
+    """A bar on stderr, on terminals only."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(words, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
