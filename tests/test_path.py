@@ -77,8 +77,11 @@ def test_an_arc_of_zero_radius_is_refused():
 
 def test_turning_on_the_spot_is_a_path():
     """Attitude counts as movement, and so does a closed curve."""
-    EndEffectorPath(STILL, TURN)
-    EndEffectorPath(ArcCurve([0, 0, 0], [1, 0, 0], [0, 0, 1], 2 * np.pi), UPRIGHT)
+    spot = EndEffectorPath(STILL, TURN)
+    assert np.linalg.norm(spot.tangent(0.5)[:3]) == 0.0
+    assert np.linalg.norm(spot.tangent(0.5)[3:]) > 0.0
+    closed = EndEffectorPath(ArcCurve([0, 0, 0], [1, 0, 0], [0, 0, 1], 2 * np.pi), UPRIGHT)
+    assert np.linalg.norm(closed.tangent(0.5)[:3]) > 1.0
 
 
 def test_a_path_beyond_the_finite_numbers_is_refused():

@@ -90,7 +90,8 @@ def test_a_planar_task_wants_masses_spread_evenly_about_the_plane(planar):
 
 def test_a_planar_arm_may_turn_about_minus_z(planar):
     """The sense of the joints is a convention of the URDF, not of the plane."""
-    asking(planar, model=lifted(planar.model, "0 0 -1", 0.0))
+    turned = asking(planar, model=lifted(planar.model, "0 0 -1", 0.0))
+    assert turned.task is planar.task
 
 
 @pytest.mark.parametrize("momentum", [[0.1, 0, 0.5], [0, -0.1, 0.5]])
