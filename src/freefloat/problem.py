@@ -141,6 +141,15 @@ class Problem:
         R0 = rotation_matrix(attitude)
         return arm_branches(self.model, self.path.pose(t).seen_from(R0), self.task)
 
+    def many_branches(
+        self, attitudes: Array, t: float = 0.0, threads: int | None = None
+    ) -> BranchSets:
+        """The same for many attitudes (K, 4), on several threads."""
+        pose, R0 = self.path.pose(t), Rotation.from_quat(attitudes).as_matrix()
+        positions = np.einsum("kji,j->ki", R0, pose.position)
+        rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
+        return many_arm_branches(self.model, positions, rotations, self.task, threads)
+
     def branch_near(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, branches: Sequence[ArmBranch]
     ) -> ArmBranch:

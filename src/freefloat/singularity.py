@@ -77,7 +77,7 @@ def measure(model: FreeFloatingModel, task: Task, name: str) -> Measure:
         words = f"smallest singular value of S* (7), in units of the reach {virtual.reach:.4g} m"
         return Measure(name, words, "1", partial(_sigma, model, task, virtual.reach))
     if name == "arm":
-        axes = _axes_of_splitting_arm(model, virtual, task)
+        axes = arm_axes(model, task)
         words = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
         return Measure(name, words, "m^4 kg", partial(_arm, model, axes))
     raise InputError("margin.measure", f"{name!r} was given", ", ".join(NAMES))
@@ -145,9 +145,7 @@ def _arm(model: FreeFloatingModel, axes: Array, joints: Array) -> float:
     return float(np.linalg.det(R[np.ix_(_IN_PLANE, _IN_PLANE)]))
 
 
-def _axes_of_splitting_arm(
-    model: FreeFloatingModel, virtual: VirtualManipulator, task: Task
-) -> Array:
+def arm_axes(model: FreeFloatingModel, task: Task) -> Array:
     """Axes of the arm's plane at q1 = 0, for arms whose system splits in two blocks as in (39).
 
     The hand moves with the wrist's velocity v and adds m d x v to the momentum, d from the wrist to
@@ -163,6 +161,7 @@ def _axes_of_splitting_arm(
         "gjm, system or sigma; arm wants six joints, the second and third parallel and normal to "
         "the first, the last three meeting in a point, and a spacecraft symmetric about the first",
     )
+    virtual = VirtualManipulator.of(model)
     if task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:
         raise refusal
     hand = _hand(model, virtual.reach)

@@ -178,3 +178,77 @@ def turn_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
     """The rotation vector [rad] that turns one rotation (3, 3) into another, shape (3,)."""
     turn = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).T)
     return np.asarray(turn.as_rotvec())
+
+
+_SPIRALS = (np.sqrt(2.0), 1.533751168755204288118041)  # the second solves x**4 = x + 4
+
+
+def attitude_grid(count: int, seed: int = 0) -> Array:
+    """Evenly spread attitudes, any number of them: super-Fibonacci spirals (Alexa, CVPR 2022).
+
+    Every attitude stands for the same share of SO(3).
+
+    Args:
+        count: How many.
+        seed: Turns the whole grid by a random rotation; 0 leaves it as it is.
+
+    Returns:
+        Unit quaternions x, y, z, w, shape (count, 4).
+    """
+    place = np.arange(count) + 0.5
+    inner, outer = np.sqrt(place / count), np.sqrt(1.0 - place / count)
+    first, second = (2.0 * np.pi * place / turn for turn in _SPIRALS)
+    grid = np.column_stack([
+        inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second)
+    ])  # fmt: skip
+    if seed == 0:
+        return grid
+    turn = Rotation.random(rng=np.random.default_rng(seed))
+    return np.asarray((turn * Rotation.from_quat(grid)).as_quat())
+
+
+def grid_spacing(count: int) -> float:
+    """Side [rad] of a cube with the volume that each of ``count`` attitudes stands for."""
+    return float((8.0 * np.pi**2 / count) ** (1.0 / 3.0))
+
+
+def attitudes_within(center: npt.ArrayLike, radius: float, count: int, seed: int = 0) -> Array:
+    """Attitudes evenly spread in a geodesic ball.
+
+    Args:
+        center: Quaternion x, y, z, w.
+        radius: Largest angle from the center [rad], at most pi.
+        count: How many.
+        seed: Shifts the low-discrepancy sequence that they are made of.
+
+    Returns:
+        Unit quaternions x, y, z, w, shape (count, 4).
+    """
+    shift = np.random.default_rng(seed).random(3)
+    share, height, around = ((low_discrepancy(count, 3) + shift) % 1.0).T
+    angles = np.linspace(0.0, radius, 257)
+    volume = angles - np.sin(angles)  # of the ball with that angle, but for a factor
+    angle = np.interp(share * volume[-1], volume, angles)
+    z, azimuth = 2.0 * height - 1.0, 2.0 * np.pi * around
+    ring = np.sqrt(np.maximum(0.0, 1.0 - z * z))
+    axis = np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
+    return turned(center, angle[:, None] * axis)
+
+
+def turned(attitudes: npt.ArrayLike, turns: npt.ArrayLike) -> Array:
+    """Attitudes x, y, z, w turned further by inertial rotation vectors [rad], shape (K, 4)."""
+    q = Rotation.from_quat(np.atleast_2d(attitudes))
+    return np.asarray((Rotation.from_rotvec(np.atleast_2d(turns)) * q).as_quat())
+
+
+def turn_to(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
+    """The shortest inertial rotation vectors [rad] from attitudes to others, shape (K, 3)."""
+    ends = Rotation.from_quat(np.atleast_2d(end))
+    return np.asarray((ends * Rotation.from_quat(np.atleast_2d(start)).inv()).as_rotvec())
+
+
+def angle_between(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
+    """Angles [rad] between attitudes x, y, z, w and others, broadcast over leading axes."""
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    sine = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)) / 2.0
+    return np.asarray(4.0 * np.arcsin(np.minimum(sine, 1.0)))

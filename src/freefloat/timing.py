@@ -60,7 +60,7 @@ class Stop:
 
 
 @dataclass(frozen=True)
-class _Piece:
+class Piece:
     """s as a polynomial of ``(t - origin) / span``, smooth beyond its ends, too."""
 
     end: float
@@ -104,7 +104,7 @@ class Timing:
             )
 
     @cached_property
-    def _pieces(self) -> tuple[_Piece, ...]:
+    def pieces(self) -> tuple[Piece, ...]:
         rests = [Stop(0.0, 0.0), *self.stops, Stop(1.0, self.duration)]
         return tuple(
             _piece(before, after, end, law)
@@ -115,7 +115,7 @@ class Timing:
     @cached_property
     def ends(self) -> tuple[float, ...]:
         """Times at which the pieces of s(t) end, the last one the duration [s]."""
-        return tuple(piece.end for piece in self._pieces)
+        return tuple(piece.end for piece in self.pieces)
 
     def piece_at(self, t: float) -> int:
         """Index of the piece of s(t) that holds at a time [s]."""
@@ -132,14 +132,14 @@ class Timing:
         if piece is None:
             t = min(max(t, 0.0), self.duration)
             piece = self.piece_at(t)
-        return self._pieces[piece](t, order)
+        return self.pieces[piece](t, order)
 
 
-def _piece(before: Stop, after: Stop, end: float, law: Polynomial) -> _Piece:
+def _piece(before: Stop, after: Stop, end: float, law: Polynomial) -> Piece:
     span = after.t - before.t
     s = before.s + (after.s - before.s) * law
     orders = tuple(tuple((s.deriv(k) / span**k).coef[::-1].tolist()) for k in range(3))
-    return _Piece(after.t if end == 1.0 else before.t + end * span, before.t, span, orders)
+    return Piece(after.t if end == 1.0 else before.t + end * span, before.t, span, orders)
 
 
 @dataclass(frozen=True, eq=False)

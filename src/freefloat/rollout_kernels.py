@@ -1,0 +1,385 @@
+"""The flow of (8) compiled: one motion after another, by Dormand and Prince's fifth-order method.
+
+Time is the variable, in units of the duration. At a singularity no motion goes on: a step that tries
+to pass it meets the determinant with the other sign, is taken back and halved until what is left is
+below any interest. The measure is known at the ends of the steps; where a parabola through three of
+them says that it may set a new minimum in between, the interpolant of the steps is searched.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import RK45
+
+from freefloat.compiled import compiled
+from freefloat.drift_kernels import (
+    ARM,
+    GJM,
+    OMEGA,
+    SIGMA,
+    WORK_COLUMNS,
+    configure,
+    form_jacobian,
+    measure_at,
+    solve_rates,
+)
+from freefloat.spatial import Array
+
+COMPLETED, SINGULAR, MARGIN, FAILED = 0, 1, 2, 3
+"""Codes of endings."""
+
+TABLEAU = np.zeros((14, 7))
+"""Rows 0 to 5: stages, with their times in the last column; 6: the step; 7: its error; 8 to 11: the
+interpolant's powers of the share of the step."""
+TABLEAU[:6, :5], TABLEAU[:6, 6], TABLEAU[6, :6], TABLEAU[7] = RK45.A, RK45.C, RK45.B, RK45.E
+TABLEAU[8:12] = RK45.P.T
+_FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-11
+_SINGULAR_STEP = 1e-7
+_MAX_STEPS = 20_000
+_TOO_FAST = 2e5
+"""Speed, in radians and metres per duration, at which a redundant arm stands still in time."""
+_DOUBT = 3.0
+"""A dip between nodes may be as many times as deep as the parabola says."""
+
+
+class Robot(NamedTuple):
+    """What stays the same for all motions; see :mod:`freefloat.drift_kernels`."""
+
+    bodies: Array
+    facts: Array
+    rows: npt.NDArray[np.int64]
+    measure: int
+    ends: Array  # of the pieces of the time law, (P,)
+    origins: Array  # (P,)
+    spans: Array  # (P,)
+    law: Array  # (P, 2, K): s and its derivative by time, highest power of (t - origin) / span first
+    tangents: Array  # (N, 6, 4): the path's tangent by s, cubics on N equal intervals of [0, 1]
+    duration: float  # [s]
+
+
+class Outcomes(NamedTuple):
+    """What became of each motion."""
+
+    ending: npt.NDArray[np.int8]  # (K,)
+    ended_at: Array  # (K,) [s]
+    least: Array  # (K,), smallest magnitude of the measure, zero where it changes sign
+    least_at: Array  # (K,) [s]
+    attitude: Array  # (K, 4), the last
+    joints: Array  # (K, n), the last
+    rates: Array  # (K, n), largest magnitudes of the joint rates
+    lower: Array  # (K, n), of the joints on the way
+    upper: Array  # (K, n)
+    evaluations: npt.NDArray[np.int64]  # (K,), of (4)
+
+
+@compiled
+def _twist(
+    t: float, piece: int, origins: Array, spans: Array, law: Array, tangents: Array, twist: Array
+) -> None:
+    """The end-effector's twist in inertial axes at a time [s]."""
+    tau = (t - origins[piece]) / spans[piece]
+    s, rate = 0.0, 0.0
+    for k in range(law.shape[2]):
+        s = s * tau + law[piece, 0, k]
+        rate = rate * tau + law[piece, 1, k]
+    cells = len(tangents)
+    place = s * cells
+    cell = min(max(int(math.floor(place)), 0), cells - 1)
+    u = (place - cell) / cells
+    for i in range(6):
+        value = tangents[cell, i, 0]
+        for k in range(1, 4):
+            value = value * u + tangents[cell, i, k]
+        twist[i] = rate * value
+
+
+@compiled
+def _flow(
+    bodies: Array, facts: Array, rows: Array, origins: Array, spans: Array, law: Array,
+    tangents: Array, duration: float, piece: int, h: Array, t: float, y: Array, f: Array,
+    w: Array, S: Array, L: Array, q: Array, rates: Array, room: Array,
+) -> float:  # fmt: skip
+    """The rate of (attitude, joints) per duration, (8), into ``f``.
+
+    Returns:
+        det S, or sqrt(det(S S^T)).
+    """
+    n = len(q)
+    norm = 1.0 / math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2] + y[3] * y[3])
+    a, b, c, e = norm * y[0], norm * y[1], norm * y[2], norm * y[3]
+    for j in range(n):
+        q[j] = y[4 + j]
+    twist, turned, momentum = room[:6], room[6:12], room[12:15]
+    _twist(t * duration, piece, origins, spans, law, tangents, twist)
+    R00, R01, R02 = 1 - 2 * (b * b + c * c), 2 * (a * b - c * e), 2 * (a * c + b * e)
+    R10, R11, R12 = 2 * (a * b + c * e), 1 - 2 * (a * a + c * c), 2 * (b * c - a * e)
+    R20, R21, R22 = 2 * (a * c - b * e), 2 * (b * c + a * e), 1 - 2 * (a * a + b * b)
+    for j in (0, 3):
+        turned[j] = R00 * twist[j] + R10 * twist[j + 1] + R20 * twist[j + 2]
+        turned[j + 1] = R01 * twist[j] + R11 * twist[j + 1] + R21 * twist[j + 2]
+        turned[j + 2] = R02 * twist[j] + R12 * twist[j + 1] + R22 * twist[j + 2]
+    momentum[0] = R00 * h[0] + R10 * h[1] + R20 * h[2]
+    momentum[1] = R01 * h[0] + R11 * h[1] + R21 * h[2]
+    momentum[2] = R02 * h[0] + R12 * h[1] + R22 * h[2]
+    configure(bodies, facts, q, w)
+    determinant = solve_rates(facts, rows, turned, momentum, w, S, L, rates)
+    x, y_, z = w[0, OMEGA] * duration, w[0, OMEGA + 1] * duration, w[0, OMEGA + 2] * duration
+    f[0] = 0.5 * (e * x + b * z - c * y_)
+    f[1] = 0.5 * (e * y_ + c * x - a * z)
+    f[2] = 0.5 * (e * z + a * y_ - b * x)
+    f[3] = -0.5 * (a * x + b * y_ + c * z)
+    for j in range(n):
+        f[4 + j] = rates[j] * duration
+    return determinant
+
+
+@compiled
+def _inside(tableau: Array, K: Array, y: Array, h: float, x: float, q: Array) -> None:
+    """The joints at a share x of a step."""
+    for j in range(len(q)):
+        total = 0.0
+        for s in range(7):
+            P = tableau[8, s] + x * (tableau[9, s] + x * (tableau[10, s] + x * tableau[11, s]))
+            total += P * K[s, 4 + j]
+        q[j] = y[4 + j] + h * x * total
+
+
+@compiled
+def _dip(
+    tableau: Array, K: Array, y: Array, h: float, before: Array, old: Array, h_before: float,
+    a: float, b: float, c: float, fa: float, fb: float, fc: float, sign: float,
+    bodies: Array, facts: Array, rows: Array, measure: int,
+    w: Array, S: Array, L: Array, room: Array, q: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """The smallest value of the measure near a place ``b`` where it is lower than at ``a``, ``c``.
+
+    Places are times from the node between the step before and this step.
+
+    Returns:
+        The value and its place.
+    """
+    for _ in range(7):
+        p, r = (b - a) * (fb - fc), (b - c) * (fb - fa)
+        under = p - r
+        x = b - 0.5 * ((b - a) * p - (b - c) * r) / under if under != 0.0 else b
+        least_move = 0.02 * (c - a if c > a else a - c)
+        if not abs(x - b) > least_move:
+            longer = c - b if abs(c - b) > abs(b - a) else a - b
+            x = b + (0.1 * longer if abs(x - b) > 0.0 or under == 0.0 else 0.02 * longer)
+        if x * h > 0.0:
+            _inside(tableau, K, y, h, min(x / h, 1.0), q)
+        else:
+            _inside(tableau, before, old, h_before, max(1.0 + x / h_before, 0.0), q)
+        fx = sign * measure_at(bodies, facts, rows, measure, q, w, S, L, room)
+        beyond = (x - b) * h > 0.0
+        if fx < fb:
+            if beyond:
+                a, fa = b, fb
+            else:
+                c, fc = b, fb
+            b, fb = x, fx
+        elif beyond:
+            c, fc = x, fx
+        else:
+            a, fa = x, fx
+    return fb, b
+
+
+@compiled
+def follow_one(
+    tableau: Array, bodies: Array, facts: Array, rows: Array, measure: int, ends: Array,
+    origins: Array, spans: Array, law: Array, tangents: Array, duration: float, attitude: Array,
+    joints: Array, h: Array, start: float, goal: float, stop_below: float, tolerance: float,
+    last: Array, extent: Array,
+) -> tuple[int, float, float, float, int]:  # fmt: skip
+    """Follow the path from a state.
+
+    Args:
+        tableau: :data:`TABLEAU`.
+        bodies, facts, rows, measure, ends, origins, spans, law, tangents, duration: See
+            :class:`Robot`.
+        attitude: First, unit quaternion x, y, z, w.
+        joints: First, shape (n,).
+        h: Angular momentum, inertial frame.
+        start: First time [s].
+        goal: Time to stop at [s]; before ``start`` for a motion in reverse.
+        stop_below: End where the measure's magnitude falls below this; never at 0.
+        tolerance: Relative and absolute, per step.
+        last: Receives the last state, attitude first, shape (4 + n,).
+        extent: Receives largest rates, lowest and highest joints, shape (3, n).
+
+    Returns:
+        Ending, when, least magnitude of the measure, when, evaluations of (4).
+    """
+    n, m = len(joints), len(rows)
+    dim, square = 4 + n, n == m
+    w, S, L = np.zeros((n + 1, WORK_COLUMNS)), np.zeros((m, n)), np.zeros((m, m + 1))
+    K, before = np.zeros((7, dim)), np.zeros((7, dim))
+    y, new, at, old = np.zeros(dim), np.zeros(dim), np.zeros(dim), np.zeros(dim)
+    room, q, rates, spare = np.zeros(15), np.zeros(n), np.zeros(n), np.zeros(n)
+    forward = 1.0 if goal >= start else -1.0
+    for j in range(4):
+        y[j] = attitude[j]
+    for j in range(n):
+        y[4 + j] = joints[j]
+        extent[0, j], extent[1, j], extent[2, j] = 0.0, joints[j], joints[j]
+    t, piece, last_piece = start / duration, 0, len(ends) - 1
+    while piece < last_piece and (
+        ends[piece] <= start if forward > 0.0 else ends[piece] < start
+    ):
+        piece += 1
+    determinant = _flow(bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
+                        t, y, K[0], w, S, L, q, rates, room)  # fmt: skip
+    evaluations, taken, ending = 1, 0, COMPLETED
+    positive = determinant > 0.0
+    value = measure_at(bodies, facts, rows, measure, y[4:], w, S, L, spare)
+    sign = -1.0 if value < 0.0 else 1.0
+    value *= sign
+    least, least_at = value, t
+    if determinant == 0.0 or not math.isfinite(determinant):
+        ending, least = SINGULAR, 0.0
+    elif value < stop_below:
+        ending = MARGIN
+    step = _FIRST_STEP
+    value_before, t_before, step_before = value, t, 0.0
+    fresh = False
+    while ending == COMPLETED:
+        leg = ends[piece] if forward > 0.0 else (ends[piece - 1] if piece > 0 else 0.0)
+        leg = (min(goal, leg) if forward > 0.0 else max(goal, leg)) / duration
+        remaining = forward * (leg - t)
+        if remaining <= 0.0:
+            if forward * (goal / duration - t) <= 0.0:
+                break
+            piece += 1 if forward > 0.0 else -1
+            fresh = True
+            continue
+        if fresh:
+            _flow(bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
+                  t, y, K[0], w, S, L, q, rates, room)  # fmt: skip
+            fresh = False
+        taken += 1
+        if taken > _MAX_STEPS:
+            ending = FAILED
+            break
+        whole = step >= remaining
+        if not whole and step > 0.5 * remaining:
+            step = 0.5 * remaining
+        dt = forward * (remaining if whole else step)
+        flipped = False
+        for s in range(1, 7):
+            for j in range(dim):
+                at[j] = y[j]
+            for i in range(s):
+                weight = dt * tableau[s, i]
+                for j in range(dim):
+                    at[j] += weight * K[i, j]
+            share = tableau[s, 6] if s < 6 else 1.0
+            determinant = _flow(bodies, facts, rows, origins, spans, law, tangents, duration,
+                                piece, h, t + dt * share, at, K[s], w, S, L, q, rates,
+                                room)  # fmt: skip
+            evaluations += 1
+            if square and (determinant > 0.0) != positive:
+                flipped = True
+                break
+        if flipped:
+            step = 0.4 * abs(dt)
+            if step < _SINGULAR_STEP:
+                ending = SINGULAR
+            continue
+        error = 0.0
+        for j in range(dim):
+            total = 0.0
+            for s in range(7):
+                total += tableau[7, s] * K[s, j]
+            error += (total / (tolerance * (1.0 + max(abs(y[j]), abs(at[j]))))) ** 2
+        error = abs(dt) * math.sqrt(error / dim)
+        if not error < 1.0:
+            step = abs(dt) * (max(0.2, 0.9 * error ** (-0.2)) if math.isfinite(error) else 0.2)
+            if step < _SHORTEST_STEP:
+                ending = SINGULAR
+            continue
+        if measure == GJM:
+            after = sign * determinant
+        elif measure == ARM or measure == SIGMA:
+            after = sign * measure_at(bodies, facts, rows, measure, q, w, S, L, spare)
+        else:
+            after = sign * determinant * form_jacobian(facts, rows, w, S)
+        for j in range(dim):
+            new[j] = at[j]
+        t_new = leg if whole else t + dt
+        left, center, middle, right = step_before, 0.0, value, after
+        if step_before == 0.0 or (whole and leg == goal / duration and after < value):
+            # beside the first and the last node a dip has no node of its own
+            left, center = 0.0, 0.5 * dt
+            _inside(tableau, K, y, dt, 0.5, rates)
+            middle = sign * measure_at(bodies, facts, rows, measure, rates, w, S, L, spare)
+            value_before = value
+        if middle <= value_before and middle <= right:
+            back, on = abs(center + left), abs(dt - center)
+            fall, rise = (value_before - middle) / back, (right - middle) / on
+            bend = (rise + fall) / (back + on)
+            slope = (rise * back - fall * on) / (back + on)
+            if bend > 0.0 and middle - _DOUBT * slope * slope / (4.0 * bend) < least:
+                low, place = _dip(
+                    tableau, K, y, dt, before, old, step_before, -left, center, dt, value_before,
+                    middle, right, sign, bodies, facts, rows, measure, w, S, L, spare, rates,
+                )  # fmt: skip
+                if low < least:
+                    least, least_at = low, t + place
+        if after < least:
+            least, least_at = after, t_new
+        speed = 0.0
+        for j in range(n):
+            rate = abs(K[6, 4 + j])
+            speed = max(speed, rate)
+            extent[0, j] = max(extent[0, j], rate / duration)
+            extent[1, j] = min(extent[1, j], new[4 + j])
+            extent[2, j] = max(extent[2, j], new[4 + j])
+        if least <= 0.0 or (not square and speed > _TOO_FAST):
+            ending = SINGULAR
+        elif least < stop_below:
+            ending = MARGIN
+        norm = math.sqrt(new[0] ** 2 + new[1] ** 2 + new[2] ** 2 + new[3] ** 2)
+        for j in range(dim):
+            old[j] = y[j]
+            y[j] = new[j] / norm if j < 4 else new[j]
+            for s in range(7):
+                before[s, j] = K[s, j]
+            K[0, j] = K[6, j]
+        value_before, t_before, step_before = value, t, dt
+        value, t = after, t_new
+        step = abs(dt) * min(10.0, 0.9 * max(error, 1e-10) ** (-0.2))
+    for j in range(dim):
+        last[j] = y[j]
+    if ending == SINGULAR:
+        least, least_at = 0.0, t
+    return ending, t * duration, least, least_at * duration, evaluations
+
+
+@compiled
+def follow_many(
+    tableau: Array, robot: Robot, attitudes: Array, joints: Array, momenta: Array, starts: Array, goals: Array,
+    stop_below: float, tolerance: float, first: int, beyond: int, out: Outcomes,
+) -> None:  # fmt: skip
+    """Follow motions ``first`` to ``beyond`` and write what became of them."""
+    n = joints.shape[1]
+    last, extent = np.zeros(4 + n), np.zeros((3, n))
+    for k in range(first, beyond):
+        ending, when, least, least_at, evaluations = follow_one(
+            tableau, robot.bodies, robot.facts, robot.rows, robot.measure, robot.ends, robot.origins,
+            robot.spans, robot.law, robot.tangents, robot.duration, attitudes[k], joints[k],
+            momenta[k], starts[k], goals[k], stop_below, tolerance, last, extent,
+        )  # fmt: skip
+        out.ending[k], out.ended_at[k] = ending, when
+        out.least[k], out.least_at[k] = least, least_at
+        out.evaluations[k] = evaluations
+        for j in range(4):
+            out.attitude[k, j] = last[j]
+        for j in range(n):
+            out.joints[k, j] = last[4 + j]
+            out.rates[k, j] = extent[0, j]
+            out.lower[k, j], out.upper[k, j] = extent[1, j], extent[2, j]
