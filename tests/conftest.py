@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, settings
 
 from freefloat.bundled import models_folder
 from freefloat.model import FreeFloatingModel
+from tests.robots import ur5_on_spacecraft
 
 settings.register_profile(
     "freefloat",
@@ -30,6 +31,12 @@ def planar_3dof() -> FreeFloatingModel:
 def spatial_6dof() -> FreeFloatingModel:
     """Table II of the paper."""
     return FreeFloatingModel.from_urdf(models_folder() / "spatial_6dof" / "spatial_6dof.urdf")
+
+
+@pytest.fixture(scope="session")
+def ur5() -> FreeFloatingModel:
+    """A stock arm whose wrist is not spherical, on a spacecraft of 200 kg."""
+    return FreeFloatingModel.from_urdf(ur5_on_spacecraft(), "tool0")
 
 
 @pytest.fixture

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import sysconfig
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from freefloat.arm_branches import (
     ArmBranch,
     arm_branches,
-    enumerate_numeric,
     nearest_configuration,
+    search_arm_branches,
 )
 from freefloat.dynamics import Task
 from freefloat.model import FreeFloatingModel
@@ -59,6 +57,12 @@ def holds(found: Iterable[np.ndarray], q: np.ndarray, tolerance: float = 1e-6) -
 
 def joints_of(branches: Iterable[ArmBranch]) -> list[np.ndarray]:
     return [branch.joints for branch in branches]
+
+
+def searched(model: FreeFloatingModel, target: Pose, task: Task) -> list[np.ndarray]:
+    """What Newton's method finds, closed form or not."""
+    sets = search_arm_branches(model, target.position[None], target.rotation[None], task)
+    return joints_of(sets[0])
 
 
 def missed(virtual: VirtualManipulator, target: Pose, joints: np.ndarray) -> float:
@@ -257,7 +261,7 @@ def test_closed_form_and_newton_agree(rng: np.random.Generator) -> None:
         q = rng.uniform(-np.pi, np.pi, 6)
         target = virtual.pose(q)
         closed = joints_of(arm_branches(model, target, Task.POSE))
-        newton = [joints for _, _, joints in enumerate_numeric(virtual, model, target, Task.POSE)]
+        newton = searched(model, target, Task.POSE)
         assert holds(closed, q)
         assert all(holds(newton, joints, 1e-5) for joints in closed)
         assert all(holds(closed, joints, 1e-5) for joints in newton)
@@ -289,7 +293,9 @@ def test_newton_finds_the_configuration_a_pose_came_from(
         target = virtual.pose(q)
         branches = arm_branches(model, target, task)
         assert holds(joints_of(branches), q)
-        assert [(b.index, b.label) for b in branches] == [(i, str(i)) for i in range(len(branches))]
+        if structure != "RRRRRR":
+            order = [(i, str(i)) for i in range(len(branches))]
+            assert [(b.index, b.label) for b in branches] == order
         for branch in branches:
             pose = virtual.pose(branch.joints)
             assert np.abs(pose.position - target.position).max() < 1e-8
@@ -319,16 +325,6 @@ def test_a_wrist_that_is_not_quite_spherical_is_still_solved(
 # ------------------------------------------------------------------------------ a stock arm
 
 
-@pytest.fixture(scope="module")
-def ur5() -> FreeFloatingModel:
-    """A UR5 on a spacecraft of 200 kg, mounted half a metre above its centre."""
-    path = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
-    text = (path / "ur_description/urdf/ur5_robot.urdf").read_text()
-    spacecraft = link_text("spacecraft", inertial_text(200.0, 35.0 * np.eye(3)))
-    spacecraft += joint_text("mount", "F", "spacecraft", "world", "0 0 0.5")
-    return FreeFloatingModel.from_urdf(text.replace("</robot>", spacecraft + "</robot>"), "tool0")
-
-
 @pytest.mark.parametrize("angle_deg", [0, 40, 80, 120])
 def test_ur5_has_eight_branches_in_front_of_it(ur5: FreeFloatingModel, angle_deg: int) -> None:
     """Two shoulders, two elbows, two wrists, each combination once; no wrist centre to help."""
@@ -339,22 +335,23 @@ def test_ur5_has_eight_branches_in_front_of_it(ur5: FreeFloatingModel, angle_deg
         Rotation.from_euler("xyz", [0, np.pi / 2, 0]).as_matrix(),
     )
     branches = arm_branches(ur5, target, Task.POSE)
-    assert len(branches) == 8
-    patterns = {
-        (round(b.joints[0], 4), np.sign(b.joints[2]), np.sign(np.sin(b.joints[4])))
-        for b in branches
-    }
-    assert len(patterns) == 8
-    assert len({shoulder for shoulder, _, _ in patterns}) == 2
+    assert [b.index for b in branches] == list(range(8))
+    assert [b.label for b in branches] == [
+        f"shoulder{s} elbow{e} wrist{w}" for s in "+-" for e in "+-" for w in "+-"
+    ]
+    shoulders = {b.index // 4: round(b.joints[0], 4) for b in branches}
+    assert shoulders[0] != shoulders[1]
     for branch in branches:
+        q = branch.joints
+        assert round(q[0], 4) == shoulders[branch.index // 4]
+        assert branch.label.split()[1] == f"elbow{'+' if np.sin(q[2]) > 0 else '-'}"
+        assert branch.label.split()[2] == f"wrist{'+' if np.sin(q[4]) > 0 else '-'}"
         pose = ur5.end_effector_pose([0, 0, 0, 1], branch.joints)
         assert np.abs(pose.position - target.position).max() < 1e-8
         assert np.abs(turn_between(pose.rotation, target.rotation)).max() < 1e-8
 
 
-def test_ur5_has_no_arm_factor_but_keeps_its_ranges(
-    ur5: FreeFloatingModel, rng: np.random.Generator
-) -> None:
+def test_ur5_keeps_its_ranges(ur5: FreeFloatingModel, rng: np.random.Generator) -> None:
     """A configuration within its ranges is found again, as plain angles near zero."""
     virtual = VirtualManipulator.of(ur5)
     for q in rng.uniform(-np.pi, np.pi, (4, 6)):
@@ -395,10 +392,7 @@ def test_planar_closed_form_and_newton_agree(
     for q in rng.uniform(-np.pi, np.pi, (4, 3)):
         target = virtual.pose(q)
         closed = joints_of(arm_branches(planar_3dof, target, Task.PLANAR_POSE))
-        newton = [
-            joints
-            for _, _, joints in enumerate_numeric(virtual, planar_3dof, target, Task.PLANAR_POSE)
-        ]
+        newton = searched(planar_3dof, target, Task.PLANAR_POSE)
         assert len(closed) == len(newton) == 2
         assert all(holds(newton, joints, 1e-5) for joints in closed)
 
@@ -510,7 +504,7 @@ def test_nearest_configuration_stays_near(planar_3dof: FreeFloatingModel) -> Non
 @given(
     q=joint_values(3),
     ranges=st.lists(
-        st.tuples(st.floats(-2 * np.pi, 2 * np.pi), st.floats(-2 * np.pi, 2 * np.pi)).map(sorted),
+        st.tuples(st.floats(-6 * np.pi, 6 * np.pi), st.floats(-6 * np.pi, 6 * np.pi)).map(sorted),
         min_size=3,
         max_size=3,
     ),
@@ -532,7 +526,7 @@ def test_joints_are_turned_into_their_range(q: np.ndarray, ranges: list[list[flo
         assert gap(wrapped.joints, plain.joints) < 1e-12
         assert np.abs(plain.joints).max() <= np.pi
         for value, angle, (lower, upper) in zip(wrapped.joints, plain.joints, ranges, strict=True):
-            turns = angle + 2.0 * np.pi * np.arange(-2, 3)
+            turns = angle + 2.0 * np.pi * np.arange(-4, 5)
             inside = turns[(turns >= lower) & (turns <= upper)]
             nearest = inside[np.argmin(np.abs(inside))] if len(inside) else angle
             assert abs(value) == pytest.approx(abs(nearest), abs=1e-12)

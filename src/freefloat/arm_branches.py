@@ -1,35 +1,40 @@
 """All arm configurations that reach a pose at a given spacecraft attitude.
 
-Closed forms for planar elbow arms and for elbow arms with a spherical wrist, from three elementary
-problems about one rotation; Newton's method from many starts for every other arm. An arm with more
-joints than the task needs has infinitely many: it gets a spread-out, reproducible set.
+Elbow arms with a spherical wrist and planar elbow arms are solved in closed form, every other arm
+by Newton's method from many starts. An arm with more joints than the task needs has infinitely many
+configurations: it gets a spread-out, reproducible set.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
+from string import ascii_lowercase
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import numpy.typing as npt
 
 from freefloat.dynamics import Task
 from freefloat.model import FreeFloatingModel
 from freefloat.spatial import Array, Pose, frozen, low_discrepancy
 from freefloat.virtual_manipulator import VirtualManipulator
 
-_STARTS = 256
-_ITERATIONS = 60
-_MET = 1e-9
-"""A pose is met when position and attitude are off by less than this [m, rad]."""
-_EXACT = 1e-13
-_NEARLY_SQUARE = 1e-6
-"""Cosine below which axes count as normal to each other: written with rounded angles."""
-_SAME = 1e-5
-"""Configurations nearer than this in every joint are one [rad, m]."""
-_REDUNDANT_SET = 16
-_SIGNS = ((1.0, "+"), (-1.0, "-"))
+if TYPE_CHECKING:
+    from freefloat.chain_kernels import Chain
+
+_STARTS = 512
+_REDUNDANT_STARTS = 256
+_SLICE = 16
+"""Fewest targets worth a thread's attention."""
+_ELBOWS = ("elbow+", "elbow-")
+_SIGNS = tuple(
+    f"shoulder{shoulder} elbow{elbow} wrist{wrist}"
+    for shoulder, elbow, wrist in product("+-", repeat=3)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +42,8 @@ class ArmBranch:
     """One arm configuration that reaches a pose.
 
     Attributes:
-        index: Its number; with a closed form the same sign pattern keeps the same number at every
-            attitude.
+        index: Its number. Where signs tell the branches apart, the same signs have the same number
+            at every attitude.
         label: What tells it apart, e.g. ``"shoulder+ elbow- wrist+"``; the number otherwise.
         joints: Joint values, turning joints within their URDF range where that is possible, else
             in (-pi, pi], shape (n,).
@@ -47,6 +52,50 @@ class ArmBranch:
     index: int
     label: str
     joints: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BranchSets:
+    """The arm branches at K poses, each at the place of its number.
+
+    Attributes:
+        joints: Joint values as in :class:`ArmBranch`, NaN where there is no such branch, shape
+            (K, B, n).
+        names: What branches are called, shape (K, B): entries of ``labels``, -1 where there is
+            none. Place i holds name i, unless two branches without a closed form have the same
+            signs: the second of them stands at place 8 or beyond.
+        labels: The names.
+    """
+
+    joints: Array
+    names: npt.NDArray[np.int64]
+    labels: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        self.joints.setflags(write=False)
+        self.names.setflags(write=False)
+
+    @property
+    def found(self) -> npt.NDArray[np.bool_]:
+        """Which branches there are, shape (K, B)."""
+        return np.asarray(self.names >= 0)
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def __getitem__(self, target: int) -> tuple[ArmBranch, ...]:
+        """The branches at one of the poses."""
+        return tuple(
+            ArmBranch(
+                int(index), self._label(target, int(index)), frozen(self.joints[target, index])
+            )
+            for index in np.flatnonzero(self.found[target])
+        )
+
+    def _label(self, target: int, index: int) -> str:
+        name = int(self.names[target, index])
+        before = int((self.names[target, :index] == name).sum())
+        return self.labels[name] + (f" {ascii_lowercase[before]}" if before else "")
 
 
 def arm_branches(model: FreeFloatingModel, target: Pose, task: Task) -> tuple[ArmBranch, ...]:
@@ -60,30 +109,68 @@ def arm_branches(model: FreeFloatingModel, target: Pose, task: Task) -> tuple[Ar
     Returns:
         The branches; none where the pose is out of reach. Joint ranges are not enforced.
     """
+    return many_arm_branches(model, target.position[None], target.rotation[None], task, 1)[0]
+
+
+def many_arm_branches(
+    model: FreeFloatingModel,
+    positions: npt.ArrayLike,
+    rotations: npt.ArrayLike,
+    task: Task,
+    threads: int | None = None,
+) -> BranchSets:
+    """Every arm configuration at each of many poses.
+
+    Args:
+        model: Robot.
+        positions: Of the end-effector from the system's centre of mass, in the spacecraft's frame
+            [m], shape (K, 3).
+        rotations: From the end-effector's frame into the spacecraft's, shape (K, 3, 3).
+        task: Which part of the poses counts.
+        threads: How many to work with, by default one a processor. Results do not depend on it.
+
+    Returns:
+        The branches at each pose, as in :func:`arm_branches`.
+    """
+    # compiled code takes half a second to import: not before it is needed
+    from freefloat import branch_kernels as kernels
+
     virtual = VirtualManipulator.of(model)
+    chain, rows, poses = _chain(virtual, model), np.array(task.rows), _poses(positions, rotations)
     if task is Task.POSE and virtual.has_elbow_and_spherical_wrist:
-        found = list(_elbow_with_wrist(virtual, target))
-    elif task.planar and len(task.rows) == model.dof and not virtual.prismatic.any():
-        found = list(_planar_elbow(virtual, target))
-    else:
-        found = list(enumerate_numeric(virtual, model, target, task))
-    polished = [(i, label, _polished(virtual, target, task, joints)) for i, label, joints in found]
-    return tuple(
-        ArmBranch(index, label, frozen(_in_range(model, joints)))
-        for index, label, joints in polished
-        if np.abs(_errors(virtual, target, task, joints[None])).max() < _MET
-    )
+        joints = np.empty((len(poses[0]), 8, 6))
+        fixed = (chain, rows, np.array(virtual.wrist_centre))
+        _in_slices(kernels.solve_elbow_and_wrist, fixed, (*poses, joints), threads)
+        return _closed(joints, _SIGNS)
+    if task.planar and len(task.rows) == model.dof and not virtual.prismatic.any():
+        joints = np.empty((len(poses[0]), 2, model.dof))
+        _in_slices(kernels.solve_planar_elbow, (chain, rows), (*poses, joints), threads)
+        return _closed(joints, _ELBOWS)
+    return search_arm_branches(model, positions, rotations, task, threads)
 
 
-def _polished(virtual: VirtualManipulator, target: Pose, task: Task, joints: Array) -> Array:
-    """Newton steps: near a straight wrist or elbow the closed forms lose half the digits."""
-    for _ in range(2):
-        error = _errors(virtual, target, task, joints[None])[0]
-        if np.abs(error).max() < _EXACT:
-            break
-        J = virtual.jacobian(joints[None])[0, task.rows]
-        joints = joints + np.linalg.lstsq(J, error, rcond=1e-6)[0]
-    return joints
+def search_arm_branches(
+    model: FreeFloatingModel,
+    positions: npt.ArrayLike,
+    rotations: npt.ArrayLike,
+    task: Task,
+    threads: int | None = None,
+) -> BranchSets:
+    """As :func:`many_arm_branches`, by Newton's method even where there is a closed form."""
+    from freefloat import search_kernels as kernels
+
+    chain = _chain(VirtualManipulator.of(model), model)
+    poses, n, m = _poses(positions, rotations), model.dof, len(task.rows)
+    joints = np.empty((len(poses[0]), kernels.MOST, n))
+    names = np.empty((len(joints), kernels.MOST), dtype=np.int64)
+    fractions = low_discrepancy(_REDUNDANT_STARTS if n > m else _STARTS, n)
+    lower = np.where(chain.prismatic, chain.lower, -np.pi)
+    upper = np.where(chain.prismatic, chain.upper, np.pi)
+    fixed = (chain, np.array(task.rows), lower + (upper - lower) * fractions)
+    _in_slices(kernels.solve_numerically, fixed, (*poses, joints, names), threads)
+    signs = n == m == 6 and not chain.prismatic.any()
+    labels = _SIGNS if signs else tuple(str(number) for number in range(kernels.MOST))
+    return BranchSets(joints, names, labels)
 
 
 def nearest_configuration(
@@ -93,174 +180,47 @@ def nearest_configuration(
 
     For arms with more joints than the task needs, whose configurations are a continuum.
     """
-    virtual = VirtualManipulator.of(model)
-    q = _newton(virtual, target, task, joints[None])
-    if np.abs(_errors(virtual, target, task, q)).max() > _MET:
-        return []
-    return [ArmBranch(_REDUNDANT_SET, "given", frozen(q[0]))]
+    from freefloat import search_kernels as kernels
+
+    chain = _chain(VirtualManipulator.of(model), model)
+    (position,), (rotation,) = _poses(target.position[None], target.rotation[None])
+    q = np.array(joints, dtype=float)
+    if kernels.solve_nearby(chain, np.array(task.rows), position, rotation, q):
+        return [ArmBranch(kernels.MOST, "given", frozen(q))]
+    return []
 
 
-def _in_range(model: FreeFloatingModel, joints: Array) -> Array:
-    """Turn joints by whole turns into their range, as near to zero as that allows."""
-    values = joints.copy()
-    for i, body in enumerate(model.bodies[1:]):
-        if body.prismatic:
-            continue
-        nearest = -((-values[i] + np.pi) % (2.0 * np.pi) - np.pi)
-        turns = sorted((nearest + 2.0 * np.pi * k for k in (-1, 0, 1)), key=abs)
-        inside = [value for value in turns if body.lower <= value <= body.upper]
-        values[i] = inside[0] if inside else nearest
-    return values
+def _chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:
+    from freefloat.chain_kernels import Chain
+
+    arrays = (virtual.links, virtual.turns, virtual.axes, virtual.prismatic, virtual.strokes)
+    lower, upper = np.array([(body.lower, body.upper) for body in model.bodies[1:]]).T
+    # writable copies in C order: for another kind of array the kernels would be compiled again
+    return Chain(*(np.array(a, order="C") for a in (*arrays, virtual.tool, lower, upper)))
 
 
-def _rotate(axis: Array, angle: float) -> Array:
-    return np.asarray(Rotation.from_rotvec(angle * axis).as_matrix())
+def _poses(positions: npt.ArrayLike, rotations: npt.ArrayLike) -> tuple[Array, Array]:
+    p, R = (np.array(values, dtype=float, order="C") for values in (positions, rotations))
+    return p.reshape(-1, 3), R.reshape(-1, 3, 3)
 
 
-def _angle_onto(axis: Array, start: Array, end: Array) -> float:
-    """The angle about an axis that brings one vector's direction onto another's."""
-    a, b = start - axis * (axis @ start), end - axis * (axis @ end)
-    return float(np.arctan2(axis @ np.cross(a, b), a @ b))
+def _closed(joints: Array, labels: tuple[str, ...]) -> BranchSets:
+    names = np.where(np.isfinite(joints).all(axis=2), np.arange(len(labels)), -1)
+    return BranchSets(joints, names, labels)
 
 
-def _angle_to_height(axis: Array, vector: Array, along: Array, height: float, sign: float) -> float:
-    """One of the two angles with ``along @ rotated(vector) == height``; nan where there is none."""
-    level = (axis @ along) * (axis @ vector)
-    cosine, sine = along @ vector - level, along @ np.cross(axis, vector)
-    amplitude = np.hypot(cosine, sine)
-    if amplitude < 1e-14:
-        return 0.0
-    share = (height - level) / amplitude
-    if abs(share) > 1.0 + 1e-9:
-        return float("nan")
-    return float(np.arctan2(sine, cosine) + sign * np.arccos(np.clip(share, -1.0, 1.0)))
-
-
-def _bend(wrist: Array, roll: Array, sign: float) -> float:
-    """The wrist's middle angle that takes its last axis to ``roll``; nan where there is none.
-
-    Where the middle axis is normal to the others, by the angle between those: that keeps all digits
-    near a straight wrist.
-    """
-    h4, h5, h6 = wrist
-    if max(abs(h4 @ h5), abs(h5 @ h6)) > _NEARLY_SQUARE:
-        return _angle_to_height(h5, h6, h4, h4 @ roll, sign)
-    angle = np.arctan2(np.linalg.norm(np.cross(h4, roll)), h4 @ roll)
-    return float(sign * angle - _angle_onto(h5, h4, h6))
-
-
-def _elbow_with_wrist(
-    virtual: VirtualManipulator, target: Pose
-) -> Iterator[tuple[int, str, Array]]:
-    """Eight branches: shoulder from (17), elbow from (28), then the spherical wrist.
-
-    ``P`` and ``h`` are positions and axes of the virtual joints at zero, ``w`` the wrist centre.
-    """
-    p, R0, points, axes = virtual.kinematics(np.zeros(6))
-    P, h, w = points[:, 0], axes[:, 0], virtual.wrist_centre
-    turned = target.rotation @ R0[0].T
-    u = target.position - turned @ (p[0] - w) - P[0]
-    upper, fore = P[2] - P[1], w - P[2]
-    for number, signs in enumerate(product(_SIGNS, repeat=3)):
-        (shoulder, a), (elbow, b), (bend, c) = signs
-        q1 = -_angle_to_height(h[0], u, h[1], h[1] @ (w - P[0]), shoulder)
-        v = _rotate(h[0], -q1) @ u - (P[1] - P[0])
-        q3 = _angle_to_height(h[2], fore, upper, (v @ v - upper @ upper - fore @ fore) / 2, elbow)
-        if np.isnan(q1 + q3):
-            continue
-        q2 = _angle_onto(h[1], upper + _rotate(h[2], q3) @ fore, v)
-        hand = (_rotate(h[0], q1) @ _rotate(h[1], q2) @ _rotate(h[2], q3)).T @ turned
-        q5 = _bend(h[3:], hand @ h[5], bend)
-        if np.isnan(q5):
-            continue
-        bent = _rotate(h[4], q5)
-        straight = np.linalg.norm(np.cross(h[3], bent @ h[5])) < 1e-12
-        q4 = 0.0 if straight else _angle_onto(h[3], bent @ h[5], hand @ h[5])
-        rest = (_rotate(h[3], q4) @ bent).T @ hand
-        q6 = _angle_onto(h[5], h[4], rest @ h[4])
-        yield number, f"shoulder{a} elbow{b} wrist{c}", np.array([q1, q2, q3, q4, q5, q6])
-
-
-def _planar_elbow(virtual: VirtualManipulator, target: Pose) -> Iterator[tuple[int, str, Array]]:
-    """Two branches: the triangle of b and c under the paper's point 3 (20), (28)."""
-    p, R0, points, axes = virtual.kinematics(np.zeros(len(virtual.axes)))
-    P, h = points[:, 0], axes[:, 0]
-    turned = target.rotation @ R0[0].T
-    last = P[2] if len(P) == 3 else p[0]
-    tip = turned @ (p[0] - P[2]) if len(P) == 3 else np.zeros(3)
-    flat = np.array([1.0, 1.0, 0.0])  # heights do not count
-    v, b, c = flat * (target.position - tip - P[0]), flat * (P[1] - P[0]), flat * (last - P[1])
-    for number, (sign, a) in enumerate(_SIGNS):
-        q2 = _angle_to_height(h[1], c, b, (v @ v - b @ b - c @ c) / 2, sign)
-        if np.isnan(q2):
-            continue
-        q1 = _angle_onto(h[0], b + _rotate(h[1], q2) @ c, v)
-        joints = [q1, q2]
-        if len(P) == 3:
-            folded = _rotate(h[0], q1) @ _rotate(h[1], q2)
-            x = np.array([1.0, 0.0, 0.0])
-            joints.append(_angle_onto(h[2], x, folded.T @ turned @ x))
-        yield number, f"elbow{a}", np.array(joints)
-
-
-def enumerate_numeric(
-    virtual: VirtualManipulator, model: FreeFloatingModel, target: Pose, task: Task
-) -> Iterator[tuple[int, str, Array]]:
-    """Newton's method from many starts: all solutions, or a spread of them for redundant arms."""
-    arm = model.bodies[1:]
-    lower = np.array([b.lower if b.prismatic else -np.pi for b in arm])
-    upper = np.array([b.upper if b.prismatic else np.pi for b in arm])
-    q = lower + (upper - lower) * low_discrepancy(_STARTS, len(arm))
-    q = _newton(virtual, target, task, q)
-    met = np.abs(_errors(virtual, target, task, q)).max(axis=1) < _MET
-    q = np.where(virtual.prismatic, q, np.arctan2(np.sin(q), np.cos(q)))[met]
-    q = q[np.lexsort(np.round(q, 6).T[::-1])]
-    kept = _spread(q) if len(arm) > len(task.rows) else _distinct(q)
-    for number, joints in enumerate(kept):
-        yield number, str(number), joints
-
-
-def _errors(virtual: VirtualManipulator, target: Pose, task: Task, q: Array) -> Array:
-    """What is missing to the target, shape (K, m): a twist in the spacecraft frame."""
-    p, R, _, _ = virtual.kinematics(q)
-    turn = Rotation.from_matrix(target.rotation @ R.transpose(0, 2, 1)).as_rotvec()
-    return np.hstack([target.position - p, turn])[:, task.rows]
-
-
-def _newton(virtual: VirtualManipulator, target: Pose, task: Task, q: Array) -> Array:
-    """Levenberg's damped Newton steps, all starts at once; damping fades with the error."""
-    for _ in range(_ITERATIONS):
-        e = _errors(virtual, target, task, q)
-        J = virtual.jacobian(q)[:, task.rows]
-        Jt = J.transpose(0, 2, 1)
-        damping = 1e-2 * np.minimum(1.0, (e * e).sum(axis=1))[:, None, None] + 1e-14
-        step = Jt @ np.linalg.solve(J @ Jt + damping * np.eye(len(task.rows)), e[:, :, None])
-        size = np.abs(step[:, :, 0]).max(axis=1, keepdims=True)
-        q = q + step[:, :, 0] / np.maximum(1.0, size)
-        if np.abs(e).max() < 1e-12:
-            break
-    return q
-
-
-def _gap(a: Array, b: Array) -> Array:
-    """Largest joint difference, whole turns not counted; sliding joints are short of them."""
-    return np.asarray(np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1))
-
-
-def _distinct(q: Array) -> list[Array]:
-    kept: list[Array] = []
-    for joints in q:
-        if all(_gap(joints, other) > _SAME for other in kept):
-            kept.append(joints)
-    return kept
-
-
-def _spread(q: Array) -> list[Array]:
-    """The first, then always the one farthest from those kept."""
-    if not len(q):
-        return []
-    kept, distance = [q[0]], _gap(q, q[0])
-    while len(kept) < min(_REDUNDANT_SET, len(q)) and distance.max() > _SAME:
-        kept.append(q[int(np.argmax(distance))])
-        distance = np.minimum(distance, _gap(q, kept[-1]))
-    return kept
+def _in_slices(
+    kernel: Callable[..., None],
+    fixed: tuple[Any, ...],
+    sliced: tuple[npt.NDArray[Any], ...],
+    threads: int | None,
+) -> None:
+    """Run a kernel on slices of the targets, side by side: it works without Python's lock."""
+    workers, count = threads or os.cpu_count() or 1, len(sliced[0])
+    size = max(_SLICE, -(-count // (4 * workers)))
+    parts = [[array[i : i + size] for array in sliced] for i in range(0, count, size)]
+    if workers == 1 or len(parts) == 1:
+        kernel(*fixed, *sliced)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(lambda part: kernel(*fixed, *part), parts))

@@ -1,0 +1,49 @@
+"""How kernels are compiled: to machine code, kept on disk, and run beside other threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from types import CellType, FunctionType
+from typing import Any, TypeVar, cast
+
+from numba import njit
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def compiled(function: _Function) -> _Function:
+    """Compile a function at its first call; later processes find it on disk.
+
+    It runs without Python's lock, and divides by zero as numpy does. Where no folder can be written
+    to, it is compiled anew in every process.
+    """
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    stamped = _stamped(cast(FunctionType, function))
+    try:
+        return cast(_Function, njit(cache=True, **options)(stamped))
+    except RuntimeError:  # numba found no folder for its cache
+        return cast(_Function, njit(**options)(stamped))
+
+
+def _stamped(function: FunctionType) -> FunctionType:
+    """The same function with a closure that tells the state of all kernels beside it.
+
+    Numba compiles a kernel anew when its file or its closure changes, but would go on using old
+    machine code of the kernels it calls from other files.
+    """
+    code = function.__code__.replace(co_freevars=("kernels",))
+    closure = (CellType(_digest(Path(code.co_filename).parent)),)
+    stamped = FunctionType(code, function.__globals__, function.__name__, None, closure)
+    stamped.__doc__, stamped.__module__ = function.__doc__, function.__module__
+    stamped.__qualname__ = function.__qualname__
+    return stamped
+
+
+@cache
+def _digest(folder: Path) -> str:
+    """Of the sources of a folder that hold kernels."""
+    texts = [path.read_bytes() for path in sorted(folder.glob("*.py"))]
+    return sha256(b"".join(text for text in texts if b"@compiled" in text)).hexdigest()
