@@ -20,7 +20,7 @@ def compiled(function: _Function) -> _Function:
     It runs without Python's lock, and divides by zero as numpy does. Where no folder can be written
     to, it is compiled anew in every process.
     """
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
     stamped = _stamped(cast(FunctionType, function))
     try:
         return cast(_Function, njit(cache=True, **options)(stamped))

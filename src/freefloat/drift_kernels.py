@@ -246,15 +246,15 @@ def eliminate(S: Array, L: Array) -> float:
 
 @compiled
 def solve_rates(
-    facts: Array, rows: Array, twist: Array, h: Array, w: Array, S: Array, L: Array, rates: Array
+    facts: Array, rows: Array, demand: Array, w: Array, S: Array, L: Array, rates: Array
 ) -> float:
     """Equation (4) at the configuration that :func:`configure` has left in ``w``.
 
     Args:
         facts: Of the robot.
         rows: Of the task.
-        twist: Of the end-effector, spacecraft frame, shape (6,).
-        h: Angular momentum, spacecraft frame, shape (3,).
+        demand: The end-effector's twist and the angular momentum, spacecraft frame, shape (9,);
+            the share that the drifting spacecraft has in the twist is taken off.
         w: Work; the spacecraft's turn rate is left in it.
         S: Room, shape (m, n).
         L: Room, shape (m, m + 1).
@@ -267,13 +267,19 @@ def solve_rates(
     m, n = S.shape
     ixx, iyy, izz = w[0, INVERSE], w[0, INVERSE + 1], w[0, INVERSE + 2]
     ixy, ixz, iyz = w[0, INVERSE + 3], w[0, INVERSE + 4], w[0, INVERSE + 5]
-    x = ixx * h[0] + ixy * h[1] + ixz * h[2]
-    y = ixy * h[0] + iyy * h[1] + iyz * h[2]
-    z = ixz * h[0] + iyz * h[1] + izz * h[2]
+    h0, h1, h2 = demand[6], demand[7], demand[8]
+    x = ixx * h0 + ixy * h1 + ixz * h2
+    y = ixy * h0 + iyy * h1 + iyz * h2
+    z = ixz * h0 + iyz * h1 + izz * h2
     r0, r1, r2 = w[0, HAND], w[0, HAND + 1], w[0, HAND + 2]
-    drift = (y * r2 - z * r1, z * r0 - x * r2, x * r1 - y * r0, x, y, z)
+    demand[0] -= y * r2 - z * r1
+    demand[1] -= z * r0 - x * r2
+    demand[2] -= x * r1 - y * r0
+    demand[3] -= x
+    demand[4] -= y
+    demand[5] -= z
     for k in range(m):
-        L[k, m] = twist[rows[k]] - drift[rows[k]]
+        L[k, m] = demand[rows[k]]
     determinant = eliminate(S, L)
     for k in range(m - 1, -1, -1):
         total = L[k, m]
@@ -332,45 +338,56 @@ def _in_plane(facts: Array, w: Array) -> float:
     """Determinant of the in-plane block of (39), the wrist's rates eliminated.
 
     Columns: the spacecraft about the plane's normal, joints 2 and 3. Rows: momentum about that
-    normal, the end-effector's velocity along the plane's two axes. In a column the wrist undoes the
-    turn of the hand; ``c`` are the cross products that solve for its rates.
+    normal, the end-effector's velocity along the plane's two axes.
     """
+    x, y, z = facts[LEVEL], facts[LEVEL + 1], facts[LEVEL + 2]
+    r0, r1, r2 = w[0, HAND], w[0, HAND + 1], w[0, HAND + 2]
+    xx, yy, zz = w[0, D], w[0, D + 1], w[0, D + 2]
+    xy, xz, yz = w[0, D + 3], w[0, D + 4], w[0, D + 5]
+    a0, a1, a2 = _undone(
+        facts, w, x, y, z, xx * x + xy * y + xz * z, xy * x + yy * y + yz * z,
+        xz * x + yz * y + zz * z, y * r2 - z * r1, z * r0 - x * r2, x * r1 - y * r0,
+    )  # fmt: skip
+    b0, b1, b2 = _undone(
+        facts, w, w[2, JAC + 3], w[2, JAC + 4], w[2, JAC + 5], w[2, DQ], w[2, DQ + 1],
+        w[2, DQ + 2], w[2, JAC], w[2, JAC + 1], w[2, JAC + 2],
+    )  # fmt: skip
+    c0, c1, c2 = _undone(
+        facts, w, w[3, JAC + 3], w[3, JAC + 4], w[3, JAC + 5], w[3, DQ], w[3, DQ + 1],
+        w[3, DQ + 2], w[3, JAC], w[3, JAC + 1], w[3, JAC + 2],
+    )  # fmt: skip
+    return a0 * (b1 * c2 - b2 * c1) - b0 * (a1 * c2 - a2 * c1) + c0 * (a1 * b2 - a2 * b1)
+
+
+@compiled
+def _undone(
+    facts: Array, w: Array, x: float, y: float, z: float,
+    h0: float, h1: float, h2: float, v0: float, v1: float, v2: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Momentum and velocities in the arm's plane of a rate, the wrist undoing its turn of the hand.
+
+    The rate turns the hand by x, y, z and gives momentum h and velocity v. The wrist's rates follow
+    by Cramer's rule from its axes, whose directions are the last rows of their columns of J.
+    """
+    a0, a1, a2 = w[4, JAC + 3], w[4, JAC + 4], w[4, JAC + 5]
+    b0, b1, b2 = w[5, JAC + 3], w[5, JAC + 4], w[5, JAC + 5]
+    c0, c1, c2 = w[6, JAC + 3], w[6, JAC + 4], w[6, JAC + 5]
+    A0, A1, A2 = b1 * c2 - b2 * c1, b2 * c0 - b0 * c2, b0 * c1 - b1 * c0
+    B0, B1, B2 = c1 * a2 - c2 * a1, c2 * a0 - c0 * a2, c0 * a1 - c1 * a0
+    C0, C1, C2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    scale = 1.0 / (a0 * A0 + a1 * A1 + a2 * A2)
+    p = scale * (A0 * x + A1 * y + A2 * z)
+    q = scale * (B0 * x + B1 * y + B2 * z)
+    r = scale * (C0 * x + C1 * y + C2 * z)
+    h0 -= p * w[4, DQ] + q * w[5, DQ] + r * w[6, DQ]
+    h1 -= p * w[4, DQ + 1] + q * w[5, DQ + 1] + r * w[6, DQ + 1]
+    h2 -= p * w[4, DQ + 2] + q * w[5, DQ + 2] + r * w[6, DQ + 2]
+    v0 -= p * w[4, JAC] + q * w[5, JAC] + r * w[6, JAC]
+    v1 -= p * w[4, JAC + 1] + q * w[5, JAC + 1] + r * w[6, JAC + 1]
+    v2 -= p * w[4, JAC + 2] + q * w[5, JAC + 2] + r * w[6, JAC + 2]
     normal, across, along = LEVEL, LEVEL + 3, LEVEL + 6
-    a, b, e = w[4, JAC + 3 :], w[5, JAC + 3 :], w[6, JAC + 3 :]
-    c = np.empty((3, 3))
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        c[0, i] = b[j] * e[k] - b[k] * e[j]
-        c[1, i] = e[j] * a[k] - e[k] * a[j]
-        c[2, i] = a[j] * b[k] - a[k] * b[j]
-    volume = a[0] * c[0, 0] + a[1] * c[0, 1] + a[2] * c[0, 2]
-    B, h, v, spin = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
-    for column in range(3):
-        if column == 0:
-            x, y, z = facts[normal], facts[normal + 1], facts[normal + 2]
-            r0, r1, r2 = w[0, HAND], w[0, HAND + 1], w[0, HAND + 2]
-            xx, yy, zz = w[0, D], w[0, D + 1], w[0, D + 2]
-            xy, xz, yz = w[0, D + 3], w[0, D + 4], w[0, D + 5]
-            spin[0], spin[1], spin[2] = x, y, z
-            h[0], h[1] = xx * x + xy * y + xz * z, xy * x + yy * y + yz * z
-            h[2] = xz * x + yz * y + zz * z
-            v[0], v[1], v[2] = y * r2 - z * r1, z * r0 - x * r2, x * r1 - y * r0
-        else:
-            for i in range(3):
-                h[i], v[i] = w[column + 1, DQ + i], w[column + 1, JAC + i]
-                spin[i] = w[column + 1, JAC + 3 + i]
-        for k in range(3):
-            rate = (c[k, 0] * spin[0] + c[k, 1] * spin[1] + c[k, 2] * spin[2]) / volume
-            for i in range(3):
-                h[i] -= rate * w[4 + k, DQ + i]
-                v[i] -= rate * w[4 + k, JAC + i]
-        B[0, column], B[1, column], B[2, column] = 0.0, 0.0, 0.0
-        for i in range(3):
-            B[0, column] += facts[normal + i] * h[i]
-            B[1, column] += facts[across + i] * v[i]
-            B[2, column] += facts[along + i] * v[i]
     return (
-        B[0, 0] * (B[1, 1] * B[2, 2] - B[1, 2] * B[2, 1])
-        - B[0, 1] * (B[1, 0] * B[2, 2] - B[1, 2] * B[2, 0])
-        + B[0, 2] * (B[1, 0] * B[2, 1] - B[1, 1] * B[2, 0])
+        facts[normal] * h0 + facts[normal + 1] * h1 + facts[normal + 2] * h2,
+        facts[across] * v0 + facts[across + 1] * v1 + facts[across + 2] * v2,
+        facts[along] * v0 + facts[along + 1] * v1 + facts[along + 2] * v2,
     )

@@ -8,8 +8,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
-from freefloat.arm_branches import ArmBranch, arm_branches, nearest_configuration
+from freefloat.arm_branches import (
+    ArmBranch,
+    BranchSets,
+    arm_branches,
+    many_arm_branches,
+    nearest_configuration,
+)
 from freefloat.dynamics import DriftEquation, Task, momentum_map
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel

@@ -101,7 +101,7 @@ def _twist(
 def _flow(
     bodies: Array, facts: Array, rows: Array, origins: Array, spans: Array, law: Array,
     tangents: Array, duration: float, piece: int, h: Array, t: float, y: Array, f: Array,
-    w: Array, S: Array, L: Array, q: Array, rates: Array, room: Array,
+    w: Array, S: Array, L: Array, q: Array, rates: Array, demand: Array,
 ) -> float:  # fmt: skip
     """The rate of (attitude, joints) per duration, (8), into ``f``.
 
@@ -113,20 +113,18 @@ def _flow(
     a, b, c, e = norm * y[0], norm * y[1], norm * y[2], norm * y[3]
     for j in range(n):
         q[j] = y[4 + j]
-    twist, turned, momentum = room[:6], room[6:12], room[12:15]
-    _twist(t * duration, piece, origins, spans, law, tangents, twist)
+    _twist(t * duration, piece, origins, spans, law, tangents, demand)
     R00, R01, R02 = 1 - 2 * (b * b + c * c), 2 * (a * b - c * e), 2 * (a * c + b * e)
     R10, R11, R12 = 2 * (a * b + c * e), 1 - 2 * (a * a + c * c), 2 * (b * c - a * e)
     R20, R21, R22 = 2 * (a * c - b * e), 2 * (b * c + a * e), 1 - 2 * (a * a + b * b)
-    for j in (0, 3):
-        turned[j] = R00 * twist[j] + R10 * twist[j + 1] + R20 * twist[j + 2]
-        turned[j + 1] = R01 * twist[j] + R11 * twist[j + 1] + R21 * twist[j + 2]
-        turned[j + 2] = R02 * twist[j] + R12 * twist[j + 1] + R22 * twist[j + 2]
-    momentum[0] = R00 * h[0] + R10 * h[1] + R20 * h[2]
-    momentum[1] = R01 * h[0] + R11 * h[1] + R21 * h[2]
-    momentum[2] = R02 * h[0] + R12 * h[1] + R22 * h[2]
+    demand[6], demand[7], demand[8] = h[0], h[1], h[2]
+    for j in (0, 3, 6):
+        x, y_, z = demand[j], demand[j + 1], demand[j + 2]
+        demand[j] = R00 * x + R10 * y_ + R20 * z
+        demand[j + 1] = R01 * x + R11 * y_ + R21 * z
+        demand[j + 2] = R02 * x + R12 * y_ + R22 * z
     configure(bodies, facts, q, w)
-    determinant = solve_rates(facts, rows, turned, momentum, w, S, L, rates)
+    determinant = solve_rates(facts, rows, demand, w, S, L, rates)
     x, y_, z = w[0, OMEGA] * duration, w[0, OMEGA + 1] * duration, w[0, OMEGA + 2] * duration
     f[0] = 0.5 * (e * x + b * z - c * y_)
     f[1] = 0.5 * (e * y_ + c * x - a * z)
@@ -220,7 +218,7 @@ def follow_one(
     w, S, L = np.zeros((n + 1, WORK_COLUMNS)), np.zeros((m, n)), np.zeros((m, m + 1))
     K, before = np.zeros((7, dim)), np.zeros((7, dim))
     y, new, at, old = np.zeros(dim), np.zeros(dim), np.zeros(dim), np.zeros(dim)
-    room, q, rates, spare = np.zeros(15), np.zeros(n), np.zeros(n), np.zeros(n)
+    demand, q, rates, spare = np.zeros(9), np.zeros(n), np.zeros(n), np.zeros(n)
     forward = 1.0 if goal >= start else -1.0
     for j in range(4):
         y[j] = attitude[j]
@@ -233,7 +231,7 @@ def follow_one(
     ):
         piece += 1
     determinant = _flow(bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
-                        t, y, K[0], w, S, L, q, rates, room)  # fmt: skip
+                        t, y, K[0], w, S, L, q, rates, demand)  # fmt: skip
     evaluations, taken, ending = 1, 0, COMPLETED
     positive = determinant > 0.0
     value = measure_at(bodies, facts, rows, measure, y[4:], w, S, L, spare)
@@ -259,7 +257,7 @@ def follow_one(
             continue
         if fresh:
             _flow(bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
-                  t, y, K[0], w, S, L, q, rates, room)  # fmt: skip
+                  t, y, K[0], w, S, L, q, rates, demand)  # fmt: skip
             fresh = False
         taken += 1
         if taken > _MAX_STEPS:
@@ -280,7 +278,7 @@ def follow_one(
             share = tableau[s, 6] if s < 6 else 1.0
             determinant = _flow(bodies, facts, rows, origins, spans, law, tangents, duration,
                                 piece, h, t + dt * share, at, K[s], w, S, L, q, rates,
-                                room)  # fmt: skip
+                                demand)  # fmt: skip
             evaluations += 1
             if square and (determinant > 0.0) != positive:
                 flipped = True
