@@ -178,3 +178,9 @@ def turn_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
     """The rotation vector [rad] that turns one rotation (3, 3) into another, shape (3,)."""
     turn = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).T)
     return np.asarray(turn.as_rotvec())
+
+
+def breaks_triangle(moments: npt.ArrayLike) -> bool:
+    """Whether no rigid body has these principal moments, ascending, shape (3,)."""
+    least, middle, most = np.asarray(moments, dtype=float).tolist()
+    return bool(least + middle < most * (1.0 - 1e-9))
