@@ -261,6 +261,11 @@ def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:
                 "revolute, continuous, prismatic or fixed",
             )  # fmt: skip
     others = [index for index in range(2, whole.njoints) if index not in chain]
+    for name in sorted({whole.names[index] for index in others} & set(_links(whole))):
+        raise ModelError(
+            f"joint {name}", "a link has the same name, so it cannot be held",
+            "a name of its own for every joint off the chain to the end-effector",
+        )  # fmt: skip
     q = pin.neutral(whole)
     for name, value in held.items():
         if name not in [whole.names[index] for index in others]:
