@@ -18,8 +18,10 @@ from typer.testing import CliRunner
 from freefloat.assembly import Mount, Payload, Spacecraft, assemble
 from freefloat.bundled import EXAMPLE, find_robot
 from freefloat.cli import app
+from freefloat.closeness import least
 from freefloat.dynamics import momentum_map
 from freefloat.errors import InputError, ModelError
+from freefloat.integration import integrate_motion
 from freefloat.model import FreeFloatingModel
 from freefloat.scenario import load_scenario
 from tests.robots import Robot, inertial_text, joint_text, link_text, random_inertia, random_robot
@@ -430,3 +432,15 @@ def test_the_panda_moves_seven_joints_and_holds_its_fingers() -> None:
     assert np.isclose(model.bodies[-1].mass, 0.735522 + 0.73 + 2 * 0.015, rtol=1e-12)
     (doubt,) = model.doubts
     assert "panda_finger_joint2 mimics" in doubt.problem
+
+
+def test_the_panda_follows_its_line_from_the_identity_attitude() -> None:
+    """In a usual posture, every joint within its range at the start, the margin kept."""
+    problem = load_scenario("panda_servicer/line").problem()
+    posture = [0.15, -0.28, -0.33, -2.19, -0.10, 1.92, 0.64]
+    branch = problem.branch_near(IDENTITY, posture, problem.branches(IDENTITY))
+    for value, body in zip(branch.joints, problem.model.bodies[1:], strict=True):
+        assert body.lower < value < body.upper
+    motion = integrate_motion(problem, IDENTITY, branch.joints)
+    assert motion.completed
+    assert least(motion, problem.margin.measure).keeps(problem.margin.value)
