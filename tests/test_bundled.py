@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import shutil
+import sysconfig
 import xml.etree.ElementTree as ET
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from freefloat import bundled
 from freefloat.bundled import (
+    EXAMPLE,
     bundled_robots,
     bundled_scenarios,
+    example_robots,
     find_robot,
     find_scenario,
     models_folder,
@@ -19,6 +24,7 @@ from freefloat.bundled import (
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
 from freefloat.scenario import load_scenario
+from freefloat.urdf import read_urdf
 
 
 def test_the_papers_robots_and_scenarios_are_there() -> None:
@@ -26,6 +32,7 @@ def test_the_papers_robots_and_scenarios_are_there() -> None:
     assert {"planar_3dof/parabola", "planar_3dof/parabola_nonstop", "spatial_6dof/line"} <= set(
         bundled_scenarios()
     )
+    assert {"ur5_servicer/arc", "panda_servicer/line"} <= set(bundled_scenarios())
     assert list(bundled_scenarios()) == sorted(bundled_scenarios())
 
 
@@ -59,11 +66,13 @@ def test_every_bundled_scenario_builds_with_a_reachable_start(name: str) -> None
 
 
 @pytest.mark.parametrize("name", bundled_scenarios())
-def test_every_bundled_scenario_uses_the_robot_beside_it(name: str) -> None:
+def test_every_bundled_scenario_uses_the_robot_beside_it_or_a_stock_arm(name: str) -> None:
     scenario = load_scenario(name)
-    beside = scenario.source.parent / scenario.content.robot.urdf
-    assert beside.is_file()
-    assert scenario.model().description.source == str(beside)
+    urdf = scenario.content.robot.urdf
+    beside = scenario.source.parent / urdf
+    assert beside.is_file() != urdf.startswith(EXAMPLE)
+    wanted = find_robot(urdf, Path("/")) if urdf.startswith(EXAMPLE) else beside
+    assert scenario.model().description.source == str(wanted)
 
 
 def test_a_scenario_is_found_by_its_path_before_its_name(
@@ -132,3 +141,71 @@ def test_a_name_unlike_any_other_gets_the_list_without_a_guess(tmp_path: Path) -
         find_robot("xyz", tmp_path)
     assert "did you mean" not in caught.value.problem
     assert "planar_3dof" in caught.value.accepted
+
+
+# --- the robots of example-robot-data ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("ur3", "ur3_robot.urdf"),
+        ("ur5", "ur5_robot.urdf"),
+        ("ur5_robot", "ur5_robot.urdf"),
+        ("ur5_gripper", "ur5_gripper.urdf"),
+        ("ur10", "ur10_robot.urdf"),
+        ("panda", "panda.urdf"),
+        ("kinova", "kinova.urdf"),
+        ("anymal_c_simple/anymal", "anymal.urdf"),
+    ],
+)
+def test_a_stock_robot_is_found_by_its_short_name(name: str, file: str) -> None:
+    path = find_robot(EXAMPLE + name, Path("/nowhere"))
+    assert path.name == file
+    assert read_urdf(path).source == str(path)
+
+
+def test_every_urdf_of_the_package_has_a_name_and_the_empty_one_gives_way() -> None:
+    robots = example_robots()
+    folder = bundled._examples_folder()
+    missing = {path.name for path in folder.glob("*/**/*.urdf")} - {
+        path.name for path in robots.values()
+    }
+    assert missing == {"ur3.urdf"}, "it holds no link"
+    assert len(set(robots.values())) == len(robots)
+    assert not any(name.endswith("_robot") for name in robots)
+
+
+def test_a_misspelt_stock_robot_gets_a_suggestion_and_the_list() -> None:
+    with pytest.raises(InputError) as caught:
+        find_robot(EXAMPLE + "pandaa", Path("/"))
+    assert caught.value.key == "urdf"
+    assert f"did you mean {EXAMPLE}panda?" in caught.value.problem
+    assert all(EXAMPLE + name in caught.value.accepted for name in example_robots())
+
+
+def _not_installed(name: str) -> None:
+    raise PackageNotFoundError(name)
+
+
+def test_without_the_package_the_message_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bundled, "distribution", _not_installed)
+    monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
+    with pytest.raises(InputError) as caught:
+        find_robot(f"{EXAMPLE}ur5", Path("/"))
+    assert caught.value.key == "urdf"
+    assert "not installed" in caught.value.problem
+    assert "pip install example-robot-data" in caught.value.accepted
+
+
+def test_the_package_may_lie_where_conda_puts_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mine = tmp_path / "share/example-robot-data/robots/my_description/urdf/mine_robot.urdf"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("<robot/>")
+    monkeypatch.setattr(bundled, "distribution", _not_installed)
+    monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
+    assert example_robots() == {"mine": mine}

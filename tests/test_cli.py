@@ -540,6 +540,15 @@ def test_info_takes_another_end_effector_for_a_urdf(folder: Path) -> None:
     assert (document["end_effector"], document["dof"]) == ("link_3", 3)
 
 
+def test_info_tells_of_a_stock_arm(folder: Path) -> None:
+    document = answer("info", "example-robot-data:panda", "--end-effector", "panda_link8", code=0)
+    assert (document["end_effector"], document["dof"]) == ("panda_link8", 7)
+    assert math.isclose(document["total_mass"], 17.451901, abs_tol=1e-9)
+    assert len(document["warnings"]) == 1
+    line = refusal("info", "example-robot-data:pand")
+    assert "did you mean example-robot-data:panda?" in line
+
+
 def test_info_does_not_ignore_an_end_effector_given_for_a_scenario(folder: Path) -> None:
     result = run("info", "spatial_6dof/line", "--end-effector", "link_3", "--json")
     if result.exit_code == 0:
@@ -654,6 +663,8 @@ def test_the_schema_accepts_the_papers_examples(text: str, schema: dict[str, Any
     assert found_by(schema, text) == []
 
 
+CRAFT = "{mass: 9, inertia: [1, 1, 1]}"
+MATRIX = "{mass: 9, inertia: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], com: [0, 0, 1]}"
 FIXED = "fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}"
 
 
@@ -674,6 +685,14 @@ FIXED = "fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}"
         ),
         ("end_effector}", "end_effector, scale_mass: 1.1}"),
         ("end_effector}", "end_effector, scale_mass: {link_1: 2}}"),
+        ("end_effector}", f"end_effector, spacecraft: {CRAFT}}}"),
+        ("end_effector}", f"end_effector, payload: {CRAFT}}}"),
+        ("end_effector}", f"end_effector, payload: {MATRIX}}}"),
+        (
+            "end_effector}",
+            "end_effector, spacecraft: {mass: 9, inertia: [1, 1, 1], size: [1, 1, 1], "
+            "mount: {xyz: [0, 0, 1], rpy: [0, 0, 1]}}}",
+        ),
         ("margin: {measure: arm, value: 5}", "margin: {fraction: 0.2}"),
         ("margin: {measure: arm, value: 5}\n", ""),
         ("duration: 100", "duration: 100, stops: [{s: 0.5, t: 20}]"),
@@ -703,6 +722,10 @@ def test_the_schema_accepts_what_a_scenario_may_say(
         ("value: 5", "value: -5"),
         ("value: 5", "fraction: 1"),
         ("end_effector}", "end_effector, scale_mass: 0}"),
+        ("end_effector}", f"end_effector, payload: {CRAFT.replace('9', '0')}}}"),
+        ("end_effector}", f"end_effector, spacecraft: {CRAFT.replace('mass', 'weight')}}}"),
+        ("end_effector}", f"end_effector, payload: {MATRIX.replace('[0, 0, 1]', '[0, 0]')}}}"),
+        ("end_effector}", "end_effector, spacecraft: {mass: 9}}"),
         ("task: pose\n", ""),
     ],
 )

@@ -406,3 +406,16 @@ def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
     """The path is in the message."""
     with pytest.raises(ModelError, match=r"gone\.urdf: no such file"):
         FreeFloatingModel.from_urdf(tmp_path / "gone.urdf")
+
+
+def test_a_joint_off_the_chain_with_the_name_of_a_link_is_refused() -> None:
+    """Pinocchio cannot tell which of the two it should hold; on the chain the name does no harm."""
+    robot = '<robot name="twins">' + link_text("bus", inertial_text(9.0, np.eye(3)))
+    for name in ("one", "two"):
+        robot += joint_text(name, "R", "bus", name)
+        robot += link_text(name, inertial_text(1.0, np.eye(3)))
+    robot += "</robot>"
+    with pytest.raises(ModelError, match="joint two: a link has the same name"):
+        FreeFloatingModel.from_urdf(robot, "one")
+    alone = robot.replace('joint name="two"', 'joint name="other"')
+    assert FreeFloatingModel.from_urdf(alone, "one").joint_names == ("one",)

@@ -1,11 +1,19 @@
-"""The robots and scenarios that come with the package, by name."""
+"""Robots and scenarios by name: the bundled ones, and the robots of example-robot-data."""
 
 from __future__ import annotations
 
 import difflib
+import sysconfig
+from collections import Counter
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from freefloat.errors import InputError
+
+_EXAMPLES = "example-robot-data"
+EXAMPLE = f"{_EXAMPLES}:"
+"""Before the name of a robot of that package."""
 
 
 def models_folder() -> Path:
@@ -43,9 +51,15 @@ def find_scenario(name: str) -> Path:
 def find_robot(name: str, folder: Path) -> Path:
     """The URDF of a path, relative to a folder, or else of a bundled robot's name or file name.
 
+    Args:
+        name: The path or name; ``example-robot-data:NAME`` stands for a robot of that package.
+        folder: What the path is relative to.
+
     Raises:
-        InputError: Listing the bundled names when there is neither.
+        InputError: Listing the names there are when it is none of them.
     """
+    if name.startswith(EXAMPLE):
+        return _find_example(name)
     path = folder / name
     if is_file(path):
         return path
@@ -53,6 +67,48 @@ def find_robot(name: str, folder: Path) -> Path:
     if stem in bundled_robots():
         return models_folder() / stem / f"{stem}.urdf"
     raise unknown("urdf", name, bundled_robots(), "a URDF file, or one of")
+
+
+def example_robots() -> dict[str, Path]:
+    """The URDFs of the package example-robot-data by name: the file's, without ``_robot``.
+
+    A name that several files have is told with its folder, as in ``anymal_c_simple/anymal``.
+
+    Raises:
+        InputError: If the package is not installed.
+    """
+    folder = _examples_folder()
+    files = sorted(folder.glob("*/**/*.urdf"))
+    count = Counter(path.stem for path in files)
+    named = {}
+    for path in files:
+        owner = path.relative_to(folder).parts[0].removesuffix("_description")
+        named[path.stem if count[path.stem] == 1 else f"{owner}/{path.stem}"] = path
+    for name in [name for name in named if name.endswith("_robot")]:
+        named[name.removesuffix("_robot")] = named.pop(name)  # ur3.urdf has no link: the other one
+    return named
+
+
+def _examples_folder() -> Path:
+    """Where pip, or else conda or the system, has put the package's robots."""
+    shared = [Path(sysconfig.get_path("data")) / "share"]
+    with suppress(PackageNotFoundError):
+        shared.insert(0, Path(str(distribution(_EXAMPLES).locate_file("cmeel.prefix/share"))))
+    for folder in shared:
+        if (folder / _EXAMPLES / "robots").is_dir():
+            return folder / _EXAMPLES / "robots"
+    raise InputError(
+        "urdf", f"the package {_EXAMPLES} is not installed", f"pip install {_EXAMPLES}, or a file"
+    )
+
+
+def _find_example(name: str) -> Path:
+    robots = example_robots()
+    short = name.removeprefix(EXAMPLE).removesuffix("_robot")
+    if short in robots:
+        return robots[short]
+    names = tuple(EXAMPLE + one for one in sorted(robots))
+    raise unknown("urdf", name, names, "one of")
 
 
 def is_file(path: Path) -> bool:

@@ -58,7 +58,8 @@ def info(
     robot: Annotated[
         str,
         typer.Argument(
-            metavar="MODEL_OR_SCENARIO", help="A URDF, a scenario file, or a bundled name of either"
+            metavar="MODEL_OR_SCENARIO",
+            help="A URDF, a scenario file, a bundled name of either, or example-robot-data:NAME",
         ),
     ],
     end_effector: Annotated[
@@ -69,6 +70,7 @@ def info(
     """Tell what a robot is: bodies, joints, barycentric lengths, and doubts about its URDF."""
     with answering(as_json):
         from freefloat.bundled import (
+            EXAMPLE,
             bundled_robots,
             bundled_scenarios,
             find_robot,
@@ -84,7 +86,7 @@ def info(
                 raise InputError("end_effector", "the scenario names it already", "a URDF with it")
             problem = load_scenario(robot).problem()
             document = info_document(problem.model, problem.task, problem.margin.measure)
-        elif robot in bundled_robots() or is_file(Path(robot)):
+        elif robot.startswith(EXAMPLE) or robot in bundled_robots() or is_file(Path(robot)):
             model = FreeFloatingModel.from_urdf(find_robot(robot, Path()), end_effector)
             document = info_document(model, natural_task(model))
         else:

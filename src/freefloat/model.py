@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from freefloat.assembly import Payload, Spacecraft, assemble
 from freefloat.errors import InputError, ModelError
 from freefloat.spatial import Array, Pose, finite_vector, frozen
-from freefloat.urdf import UNLIMITED, Description, Doubt, read_urdf
+from freefloat.urdf import UNLIMITED, Description, Doubt, read_urdf, source_of
 
 _MOVING_JOINTS = ("JointModelR", "JointModelP")
 
@@ -72,8 +73,10 @@ class FreeFloatingModel:
         *,
         scale_mass: float | Mapping[str, float] = 1.0,
         held: Mapping[str, float] | None = None,
+        spacecraft: Spacecraft | None = None,
+        payload: Payload | None = None,
     ) -> FreeFloatingModel:
-        """Load a robot whose root link is the spacecraft.
+        """Load a robot whose root link is the spacecraft, or an arm to be mounted on one.
 
         Args:
             urdf: A file or XML text.
@@ -81,11 +84,16 @@ class FreeFloatingModel:
                 single last link.
             scale_mass: Factor on every mass and inertia, or a map from link to factor.
             held: Values [rad or m] of joints that do not move the end-effector.
+            spacecraft: Put under the root link, see :func:`~freefloat.assembly.assemble`.
+            payload: Held by the end-effector.
 
         Raises:
             ModelError: If the URDF is unfit, or has no such frame, or no joint moves it.
         """
-        description = read_urdf(urdf, scale_mass)
+        whole = urdf
+        if spacecraft is not None or payload is not None:
+            whole = assemble(urdf, spacecraft, payload, end_effector)
+        description = replace(read_urdf(whole, scale_mass), source=source_of(urdf))
         model = cls(description, end_effector or _only_tip(description), dict(held or {}))
         _ = model.pin_model
         return model
@@ -253,6 +261,11 @@ def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:
                 "revolute, continuous, prismatic or fixed",
             )  # fmt: skip
     others = [index for index in range(2, whole.njoints) if index not in chain]
+    for name in sorted({whole.names[index] for index in others} & set(_links(whole))):
+        raise ModelError(
+            f"joint {name}", "a link has the same name, so it cannot be held",
+            "a name of its own for every joint off the chain to the end-effector",
+        )  # fmt: skip
     q = pin.neutral(whole)
     for name, value in held.items():
         if name not in [whole.names[index] for index in others]:

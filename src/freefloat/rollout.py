@@ -120,7 +120,9 @@ class Roller:
         given = (
             np.array(attitudes, dtype=float, order="C"),  # copies, for kernels are compiled for
             np.array(joints, dtype=float, order="C"),  # arrays that may be written to
-            np.array(np.broadcast_to(self.problem.momentum if momenta is None else momenta, (K, 3))),
+            np.array(
+                np.broadcast_to(self.problem.momentum if momenta is None else momenta, (K, 3))
+            ),
             np.zeros(K) if starts is None else np.array(starts, dtype=float),
             np.full(K, duration) if ends is None else np.array(ends, dtype=float),
         )

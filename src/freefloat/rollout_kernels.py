@@ -56,7 +56,9 @@ class Robot(NamedTuple):
     ends: Array  # of the pieces of the time law, (P,)
     origins: Array  # (P,)
     spans: Array  # (P,)
-    law: Array  # (P, 2, K): s and its derivative by time, highest power of (t - origin) / span first
+    law: (
+        Array  # (P, 2, K): s and its derivative by time, highest power of (t - origin) / span first
+    )
     tangents: Array  # (N, 6, 4): the path's tangent by s, cubics on N equal intervals of [0, 1]
     duration: float  # [s]
 
@@ -226,9 +228,7 @@ def follow_one(
         y[4 + j] = joints[j]
         extent[0, j], extent[1, j], extent[2, j] = 0.0, joints[j], joints[j]
     t, piece, last_piece = start / duration, 0, len(ends) - 1
-    while piece < last_piece and (
-        ends[piece] <= start if forward > 0.0 else ends[piece] < start
-    ):
+    while piece < last_piece and (ends[piece] <= start if forward > 0.0 else ends[piece] < start):
         piece += 1
     determinant = _flow(bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
                         t, y, K[0], w, S, L, q, rates, demand)  # fmt: skip

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 from scipy.spatial.transform import Rotation
 
+from freefloat.assembly import Mount, Payload, Spacecraft
 from freefloat.attitude_law import (
     AttitudeLaw,
     FixedAttitude,
@@ -30,8 +31,10 @@ from freefloat.schema import (
     AttitudeSection,
     FollowSection,
     OrientationSection,
+    PayloadSection,
     PolynomialSection,
     ScenarioFile,
+    SpacecraftSection,
 )
 from freefloat.singularity import joint_space_extremes, measure
 from freefloat.spatial import Array, axes_rotation, frozen, rotation_matrix, unit_quaternion
@@ -57,9 +60,12 @@ class Scenario:
         """Load the robot."""
         robot = self.content.robot
         with self.told("robot."):
-            urdf = find_robot(robot.urdf, self.source.parent)
             return FreeFloatingModel.from_urdf(
-                urdf, robot.end_effector, scale_mass=robot.scale_mass
+                find_robot(robot.urdf, self.source.parent),
+                robot.end_effector,
+                scale_mass=robot.scale_mass,
+                spacecraft=None if robot.spacecraft is None else _spacecraft(robot.spacecraft),
+                payload=None if robot.payload is None else _payload(robot.payload),
             )
 
     def problem(self) -> Problem:
@@ -139,6 +145,16 @@ class Scenario:
             if error.source is not None:
                 raise
             raise error.found_in(str(self.source), prefix) from None
+
+
+def _spacecraft(section: SpacecraftSection) -> Spacecraft:
+    mount = Mount(np.array(section.mount.xyz), np.array(section.mount.rpy))
+    size = None if section.size is None else np.array(section.size)
+    return Spacecraft(section.mass, np.array(section.inertia), mount, size)
+
+
+def _payload(section: PayloadSection) -> Payload:
+    return Payload(section.mass, np.array(section.inertia), np.array(section.com))
 
 
 def _rotation(section: OrientationSection, key: str) -> Array:

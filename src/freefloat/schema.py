@@ -16,7 +16,9 @@ _LARGEST = 1e9
 Name = Annotated[str, Field(min_length=1)]
 Number = Annotated[float, Field(strict=True, ge=-_LARGEST, le=_LARGEST)]
 Factor = Annotated[float, Field(strict=True, ge=1e-6, le=1e6)]
+Positive = Annotated[float, Field(strict=True, gt=0.0, le=_LARGEST)]
 Vector = tuple[Number, Number, Number]
+Inertia = Vector | tuple[Vector, Vector, Vector]
 Quaternion = tuple[Number, Number, Number, Number]
 Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]
 
@@ -35,15 +37,52 @@ def _one_of(section: BaseModel, *names: str) -> None:
         raise ValueError(f"exactly one of {', '.join(names)}")
 
 
+class MountSection(_Section):
+    """Where the arm's root link stands on the spacecraft."""
+
+    xyz: Vector = (0.0, 0.0, 0.0)
+    """Its origin in the spacecraft's frame [m]."""
+    rpy: Vector = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw about the spacecraft's x, y, z axes in this order [rad]."""
+
+
+class SpacecraftSection(_Section):
+    """A spacecraft to put under a bare arm; its origin is its own centre of mass."""
+
+    mass: Positive
+    """Without the arm [kg]."""
+    inertia: Inertia
+    """About its centre of mass [kg m²]: three principal moments, or the rows of a matrix."""
+    mount: MountSection = MountSection()
+    size: tuple[Positive, Positive, Positive] | None = None
+    """Edges of the box that stands for it [m]."""
+
+
+class PayloadSection(_Section):
+    """Something that the end-effector holds rigidly."""
+
+    mass: Positive
+    """[kg]"""
+    inertia: Inertia
+    """About its centre of mass, axes of the end-effector [kg m²]; written as the spacecraft's."""
+    com: Vector = (0.0, 0.0, 0.0)
+    """Its centre of mass in the end-effector's frame [m]."""
+
+
 class RobotSection(_Section):
     """Which robot."""
 
     urdf: Name
-    """A URDF file, relative to the scenario file, or the name of a bundled robot."""
+    """A URDF file, relative to the scenario file, the name of a bundled robot, or
+    ``example-robot-data:NAME`` for one of that package's."""
     end_effector: Name
     """The link that follows the path."""
     scale_mass: Factor | dict[str, Factor] = 1.0
     """Factor on mass and inertia of every link, or a map from link to factor."""
+    spacecraft: SpacecraftSection | None = None
+    """Carries the arm, where the URDF is a bare arm's."""
+    payload: PayloadSection | None = None
+    """Held by the end-effector."""
 
 
 class LineSection(_Section):

@@ -252,3 +252,9 @@ def angle_between(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     sine = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)) / 2.0
     return np.asarray(4.0 * np.arcsin(np.minimum(sine, 1.0)))
+
+
+def breaks_triangle(moments: npt.ArrayLike) -> bool:
+    """Whether no rigid body has these principal moments, ascending, shape (3,)."""
+    least, middle, most = np.asarray(moments, dtype=float).tolist()
+    return bool(least + middle < most * (1.0 - 1e-9))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from freefloat.errors import InputError, ModelError
+from freefloat.spatial import breaks_triangle
 
 UNLIMITED = 1e9
 """Stands for 'no limit' in the text handed to the URDF parser, which knows no infinity."""
@@ -72,7 +73,17 @@ def read_urdf(urdf: str | Path, scale_mass: float | Mapping[str, float] = 1.0) -
         ModelError: If the file is missing, is not XML, or holds numbers that are none, joints
             without limits, negative masses or no mass at all.
     """
-    text, source = _text(urdf)
+    robot = checked_robot(urdf)
+    _scale(robot, scale_mass)
+    _write_plain_joints(robot)
+    return Description(
+        ET.tostring(robot, encoding="unicode"), source_of(urdf), tuple(_doubts(robot))
+    )
+
+
+def checked_robot(urdf: str | Path) -> ET.Element:
+    """The ``<robot>`` of a URDF, as written; raises as :func:`read_urdf`."""
+    text = _text(urdf)
     try:
         robot = _parse(text)
         _check_numbers(robot)
@@ -81,18 +92,25 @@ def read_urdf(urdf: str | Path, scale_mass: float | Mapping[str, float] = 1.0) -
         _check_joints(robot)
         _check_masses(robot)
     except InputError as error:
-        raise error.found_in(source) from None
-    _scale(robot, scale_mass)
-    _write_plain_joints(robot)
-    return Description(ET.tostring(robot, encoding="unicode"), source, tuple(_doubts(robot)))
+        raise error.found_in(source_of(urdf)) from None
+    return robot
 
 
-def _text(urdf: str | Path) -> tuple[str, str]:
-    if isinstance(urdf, str) and urdf.lstrip().startswith("<"):
-        return urdf, "URDF text"
+def source_of(urdf: str | Path) -> str:
+    """The file's name, or ``"URDF text"``."""
+    return "URDF text" if _is_text(urdf) else str(Path(urdf))
+
+
+def _is_text(urdf: str | Path) -> bool:
+    return isinstance(urdf, str) and urdf.lstrip().startswith("<")
+
+
+def _text(urdf: str | Path) -> str:
+    if _is_text(urdf):
+        return str(urdf)
     path = Path(urdf)
     try:
-        return path.read_text(encoding="utf-8"), str(path)
+        return path.read_text(encoding="utf-8")
     except OSError as error:
         problem = "no such file" if isinstance(error, FileNotFoundError) else str(error.strerror)
         raise ModelError("urdf", f"{path}: {problem}", "a readable URDF file") from None
@@ -301,7 +319,7 @@ def _inertia_doubts(link: ET.Element) -> list[Doubt]:
         problem = f"its inertia is not positive definite (principal moments {printed})"
         remedy = "check the signs of its <inertia>, and that it is about the centre of mass"
         return [Doubt(name, problem, remedy)]
-    if moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
+    if breaks_triangle(moments):
         problem = f"its principal moments {printed} break the triangle inequality"
         remedy = "no rigid body has them: the smaller two must sum to the largest or more"
         return [Doubt(name, problem, remedy)]
