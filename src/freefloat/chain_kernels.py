@@ -170,12 +170,13 @@ def turn_vector(target: Array, R: Rows) -> Vector:
     if sine > 1e-7 or cosine > 0.0:
         factor = np.arctan2(sine, cosine) / sine if sine > 1e-7 else 0.5
         return plus(NOTHING, twice, factor)
+    # half a turn: the longest row of (R + R') / 2 + 1 has the axis' direction
     if xx >= yy and xx >= zz:
-        axis = (xx + 1.0, xy + yx, xz + zx)
+        axis = (2.0 * xx + 2.0, xy + yx, xz + zx)
     elif yy >= zz:
-        axis = (xy + yx, yy + 1.0, yz + zy)
+        axis = (xy + yx, 2.0 * yy + 2.0, yz + zy)
     else:
-        axis = (xz + zx, yz + zy, zz + 1.0)
+        axis = (xz + zx, yz + zy, 2.0 * zz + 2.0)
     return plus(NOTHING, axis, np.pi / norm(axis))
 
 

@@ -95,15 +95,14 @@ def search(
         if count == len(found) or (tried >= _FEWEST_STARTS and enough):
             break
         q[:] = starts[tried]
-        if descend(chain, rows, position, rotation, q, scratch, _STEPS) >= MET:
-            continue
-        known = 0
-        while known < count and gap(chain, q, found[known]) > _SAME:
-            known += 1
-        hits[known] += 1
-        if known == count:
-            keep(chain, q, found[count])
-            count += 1
+        if descend(chain, rows, position, rotation, q, scratch, _STEPS) < MET:
+            known = 0
+            while known < count and gap(chain, q, found[known]) > _SAME:
+                known += 1
+            hits[known] += 1
+            if known == count:
+                keep(chain, q, found[count])
+                count += 1
     sort(found[:count])
     return count
 
