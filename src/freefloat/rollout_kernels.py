@@ -40,7 +40,7 @@ TABLEAU[8:12] = RK45.P.T
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-11
 _SINGULAR_STEP = 1e-7
 _MAX_STEPS = 20_000
-_TOO_FAST = 2e5
+_TOO_FAST = 2e4
 """Speed, in radians and metres per duration, at which a redundant arm stands still in time."""
 _DOUBT = 3.0
 """A dip between nodes may be as many times as deep as the parabola says."""
