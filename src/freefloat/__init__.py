@@ -7,6 +7,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from freefloat.attitude_map import AttitudeMap as AttitudeMap
+    from freefloat.attitude_map import map_attitudes as map_attitudes
     from freefloat.closeness import Least as Least
     from freefloat.closeness import least as least
     from freefloat.dynamics import Task as Task
@@ -17,20 +19,23 @@ if TYPE_CHECKING:
     from freefloat.model import FreeFloatingModel as FreeFloatingModel
     from freefloat.motion import Ending as Ending
     from freefloat.motion import Motion as Motion
+    from freefloat.outlook import Outlook as Outlook
     from freefloat.path import EndEffectorPath as EndEffectorPath
-    from freefloat.planner import Objective as Objective
-    from freefloat.planner import Plan as Plan
-    from freefloat.planner import Search as Search
     from freefloat.planner import plan as plan
+    from freefloat.plans import Plan as Plan
     from freefloat.problem import Margin as Margin
     from freefloat.problem import Problem as Problem
     from freefloat.scenario import load_scenario as load_scenario
+    from freefloat.search import Objective as Objective
+    from freefloat.search import Search as Search
     from freefloat.simulation import simulate as simulate
     from freefloat.singularity import measure as measure
     from freefloat.timing import TimedPath as TimedPath
     from freefloat.timing import Timing as Timing
 
 _ROOMS = {
+    "AttitudeMap": "attitude_map",
+    "map_attitudes": "attitude_map",
     "Least": "closeness",
     "least": "closeness",
     "Task": "dynamics",
@@ -41,10 +46,11 @@ _ROOMS = {
     "FreeFloatingModel": "model",
     "Ending": "motion",
     "Motion": "motion",
+    "Outlook": "outlook",
     "EndEffectorPath": "path",
-    "Objective": "planner",
-    "Plan": "planner",
-    "Search": "planner",
+    "Objective": "search",
+    "Plan": "plans",
+    "Search": "search",
     "plan": "planner",
     "Margin": "problem",
     "Problem": "problem",

@@ -109,7 +109,7 @@ class Region:
     depth: float
 
 
-def attitude_map(
+def map_attitudes(
     outlook: Outlook,
     samples: int,
     seed: int = 0,

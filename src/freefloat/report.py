@@ -14,7 +14,7 @@ from freefloat.model import FreeFloatingModel
 from freefloat.motion import Ending, Motion, State
 from freefloat.planar_ranges import BranchRanges, Limit
 from freefloat.planar_search import HeadingMap
-from freefloat.planner import Plan, Segment
+from freefloat.plans import Plan, Segment
 from freefloat.problem import Problem
 from freefloat.simulation import FollowedBranch, Simulation
 from freefloat.singularity import Measure, joint_space_extremes, measure

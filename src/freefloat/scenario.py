@@ -25,7 +25,7 @@ from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath, read_samples
-from freefloat.planner import Search
+from freefloat.search import Search
 from freefloat.problem import Margin, Problem
 from freefloat.schema import (
     AttitudeSection,

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from freefloat.dynamics import Task
-from freefloat.planner import Objective
+from freefloat.search import Objective
 from freefloat.timing import TimeLaw
 
 _LARGEST = 1e9

@@ -19,7 +19,7 @@ import numpy as np
 from freefloat.errors import InputError
 from freefloat.motion import Motion
 from freefloat.planar_search import HeadingMap
-from freefloat.planner import Plan
+from freefloat.plans import Plan
 from freefloat.scenario import Scenario
 from freefloat.spatial import Array, frozen
 

@@ -1,0 +1,76 @@
+"""Plans: which initial attitude, why this one, what motion follows, and what else would do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from freefloat.planar_ranges import BranchRanges, Limit, Span
+from freefloat.problem import Problem
+from freefloat.search import Search
+from freefloat.simulation import FollowedBranch
+from freefloat.spatial import angle_between
+
+if TYPE_CHECKING:  # kernels take half a second to import: planar plans do without
+    from freefloat.attitude_map import AttitudeMap
+    from freefloat.tolerance import Tolerance
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A part of the path between rests, looked at alone as in the paper's Fig. 5.
+
+    Attributes:
+        span: First and last time [s].
+        limits: Motions along it that touch the margin.
+        at_start: Ranges of the heading at its start that serve this segment.
+        at_end: Ranges of the heading at its end that come from such a start.
+        joined_at_end: Ranges at its end that serve this segment and all that follow, too.
+    """
+
+    span: Span
+    limits: tuple[Limit, ...]
+    at_start: tuple[BranchRanges, ...]
+    at_end: tuple[BranchRanges, ...]
+    joined_at_end: tuple[BranchRanges, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """An answer.
+
+    Attributes:
+        problem: What was asked.
+        search: What was looked for.
+        feasible: Whether some initial attitude keeps the margin.
+        reason: Why the attitude was chosen, or why there is none.
+        ranges: Planar: every initial heading that serves, by arm branch.
+        segments: Planar, with rests on the way: the parts between them.
+        chosen: The motion from the chosen attitude, or None.
+        robust_radius: How far the attitude may be off before the chosen arm branch breaks the
+            margin [rad].
+        map: Spatial: the sampled attitudes that the search began with.
+        tolerance: Spatial: what momentum and durations the chosen motion bears.
+        disagreements: Candidates that a precise motion did not confirm, in words.
+    """
+
+    problem: Problem
+    search: Search
+    feasible: bool
+    reason: str
+    ranges: tuple[BranchRanges, ...] = ()
+    segments: tuple[Segment, ...] = ()
+    chosen: FollowedBranch | None = None
+    robust_radius: float | None = None
+    map: AttitudeMap | None = None
+    tolerance: Tolerance | None = None
+    disagreements: tuple[str, ...] = ()
+
+    @property
+    def deviation(self) -> float | None:
+        """Angle between the chosen attitude and ``from_attitude`` [rad]."""
+        if self.chosen is None or self.search.from_attitude is None:
+            return None
+        return float(
+            angle_between(self.chosen.motion.initial.attitude, self.search.from_attitude)
+        )
