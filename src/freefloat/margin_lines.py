@@ -22,6 +22,7 @@ _ELBOWS, _TURNS = 181, 145
 """Samples of q3 and turn on which arcs and lines are looked for."""
 _ARC = 97
 """Samples of an arc on which contours of S are looked for."""
+_POLISHES = 3
 _FINER = 8
 """How much finer S is sampled around its extremes, where small contours hide."""
 
@@ -86,32 +87,49 @@ def _contours(
     arc = np.column_stack([np.interp(fine, length, column) for column in arc.T])
     places, turns = arc[::_FINER], _turns()
     S = _sampled(through, bend, places, turns)
-    yield from _contours_of(S, places, turns, levels)
+    yield from _contours_of(through, bend, places, turns, S, levels)
     for i, j in _extremes(S, levels):
         nearby = arc[_FINER * max(i - 1, 0) : _FINER * (i + 1) + 1]
         around = np.linspace(turns[j] - turns[1], turns[j] + turns[1], 2 * _FINER + 1)
         again = _sampled(through, bend, nearby, around)
-        yield from _contours_of(again, nearby, around, levels)
+        yield from _contours_of(through, bend, nearby, around, again, levels)
 
 
 def _sampled(through: StatesOnPath, bend: float, arc: Array, turns: Array) -> Array:
     """S over points of an arc and turns, nan where the wrist cannot bend so."""
     states = np.column_stack([np.repeat(arc, len(turns), axis=0), np.tile(turns, len(arc))])
-    _, joints = through.at(states, bend)
-    S = np.array([through.of(q) if np.isfinite(q).all() else np.nan for q in joints])
-    return S.reshape(len(arc), len(turns))
+    return through.measured(states, bend).reshape(len(arc), len(turns))
 
 
 def _contours_of(
-    S: Array, arc: Array, turns: Array, levels: tuple[float, ...]
+    through: StatesOnPath,
+    bend: float,
+    arc: Array,
+    turns: Array,
+    S: Array,
+    levels: tuple[float, ...],
 ) -> Iterator[tuple[float, Array]]:
-    index = np.arange(len(arc))
-    generator = contour_generator(turns, index, np.ma.masked_invalid(S))
+    """Contours in a grid of samples, brought closer to S = S0 than the grid tells them."""
+    count, step = np.arange(len(arc)), turns[1] - turns[0]
+    generator = contour_generator(np.arange(len(turns)), count, np.ma.masked_invalid(S))
+
+    def states(cells: Array) -> Array:
+        t, q3 = (np.interp(cells[:, 1], count, column) for column in arc.T)
+        return np.column_stack([t, q3, turns[0] + step * cells[:, 0]])
+
+    around = 1e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     for level in levels:
         for line in generator.lines(level):
-            turn, place = np.asarray(line).T
-            t, q3 = (np.interp(place, index, column) for column in arc.T)
-            yield level, np.column_stack([t, q3, turn])
+            cells = np.asarray(line)
+            for _ in range(_POLISHES):
+                near = (cells[:, None] + around).reshape(-1, 2)
+                off = through.measured(states(near), bend).reshape(-1, 5) - level
+                slope = (off[:, [1, 3]] - off[:, [2, 4]]) / 2e-3
+                steep = (slope**2).sum(axis=1)
+                step_there = -(off[:, 0] / np.where(steep > 0.0, steep, np.inf))[:, None] * slope
+                length = np.linalg.norm(step_there, axis=1, keepdims=True)
+                cells = cells + np.nan_to_num(step_there / np.maximum(1.0, length))
+            yield level, states(cells)
 
 
 def _extremes(S: Array, levels: tuple[float, ...]) -> list[tuple[int, int]]:
