@@ -22,9 +22,11 @@ _ELBOWS, _TURNS = 181, 145
 """Samples of q3 and turn on which arcs and lines are looked for."""
 _ARC = 97
 """Samples of an arc on which contours of S are looked for."""
-_POLISHES = 3
 _FINER = 8
 """How much finer S is sampled around its extremes, where small contours hide."""
+_POLISHES = 3
+_SHIFT = 1e-3
+"""Of differences across a contour, in cells."""
 
 
 def margin_lines(
@@ -85,58 +87,59 @@ def _contours(
     length = np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))
     fine = np.linspace(0.0, length[-1], _FINER * (_ARC - 1) + 1)
     arc = np.column_stack([np.interp(fine, length, column) for column in arc.T])
-    places, turns = arc[::_FINER], _turns()
-    S = _sampled(through, bend, places, turns)
-    yield from _contours_of(through, bend, places, turns, S, levels)
-    for i, j in _extremes(S, levels):
+    turns = _turns()
+    whole = _Patch(through, bend, arc[::_FINER], turns)
+    yield from whole.contours(levels)
+    for i, j in whole.extremes(levels):
         nearby = arc[_FINER * max(i - 1, 0) : _FINER * (i + 1) + 1]
         around = np.linspace(turns[j] - turns[1], turns[j] + turns[1], 2 * _FINER + 1)
-        again = _sampled(through, bend, nearby, around)
-        yield from _contours_of(through, bend, nearby, around, again, levels)
+        yield from _Patch(through, bend, nearby, around).contours(levels)
 
 
-def _sampled(through: StatesOnPath, bend: float, arc: Array, turns: Array) -> Array:
-    """S over points of an arc and turns, nan where the wrist cannot bend so."""
-    states = np.column_stack([np.repeat(arc, len(turns), axis=0), np.tile(turns, len(arc))])
-    return through.measured(states, bend).reshape(len(arc), len(turns))
+class _Patch:
+    """S over points of an arc and evenly spaced turns; a cell coordinate is (turn, point)."""
 
+    def __init__(self, through: StatesOnPath, bend: float, arc: Array, turns: Array) -> None:
+        self._through, self._bend = through, bend
+        self._arc, self._turns = arc, turns
+        columns, rows = np.meshgrid(np.arange(1.0 * len(turns)), np.arange(1.0 * len(arc)))
+        cells = np.column_stack([columns.ravel(), rows.ravel()])
+        self._S = self._measured(cells).reshape(columns.shape)
 
-def _contours_of(
-    through: StatesOnPath,
-    bend: float,
-    arc: Array,
-    turns: Array,
-    S: Array,
-    levels: tuple[float, ...],
-) -> Iterator[tuple[float, Array]]:
-    """Contours in a grid of samples, brought closer to S = S0 than the grid tells them."""
-    count, step = np.arange(len(arc)), turns[1] - turns[0]
-    generator = contour_generator(np.arange(len(turns)), count, np.ma.masked_invalid(S))
+    def _states(self, cells: Array) -> Array:
+        """Time, q3 and turn at cell coordinates (K, 2), shape (K, 3)."""
+        index = np.arange(len(self._arc))
+        t, q3 = (np.interp(cells[:, 1], index, column) for column in self._arc.T)
+        spacing = self._turns[1] - self._turns[0]
+        return np.column_stack([t, q3, self._turns[0] + spacing * cells[:, 0]])
 
-    def states(cells: Array) -> Array:
-        t, q3 = (np.interp(cells[:, 1], count, column) for column in arc.T)
-        return np.column_stack([t, q3, turns[0] + step * cells[:, 0]])
+    def _measured(self, cells: Array) -> Array:
+        return self._through.measured(self._through.at(self._states(cells), self._bend)[1])
 
-    around = 1e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-    for level in levels:
-        for line in generator.lines(level):
-            cells = np.asarray(line)
-            for _ in range(_POLISHES):
-                near = (cells[:, None] + around).reshape(-1, 2)
-                off = through.measured(states(near), bend).reshape(-1, 5) - level
-                slope = (off[:, [1, 3]] - off[:, [2, 4]]) / 2e-3
-                steep = (slope**2).sum(axis=1)
-                step_there = -(off[:, 0] / np.where(steep > 0.0, steep, np.inf))[:, None] * slope
-                length = np.linalg.norm(step_there, axis=1, keepdims=True)
-                cells = cells + np.nan_to_num(step_there / np.maximum(1.0, length))
-            yield level, states(cells)
+    def contours(self, levels: tuple[float, ...]) -> Iterator[tuple[float, Array]]:
+        """S0 and rows of time, q3 and turn along every contour."""
+        generator = contour_generator(z=np.ma.masked_invalid(self._S))
+        for level in levels:
+            for line in generator.lines(level):
+                yield level, self._states(self._nearer(np.asarray(line), level))
 
+    def _nearer(self, cells: Array, level: float) -> Array:
+        """Newton steps across a contour: between samples S need not be linear."""
+        around = _SHIFT * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+        for _ in range(_POLISHES):
+            off = self._measured((cells[:, None] + around).reshape(-1, 2)).reshape(-1, 5) - level
+            slope = (off[:, [1, 3]] - off[:, [2, 4]]) / (2.0 * _SHIFT)
+            steepness = np.linalg.norm(slope, axis=1, keepdims=True)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                step = np.clip(off[:, :1] / steepness, -1.0, 1.0) * slope / steepness
+            cells = cells - np.nan_to_num(step)
+        return cells
 
-def _extremes(S: Array, levels: tuple[float, ...]) -> list[tuple[int, int]]:
-    """Samples not surpassed, or not undercut, by their neighbours, with a level within reach."""
-    around = sliding_window_view(np.pad(S, 1, mode="edge"), (3, 3))
-    low, high = around.min(axis=(2, 3)), around.max(axis=(2, 3))
-    reach = high - low
-    near = [(low - reach <= level) & (level <= high + reach) for level in levels]
-    found = ((low == S) | (high == S)) & np.any(near, axis=0)
-    return [(int(i), int(j)) for i, j in np.argwhere(found)]
+    def extremes(self, levels: tuple[float, ...]) -> list[tuple[int, int]]:
+        """Samples not surpassed, or not undercut, by their neighbours, a level being in reach."""
+        around = sliding_window_view(np.pad(self._S, 1, mode="edge"), (3, 3))
+        low, high = around.min(axis=(2, 3)), around.max(axis=(2, 3))
+        reach = high - low
+        near = [(low - reach <= level) & (level <= high + reach) for level in levels]
+        found = ((low == self._S) | (high == self._S)) & np.any(near, axis=0)
+        return [(int(i), int(j)) for i, j in np.argwhere(found)]

@@ -101,9 +101,8 @@ class StatesOnPath:
         hand = (attitude * arm).inv() * turned
         return attitude, np.column_stack([first, q3, _wrist_angles(self._h[3:], hand, bend)])
 
-    def measured(self, states: Array, bend: float) -> Array:
-        """S in states as for :meth:`at`, shape (K,); nan where the wrist cannot bend so."""
-        joints = self.at(states, bend)[1]
+    def measured(self, joints: Array) -> Array:
+        """S at joints (K, 6), shape (K,); nan where those are."""
         return np.array([self.of(q) if np.isfinite(q).all() else np.nan for q in joints])
 
     def rates(self, t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:

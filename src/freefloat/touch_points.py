@@ -35,7 +35,7 @@ _STEP = 1e-5
 _ITERATIONS = 20
 _LONGEST = 0.2
 """Newton's step is cut to this length, in the same units."""
-_EXACT = 1e-8
+_EXACT, _CONVERGED = 1e-8, 1e-12
 _SAME = 1e-6
 _ON_BOUNDARY = 1e-4
 """Share of S0 by which the smallest value of a motion through a touch point may differ from S0."""
@@ -111,7 +111,7 @@ def touch_points(
         for each, line in margin_lines(through, bend, levels)
         for touch in _touches_on(through, bend, each, line)
     ]
-    return tuple(_distinct(found, problem.path.duration))
+    return tuple(_distinct(found))
 
 
 def touch_family(problem: Problem, count: int, seed: int = 0) -> tuple[TouchPoint, ...]:
@@ -190,6 +190,8 @@ def _touches_on(
         return
     steepness = float(np.nanmax(np.abs(slopes)))
     states = _refined(through, bend, level, (line[near] + line[near + 1]) / 2.0, steepness)
+    if not len(states):
+        return
     attitudes, joints = through.at(states, bend)
     for t, attitude, q in zip(states[:, 0].tolist(), attitudes, joints, strict=True):
         if through.is_least(t, attitude, q, level):
@@ -213,7 +215,7 @@ def _refined(
         attitudes, joints = through.at(states, bend)
         wrist, point_3 = through.wrist(q3), through.travel(t)[0]
         off = np.linalg.norm(wrist, axis=1) - np.linalg.norm(point_3, axis=1)
-        S = np.array([through.of(q) for q in joints])
+        S = through.measured(joints)
         slopes = through.slopes(t, attitudes, joints)
         return np.column_stack([off / through.reach, S / level - 1.0, slopes / steepness])
 
@@ -221,8 +223,10 @@ def _refined(
     for _ in range(_ITERATIONS):
         around = misses((x[:, None] + steps).reshape(-1, 3)).reshape(-1, 7, 3)
         x, around = (v[np.isfinite(around).all(axis=(1, 2))] for v in (x, around))
+        if not len(x):
+            return x
         now = around[:, 0]
-        if np.abs(now).max(initial=0.0) < _EXACT**1.5:
+        if np.abs(now).max() < _CONVERGED:
             break
         J = (around[:, 1:4] - around[:, 4:]) / (2.0 * _STEP)  # transposed
         normal = J @ J.transpose(0, 2, 1) + 1e-14 * np.eye(3)
@@ -248,7 +252,7 @@ def _gap(a: Array, b: Array) -> float:
     return float(np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max())
 
 
-def _distinct(touches: list[TouchPoint], duration: float) -> Iterator[TouchPoint]:
+def _distinct(touches: list[TouchPoint]) -> Iterator[TouchPoint]:
     kept: list[TouchPoint] = []
     for touch in sorted(touches, key=lambda touch: touch.time):
         same = (
