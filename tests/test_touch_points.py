@@ -94,7 +94,7 @@ CASES = [
     ("arm", 5.0, STILL, (-1.0, 1.2)),
     ("arm", 5.0, (-2.0, 1.0, 3.0), (2.0, -2.3)),
     ("gjm", 0.004, MOMENTUM, (0.4, 1.7)),
-    ("gjm", 0.004, STILL, (0.4, 2.2)),
+    ("gjm", 0.004, STILL, (0.4, 1.7)),
 ]
 
 
@@ -138,6 +138,7 @@ def test_touches_are_on_the_path_and_on_the_margin_surface(case):
 def test_motions_through_touches_have_their_smallest_s_there(case):
     """(14): a moment before and after |S| is larger, by second order in the time between."""
     problem, _, _, touches = case
+    assert touches
     for touch in touches[:: max(1, len(touches) // 8)]:
         far, near = beside(problem, touch, 0.1), beside(problem, touch, 0.05)
         assert near.min() > 0.0
@@ -280,15 +281,19 @@ def test_the_first_joint_only_turns_the_spacecraft(problem):
 
 
 def test_each_wrist_touches_where_the_other_one_does(problem):
-    """Without mass in the wrist, bending it the other way only changes the sign of det S*."""
+    """Without mass in the wrist, bending it the other way only changes the sign of det S*.
+
+    Six times as many samples find these 32 touches and no other; without the finer ones around
+    extremes of S six are missed.
+    """
     asked = changed(problem, measure="gjm", value=0.004)
-    touches = touch_points(asked, 0.1, 2.0)
+    touches = touch_points(asked, 0.4, 2.2)
     places = Counter(
         (round(t.tau, 6), round(t.joints[2], 4), round(abs(t.attitude[3]), 4)) for t in touches
     )
-    assert len(touches) == 38
+    assert len(touches) == 32
     assert set(places.values()) == {2}
-    assert sum(touch.level > 0.0 for touch in touches) == 19
+    assert sum(touch.level > 0.0 for touch in touches) == 16
 
 
 def test_without_momentum_places_do_not_depend_on_the_time_law(problem):

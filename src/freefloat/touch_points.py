@@ -87,9 +87,11 @@ def touch_points(
     """Every touch point with given first two joint angles, in the order of time.
 
     Touches at largest magnitudes of S are left out: no margin is kept beside them. Whether a motion
-    through a touch point keeps the margin elsewhere is for :func:`boundary_attitude` to say. All
-    are found but those nearer to each other than samples of time (1/200 of the duration), q3 (2
-    degrees), turn (2.5 degrees) and, where S does not split, of the arc (1/96) can tell apart.
+    through a touch point keeps the margin elsewhere is for :func:`boundary_attitude` to say.
+
+    What lies nearer together than samples of time (1/200 of the duration), q3 (2 degrees) and turn
+    (2.5 degrees) may be missed. So may be, where S does not split, a margin line that is a smaller
+    loop than that: with a small S0 there is one around each nearly straight wrist.
 
     Args:
         problem: A pose task of an elbow arm with a spherical wrist.
