@@ -1,7 +1,8 @@
 """Print every number of Nanos and Papadopoulos that freefloat can compute, beside the computed one.
 
 Run it with ``python scripts/reproduce_paper.py``. Exit code 1 when a number is off by more than its
-tolerance, which is two units of the last printed digit unless a line says otherwise.
+tolerance, which is two units of the last printed digit unless a line says otherwise; numbers with
+an infinite one are there to be compared.
 """
 
 from __future__ import annotations
@@ -11,19 +12,27 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from contourpy import contour_generator
+from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
+from scipy.optimize import brentq
 
 import freefloat as ff
+from freefloat.attitude_law import FixedAttitude
+from freefloat.curve import PolynomialCurve
 from freefloat.report import plan_document
 from freefloat.singularity import joint_space_extremes
-from freefloat.spatial import unit_quaternion
+from freefloat.spatial import axes_rotation, unit_quaternion
+from freefloat.states_on_path import StatesOnPath
+from freefloat.touch_points import TouchPoint, boundary_attitude, touch_points
 from freefloat.virtual_manipulator import VirtualManipulator
+from freefloat.workspace import merged, path_areas, planar_workspace
 
 
 @dataclass(frozen=True)
 class Line:
-    """A printed number beside the computed one."""
+    """A printed number beside the computed one; of infinite tolerance where only to be compared."""
 
     what: str
     printed: float
@@ -34,6 +43,13 @@ class Line:
     @property
     def agrees(self) -> bool:
         return abs(self.computed - self.printed) <= self.tolerance
+
+    @property
+    def verdict(self) -> str:
+        word = "agrees" if self.agrees else "[bold red]OFF"
+        return (
+            "compared" if np.isinf(self.tolerance) else word + (self.remark and f", {self.remark}")
+        )
 
 
 def lines(what: str, printed: list[float], computed: np.ndarray, tolerance: float) -> list[Line]:
@@ -53,6 +69,11 @@ def planar() -> Iterator[Line]:
         yield Line(f"Fig. 4: barycentric length {letter} in m", printed, length, 1e-6, "decoded")
     S_max = joint_space_extremes(model, S).largest
     yield Line("Example 1: S_max", 150.0, S_max, 2.0, "printed: about 150")
+    yield Line("Example 1: S0 in percent of S_max", 3.3, 500.0 / S_max, 0.2)
+    areas = path_areas(problem, planar_workspace(problem))
+    yield Line("Example 1: PDW areas that point 3 crosses, L", 2, sum(pdw for _, pdw in areas), 0)
+    F_in_area = next(pdw for (low, high), pdw in areas if low <= 5 / 6 <= high)
+    yield Line("Example 1: point 3 is in a PDW area at F", False, F_in_area, 0)
     touches = (
         ("FB", [-3.6512, 0.1762, 1.7885]),
         ("AF, first", [-0.6074, 2.9265, 0.9617]),
@@ -65,6 +86,10 @@ def planar() -> Iterator[Line]:
     yield from lines("Example 1: F in m", [-0.5, 1.4583], F[:2], 2e-4)
     nonstop = ff.load_scenario("planar_3dof/parabola_nonstop").problem().path
     yield Line("Example 1: (18b) at F, from its time", 5 / 6, nonstop.timing.s(69.73), 2e-4)
+    t1 = brentq(lambda t: nonstop.timing.s(t) - 5 / 6, 0.0, 100.0)
+    yield Line("Example 1: t1 in s", 69.73, t1, 0.02)
+    for name, t, printed in (("A", 0.0, [2.0, 0.0]), ("B", 100.0, [-1.0, 2.0])):
+        yield from lines(f"Example 1: {name} in m", printed, nonstop.pose(t).position[:2], 1e-12)
     for heading, becomes in ((140.0, "singular"), (200.0, "completed")):
         simulation = ff.simulate(problem, _heading(heading), branch=0)
         reached = simulation.chosen.motion.completed
@@ -113,42 +138,133 @@ def _heading(degrees: float) -> list[float]:
     return [0.0, 0.0, float(np.sin(half)), float(np.cos(half))]
 
 
+def example_2() -> ff.Problem:
+    """Example 2 with B in the plane (41), in which it is said to lie.
+
+    With its printed z of 0.33 m it is not; with the z that (41) gives, the printed point C and the
+    printed touch point lie on the path to all their digits.
+    """
+    given = ff.load_scenario("spatial_6dof/line").problem()
+    normal, offset = np.array([0.4683, 1.1683, -0.7]), 0.4683
+    A, B = (given.path.path.curve(s) for s in (0.0, 1.0))
+    B = np.array([*B[:2], (offset - normal[:2] @ B[:2]) / normal[2]])
+    axes = axes_rotation("attitude", ("x", normal), ("z", A - B))
+    path = ff.EndEffectorPath(PolynomialCurve.line(A, B), FixedAttitude(axes))
+    return with_momentum(given, given.momentum, ff.TimedPath(path, given.path.timing))
+
+
+def with_momentum(
+    problem: ff.Problem, h: ArrayLike, path: ff.TimedPath | None = None
+) -> ff.Problem:
+    return ff.Problem(problem.model, path or problem.path, problem.task, h, problem.margin)
+
+
 def spatial() -> Iterator[Line]:
-    """Table II and Example 2."""
-    problem = ff.load_scenario("spatial_6dof/line").problem()
-    joints = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
-    attitude = unit_quaternion("touch", [0.4295, -0.147, 0.6898, -0.564])
-    S = problem.margin.measure.value(joints)
-    yield Line("Example 2: S at the touch point", -5.0, S, 0.01, "joints printed to 1e-4")
-    time = 0.4225 * problem.path.duration
-    wanted, found = problem.path.pose(time), problem.model.end_effector_pose(attitude, joints)
-    yield from lines("Example 2: end-effector at the touch point in m", list(wanted.position),
-                     found.position, 1e-3)  # fmt: skip
-    (touching,) = [
-        one for one in problem.branches(attitude, time)
-        if np.abs((one.joints - joints + np.pi) % (2 * np.pi) - np.pi).max() < 0.01
-    ]  # fmt: skip
-    back = ff.integrate_motion(problem, attitude, touching.joints, start=time, end=0.0)
-    printed = [0.46, 0.0935, 0.7352, -0.489]
-    yield from lines("Example 2: initial attitude", printed, back.final.attitude, 5e-4)
+    """Table II and Example 2: the bad attitude, and the printed touch point as it stands."""
+    problem = example_2()
+    yield Line("Example 2: z of B in m", 0.33, problem.path.pose(100.0).position[2], 5e-3,
+               "computed from (41)")  # fmt: skip
+    yield Line("Example 2: PDW areas that point 3 crosses, L", 1, crossed_areas(problem), 0)
+    S = problem.margin.measure.value(TOUCH_JOINTS)
+    yield Line("Example 2: S at the printed touch point", -5.0, S, 0.01, "joints printed to 1e-4")
+    wanted = problem.path.pose(TOUCH_TAU * problem.path.duration).position
+    attitude = unit_quaternion("touch", TOUCH_ATTITUDE)
+    found = problem.model.end_effector_pose(attitude, TOUCH_JOINTS).position
+    yield from lines("Example 2: end-effector at the touch point in m", list(wanted), found, 2e-4)
     bad = ff.simulate(problem, [0.1, 0.5, 0.2, -0.8367])
     singular = [one.motion for one in bad.followed if not one.motion.completed]
     yield Line("Example 2: singular branches of the bad attitude", 4, len(singular), 0, "decoded")
-    final = singular[0].final
-    C = problem.model.end_effector_pose(final.attitude, final.joints).position
-    yield from lines("Example 2: singular point C in m", [0.1214, 0.4686, 0.1943], C, 3e-3)
+    for motion in singular:
+        final = motion.final
+        C = problem.model.end_effector_pose(final.attitude, final.joints).position
+        yield from lines("Example 2: singular point C in m", [0.1214, 0.4686, 0.1943], C, 2e-4)
+
+
+def crossed_areas(problem: ff.Problem) -> int:
+    """How many areas that singular curves of S(q2, q3) sweep the path of point 3 enters."""
+    angles = np.linspace(-np.pi, np.pi, 121)
+    S = [
+        [problem.margin.measure.value(np.array([0, a, b, 0, 0, 0])) for b in angles] for a in angles
+    ]
+    swept = []
+    for curve in contour_generator(angles, angles, np.array(S)).lines(0.0):
+        joints = np.zeros((len(curve), 6))
+        joints[:, [2, 1]] = curve
+        wrist = VirtualManipulator.of(problem.model).kinematics(joints)[2][3]
+        radii = np.linalg.norm(wrist, axis=1)
+        swept.append((float(radii.min()), float(radii.max())))
+    path = np.linalg.norm(StatesOnPath(problem, 0.0, 0.0).point_3, axis=1)
+    return sum(bool((path.min() < high) & (low < path.max())) for low, high in merged(swept))
+
+
+TOUCH_JOINTS = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
+TOUCH_ATTITUDE = [0.4295, -0.147, 0.6898, -0.564]
+TOUCH_TAU = 0.4225
+
+
+def spatial_touch() -> Iterator[Line]:
+    """Section VI on Example 2: from q1 and q2 to the touch point and back to the start.
+
+    dS/dt = 0 holds at the printed touch point if the first two components of the momentum are
+    exchanged, while it is carried back by the momentum as printed.
+    """
+    problem = example_2()
+    exchanged = nearest_touch(with_momentum(problem, [0.3, 0.5, 0.1]))
+    yield from touch_lines("touch point, h = (0.3, 0.5, 0.1)", exchanged, 2e-4, "")
+    touch = nearest_touch(problem)
+    yield from touch_lines("touch point, h as printed", touch, np.inf, "")
+    printed = [0.46, 0.0935, 0.7352, -0.489]
+    back = ff.integrate_motion(
+        problem, exchanged.attitude, exchanged.joints, start=exchanged.time, end=0.0
+    )
+    yield from lines("Example 2: initial attitude", printed, towards(printed, back.final.attitude),
+                     2e-4)  # fmt: skip
+    for remark, state, tolerance in (
+        ("from there", back.final, 5e-2),
+        ("from the touch point by h as printed", boundary_attitude(problem, touch), 5e-4),
+    ):
+        motion = ff.integrate_motion(problem, state.attitude, state.joints)
+        least = ff.least(motion, problem.margin.measure)
+        yield Line("Example 2: the path is completed", True, motion.completed, 0, remark)
+        yield Line("Example 2: S_max", -5.0, least.sign * least.value, tolerance, remark)
+
+
+def nearest_touch(problem: ff.Problem) -> TouchPoint:
+    """The touch point at the printed q1 and q2 that comes nearest to the printed one."""
+    touches = touch_points(problem, *TOUCH_JOINTS[:2], level=-5.0)
+    return min(touches, key=lambda touch: np.abs(nearby(touch.joints) - TOUCH_JOINTS).max())
+
+
+def nearby(joints: np.ndarray) -> np.ndarray:
+    """Whole turns taken off the difference to the printed joints."""
+    return TOUCH_JOINTS + np.angle(np.exp(1j * (joints - TOUCH_JOINTS)))
+
+
+def towards(printed: list[float], quaternion: np.ndarray) -> np.ndarray:
+    return quaternion * np.sign(quaternion @ printed)
+
+
+def touch_lines(what: str, touch: TouchPoint, tolerance: float, remark: str) -> Iterator[Line]:
+    """Time, elbow and shoulder do not depend on the momentum, wrist and attitude do."""
+    yield Line(f"Example 2: {what}: tau", TOUCH_TAU, touch.tau, 2e-4)
+    for i, (printed, joint) in enumerate(zip(TOUCH_JOINTS, nearby(touch.joints), strict=True)):
+        allowed, note = (2e-4, "") if i < 3 else (tolerance, remark)
+        yield Line(f"Example 2: {what}: q{i + 1} in rad", printed, joint, allowed, note)
+    attitude = towards(TOUCH_ATTITUDE, touch.attitude)
+    for i, (printed, component) in enumerate(zip(TOUCH_ATTITUDE, attitude, strict=True)):
+        yield Line(f"Example 2: {what}: attitude[{i}]", printed, component, tolerance, remark)
 
 
 def main() -> int:
     table = Table(title="Printed and computed")
     for column in ("quantity", "printed", "computed", "difference", "tolerance", ""):
         table.add_column(column)
-    found = [*planar(), *planar_ranges(), *spatial()]
+    found = [*planar(), *planar_ranges(), *spatial(), *spatial_touch()]
     for line in found:
         table.add_row(
             line.what, f"{line.printed:.6g}", f"{line.computed:.6g}",
             f"{line.computed - line.printed:.1e}", f"{line.tolerance:.0e}",
-            ("agrees" if line.agrees else "[bold red]OFF") + (line.remark and f", {line.remark}"),
+line.verdict,
         )  # fmt: skip
     Console(width=140).print(table)
     return 0 if all(line.agrees for line in found) else 1

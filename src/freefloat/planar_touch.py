@@ -225,13 +225,13 @@ def _tangent_touches(candidates: _Candidates, curve: MarginCurve) -> Iterator[To
         q = np.stack([np.interp(along, count, angle) for angle in curve.joints.T], axis=-1)
         t = np.interp(index, np.arange(len(times)), times)
         slopes = candidates.slope(q, candidates.travel_between(index))
-        for i in _roots_between(slopes):
+        for i in roots_between(slopes):
             touch = _refined(candidates, curve.level, (q[i] + q[i + 1]) / 2, (t[i] + t[i + 1]) / 2)
             if touch is not None:
                 yield touch
 
 
-def _roots_between(slopes: Array) -> list[int]:
+def roots_between(slopes: Array) -> list[int]:
     """Where a sign changes, or a near miss bends back: two roots may hide between the samples."""
     size = np.abs(slopes)
     crossing = slopes[:-1] * slopes[1:] <= 0.0
