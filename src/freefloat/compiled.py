@@ -10,7 +10,9 @@ from types import CellType, FunctionType
 from typing import Any, TypeVar, cast
 
 from numba import njit
+from numba.extending import intrinsic
 
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
@@ -20,12 +22,11 @@ def compiled(function: _Function) -> _Function:
     It runs without Python's lock, and divides by zero as numpy does. Where no folder can be written
     to, it is compiled anew in every process.
     """
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
     stamped = _stamped(cast(FunctionType, function))
     try:
-        return cast(_Function, njit(cache=True, **options)(stamped))
+        return cast(_Function, njit(cache=True, **_OPTIONS)(stamped))
     except RuntimeError:  # numba found no folder for its cache
-        return cast(_Function, njit(**options)(stamped))
+        return cast(_Function, njit(**_OPTIONS)(stamped))
 
 
 def _stamped(function: FunctionType) -> FunctionType:
@@ -47,3 +48,19 @@ def _digest(folder: Path) -> str:
     """Of the sources of a folder that hold kernels."""
     texts = [path.read_bytes() for path in sorted(folder.glob("*.py"))]
     return sha256(b"".join(text for text in texts if b"@compiled" in text)).hexdigest()
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def borrowed(_: Any, array: Any) -> Any:
+    """In a kernel: the same array without an owner, for which no references are counted.
+
+    Counting costs more than the arithmetic of a small kernel. Whoever calls the kernel must hold on
+    to the array.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        view = context.make_array(signature.return_type)(context, builder, arguments[0])
+        view.meminfo = view.meminfo.type(None)
+        return view._getvalue()
+
+    return array(array), generate

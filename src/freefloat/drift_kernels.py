@@ -23,9 +23,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.compiled import compiled
 from freefloat.spatial import Array
+
+IntArray = npt.NDArray[np.int64]
 
 GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3
 """Codes of the measures, in the order of ``singularity.NAMES``: gjm, system, arm, sigma."""
@@ -169,7 +172,7 @@ def _composites(
 
 
 @compiled
-def form_jacobian(facts: Array, rows: Array, w: Array, S: Array) -> float:
+def form_jacobian(facts: Array, rows: IntArray, w: Array, S: Array) -> float:
     """``S`` of (7) at the configuration; returns det D, in the plane its zz element."""
     xx, yy, zz = w[0, D], w[0, D + 1], w[0, D + 2]
     xy, xz, yz = w[0, D + 3], w[0, D + 4], w[0, D + 5]
@@ -246,7 +249,7 @@ def eliminate(S: Array, L: Array) -> float:
 
 @compiled
 def solve_rates(
-    facts: Array, rows: Array, demand: Array, w: Array, S: Array, L: Array, rates: Array
+    facts: Array, rows: IntArray, demand: Array, w: Array, S: Array, L: Array, rates: Array
 ) -> float:
     """Equation (4) at the configuration that :func:`configure` has left in ``w``.
 
@@ -303,7 +306,7 @@ def solve_rates(
 
 @compiled
 def measure_at(
-    bodies: Array, facts: Array, rows: Array, measure: int, q: Array,
+    bodies: Array, facts: Array, rows: IntArray, measure: int, q: Array,
     w: Array, S: Array, L: Array, joints: Array,
 ) -> float:  # fmt: skip
     """The measure with a code at joint values; the last four are room."""
@@ -321,7 +324,7 @@ def measure_at(
 
 
 @compiled
-def _sigma(bodies: Array, facts: Array, rows: Array, S: Array) -> float:
+def _sigma(bodies: Array, facts: Array, rows: IntArray, S: Array) -> float:
     m, n = S.shape
     scaled = S.copy()
     for j in range(n):

@@ -20,7 +20,14 @@ from freefloat.drift_kernels import FACTS, LEVEL
 from freefloat.errors import InputError
 from freefloat.model import Body, FreeFloatingModel
 from freefloat.problem import Problem
-from freefloat.rollout_kernels import COMPLETED, TABLEAU, Outcomes, Robot, follow_many
+from freefloat.rollout_kernels import (
+    COMPLETED,
+    TABLEAU,
+    Outcomes,
+    Robot,
+    follow_many,
+    make_room,
+)
 from freefloat.singularity import NAMES, arm_axes
 from freefloat.spatial import Array
 from freefloat.virtual_manipulator import VirtualManipulator
@@ -130,7 +137,10 @@ class Roller:
 
         def follow_chunk(first: int) -> None:
             beyond = min(first + _CHUNK, K)
-            follow_many(TABLEAU, self._robot, *given, stop_below, tolerance, first, beyond, out)
+            room = make_room(n, len(self._robot.rows))
+            follow_many(
+                TABLEAU, self._robot, *given, stop_below, tolerance, first, beyond, room, out
+            )
 
         run_chunks(follow_chunk, range(0, K, _CHUNK), self.threads, progress)
         return Rollout(*(_frozen(values) for values in out))

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import RK45
 
-from freefloat.compiled import compiled
+from freefloat.compiled import borrowed, compiled
 from freefloat.drift_kernels import (
     ARM,
     GJM,
@@ -28,6 +28,8 @@ from freefloat.drift_kernels import (
     solve_rates,
 )
 from freefloat.spatial import Array
+
+IntArray = npt.NDArray[np.int64]
 
 COMPLETED, SINGULAR, MARGIN, FAILED = 0, 1, 2, 3
 """Codes of endings."""
@@ -51,7 +53,7 @@ class Robot(NamedTuple):
 
     bodies: Array
     facts: Array
-    rows: npt.NDArray[np.int64]
+    rows: IntArray
     measure: int
     ends: Array  # of the pieces of the time law, (P,)
     origins: Array  # (P,)
@@ -61,6 +63,28 @@ class Robot(NamedTuple):
     )
     tangents: Array  # (N, 6, 4): the path's tangent by s, cubics on N equal intervals of [0, 1]
     duration: float  # [s]
+
+
+class Room(NamedTuple):
+    """Where one motion after another is worked out; kept by the caller, see ``borrowed``."""
+
+    last: Array  # (4 + n,)
+    extent: Array  # (3, n)
+    w: Array  # see drift_kernels, also S and L
+    S: Array
+    L: Array
+    stages: Array  # (2, 7, 4 + n), of this step and the one before
+    states: Array  # (4, 4 + n)
+    vectors: Array  # (4, 9)
+
+
+def make_room(n: int, m: int) -> Room:
+    """Room for a robot of n joints and a task of m rows."""
+    return Room(
+        last=np.zeros(4 + n), extent=np.zeros((3, n)), w=np.zeros((n + 1, WORK_COLUMNS)),
+        S=np.zeros((m, n)), L=np.zeros((m, m + 1)), stages=np.zeros((2, 7, 4 + n)),
+        states=np.zeros((4, 4 + n)), vectors=np.zeros((4, 9)),
+    )  # fmt: skip
 
 
 class Outcomes(NamedTuple):
@@ -75,7 +99,7 @@ class Outcomes(NamedTuple):
     rates: Array  # (K, n), largest magnitudes of the joint rates
     lower: Array  # (K, n), of the joints on the way
     upper: Array  # (K, n)
-    evaluations: npt.NDArray[np.int64]  # (K,), of (4)
+    evaluations: IntArray  # (K,), of (4)
 
 
 @compiled
@@ -101,7 +125,7 @@ def _twist(
 
 @compiled
 def _flow(
-    bodies: Array, facts: Array, rows: Array, origins: Array, spans: Array, law: Array,
+    bodies: Array, facts: Array, rows: IntArray, origins: Array, spans: Array, law: Array,
     tangents: Array, duration: float, piece: int, h: Array, t: float, y: Array, f: Array,
     w: Array, S: Array, L: Array, q: Array, rates: Array, demand: Array,
 ) -> float:  # fmt: skip
@@ -152,7 +176,7 @@ def _inside(tableau: Array, K: Array, y: Array, h: float, x: float, q: Array) ->
 def _dip(
     tableau: Array, K: Array, y: Array, h: float, before: Array, old: Array, h_before: float,
     a: float, b: float, c: float, fa: float, fb: float, fc: float, sign: float,
-    bodies: Array, facts: Array, rows: Array, measure: int,
+    bodies: Array, facts: Array, rows: IntArray, measure: int,
     w: Array, S: Array, L: Array, room: Array, q: Array,
 ) -> tuple[float, float]:  # fmt: skip
     """The smallest value of the measure near a place ``b`` where it is lower than at ``a``, ``c``.
@@ -191,10 +215,11 @@ def _dip(
 
 @compiled
 def follow_one(
-    tableau: Array, bodies: Array, facts: Array, rows: Array, measure: int, ends: Array,
+    tableau: Array, bodies: Array, facts: Array, rows: IntArray, measure: int, ends: Array,
     origins: Array, spans: Array, law: Array, tangents: Array, duration: float, attitude: Array,
     joints: Array, h: Array, start: float, goal: float, stop_below: float, tolerance: float,
-    last: Array, extent: Array,
+    last: Array, extent: Array, w: Array, S: Array, L: Array, stages: Array, states: Array,
+    room: Array,
 ) -> tuple[int, float, float, float, int]:  # fmt: skip
     """Follow the path from a state.
 
@@ -211,16 +236,16 @@ def follow_one(
         tolerance: Relative and absolute, per step.
         last: Receives the last state, attitude first, shape (4 + n,).
         extent: Receives largest rates, lowest and highest joints, shape (3, n).
+        w, S, L, stages, states, room: See :class:`Room`.
 
     Returns:
         Ending, when, least magnitude of the measure, when, evaluations of (4).
     """
     n, m = len(joints), len(rows)
     dim, square = 4 + n, n == m
-    w, S, L = np.zeros((n + 1, WORK_COLUMNS)), np.zeros((m, n)), np.zeros((m, m + 1))
-    K, before = np.zeros((7, dim)), np.zeros((7, dim))
-    y, new, at, old = np.zeros(dim), np.zeros(dim), np.zeros(dim), np.zeros(dim)
-    demand, q, rates, spare = np.zeros(9), np.zeros(n), np.zeros(n), np.zeros(n)
+    K, before = stages[0], stages[1]
+    y, new, at, old = states[0], states[1], states[2], states[3]
+    q, rates, spare, demand = room[0, :n], room[1, :n], room[2, :n], room[3]
     forward = 1.0 if goal >= start else -1.0
     for j in range(4):
         y[j] = attitude[j]
@@ -360,17 +385,36 @@ def follow_one(
 
 @compiled
 def follow_many(
-    tableau: Array, robot: Robot, attitudes: Array, joints: Array, momenta: Array, starts: Array, goals: Array,
-    stop_below: float, tolerance: float, first: int, beyond: int, out: Outcomes,
+    tableau: Array, robot: Robot, attitudes: Array, joints: Array, momenta: Array, starts: Array,
+    goals: Array, stop_below: float, tolerance: float, first: int, beyond: int, room: Room,
+    out: Outcomes,
 ) -> None:  # fmt: skip
     """Follow motions ``first`` to ``beyond`` and write what became of them."""
+    _follow_many(
+        borrowed(tableau), borrowed(robot.bodies), borrowed(robot.facts), borrowed(robot.rows),
+        robot.measure, borrowed(robot.ends), borrowed(robot.origins), borrowed(robot.spans),
+        borrowed(robot.law), borrowed(robot.tangents), robot.duration, borrowed(attitudes),
+        borrowed(joints), borrowed(momenta), borrowed(starts), borrowed(goals), stop_below,
+        tolerance, first, beyond, borrowed(room.last), borrowed(room.extent), borrowed(room.w),
+        borrowed(room.S), borrowed(room.L), borrowed(room.stages), borrowed(room.states),
+        borrowed(room.vectors), out,
+    )  # fmt: skip
+
+
+@compiled
+def _follow_many(
+    tableau: Array, bodies: Array, facts: Array, rows: IntArray, measure: int, ends: Array,
+    origins: Array, spans: Array, law: Array, tangents: Array, duration: float, attitudes: Array,
+    joints: Array, momenta: Array, starts: Array, goals: Array, stop_below: float,
+    tolerance: float, first: int, beyond: int, last: Array, extent: Array, w: Array, S: Array,
+    L: Array, stages: Array, states: Array, room: Array, out: Outcomes,
+) -> None:  # fmt: skip
     n = joints.shape[1]
-    last, extent = np.zeros(4 + n), np.zeros((3, n))
     for k in range(first, beyond):
         ending, when, least, least_at, evaluations = follow_one(
-            tableau, robot.bodies, robot.facts, robot.rows, robot.measure, robot.ends, robot.origins,
-            robot.spans, robot.law, robot.tangents, robot.duration, attitudes[k], joints[k],
-            momenta[k], starts[k], goals[k], stop_below, tolerance, last, extent,
+            tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents, duration,
+            attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below, tolerance,
+            last, extent, w, S, L, stages, states, room,
         )  # fmt: skip
         out.ending[k], out.ended_at[k] = ending, when
         out.least[k], out.least_at[k] = least, least_at
