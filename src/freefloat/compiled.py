@@ -50,13 +50,8 @@ def _digest(folder: Path) -> str:
     return sha256(b"".join(text for text in texts if b"@compiled" in text)).hexdigest()
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def borrowed(_: Any, array: Any) -> Any:
-    """In a kernel: the same array without an owner, for which no references are counted.
-
-    Counting costs more than the arithmetic of a small kernel. Whoever calls the kernel must hold on
-    to the array.
-    """
+def _borrow(_: Any, array: Any) -> Any:
+    """Code for the same array without an owner."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         view = context.make_array(signature.return_type)(context, builder, arguments[0])
@@ -64,3 +59,8 @@ def borrowed(_: Any, array: Any) -> Any:
         return view._getvalue()
 
     return array(array), generate
+
+
+borrowed: Any = intrinsic(_borrow)
+"""In a kernel: the same array without an owner, for which no references are counted. Counting costs
+more than the arithmetic of a small kernel. Whoever calls the kernel must hold on to the array."""

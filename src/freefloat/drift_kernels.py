@@ -244,7 +244,7 @@ def eliminate(S: Array, L: Array) -> float:
             factor = L[i, k] * inverse
             for j in range(k + 1, m + 1):
                 L[i, j] -= factor * L[k, j]
-    return determinant if m == n else math.sqrt(max(0.0, determinant))
+    return float(determinant if m == n else math.sqrt(max(0.0, determinant)))
 
 
 @compiled
@@ -320,7 +320,7 @@ def measure_at(
     if measure == SIGMA:
         return _sigma(bodies, facts, rows, S)
     determinant = eliminate(S, L)
-    return determinant if measure == GJM else det_D * determinant
+    return float(determinant if measure == GJM else det_D * determinant)
 
 
 @compiled

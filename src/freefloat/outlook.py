@@ -1,4 +1,4 @@
-"""What initial attitudes lead to: every arm branch found and followed, for many attitudes at once."""
+"""What initial attitudes lead to: every arm branch found and followed, many at once."""
 
 from __future__ import annotations
 
@@ -99,4 +99,4 @@ class Outlook:
     def keeps(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any, keeps the problem's margin from attitudes (K, 4); (K,)."""
         found = self.prospects(attitudes, branch, stop_at_margin=True)
-        return kept(found.margins, self.problem.margin.value).any(axis=1)
+        return np.asarray(kept(found.margins, self.problem.margin.value).any(axis=1))

@@ -71,6 +71,4 @@ class Plan:
         """Angle between the chosen attitude and ``from_attitude`` [rad]."""
         if self.chosen is None or self.search.from_attitude is None:
             return None
-        return float(
-            angle_between(self.chosen.motion.initial.attitude, self.search.from_attitude)
-        )
+        return float(angle_between(self.chosen.motion.initial.attitude, self.search.from_attitude))

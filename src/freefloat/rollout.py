@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from freefloat.drift_kernels import FACTS, LEVEL
 from freefloat.errors import InputError
-from freefloat.model import Body, FreeFloatingModel
+from freefloat.model import Body
 from freefloat.problem import Problem
 from freefloat.rollout_kernels import (
     COMPLETED,

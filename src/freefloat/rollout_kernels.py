@@ -1,4 +1,4 @@
-"""The flow of (8) compiled: one motion after another, by Dormand and Prince's fifth-order method.
+"""The flow of (8) compiled: one motion after another, by Dormand and Prince's method.
 
 Time is the variable, in units of the duration. At a singularity no motion goes on: a step that tries
 to pass it meets the determinant with the other sign, is taken back and halved until what is left is

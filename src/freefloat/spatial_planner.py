@@ -56,9 +56,7 @@ def plan_in_space(
         )
     else:
         reason = _nearest_miss(outlook, found)
-        return Plan(
-            problem, search, False, reason, map=found, disagreements=tuple(disagreements)
-        )
+        return Plan(problem, search, False, reason, map=found, disagreements=tuple(disagreements))
     attitude = chosen.motion.initial.attitude
     if search.objective is Objective.ROBUST:
         radius = candidate.merit
