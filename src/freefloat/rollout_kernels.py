@@ -44,6 +44,7 @@ _SINGULAR_STEP = 1e-7
 _MAX_STEPS = 20_000
 _TOO_FAST = 2e4
 """Speed, in radians and metres per duration, at which a redundant arm stands still in time."""
+_SMALL, _STRICTER, _UNDECIDED = 0.15, 0.01, 0.9
 _DOUBT = 3.0
 """A dip between nodes may be as many times as deep as the parabola says."""
 
@@ -220,7 +221,7 @@ def follow_one(
     joints: Array, h: Array, start: float, goal: float, stop_below: float, tolerance: float,
     last: Array, extent: Array, w: Array, S: Array, L: Array, stages: Array, states: Array,
     room: Array,
-) -> tuple[int, float, float, float, int]:  # fmt: skip
+) -> tuple[int, float, float, float, float, int]:  # fmt: skip
     """Follow the path from a state.
 
     The arguments up to ``duration`` are those of :class:`Robot`; from ``attitude`` to ``tolerance``
@@ -229,7 +230,7 @@ def follow_one(
     they and what follows them are a :class:`Room`.
 
     Returns:
-        Ending, when, least magnitude of the measure, when, evaluations of (4).
+        Ending, when, least magnitude of the measure, when, largest magnitude, evaluations of (4).
     """
     n, m = len(joints), len(rows)
     dim, square = 4 + n, n == m
@@ -252,7 +253,7 @@ def follow_one(
     value = measure_at(bodies, facts, rows, measure, y[4:], w, S, L, spare)
     sign = -1.0 if value < 0.0 else 1.0
     value *= sign
-    least, least_at = value, t
+    least, least_at, most = value, t, value
     if determinant == 0.0 or not math.isfinite(determinant):
         ending, least = SINGULAR, 0.0
     elif value < stop_below:
@@ -327,12 +328,15 @@ def follow_one(
             new[j] = at[j]
         t_new = leg if whole else t + dt
         left, center, middle, right = step_before, 0.0, value, after
-        if step_before == 0.0 or (whole and leg == goal / duration and after < value):
+        last_step = whole and leg == goal / duration
+        if step_before == 0.0 or (last_step and after < value):
             # beside the first and the last node a dip has no node of its own
-            left, center = 0.0, 0.5 * dt
-            _inside(tableau, K, y, dt, 0.5, rates)
-            middle = sign * measure_at(bodies, facts, rows, measure, rates, w, S, L, spare)
-            value_before = value
+            left, middle, value_before = 0.0, math.inf, value
+            for share in (0.5, 0.97 if last_step else 0.03):
+                _inside(tableau, K, y, dt, share, rates)
+                probe = sign * measure_at(bodies, facts, rows, measure, rates, w, S, L, spare)
+                if probe < middle:
+                    center, middle = share * dt, probe
         if middle <= value_before and middle <= right:
             back, on = abs(center + left), abs(dt - center)
             fall, rise = (value_before - middle) / back, (right - middle) / on
@@ -347,6 +351,7 @@ def follow_one(
                     least, least_at = low, t + place
         if after < least:
             least, least_at = after, t_new
+        most = max(most, after)
         speed = 0.0
         for j in range(n):
             rate = abs(K[6, 4 + j])
@@ -372,7 +377,7 @@ def follow_one(
         last[j] = y[j]
     if ending == SINGULAR:
         least, least_at = 0.0, t
-    return ending, t * duration, least, least_at * duration, evaluations
+    return ending, t * duration, least, least_at * duration, most, evaluations
 
 
 @compiled
@@ -381,7 +386,11 @@ def follow_many(
     goals: Array, stop_below: float, tolerance: float, first: int, beyond: int, room: Room,
     out: Outcomes,
 ) -> None:  # fmt: skip
-    """Follow motions ``first`` to ``beyond`` and write what became of them."""
+    """Follow motions ``first`` to ``beyond`` and write what became of them.
+
+    Where the measure gets small beside its largest value on the way, an error that hardly changes
+    the motion changes the measure's share of it much: such motions are followed again, stricter.
+    """
     _follow_many(
         borrowed(tableau), borrowed(robot.bodies), borrowed(robot.facts), borrowed(robot.rows),
         robot.measure, borrowed(robot.ends), borrowed(robot.origins), borrowed(robot.spans),
@@ -403,11 +412,19 @@ def _follow_many(
 ) -> None:  # fmt: skip
     n = joints.shape[1]
     for k in range(first, beyond):
-        ending, when, least, least_at, evaluations = follow_one(
+        ending, when, least, least_at, most, evaluations = follow_one(
             tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents, duration,
             attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below, tolerance,
             last, extent, w, S, L, stages, states, room,
         )  # fmt: skip
+        undecided = ending == COMPLETED or (ending == MARGIN and least > _UNDECIDED * stop_below)
+        if undecided and least < _SMALL * most:
+            ending, when, least, least_at, most, more = follow_one(
+                tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents,
+                duration, attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below,
+                _STRICTER * tolerance, last, extent, w, S, L, stages, states, room,
+            )  # fmt: skip
+            evaluations += more
         out.ending[k], out.ended_at[k] = ending, when
         out.least[k], out.least_at[k] = least, least_at
         out.evaluations[k] = evaluations
