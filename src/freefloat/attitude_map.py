@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from freefloat.errors import InputError
-from freefloat.outlook import UNREACHED, Outlook, Prospects
+from freefloat.outlook import UNREACHED, Outlook, Prospects, has_twin_branches
 from freefloat.problem import Problem
 from freefloat.rollout import Progress, kept
 from freefloat.rollout_kernels import COMPLETED
@@ -81,13 +81,15 @@ class AttitudeMap:
     def families(self) -> list[tuple[int | None, Array]]:
         """Arm branches that vary smoothly with the attitude, and the margin that each keeps (N,).
 
-        Those of a redundant arm do not: they are one family without a number, the best of all.
+        Those of a redundant arm do not: they are one family without a number, the best of all. Of
+        twins, which share their motions, only the first is told.
         """
         margins = self.margins
         if self.problem.model.dof > len(self.problem.task.rows):
             return [(None, margins.max(axis=1, initial=0.0))]
         reached = np.flatnonzero((self.endings != UNREACHED).any(axis=0))
-        return [(int(branch), margins[:, branch]) for branch in reached]
+        step = 2 if has_twin_branches(self.problem) else 1
+        return [(int(branch), margins[:, branch]) for branch in reached if branch % step == 0]
 
 
 @dataclass(frozen=True, eq=False)

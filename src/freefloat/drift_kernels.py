@@ -202,7 +202,7 @@ def form_jacobian(facts: Array, rows: IntArray, w: Array, S: Array) -> float:
         else:
             for k in range(len(rows)):
                 S[k, j] = (s0, s1, s2, s3, s4, s5)[rows[k]]
-    return zz if facts[PLANAR] != 0.0 else determinant
+    return float(zz if facts[PLANAR] != 0.0 else determinant)
 
 
 @compiled

@@ -1,9 +1,9 @@
 """The flow of (8) compiled: one motion after another, by Dormand and Prince's method.
 
-Time is the variable, in units of the duration. At a singularity no motion goes on: a step that tries
-to pass it meets the determinant with the other sign, is taken back and halved until what is left is
-below any interest. The measure is known at the ends of the steps; where a parabola through three of
-them says that it may set a new minimum in between, the interpolant of the steps is searched.
+Time is the variable, in units of the duration. At a singularity no motion goes on: a step that
+tries to pass it meets the determinant with the other sign, is taken back and halved until what is
+left is below any interest. The measure is known at the ends of the steps; where a parabola through
+three of them says that it may set a new minimum in between, the steps' interpolant is searched.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _twist(
         rate = rate * tau + law[piece, 1, k]
     cells = len(tangents)
     place = s * cells
-    cell = min(max(int(math.floor(place)), 0), cells - 1)
+    cell = min(max(math.floor(place), 0), cells - 1)
     u = (place - cell) / cells
     for i in range(6):
         value = tangents[cell, i, 0]
@@ -223,20 +223,10 @@ def follow_one(
 ) -> tuple[int, float, float, float, int]:  # fmt: skip
     """Follow the path from a state.
 
-    Args:
-        tableau: :data:`TABLEAU`.
-        bodies, facts, rows, measure, ends, origins, spans, law, tangents, duration: See
-            :class:`Robot`.
-        attitude: First, unit quaternion x, y, z, w.
-        joints: First, shape (n,).
-        h: Angular momentum, inertial frame.
-        start: First time [s].
-        goal: Time to stop at [s]; before ``start`` for a motion in reverse.
-        stop_below: End where the measure's magnitude falls below this; never at 0.
-        tolerance: Relative and absolute, per step.
-        last: Receives the last state, attitude first, shape (4 + n,).
-        extent: Receives largest rates, lowest and highest joints, shape (3, n).
-        w, S, L, stages, states, room: See :class:`Room`.
+    The arguments up to ``duration`` are those of :class:`Robot`; from ``attitude`` to ``tolerance``
+    those of :meth:`freefloat.rollout.Roller.follow`, for one motion. ``last`` receives the last
+    state, attitude first, and ``extent`` the largest rates, lowest and highest joints, a row each;
+    they and what follows them are a :class:`Room`.
 
     Returns:
         Ending, when, least magnitude of the measure, when, evaluations of (4).
@@ -268,7 +258,7 @@ def follow_one(
     elif value < stop_below:
         ending = MARGIN
     step = _FIRST_STEP
-    value_before, t_before, step_before = value, t, 0.0
+    value_before, step_before = value, 0.0
     fresh = False
     while ending == COMPLETED:
         leg = ends[piece] if forward > 0.0 else (ends[piece - 1] if piece > 0 else 0.0)
@@ -327,7 +317,7 @@ def follow_one(
             continue
         if measure == GJM:
             after = sign * determinant
-        elif measure == ARM or measure == SIGMA:
+        elif measure in (ARM, SIGMA):
             after = sign * measure_at(bodies, facts, rows, measure, q, w, S, L, spare)
         else:
             after = sign * determinant * form_jacobian(facts, rows, w, S)
@@ -373,7 +363,7 @@ def follow_one(
             for s in range(7):
                 before[s, j] = K[s, j]
             K[0, j] = K[6, j]
-        value_before, t_before, step_before = value, t, dt
+        value_before, step_before = value, dt
         value, t = after, t_new
         step = abs(dt) * min(10.0, 0.9 * max(error, 1e-10) ** (-0.2))
     for j in range(dim):

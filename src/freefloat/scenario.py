@@ -25,7 +25,6 @@ from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath, read_samples
-from freefloat.search import Search
 from freefloat.problem import Margin, Problem
 from freefloat.schema import (
     AttitudeSection,
@@ -36,6 +35,7 @@ from freefloat.schema import (
     ScenarioFile,
     SpacecraftSection,
 )
+from freefloat.search import Search
 from freefloat.singularity import joint_space_extremes, measure
 from freefloat.spatial import Array, axes_rotation, frozen, rotation_matrix, unit_quaternion
 from freefloat.timing import Stop, TimedPath, Timing

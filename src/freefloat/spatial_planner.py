@@ -84,7 +84,8 @@ def _candidates(outlook: Outlook, found: AttitudeMap, search: Search) -> list[Ca
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
         nearest = nearest_feasible(outlook, found, search.from_attitude)
         return nearest if found.kept.any() else feasible
-    return deepest(outlook, found) if found.kept.any() else feasible
+    deep = deepest(outlook, found)
+    return feasible if deep is None else [deep]
 
 
 def _precisely(outlook: Outlook, candidate: Candidate) -> FollowedBranch:

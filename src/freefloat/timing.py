@@ -69,6 +69,7 @@ class Piece:
     orders: tuple[tuple[float, ...], ...]  # highest power first, of s and its two derivatives
 
     def __call__(self, t: float, order: int) -> float:
+        """S, or its derivative of order 1 or 2, at a time [s]."""
         tau, value = (t - self.origin) / self.span, 0.0
         for coefficient in self.orders[order]:
             value = value * tau + coefficient
@@ -105,6 +106,7 @@ class Timing:
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
+        """S by time, piece by piece."""
         rests = [Stop(0.0, 0.0), *self.stops, Stop(1.0, self.duration)]
         return tuple(
             _piece(before, after, end, law)
