@@ -13,6 +13,7 @@ from freefloat.spatial import Array, heading_quaternion
 if TYPE_CHECKING:  # kernels take half a second to import: planar maps do without
     from freefloat.attitude_map import AttitudeMap, Region
     from freefloat.attitude_search import Candidate
+    from freefloat.map_boundary import BoundaryPoint
 
 Document = dict[str, Any]
 _ALL_ATTITUDES = 8.0 * np.pi**2
@@ -102,7 +103,7 @@ def attitude_map_document(
     }
 
 
-def place_document(one: Candidate) -> Document:
+def place_document(one: Candidate | BoundaryPoint) -> Document:
     """An attitude and the arm branch that serves there."""
     return {"attitude": one.attitude.tolist(), "branch": one.branch}
 

@@ -103,14 +103,15 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
 def _searched(outlook: Outlook, found: AttitudeMap, wishes: Wishes, start: float) -> dict[str, Any]:
     """The document of a map, with what lies between its samples."""
     from freefloat.attitude_map import regions
-    from freefloat.attitude_search import boundary, deepest, largest_margins, nearest_feasible
+    from freefloat.attitude_search import deepest, largest_margins, nearest_feasible
+    from freefloat.map_boundary import boundary
     from freefloat.rollout import kept
 
     problem = outlook.problem
     extra: dict[str, Any] = {}
     highest = largest_margins(outlook, found)
     best = next((one for one in highest if kept(np.array(one.merit), problem.margin.value)), None)
-    robust = next(iter(deepest(outlook, found)), None)
+    robust = deepest(outlook, found)
     if wishes.nearest is not None:
         now = problem.attitude("nearest", wishes.nearest)
         candidates = nearest_feasible(outlook, found, now)

@@ -31,6 +31,11 @@ if TYPE_CHECKING:  # kernels take half a second to import: planar plans do witho
 FORMAT_VERSION = 1
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 _TEXT = h5py.string_dtype()
+_QUATERNION = "1, quaternion x y z w"
+_UNITS = {
+    "attitude": _QUATERNION, "centre": _QUATERNION, "volume_rad3": "rad^3",
+    "radius_deg": "deg", "deviation_deg": "deg", "depth_deg": "deg",
+}  # fmt: skip
 _ENDINGS = "code: 0 completed, 1 singular, 3 given up, -1 no such branch"
 
 
@@ -125,13 +130,13 @@ class MapWriter:
         rollout, spread = found.rollout, found.spread
         beyond = self._done + len(found.attitudes)
         tables: dict[str, tuple[npt.NDArray[Any], str]] = {
-            "attitude": (found.attitudes, "1, quaternion x y z w"),
+            "attitude": (found.attitudes, _QUATERNION),
             "joints": (_single(found.joints), "rad or m"),
             "ending": (found.endings, _ENDINGS),
             "ended_at": (spread(rollout.ended_at), "s"),
             "least": (found.least, self._unit),
             "least_at": (spread(rollout.least_at), "s"),
-            "final_attitude": (_single(spread(rollout.attitudes)), "1, quaternion x y z w"),
+            "final_attitude": (_single(spread(rollout.attitudes)), _QUATERNION),
             "largest_rates": (_single(spread(rollout.rates)), "rad/s or m/s"),
             "joint_lower": (_single(spread(rollout.lower)), "rad or m"),
             "joint_upper": (_single(spread(rollout.upper)), "rad or m"),
@@ -158,7 +163,9 @@ class MapWriter:
         for key in entries[0] if entries else ():
             values = [-1 if entry[key] is None else entry[key] for entry in entries]
             text = isinstance(values[0], str)
-            group.create_dataset(key, data=values, dtype=_TEXT if text else None)
+            data = group.create_dataset(key, data=values, dtype=_TEXT if text else None)
+            if key in _UNITS or key == "value":
+                data.attrs["unit"] = _UNITS.get(key, self._unit)
 
 
 @contextmanager
@@ -218,7 +225,7 @@ def _write_motion(file: Any, motion: Motion) -> None:
     group.attrs["joint_names"] = np.array(motion.problem.model.joint_names, dtype=_TEXT)
     for name, values, unit in (
         ("time", motion.times, "s"),
-        ("attitude", motion.attitudes, "1, quaternion x y z w"),
+        ("attitude", motion.attitudes, _QUATERNION),
         ("joints", motion.joints, "rad or m"),
         ("base_position", motion.base_positions, "m"),
     ):
