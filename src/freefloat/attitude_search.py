@@ -35,6 +35,8 @@ _ROUNDS = 24
 _ROOM = 0.02
 """Share of the grid's spacing to which the roomiest place is found."""
 _PRUDENT = 0.99
+_LIMITS = 64
+_WIDE, _WAYS = 512, 6
 _SURE = 4096
 """Attitudes that confirm a ball."""
 _PROMISING = 0.25
@@ -179,36 +181,39 @@ def _closest(inside: Inside, center: Array, starts: Array, spacing: float) -> Ar
     return bisected(inside, best, ends, EXACT)
 
 
-def safe_radius(
-    outlook: Outlook,
-    attitude: Array,
-    branch: int | None,
-    spacing: float,
-    reach: float | None = None,
-) -> tuple[float, Array]:
-    """How far an attitude may be off before an arm branch breaks the margin.
+def safe_radius(outlook: Outlook, attitude: Array, branch: int | None, spacing: float) -> float:
+    """How far an attitude may be off before an arm branch breaks the margin [rad].
+
+    Confirmed by thousands of attitudes spread within.
 
     Args:
         outlook: Of the problem.
         attitude: One that keeps the margin, x, y, z, w.
         branch: Number of the arm branch.
-        spacing: Angle [rad] between attitudes that tell of the boundary.
-        reach: Angle [rad] within which to look first; the spacing when left out.
+        spacing: Angle [rad] at which to begin to look around.
+    """
+    radius, _ = _limits(outlook, attitude, branch, spacing, spacing)
+    return _confirmed(outlook, Candidate(attitude, branch, radius)).merit
 
-    Returns:
-        The radius [rad], and attitudes outside that limit it, shape (K, 4).
+
+def _limits(
+    outlook: Outlook, attitude: Array, branch: int | None, spacing: float, reach: float
+) -> tuple[float, Array]:
+    """The distance [rad] to the closest attitudes found outside, and those attitudes, (K, 4).
+
+    They are looked for within ``reach`` first, and farther only when there are none.
     """
 
     def outside(attitudes: Array) -> npt.NDArray[np.bool_]:
         return ~outlook.keeps(attitudes, branch)
 
-    radius, limits = reach or spacing, np.empty((0, 4))
+    radius, limits = reach, np.empty((0, 4))
     while not len(limits) and radius < 2.0 * np.pi:
-        cloud = attitudes_within(attitude, min(radius, np.pi), 512)
+        cloud = attitudes_within(attitude, min(radius, np.pi), _WIDE)
         limits, radius = cloud[outside(cloud)], 2.0 * radius
     if not len(limits):
         return float(np.pi), limits
-    apart = _spread(limits[np.argsort(angle_between(limits, attitude))], 6)
+    apart = _spread(limits[np.argsort(angle_between(limits, attitude))], _WAYS)
     nearest = _closest(outside, attitude, apart, spacing / 2.0)
     return float(angle_between(nearest, attitude).min()), nearest
 
@@ -248,26 +253,47 @@ def deepest(outlook: Outlook, found: AttitudeMap) -> Candidate | None:
             break
         limits = edge(outlook, found.attitudes, inside, branch, _EDGE, ROUGH)
         outside = np.vstack([found.attitudes[~inside], limits])
-        ball = _settled(outlook, found.attitudes[inside], branch, outside, spacing)
+        least = 0.0 if best is None else best.merit
+        ball = _settled(outlook, found.attitudes[inside], branch, outside, spacing, least)
         if best is None or ball.merit > best.merit:
             best = ball
     return None if best is None else _confirmed(outlook, best)
 
 
 def _settled(
-    outlook: Outlook, samples: Array, branch: int | None, outside: Array, spacing: float
+    outlook: Outlook,
+    samples: Array,
+    branch: int | None,
+    outside: Array,
+    spacing: float,
+    least: float,
 ) -> Candidate:
-    """The centre and radius of the largest ball of a branch; see :func:`deepest`."""
+    """The centre and radius of a branch's largest ball, if larger than ``least`` [rad]."""
     best = Candidate(samples[0], branch, 0.0)
     for _ in range(_ROUNDS):
         center, room = _roomiest(samples, outside, spacing)
-        if best.merit > _SETTLED * room:
+        if max(best.merit, least) > _SETTLED * room:
             break
-        radius, limits = safe_radius(outlook, center, branch, spacing, 1.1 * room)
+        radius, limits = _limits(outlook, center, branch, spacing, 1.1 * room)
         outside = np.vstack([outside, limits])
+        if radius > best.merit:
+            found = _found_outside(outlook, center, branch, radius)
+            outside = np.vstack([outside, found])
+            radius = float(angle_between(found, center).min(initial=radius))
         if radius > best.merit:
             best = Candidate(center, branch, radius)
     return best
+
+
+def _found_outside(outlook: Outlook, center: Array, branch: int | None, radius: float) -> Array:
+    """Attitudes outside that many spread in a ball come upon, each drawn to the boundary."""
+    cloud = attitudes_within(center, radius, _SURE)
+    bad = cloud[~outlook.keeps(cloud, branch)]
+    bad = bad[np.argsort(angle_between(bad, center))[:_LIMITS]]
+    if not len(bad):
+        return bad
+    centers = np.broadcast_to(center, bad.shape)
+    return bisected(lambda some: ~outlook.keeps(some, branch), bad, centers, ROUGH)
 
 
 def _roomiest(samples: Array, outside: Array, spacing: float) -> tuple[Array, float]:

@@ -257,6 +257,8 @@ def follow_one(
         ending, least = SINGULAR, 0.0
     elif value < stop_below:
         ending = MARGIN
+    for j in range(n if ending != SINGULAR else 0):
+        extent[0, j] = abs(K[0, 4 + j]) / duration
     step = _FIRST_STEP
     value_before, step_before = value, 0.0
     fresh = False

@@ -63,7 +63,7 @@ def plan_in_space(
         radius = candidate.merit
     else:
         spacing = grid_spacing(len(found.attitudes))
-        radius, _ = safe_radius(outlook, attitude, candidate.branch, spacing)
+        radius = safe_radius(outlook, attitude, candidate.branch, spacing)
     bears = tolerance(outlook.roller, attitude, chosen.branch.joints)
     if progress is not None:
         progress(1.0)
