@@ -8,6 +8,8 @@ from hypothesis import HealthCheck, settings
 
 from freefloat.bundled import models_folder
 from freefloat.model import FreeFloatingModel
+from freefloat.scenario import load_scenario
+from freefloat.warm_up import warm_up
 from tests.robots import ur5_on_spacecraft
 
 settings.register_profile(
@@ -19,6 +21,13 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("freefloat")
+
+
+@pytest.fixture(scope="session")
+def kernels() -> None:
+    """Kernels compiled before anyone listens to stderr, where their compilation is announced."""
+    for name in ("planar_3dof/parabola", "spatial_6dof/line", "ur5_servicer/arc"):
+        warm_up(load_scenario(name).problem())
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,8 @@ from typer.testing import CliRunner
 from freefloat.bundled import models_folder
 from freefloat.cli import app
 
+pytestmark = pytest.mark.usefixtures("kernels")
+
 WISH = "wish.yaml"
 URDF = "planar_3dof.urdf"
 CSV = "points.csv"

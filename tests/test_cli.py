@@ -23,6 +23,8 @@ from freefloat.cli import app
 from freefloat.dynamics import Task
 from freefloat.scenario import load_scenario
 
+pytestmark = pytest.mark.usefixtures("kernels")
+
 PLANAR = """\
 # The parabola of the paper's first example; the hand rests on its way at t = 69.73 s.
 robot: {urdf: planar_3dof.urdf, end_effector: end_effector}   # beside this file, or bundled

@@ -128,9 +128,9 @@ def test_progress_is_told_from_zero_to_one(problem):
 
 
 def test_misuse_is_refused(problem):
-    """Spatial tasks, nearest to nothing, too few samples."""
+    """Headings of spatial tasks, nearest to nothing, too few samples."""
     with pytest.raises(InputError, match="planar-pose"):
-        ff.plan(ff.load_scenario("spatial_6dof/line").problem())
+        heading_map(ff.load_scenario("spatial_6dof/line").problem(), 8)
     with pytest.raises(InputError, match="from_attitude"):
         ff.Search(ff.Objective.NEAREST)
     with pytest.raises(InputError, match="samples"):

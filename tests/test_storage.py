@@ -16,6 +16,8 @@ from freefloat.errors import InputError
 from freefloat.report import plan_document
 from freefloat.storage import load_plan, save_plan, written_beside
 
+pytestmark = pytest.mark.usefixtures("kernels")
+
 
 @pytest.fixture(scope="module")
 def made():

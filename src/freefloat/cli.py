@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -25,6 +24,7 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.problem import Problem
+    from freefloat.search import Search
 
 
 app = typer.Typer(
@@ -132,11 +132,14 @@ def simulate(
         from freefloat.scenario import load_scenario
         from freefloat.simulation import simulate as run
         from freefloat.tables import simulation_tables
+        from freefloat.warm_up import warm_up_branches
 
         problem = load_scenario(scenario).problem()
+        start = _attitude(problem, attitude, heading)
+        warm_up_branches(problem)
         simulation = run(
             problem,
-            _attitude(problem, attitude, heading),
+            start,
             branch=branch,
             joints=_joint_values(joints),
             stop_at_margin=stop_at_margin,
@@ -194,13 +197,27 @@ def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
     answer(document, workspace_tables(document, scenario), as_json)
 
 
-@app.command()
-def plan(scenario: ScenarioName, output: Output = None, as_json: Json = False) -> None:
-    """Find every initial attitude from which the path can be followed, choose one, prove it.
+Threads = Annotated[
+    int | None, typer.Option(min=1, metavar="T", help="How many cores to use; all when left out.")
+]
 
+
+@app.command()
+def plan(
+    scenario: ScenarioName,
+    output: Output = None,
+    threads: Threads = None,
+    as_json: Json = False,
+) -> None:
+    """Find the initial attitudes from which the path can be followed, choose one, prove it.
+
+    For planar tasks every initial heading is told; in space a grid over all attitudes is followed
+    (search.samples in the scenario, 4,096 when left out) and the choice refined between its points.
     Exit code 0 when there is one, 1 when there is none.
 
     Example: freefloat plan planar_3dof/parabola -o plan.h5
+
+    Example: freefloat plan spatial_6dof/line --json
     """
     with answering(as_json):
         from freefloat.planner import plan as make_plan
@@ -208,10 +225,13 @@ def plan(scenario: ScenarioName, output: Output = None, as_json: Json = False) -
         from freefloat.scenario import load_scenario
         from freefloat.storage import save_plan
         from freefloat.tables import plan_tables
+        from freefloat.warm_up import warm_up
 
         loaded = load_scenario(scenario)
-        with loaded.told(), progress_bar("searching headings") as progress:
-            found = make_plan(loaded.problem(), loaded.search(), progress)
+        problem, search = loaded.problem(), loaded.search()
+        warm_up(problem, threads)
+        with loaded.told(), progress_bar(_searching(problem, search)) as progress:
+            found = make_plan(problem, search, progress, threads=threads)
         document = plan_document(found)
         if output is not None:
             save_plan(output, found, loaded, document)
@@ -219,31 +239,73 @@ def plan(scenario: ScenarioName, output: Output = None, as_json: Json = False) -
     raise typer.Exit(DONE if found.feasible else NO)
 
 
+def _searching(problem: Problem, search: Search) -> str:
+    if problem.task.planar:
+        return "searching headings"
+    from freefloat.spatial_planner import ATTITUDES
+
+    return f"following {search.samples or ATTITUDES:,} attitudes"
+
+
 @app.command("map")
 def map_(
     scenario: ScenarioName,
-    samples: Annotated[int, typer.Option(min=8, help="How many headings.")] = 360,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            min=8,
+            max=100_000_000,
+            metavar="N",
+            help="How many attitudes; else search.samples of the scenario, else 36,864 "
+            "(planar tasks: 360 headings).",
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Turns the grid of attitudes; else search.seed of the scenario."),
+    ] = None,
+    threads: Threads = None,
+    nearest: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(
+            metavar="X Y Z W", help="Find the attitude nearest to this that keeps the margin."
+        ),
+    ] = None,
+    boundary: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Find N attitudes for each arm branch where the margin is just kept.",
+        ),
+    ] = None,
     output: Output = None,
     as_json: Json = False,
 ) -> None:
-    """Tell how near to a singularity every initial heading leads, arm branch by arm branch."""
+    """Tell how near to a singularity every initial attitude leads, arm branch by arm branch.
+
+    For planar tasks the attitudes are headings, and only --samples and -o apply. Exit code 0 when
+    some attitude keeps the margin, 1 when none does.
+
+    Example: freefloat map planar_3dof/parabola --samples 720
+
+    Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
+    """
     with answering(as_json):
-        from freefloat.planar_search import heading_map
-        from freefloat.report import map_document
+        from freefloat.mapping import Wishes, map_in_plane, map_in_space
         from freefloat.scenario import load_scenario
-        from freefloat.storage import save_map
-        from freefloat.tables import map_tables
+        from freefloat.tables import attitude_map_tables, map_tables
 
         loaded = load_scenario(scenario)
         problem = loaded.problem()
-        start = time.perf_counter()
-        with loaded.told(), progress_bar("following headings") as progress:
-            found = heading_map(problem, samples, progress)
-        document = map_document(found, time.perf_counter() - start)
-        if output is not None:
-            save_map(output, found, loaded, document)
-    answer(document, map_tables(document, scenario), as_json)
-    raise typer.Exit(DONE if document["feasible_fraction"] > 0.0 else NO)
+        wishes = Wishes(samples, seed, threads, nearest, boundary, output)
+        planar = problem.task.planar
+        document = (map_in_plane if planar else map_in_space)(loaded, problem, wishes)
+    tables = (map_tables if planar else attitude_map_tables)(document, scenario)
+    best = None if planar else document["best"]  # which may lie between the samples
+    served = document["feasible_fraction"] > 0.0 or best is not None
+    answer(document, tables, as_json)
+    raise typer.Exit(DONE if served else NO)
 
 
 @app.command()

@@ -52,7 +52,7 @@ def least(motion: Motion, of: Measure) -> Least:
         candidates = [(value, float(motion.node_places[lowest])), *profile.dips(value)]
         value, place = min(candidates)
     time = np.clip(motion.at_place(place)[0][0], motion.times.min(), motion.times.max())
-    return Least(of.name, value, profile.sign, float(time))
+    return Least(of.name, abs(value), profile.sign, float(time))  # not -0.0
 
 
 def first_place_below(motion: Motion, of: Callable[[Array], float], value: float) -> float | None:

@@ -6,6 +6,7 @@ import errno
 import json
 import re
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -18,9 +19,11 @@ from freefloat.errors import FreeFloatError, InputError
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-DONE, NO, BAD_INPUT = 0, 1, 2
+DONE, NO, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 UsageError: type[Any] = typer.BadParameter.__bases__[0]
 """What typer raises for a command line it cannot understand; it exports only this child."""
+_PATIENCE = 3.0
+"""Seconds that kernels found on disk never take to load."""
 _PIPE_WIDTH = 120
 """Columns of tables that go to a file or another program."""
 
@@ -51,6 +54,10 @@ class CommandGroup(TyperGroup):
             if error.errno != errno.EPIPE:
                 typer.echo(f"freefloat: the answer cannot be written: {error.strerror}", err=True)
             sys.exit(BAD_INPUT)
+        except (KeyboardInterrupt, typer.Abort):
+            status = INTERRUPTED
+        if status == INTERRUPTED:  # what typer makes of Ctrl-C
+            typer.echo("freefloat: interrupted", err=True)
         sys.exit(status if isinstance(status, int) else DONE)
 
 
@@ -105,11 +112,24 @@ def answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: 
 
 @contextmanager
 def progress_bar(words: str) -> Iterator[Callable[[float], None]]:
-    """A bar on stderr, on terminals only."""
+    """A bar on stderr, on terminals only; until a share is told it shows that work goes on."""
     from rich.console import Console
     from rich.progress import Progress
 
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(words, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        task = bar.add_task(words, total=None)
+        yield lambda share: bar.update(task, total=1.0, completed=share)
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Tell people on stderr why the first use of kernels on a machine takes long, if it does."""
+    line = "freefloat: compiling the kernels, once on this machine: about half a minute"
+    timer = threading.Timer(_PATIENCE, typer.echo, (line,), {"err": True})
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

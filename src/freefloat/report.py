@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
@@ -13,12 +12,11 @@ from freefloat.dynamics import Task
 from freefloat.model import FreeFloatingModel
 from freefloat.motion import Ending, Motion, State
 from freefloat.planar_ranges import BranchRanges, Limit
-from freefloat.planar_search import HeadingMap
 from freefloat.plans import Plan, Segment
 from freefloat.problem import Problem
 from freefloat.simulation import FollowedBranch, Simulation
 from freefloat.singularity import Measure, joint_space_extremes, measure
-from freefloat.spatial import Array, heading_of, heading_quaternion
+from freefloat.spatial import heading_of
 from freefloat.virtual_manipulator import VirtualManipulator
 from freefloat.workspace import path_areas, planar_workspace
 
@@ -105,12 +103,31 @@ def plan_document(plan: Plan) -> Document:
         "deviation_deg": None if deviation is None else float(np.degrees(deviation)),
         "robust_radius_deg": None if radius is None else float(np.degrees(radius)),
         "segments": [_segment_document(segment) for segment in plan.segments],
+        "tolerance": None if plan.tolerance is None else asdict(plan.tolerance),
+        "disagreements": list(plan.disagreements),
+        **_sampled_document(plan),
     }
     if plan.chosen is None:
         empty = ("singular", "min_margin", "branch", "initial", "final", "residuals")
         return {**document, "completed": False, **dict.fromkeys(empty), "heading_deg": None}
-    heading = np.degrees(heading_of(plan.chosen.motion.initial.attitude))
-    return {**document, **_followed_document(plan.chosen), "heading_deg": float(heading)}
+    heading = None
+    if plan.problem.task.planar:
+        heading = float(np.degrees(heading_of(plan.chosen.motion.initial.attitude)))
+    return {**document, **_followed_document(plan.chosen), "heading_deg": heading}
+
+
+def _sampled_document(plan: Plan) -> Document:
+    """What a spatial plan began with; nothing of the kind in the plane."""
+    found = plan.map
+    if found is None:
+        keys = ("samples", "seed", "feasible_fraction", "feasible_fraction_error")
+        return dict.fromkeys(keys)
+    return {
+        "samples": len(found.attitudes),
+        "seed": found.seed,
+        "feasible_fraction": found.feasible_fraction,
+        "feasible_fraction_error": found.feasible_fraction_error,
+    }
 
 
 def ranges_document(entry: BranchRanges) -> Document:
@@ -166,55 +183,6 @@ def workspace_document(problem: Problem) -> Document:
             for interval, inside in path_areas(problem, workspace)
         ],
     }
-
-
-def map_document(found: HeadingMap, seconds: float) -> Document:
-    """What ``map`` answers: how many headings serve, which are best, and the connected regions."""
-    kept, step = found.kept, 360.0 / len(found.headings)
-    degrees = np.degrees(found.headings)
-    regions = [
-        {"branch": index, "size_deg": float(width * step), "centre_deg": float(centre % 360.0)}
-        for index, row in zip(found.branches, kept, strict=True)
-        for width, centre in _runs(row, degrees, step)
-    ]
-    widest = max(regions, key=lambda region: region["size_deg"], default=None)
-    return {
-        "samples": len(found.headings),
-        "motions": int(np.isfinite(found.least).sum()),
-        "feasible_fraction": float(kept.any(axis=0).mean()) if len(kept) else 0.0,
-        "motion_fraction": float(kept.sum() / max(1, np.isfinite(found.least).sum())),
-        "best": _best_document(found, degrees),
-        "robust": widest and {**widest, "radius_deg": widest["size_deg"] / 2.0},
-        "regions": regions,
-        "branches": [
-            {"branch": index, "least": [None if np.isnan(v) else v for v in row.tolist()]}
-            for index, row in zip(found.branches, found.least, strict=True)
-        ],
-        "headings_deg": degrees.tolist(),
-        "margin": found.margin,
-        "seconds": seconds,
-    }
-
-
-def _best_document(found: HeadingMap, degrees: Array) -> Document | None:
-    if not np.isfinite(found.least).any() or np.nanmax(found.least) <= 0.0:
-        return None
-    b, n = np.unravel_index(np.nanargmax(found.least), found.least.shape)
-    heading = float(degrees[n])
-    return {"branch": found.branches[b], "heading_deg": heading, "value": float(found.least[b, n]),
-            "attitude": heading_quaternion(np.radians(heading)).tolist()}  # fmt: skip
-
-
-def _runs(row: Array, degrees: Array, step: float) -> Iterator[tuple[int, float]]:
-    """Length and centre [deg] of each run of ones round the circle."""
-    if row.all():
-        yield len(row), 0.0
-        return
-    first = int(np.argmin(row))
-    turned = np.append(np.roll(row, -first), 0.0)
-    edges = np.flatnonzero(np.diff(turned, prepend=0.0))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        yield int(stop - start), float(degrees[first] + step * (start + stop - 1) / 2.0)
 
 
 def natural_task(model: FreeFloatingModel) -> Task:

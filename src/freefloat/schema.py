@@ -259,10 +259,11 @@ class SearchSection(_Section):
     """The largest margin, the nearest to from_attitude, or the one deepest inside."""
     from_attitude: Quaternion | None = None
     """Attitude the spacecraft has now: x, y, z, w."""
-    samples: Annotated[int, Field(strict=True, ge=8, le=100_000_000)] = 360
-    """How many attitudes are tried where there is no closed form."""
+    samples: Annotated[int, Field(strict=True, ge=8, le=100_000_000)] | None = None
+    """How many attitudes are tried where there is no closed form. Left out: in the plane 360
+    headings; in space 4,096 attitudes for a plan and 36,864 for a map."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
-    """Of whatever is drawn at random."""
+    """Turns the grid of attitudes in space; in the plane nothing is drawn."""
 
 
 class ScenarioFile(_Section):

@@ -21,7 +21,8 @@ from freefloat.simulation import FollowedBranch, simulate
 from freefloat.spatial import grid_spacing
 from freefloat.tolerance import tolerance
 
-_ATTITUDES = 4096
+ATTITUDES = 4096
+"""Followed when a search names no number."""
 _MAP_SHARE = 0.6
 """Of the time that a plan takes, for the progress shown."""
 _CANDIDATES = 12
@@ -41,7 +42,7 @@ def plan_in_space(
         if progress is not None:
             progress(_MAP_SHARE * share)
 
-    found = map_attitudes(outlook, search.samples or _ATTITUDES, search.seed, progress=report)
+    found = map_attitudes(outlook, search.samples or ATTITUDES, search.seed, progress=report)
     candidates = _candidates(outlook, found, search)
     disagreements = []
     for candidate in candidates[:_CANDIDATES]:

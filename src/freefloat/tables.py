@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -12,6 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 Document = dict[str, Any]
+_REGIONS = 12
+"""The largest, told to people; machines are told all."""
 
 
 def _table(*columns: str) -> Table:
@@ -85,19 +87,25 @@ def _chosen_lines(document: Document) -> list[RenderableType]:
 
 
 def plan_tables(document: Document, name: str) -> list[RenderableType]:
-    """A plan: every range of heading, the attitude chosen and why, its proof."""
-    title = Text(f"{name}: initial headings that keep the margin")
-    table = _table("branch", "ranges [deg]")
-    for entry in document["attitude_ranges_deg"]:
-        table.add_row(f"{entry['branch']} {_terse(entry['label'])}", _ranges(entry) or "none")
+    """A plan: what would serve, the attitude chosen and why, its proof."""
+    planar = document["samples"] is None
+    above = _heading_ranges(document, name) if planar else [_sampled_line(document, name)]
+    above += [Text(f"not confirmed: {words}", "yellow") for words in document["disagreements"]]
     if not document["feasible"]:
-        return [title, table, Text(f"Not feasible: {document['reason']}.", "red")]
-    deviation = document["deviation_deg"]
+        return [*above, Text(f"Not feasible: {document['reason']}.", "red")]
+    deviation, bears = document["deviation_deg"], document["tolerance"]
+    what = f"heading {document['heading_deg']:.4f} deg, " if planar else ""
     lines = [
-        f"Chosen: heading {document['heading_deg']:.4f} deg, {document['reason']}.",
+        f"Chosen: {what}{document['reason']}.",
         f"  it may be off by {document['robust_radius_deg']:.4f} deg"
         + ("" if deviation is None else f"; {deviation:.4f} deg from the present attitude"),
     ]
+    if bears is not None:
+        beyond = " or more" if bears["momentum"] >= bears["momentum_limit"] else ""
+        lines.append(
+            f"  it bears momentum off by {bears['momentum']:.4g} N m s{beyond} in any direction, "
+            f"durations from {bears['shortest']:.5g} to {bears['longest']:.5g} s"
+        )
     for segment in document["segments"]:
         lines.append(f"  from {segment['from']:g} to {segment['to']:g} s, at its end:")
         lines += [
@@ -105,7 +113,25 @@ def plan_tables(document: Document, name: str) -> list[RenderableType]:
             for words, key in (("alone", "ranges_at_end_deg"), ("and onward", "joined_at_end_deg"))
             for entry in segment[key]
         ]
-    return [title, table, *(Text(line) for line in lines), *_chosen_lines(document)]
+    return [*above, *(Text(line) for line in lines), *_chosen_lines(document)]
+
+
+def _heading_ranges(document: Document, name: str) -> list[RenderableType]:
+    table = _table("branch", "ranges [deg]")
+    for entry in document["attitude_ranges_deg"]:
+        table.add_row(f"{entry['branch']} {_terse(entry['label'])}", _ranges(entry) or "none")
+    return [Text(f"{name}: initial headings that keep the margin"), table]
+
+
+def _sampled_line(document: Document, name: str) -> Text:
+    return Text(
+        f"{name}: {_share(document)} of {document['samples']:,} initial attitudes keep the margin"
+    )
+
+
+def _share(document: Document) -> str:
+    """``12.3% ± 0.2%``."""
+    return f"{document['feasible_fraction']:.2%} ± {document['feasible_fraction_error']:.2%}"
 
 
 def _ranges(entry: Document) -> str:
@@ -153,6 +179,60 @@ def map_tables(document: Document, name: str) -> list[RenderableType]:
         )
     lines.append(f"{document['seconds']:.1f} s")
     return [title, table, *(Text(line) for line in lines)]
+
+
+def attitude_map_tables(document: Document, name: str) -> list[RenderableType]:
+    """A map over SO(3): each arm branch, the largest regions, and the attitudes to know."""
+    branches = _table("branch", "exists [%]", "keeps the margin [%]")
+    for one in document["branches"]:
+        branches.add_row(
+            f"{_number(one)} {_terse(one['label'])}",
+            f"{100.0 * one['reached_fraction']:.2f}",
+            f"{100.0 * one['fraction']:.2f}",
+        )
+    regions = _table("region", "branch", "share [%]", "centre x y z w", "depth [deg]")
+    for number, region in enumerate(document["regions"][:_REGIONS]):
+        regions.add_row(
+            str(number + 1),
+            _number(region),
+            f"{100.0 * region['fraction']:.2f} ± {100.0 * region['error']:.2f}",
+            _numbers(region["centre"], 5),
+            f"{region['depth_deg']:.2f}",
+        )
+    margin, more = document["margin"], len(document["regions"]) - _REGIONS
+    lines = [f"and {more} smaller regions"] if more > 0 else []
+    lines += [
+        f"{_share(document)} of the attitudes keep {margin['measure']} {margin['value']:g} with "
+        f"some arm branch, {document['motion_fraction']:.2%} of the {document['motions']:,} "
+        "motions do",
+        *_known_attitudes(document),
+        f"{document['seconds']:.1f} s",
+    ]
+    title = Text(f"{name}: {document['samples']:,} initial attitudes, every arm branch")
+    parts = [regions] if document["regions"] else []
+    return [title, branches, *parts, *(Text(line) for line in lines)]
+
+
+def _known_attitudes(document: Document) -> Iterator[str]:
+    """Lines on the best, the deepest and the nearest attitude, as far as there are such."""
+    if document["best"] is None:
+        yield "no attitude was found that keeps the margin"
+    for key, value, unit in (
+        ("best", "value", document["margin"]["measure"]),
+        ("robust", "radius_deg", "deg around keep the margin"),
+        ("nearest", "deviation_deg", "deg away"),
+    ):
+        one = document.get(key)
+        if one is not None:
+            amount = f"{one[value]:.6g}"
+            told = f"{unit} {amount}" if key == "best" else f"{amount} {unit}"
+            yield f"{key + ':':9}{_numbers(one['attitude'], 5)}, branch {_number(one)}, {told}"
+    if "boundary" in document:
+        yield f"{len(document['boundary'])} attitudes of the boundary found, see --json or -o"
+
+
+def _number(entry: Document) -> str:
+    return "any" if entry["branch"] is None else str(entry["branch"])
 
 
 def info_tables(document: Document) -> list[RenderableType]:
