@@ -23,13 +23,13 @@ from freefloat.model import Body
 from freefloat.problem import Problem
 from freefloat.rollout_kernels import (
     COMPLETED,
-    TABLEAU,
     Outcomes,
     follow_many,
     make_room,
 )
 from freefloat.singularity import NAMES, arm_axes
 from freefloat.spatial import Array
+from freefloat.step_kernels import TABLEAU
 from freefloat.virtual_manipulator import VirtualManipulator
 
 Progress = Callable[[float], None]

@@ -13,32 +13,25 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.integrate import RK45
 
 from freefloat.compiled import borrowed, compiled
 from freefloat.drift_kernels import WORK_COLUMNS, form_jacobian
 from freefloat.flow_kernels import Robot, flow
 from freefloat.measure_kernels import ARM, GJM, SIGMA, measure_at
 from freefloat.spatial import Array
+from freefloat.step_kernels import dip, error_of, inside, make_stages, may_dip
 
 IntArray = npt.NDArray[np.int64]
 
 COMPLETED, SINGULAR, MARGIN, FAILED = 0, 1, 2, 3
 """Codes of endings."""
 
-TABLEAU = np.zeros((14, 7))
-"""Rows 0 to 5: stages, with their times in the last column; 6: the step; 7: its error; 8 to 11: the
-interpolant's powers of the share of the step."""
-TABLEAU[:6, :5], TABLEAU[:6, 6], TABLEAU[6, :6], TABLEAU[7] = RK45.A, RK45.C, RK45.B, RK45.E
-TABLEAU[8:12] = RK45.P.T
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-11
 _SINGULAR_STEP = 1e-7
 _MAX_STEPS = 20_000
 _TOO_FAST = 2e4
 """Speed, in radians and metres per duration, at which a redundant arm stands still in time."""
 _SMALL, _STRICTER, _UNDECIDED = 0.15, 0.01, 0.9
-_DOUBT = 3.0
-"""A dip between nodes may be as many times as deep as the parabola says."""
 
 
 class Room(NamedTuple):
@@ -50,7 +43,7 @@ class Room(NamedTuple):
     S: Array
     L: Array
     stages: Array  # (2, 7, 4 + n), of this step and the one before
-    states: Array  # (4, 4 + n)
+    states: Array  # (3, 4 + n)
     vectors: Array  # (4, 9)
 
 
@@ -59,7 +52,7 @@ def make_room(n: int, m: int) -> Room:
     return Room(
         last=np.zeros(4 + n), extent=np.zeros((3, n)), w=np.zeros((n + 1, WORK_COLUMNS)),
         S=np.zeros((m, n)), L=np.zeros((m, m + 1)), stages=np.zeros((2, 7, 4 + n)),
-        states=np.zeros((4, 4 + n)), vectors=np.zeros((4, 9)),
+        states=np.zeros((3, 4 + n)), vectors=np.zeros((4, 9)),
     )  # fmt: skip
 
 
@@ -79,55 +72,28 @@ class Outcomes(NamedTuple):
 
 
 @compiled
-def _inside(tableau: Array, K: Array, y: Array, h: float, x: float, q: Array) -> None:
-    """The joints at a share x of a step."""
-    for j in range(len(q)):
-        total = 0.0
-        for s in range(7):
-            P = tableau[8, s] + x * (tableau[9, s] + x * (tableau[10, s] + x * tableau[11, s]))
-            total += P * K[s, 4 + j]
-        q[j] = y[4 + j] + h * x * total
+def _widen(extent: Array, at: Array, K: Array, duration: float) -> float:
+    """Take a step's end into account in the extent; the fastest joint's rate there per duration."""
+    speed = 0.0
+    for j in range(extent.shape[1]):
+        rate = abs(K[6, 4 + j])
+        speed = max(speed, rate)
+        extent[0, j] = max(extent[0, j], rate / duration)
+        extent[1, j] = min(extent[1, j], at[4 + j])
+        extent[2, j] = max(extent[2, j], at[4 + j])
+    return speed
 
 
 @compiled
-def _dip(
-    tableau: Array, K: Array, y: Array, h: float, before: Array, old: Array, h_before: float,
-    a: float, b: float, c: float, fa: float, fb: float, fc: float, sign: float,
-    bodies: Array, facts: Array, rows: IntArray, measure: int,
-    w: Array, S: Array, L: Array, room: Array, q: Array,
-) -> tuple[float, float]:  # fmt: skip
-    """The smallest value of the measure near a place ``b`` where it is lower than at ``a``, ``c``.
-
-    Places are times from the node between the step before and this step.
-
-    Returns:
-        The value and its place.
-    """
-    for _ in range(7):
-        p, r = (b - a) * (fb - fc), (b - c) * (fb - fa)
-        under = p - r
-        x = b - 0.5 * ((b - a) * p - (b - c) * r) / under if under != 0.0 else b
-        least_move = 0.02 * (c - a if c > a else a - c)
-        if not abs(x - b) > least_move:
-            longer = c - b if abs(c - b) > abs(b - a) else a - b
-            x = b + (0.1 * longer if abs(x - b) > 0.0 or under == 0.0 else 0.02 * longer)
-        if x * h > 0.0:
-            _inside(tableau, K, y, h, min(x / h, 1.0), q)
-        else:
-            _inside(tableau, before, old, h_before, max(1.0 + x / h_before, 0.0), q)
-        fx = sign * measure_at(bodies, facts, rows, measure, q, w, S, L, room)
-        beyond = (x - b) * h > 0.0
-        if fx < fb:
-            if beyond:
-                a, fa = b, fb
-            else:
-                c, fc = b, fb
-            b, fb = x, fx
-        elif beyond:
-            c, fc = x, fx
-        else:
-            a, fa = x, fx
-    return fb, b
+def _advance(K: Array, before: Array, y: Array, old: Array, at: Array) -> None:
+    """Make the end of a step the start of the next, and remember the step."""
+    norm = math.sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2 + at[3] ** 2)
+    for j in range(len(y)):
+        old[j] = y[j]
+        y[j] = at[j] / norm if j < 4 else at[j]
+        for s in range(7):
+            before[s, j] = K[s, j]
+        K[0, j] = K[6, j]
 
 
 @compiled
@@ -149,9 +115,9 @@ def follow_one(
         Ending, when, least magnitude of the measure, when, largest magnitude, evaluations of (4).
     """
     n, m = len(joints), len(rows)
-    dim, square = 4 + n, n == m
+    square = n == m
     K, before = stages[0], stages[1]
-    y, new, at, old = states[0], states[1], states[2], states[3]
+    y, at, old = states[0], states[1], states[2]
     q, rates, spare, demand = room[0, :n], room[1, :n], room[2, :n], room[3]
     forward = 1.0 if goal >= start else -1.0
     for j in range(4):
@@ -195,34 +161,17 @@ def follow_one(
         if not whole and step > 0.5 * remaining:
             step = 0.5 * remaining
         dt = forward * (remaining if whole else step)
-        flipped = False
-        for s in range(1, 7):
-            for j in range(dim):
-                at[j] = y[j]
-            for i in range(s):
-                weight = dt * tableau[s, i]
-                for j in range(dim):
-                    at[j] += weight * K[i, j]
-            share = tableau[s, 6] if s < 6 else 1.0
-            determinant = flow(bodies, facts, rows, origins, spans, law, tangents, duration,
-                                piece, h, t + dt * share, at, K[s], w, S, L, q, rates,
-                                demand)  # fmt: skip
-            evaluations += 1
-            if square and (determinant > 0.0) != positive:
-                flipped = True
-                break
+        determinant, made, flipped = make_stages(
+            tableau, bodies, facts, rows, origins, spans, law, tangents, duration, piece, h, t, dt,
+            positive, y, at, K, w, S, L, q, rates, demand,
+        )  # fmt: skip
+        evaluations += made
         if flipped:
             step = 0.4 * abs(dt)
             if step < _SINGULAR_STEP:
                 ending = SINGULAR
             continue
-        error = 0.0
-        for j in range(dim):
-            total = 0.0
-            for s in range(7):
-                total += tableau[7, s] * K[s, j]
-            error += (total / (tolerance * (1.0 + max(abs(y[j]), abs(at[j]))))) ** 2
-        error = abs(dt) * math.sqrt(error / dim)
+        error = error_of(tableau, K, y, at, dt, tolerance)
         if not error < 1.0:
             step = abs(dt) * (max(0.2, 0.9 * error ** (-0.2)) if math.isfinite(error) else 0.2)
             if step < _SHORTEST_STEP:
@@ -234,56 +183,36 @@ def follow_one(
             after = sign * measure_at(bodies, facts, rows, measure, q, w, S, L, spare)
         else:
             after = sign * determinant * form_jacobian(facts, rows, w, S)
-        for j in range(dim):
-            new[j] = at[j]
-        t_new = leg if whole else t + dt
-        left, center, middle, right = step_before, 0.0, value, after
-        last_step = whole and leg == goal / duration
+        t_new, last_step = leg if whole else t + dt, whole and leg == goal / duration
+        left, center, middle = step_before, 0.0, value
         if step_before == 0.0 or (last_step and after < value):
             # beside the first and the last node a dip has no node of its own
             left, middle, value_before = 0.0, math.inf, value
             for share in (0.5, 0.97 if last_step else 0.03):
-                _inside(tableau, K, y, dt, share, rates)
+                inside(tableau, K, y, dt, share, rates)
                 probe = sign * measure_at(bodies, facts, rows, measure, rates, w, S, L, spare)
                 if probe < middle:
                     center, middle = share * dt, probe
-        if middle <= value_before and middle <= right:
-            back, on = abs(center + left), abs(dt - center)
-            fall, rise = (value_before - middle) / back, (right - middle) / on
-            bend = (rise + fall) / (back + on)
-            slope = (rise * back - fall * on) / (back + on)
-            if bend > 0.0 and middle - _DOUBT * slope * slope / (4.0 * bend) < least:
-                low, place = _dip(
-                    tableau, K, y, dt, before, old, step_before, -left, center, dt, value_before,
-                    middle, right, sign, bodies, facts, rows, measure, w, S, L, spare, rates,
-                )  # fmt: skip
-                if low < least:
-                    least, least_at = low, t + place
+        if may_dip(value_before, middle, after, abs(center + left), abs(dt - center), least):
+            low, place = dip(
+                tableau, K, y, dt, before, old, step_before, -left, center, dt, value_before,
+                middle, after, sign, bodies, facts, rows, measure, w, S, L, spare, rates,
+            )  # fmt: skip
+            if low < least:
+                least, least_at = low, t + place
         if after < least:
             least, least_at = after, t_new
         most = max(most, after)
-        speed = 0.0
-        for j in range(n):
-            rate = abs(K[6, 4 + j])
-            speed = max(speed, rate)
-            extent[0, j] = max(extent[0, j], rate / duration)
-            extent[1, j] = min(extent[1, j], new[4 + j])
-            extent[2, j] = max(extent[2, j], new[4 + j])
+        speed = _widen(extent, at, K, duration)
         if least <= 0.0 or (not square and speed > _TOO_FAST):
             ending = SINGULAR
         elif least < stop_below:
             ending = MARGIN
-        norm = math.sqrt(new[0] ** 2 + new[1] ** 2 + new[2] ** 2 + new[3] ** 2)
-        for j in range(dim):
-            old[j] = y[j]
-            y[j] = new[j] / norm if j < 4 else new[j]
-            for s in range(7):
-                before[s, j] = K[s, j]
-            K[0, j] = K[6, j]
+        _advance(K, before, y, old, at)
         value_before, step_before = value, dt
         value, t = after, t_new
         step = abs(dt) * min(10.0, 0.9 * max(error, 1e-10) ** (-0.2))
-    for j in range(dim):
+    for j in range(4 + n):
         last[j] = y[j]
     if ending == SINGULAR:
         least, least_at = 0.0, t
