@@ -23,7 +23,6 @@ from freefloat.drift_kernels import (
     configure,
     eliminate,
     form_jacobian,
-    measure_at,
     solve_rates,
 )
 from freefloat.dynamics import (
@@ -34,6 +33,7 @@ from freefloat.dynamics import (
     inertia_matrices,
     system_matrix,
 )
+from freefloat.measure_kernels import measure_at
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath
 from freefloat.problem import Margin, Problem

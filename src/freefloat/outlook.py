@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ from freefloat.dynamics import Task
 from freefloat.problem import Problem
 from freefloat.rollout import Progress, Roller, Rollout, kept
 from freefloat.rollout_kernels import COMPLETED
-from freefloat.spatial import Array
+from freefloat.spatial import Array, frozen
 from freefloat.virtual_manipulator import VirtualManipulator
 
 UNREACHED = -1
@@ -82,18 +82,21 @@ class Outlook:
         """
         branches = self.problem.many_branches(attitudes, threads=self.roller.threads)
         joints, found = branches.joints, branches.found
-        if branch is not None:
-            joints, found = joints[:, branch : branch + 1], found[:, branch : branch + 1]
-        stop_below = self.problem.margin.value if stop_at_margin else 0.0
-        twins = self.twins and branch is None
-        followed = found[:, ::2] if twins else found
+        twins = self.twins and bool((found[:, ::2] == found[:, 1::2]).all())
+        first, beyond = (0, joints.shape[1]) if branch is None else (branch, branch + 1)
+        leaders = slice(first - first % 2, beyond, 2) if twins else slice(first, beyond)
+        followed = found[:, leaders]
         where, _ = np.nonzero(followed)
+        own = joints[:, leaders][followed]
         rollout = self.roller.follow(
-            attitudes[where], joints[:, ::2][followed] if twins else joints[found],
-            stop_below=stop_below, progress=progress,
+            attitudes[where], own,
+            stop_below=self.problem.margin.value if stop_at_margin else 0.0, progress=progress,
         )  # fmt: skip
-        if twins:
-            rollout = _with_twins(rollout, joints[:, ::2][followed], joints[:, 1::2][followed])
+        joints, found = joints[:, first:beyond], found[:, first:beyond]
+        if twins and branch is None:
+            rollout = _interleaved(rollout, _mirrored(rollout, own, joints[:, 1::2][followed]))
+        elif twins and first % 2:
+            rollout = _mirrored(rollout, own, joints[followed])
         endings = np.full(found.shape, UNREACHED, dtype=np.int8)
         least = np.zeros(found.shape)
         endings[found], least[found] = rollout.endings, rollout.least
@@ -136,8 +139,8 @@ def has_twin_branches(problem: Problem) -> bool:
     return weightless and max(abs(h4 @ h5), abs(h5 @ h6)) < _NEGLIGIBLE
 
 
-def _with_twins(rollout: Rollout, own: Array, twin: Array) -> Rollout:
-    """A rollout of branches 2 k with those of branches 2 k + 1 put behind each.
+def _mirrored(rollout: Rollout, own: Array, twin: Array) -> Rollout:
+    """The rollout of the twins of branches.
 
     Args:
         rollout: Of K motions.
@@ -148,16 +151,20 @@ def _with_twins(rollout: Rollout, own: Array, twin: Array) -> Rollout:
     sign[_BENT] = -1.0
     low = twin + sign * (rollout.lower - own)
     high = twin + sign * (rollout.upper - own)
-    twins = {
-        "joints": twin + sign * (rollout.joints - own),
-        "lower": np.minimum(low, high),
-        "upper": np.maximum(low, high),
-        "evaluations": np.zeros_like(rollout.evaluations),
-    }
+    return replace(
+        rollout,
+        joints=frozen(twin + sign * (rollout.joints - own)),
+        lower=frozen(np.minimum(low, high)),
+        upper=frozen(np.maximum(low, high)),
+        evaluations=np.zeros_like(rollout.evaluations),
+    )
+
+
+def _interleaved(even: Rollout, odd: Rollout) -> Rollout:
+    """Motions of two rollouts in turns: the first of one, the first of the other, and so on."""
     pairs = {}
-    for field in fields(rollout):
-        first = getattr(rollout, field.name)
-        pair = np.stack([first, twins.get(field.name, first)], axis=1)
-        pairs[field.name] = pair.reshape(-1, *first.shape[1:])
+    for field in fields(even):
+        values = np.stack([getattr(even, field.name), getattr(odd, field.name)], axis=1)
+        pairs[field.name] = values.reshape(-1, *values.shape[2:])
         pairs[field.name].setflags(write=False)
     return Rollout(**pairs)

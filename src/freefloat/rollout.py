@@ -18,13 +18,13 @@ from scipy.interpolate import CubicSpline
 
 from freefloat.drift_kernels import FACTS, LEVEL
 from freefloat.errors import InputError
+from freefloat.flow_kernels import Robot
 from freefloat.model import Body
 from freefloat.problem import Problem
 from freefloat.rollout_kernels import (
     COMPLETED,
     TABLEAU,
     Outcomes,
-    Robot,
     follow_many,
     make_room,
 )

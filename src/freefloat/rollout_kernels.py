@@ -16,17 +16,9 @@ import numpy.typing as npt
 from scipy.integrate import RK45
 
 from freefloat.compiled import borrowed, compiled
-from freefloat.drift_kernels import (
-    ARM,
-    GJM,
-    OMEGA,
-    SIGMA,
-    WORK_COLUMNS,
-    configure,
-    form_jacobian,
-    measure_at,
-    solve_rates,
-)
+from freefloat.drift_kernels import WORK_COLUMNS, form_jacobian
+from freefloat.flow_kernels import Robot, flow
+from freefloat.measure_kernels import ARM, GJM, SIGMA, measure_at
 from freefloat.spatial import Array
 
 IntArray = npt.NDArray[np.int64]
@@ -44,25 +36,9 @@ _SINGULAR_STEP = 1e-7
 _MAX_STEPS = 20_000
 _TOO_FAST = 2e4
 """Speed, in radians and metres per duration, at which a redundant arm stands still in time."""
+_SMALL, _STRICTER, _UNDECIDED = 0.15, 0.01, 0.9
 _DOUBT = 3.0
 """A dip between nodes may be as many times as deep as the parabola says."""
-
-
-class Robot(NamedTuple):
-    """What stays the same for all motions; see :mod:`freefloat.drift_kernels`."""
-
-    bodies: Array
-    facts: Array
-    rows: IntArray
-    measure: int
-    ends: Array  # of the pieces of the time law, (P,)
-    origins: Array  # (P,)
-    spans: Array  # (P,)
-    law: (
-        Array  # (P, 2, K): s and its derivative by time, highest power of (t - origin) / span first
-    )
-    tangents: Array  # (N, 6, 4): the path's tangent by s, cubics on N equal intervals of [0, 1]
-    duration: float  # [s]
 
 
 class Room(NamedTuple):
@@ -100,65 +76,6 @@ class Outcomes(NamedTuple):
     lower: Array  # (K, n), of the joints on the way
     upper: Array  # (K, n)
     evaluations: IntArray  # (K,), of (4)
-
-
-@compiled
-def _twist(
-    t: float, piece: int, origins: Array, spans: Array, law: Array, tangents: Array, twist: Array
-) -> None:
-    """The end-effector's twist in inertial axes at a time [s]."""
-    tau = (t - origins[piece]) / spans[piece]
-    s, rate = 0.0, 0.0
-    for k in range(law.shape[2]):
-        s = s * tau + law[piece, 0, k]
-        rate = rate * tau + law[piece, 1, k]
-    cells = len(tangents)
-    place = s * cells
-    cell = min(max(math.floor(place), 0), cells - 1)
-    u = (place - cell) / cells
-    for i in range(6):
-        value = tangents[cell, i, 0]
-        for k in range(1, 4):
-            value = value * u + tangents[cell, i, k]
-        twist[i] = rate * value
-
-
-@compiled
-def _flow(
-    bodies: Array, facts: Array, rows: IntArray, origins: Array, spans: Array, law: Array,
-    tangents: Array, duration: float, piece: int, h: Array, t: float, y: Array, f: Array,
-    w: Array, S: Array, L: Array, q: Array, rates: Array, demand: Array,
-) -> float:  # fmt: skip
-    """The rate of (attitude, joints) per duration, (8), into ``f``.
-
-    Returns:
-        det S, or sqrt(det(S S^T)).
-    """
-    n = len(q)
-    norm = 1.0 / math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2] + y[3] * y[3])
-    a, b, c, e = norm * y[0], norm * y[1], norm * y[2], norm * y[3]
-    for j in range(n):
-        q[j] = y[4 + j]
-    _twist(t * duration, piece, origins, spans, law, tangents, demand)
-    R00, R01, R02 = 1 - 2 * (b * b + c * c), 2 * (a * b - c * e), 2 * (a * c + b * e)
-    R10, R11, R12 = 2 * (a * b + c * e), 1 - 2 * (a * a + c * c), 2 * (b * c - a * e)
-    R20, R21, R22 = 2 * (a * c - b * e), 2 * (b * c + a * e), 1 - 2 * (a * a + b * b)
-    demand[6], demand[7], demand[8] = h[0], h[1], h[2]
-    for j in (0, 3, 6):
-        x, y_, z = demand[j], demand[j + 1], demand[j + 2]
-        demand[j] = R00 * x + R10 * y_ + R20 * z
-        demand[j + 1] = R01 * x + R11 * y_ + R21 * z
-        demand[j + 2] = R02 * x + R12 * y_ + R22 * z
-    configure(bodies, facts, q, w)
-    determinant = solve_rates(facts, rows, demand, w, S, L, rates)
-    x, y_, z = w[0, OMEGA] * duration, w[0, OMEGA + 1] * duration, w[0, OMEGA + 2] * duration
-    f[0] = 0.5 * (e * x + b * z - c * y_)
-    f[1] = 0.5 * (e * y_ + c * x - a * z)
-    f[2] = 0.5 * (e * z + a * y_ - b * x)
-    f[3] = -0.5 * (a * x + b * y_ + c * z)
-    for j in range(n):
-        f[4 + j] = rates[j] * duration
-    return determinant
 
 
 @compiled
@@ -220,7 +137,7 @@ def follow_one(
     joints: Array, h: Array, start: float, goal: float, stop_below: float, tolerance: float,
     last: Array, extent: Array, w: Array, S: Array, L: Array, stages: Array, states: Array,
     room: Array,
-) -> tuple[int, float, float, float, int]:  # fmt: skip
+) -> tuple[int, float, float, float, float, int]:  # fmt: skip
     """Follow the path from a state.
 
     The arguments up to ``duration`` are those of :class:`Robot`; from ``attitude`` to ``tolerance``
@@ -229,7 +146,7 @@ def follow_one(
     they and what follows them are a :class:`Room`.
 
     Returns:
-        Ending, when, least magnitude of the measure, when, evaluations of (4).
+        Ending, when, least magnitude of the measure, when, largest magnitude, evaluations of (4).
     """
     n, m = len(joints), len(rows)
     dim, square = 4 + n, n == m
@@ -245,14 +162,14 @@ def follow_one(
     t, piece, last_piece = start / duration, 0, len(ends) - 1
     while piece < last_piece and (ends[piece] <= start if forward > 0.0 else ends[piece] < start):
         piece += 1
-    determinant = _flow(bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
+    determinant = flow(bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
                         t, y, K[0], w, S, L, q, rates, demand)  # fmt: skip
     evaluations, taken, ending = 1, 0, COMPLETED
     positive = determinant > 0.0
     value = measure_at(bodies, facts, rows, measure, y[4:], w, S, L, spare)
     sign = -1.0 if value < 0.0 else 1.0
     value *= sign
-    least, least_at = value, t
+    least, least_at, most = value, t, value
     if determinant == 0.0 or not math.isfinite(determinant):
         ending, least = SINGULAR, 0.0
     elif value < stop_below:
@@ -261,7 +178,6 @@ def follow_one(
         extent[0, j] = abs(K[0, 4 + j]) / duration
     step = _FIRST_STEP
     value_before, step_before = value, 0.0
-    fresh = False
     while ending == COMPLETED:
         leg = ends[piece] if forward > 0.0 else (ends[piece - 1] if piece > 0 else 0.0)
         leg = (min(goal, leg) if forward > 0.0 else max(goal, leg)) / duration
@@ -270,12 +186,7 @@ def follow_one(
             if forward * (goal / duration - t) <= 0.0:
                 break
             piece += 1 if forward > 0.0 else -1
-            fresh = True
             continue
-        if fresh:
-            _flow(bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
-                  t, y, K[0], w, S, L, q, rates, demand)  # fmt: skip
-            fresh = False
         taken += 1
         if taken > _MAX_STEPS:
             ending = FAILED
@@ -293,7 +204,7 @@ def follow_one(
                 for j in range(dim):
                     at[j] += weight * K[i, j]
             share = tableau[s, 6] if s < 6 else 1.0
-            determinant = _flow(bodies, facts, rows, origins, spans, law, tangents, duration,
+            determinant = flow(bodies, facts, rows, origins, spans, law, tangents, duration,
                                 piece, h, t + dt * share, at, K[s], w, S, L, q, rates,
                                 demand)  # fmt: skip
             evaluations += 1
@@ -327,12 +238,15 @@ def follow_one(
             new[j] = at[j]
         t_new = leg if whole else t + dt
         left, center, middle, right = step_before, 0.0, value, after
-        if step_before == 0.0 or (whole and leg == goal / duration and after < value):
+        last_step = whole and leg == goal / duration
+        if step_before == 0.0 or (last_step and after < value):
             # beside the first and the last node a dip has no node of its own
-            left, center = 0.0, 0.5 * dt
-            _inside(tableau, K, y, dt, 0.5, rates)
-            middle = sign * measure_at(bodies, facts, rows, measure, rates, w, S, L, spare)
-            value_before = value
+            left, middle, value_before = 0.0, math.inf, value
+            for share in (0.5, 0.97 if last_step else 0.03):
+                _inside(tableau, K, y, dt, share, rates)
+                probe = sign * measure_at(bodies, facts, rows, measure, rates, w, S, L, spare)
+                if probe < middle:
+                    center, middle = share * dt, probe
         if middle <= value_before and middle <= right:
             back, on = abs(center + left), abs(dt - center)
             fall, rise = (value_before - middle) / back, (right - middle) / on
@@ -347,6 +261,7 @@ def follow_one(
                     least, least_at = low, t + place
         if after < least:
             least, least_at = after, t_new
+        most = max(most, after)
         speed = 0.0
         for j in range(n):
             rate = abs(K[6, 4 + j])
@@ -372,7 +287,7 @@ def follow_one(
         last[j] = y[j]
     if ending == SINGULAR:
         least, least_at = 0.0, t
-    return ending, t * duration, least, least_at * duration, evaluations
+    return ending, t * duration, least, least_at * duration, most, evaluations
 
 
 @compiled
@@ -381,7 +296,11 @@ def follow_many(
     goals: Array, stop_below: float, tolerance: float, first: int, beyond: int, room: Room,
     out: Outcomes,
 ) -> None:  # fmt: skip
-    """Follow motions ``first`` to ``beyond`` and write what became of them."""
+    """Follow motions ``first`` to ``beyond`` and write what became of them.
+
+    Where the measure gets small beside its largest value on the way, an error that hardly changes
+    the motion changes the measure's share of it much: such motions are followed again, stricter.
+    """
     _follow_many(
         borrowed(tableau), borrowed(robot.bodies), borrowed(robot.facts), borrowed(robot.rows),
         robot.measure, borrowed(robot.ends), borrowed(robot.origins), borrowed(robot.spans),
@@ -403,11 +322,19 @@ def _follow_many(
 ) -> None:  # fmt: skip
     n = joints.shape[1]
     for k in range(first, beyond):
-        ending, when, least, least_at, evaluations = follow_one(
+        ending, when, least, least_at, most, evaluations = follow_one(
             tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents, duration,
             attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below, tolerance,
             last, extent, w, S, L, stages, states, room,
         )  # fmt: skip
+        undecided = ending == COMPLETED or (ending == MARGIN and least > _UNDECIDED * stop_below)
+        if undecided and least < _SMALL * most:
+            ending, when, least, least_at, most, more = follow_one(
+                tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents,
+                duration, attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below,
+                _STRICTER * tolerance, last, extent, w, S, L, stages, states, room,
+            )  # fmt: skip
+            evaluations += more
         out.ending[k], out.ended_at[k] = ending, when
         out.least[k], out.least_at[k] = least, least_at
         out.evaluations[k] = evaluations
