@@ -698,6 +698,8 @@ FIXED = "fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}"
         ("margin: {measure: arm, value: 5}", "margin: {fraction: 0.2}"),
         ("margin: {measure: arm, value: 5}\n", ""),
         ("duration: 100", "duration: 100, stops: [{s: 0.5, t: 20}]"),
+        ("task: pose\n", "task: pose\nsearch: {samples: null, seed: 4}\n"),
+        ("task: pose\n", "task: pose\nsearch: {samples: 8}\n"),
     ],
 )
 def test_the_schema_accepts_what_a_scenario_may_say(
@@ -729,6 +731,7 @@ def test_the_schema_accepts_what_a_scenario_may_say(
         ("end_effector}", f"end_effector, payload: {MATRIX.replace('[0, 0, 1]', '[0, 0]')}}}"),
         ("end_effector}", "end_effector, spacecraft: {mass: 9}}"),
         ("task: pose\n", ""),
+        ("task: pose\n", "task: pose\nsearch: {samples: 7}\n"),
     ],
 )
 def test_the_schema_refuses_what_simulate_refuses(
@@ -778,11 +781,15 @@ def test_schema_prints_the_same_with_and_without_json(folder: Path) -> None:
 
 def test_help_names_every_command_and_every_option() -> None:
     text = run("--help").stdout
-    for name in ("info", "simulate", "schema"):
+    for name in ("info", "simulate", "workspace", "plan", "map", "schema"):
         assert name in text
     text = run("simulate", "-h").stdout
     for option in ("--attitude", "--heading", "--joints", "--branch", "--stop-at-margin", "--json"):
         assert option in text
+    text = run("map", "-h").stdout
+    for option in ("--samples", "--seed", "--threads", "--nearest", "--boundary", "--output"):
+        assert option in text
+    assert "--threads" in run("plan", "-h").stdout
 
 
 def test_the_command_answers_from_another_folder(tmp_path: Path) -> None:

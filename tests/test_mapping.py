@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -171,6 +172,32 @@ def test_control_c_ends_a_long_map_with_one_line(folder: Path) -> None:
         stdout, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert (stdout, stderr) == (b"", b"freefloat: interrupted\n")
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_full_disk_is_one_clear_error_and_leaves_nothing(folder: Path) -> None:
+    before = sorted(folder.iterdir())
+    program = [
+        sys.executable,
+        "-m",
+        "freefloat",
+        "map",
+        "easy.yaml",
+        "--samples",
+        "2048",
+        "-o",
+        "map.h5",
+    ]
+    done = subprocess.run(
+        program,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000)),
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert "map.h5: File too large" in done.stderr
     assert sorted(folder.iterdir()) == before
 
 

@@ -7,7 +7,7 @@ import os
 import platform
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -61,7 +61,8 @@ def written_beside(path: Path) -> Iterator[Path]:
         temporary.chmod(0o666 & ~_umask())
         os.replace(temporary, path)
     except OSError as error:
-        raise InputError("output", f"{path}: {error.strerror or error}", accepted) from None
+        problem = os.strerror(error.errno) if error.errno else str(error).splitlines()[0]
+        raise InputError("output", f"{path}: {problem}", accepted) from None
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -204,7 +205,7 @@ def _write_text(file: Any, name: str, text: str) -> None:
 def _new_file(path: str | Path, kind: str, scenario: Scenario) -> Iterator[Any]:
     if not str(path):
         raise InputError("output", "an empty name was given", "the name of a file")
-    with written_beside(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+    with written_beside(Path(path)) as temporary, _opened(temporary) as file:
         file.attrs["format"], file.attrs["version"] = f"freefloat {kind}", FORMAT_VERSION
         for package in _SOFTWARE:
             file.attrs[f"software_{package}"] = version(package)
@@ -217,6 +218,22 @@ def _new_file(path: str | Path, kind: str, scenario: Scenario) -> Iterator[Any]:
         for name, text in texts.items():
             _write_text(file, name, text)
         yield file
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A new HDF5 file; what h5py notices of a full disk on closing is an OSError, too."""
+    file = h5py.File(path, "w")
+    try:
+        yield file
+    except BaseException:
+        with suppress(RuntimeError):
+            file.close()
+        raise
+    try:
+        file.close()
+    except RuntimeError as error:
+        raise OSError(str(error)) from None
 
 
 def _write_motion(file: Any, motion: Motion) -> None:
