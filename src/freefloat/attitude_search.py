@@ -5,6 +5,7 @@ All three begin with samples of a map and go on with small clouds of attitudes, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,12 +13,13 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from freefloat.attitude_map import AttitudeMap, depths
-from freefloat.map_boundary import EXACT, ROUGH, Inside, bisected, edge
+from freefloat.map_boundary import EXACT, ROUGH, BoundaryPoint, Inside, bisected, edge
 from freefloat.outlook import Outlook
 from freefloat.rollout import kept
 from freefloat.spatial import (
     Array,
     angle_between,
+    attitude_grid,
     attitudes_within,
     grid_spacing,
 )
@@ -31,12 +33,13 @@ _FINE = 2e-5
 """Clouds smaller than this end a climb [rad]."""
 _COARSE = 4e-3
 """Clouds smaller than this end a search for the closest [rad]."""
-_ROUNDS = 24
-_ROOM = 0.02
-"""Share of the grid's spacing to which the roomiest place is found."""
+_ROUNDS = 40
+_CENTERS, _STARTS = 20_000, 4
+_ROOM = 2e-3
+"""To which the roomiest place is found [rad]."""
 _PRUDENT = 0.99
 _LIMITS = 64
-_WIDE, _WAYS = 512, 6
+_WIDE, _WAYS = 512, 10
 _SURE = 4096
 """Attitudes that confirm a ball."""
 _PROMISING = 0.25
@@ -227,7 +230,9 @@ def _spread(attitudes: Array, count: int) -> Array:
     return np.asarray(pool[taken])
 
 
-def deepest(outlook: Outlook, found: AttitudeMap) -> Candidate | None:
+def deepest(
+    outlook: Outlook, found: AttitudeMap, known: Sequence[BoundaryPoint] = ()
+) -> Candidate | None:
     """The attitude deepest inside: the centre of the largest ball that keeps the margin throughout.
 
     Attitudes known to lie outside limit every ball. The largest ball that they leave is looked
@@ -236,6 +241,8 @@ def deepest(outlook: Outlook, found: AttitudeMap) -> Candidate | None:
     Args:
         outlook: Of the same problem.
         found: The map.
+        known: Points of the boundary, for instance from touch points, that limit balls from the
+            first.
 
     Returns:
         None where no sample is feasible.
@@ -252,26 +259,23 @@ def deepest(outlook: Outlook, found: AttitudeMap) -> Candidate | None:
         if best is not None and deep < best.merit + _PROMISING * spacing:
             break
         limits = edge(outlook, found.attitudes, inside, branch, _EDGE, ROUGH)
-        outside = np.vstack([found.attitudes[~inside], limits])
+        touched = [one.attitude for one in known if one.branch == branch]
+        outside = np.vstack([found.attitudes[~inside], limits, *touched])
         least = 0.0 if best is None else best.merit
-        ball = _settled(outlook, found.attitudes[inside], branch, outside, spacing, least)
+        ball = _settled(outlook, branch, outside, spacing, least)
         if best is None or ball.merit > best.merit:
             best = ball
     return None if best is None else _confirmed(outlook, best)
 
 
 def _settled(
-    outlook: Outlook,
-    samples: Array,
-    branch: int | None,
-    outside: Array,
-    spacing: float,
-    least: float,
+    outlook: Outlook, branch: int | None, outside: Array, spacing: float, least: float
 ) -> Candidate:
     """The centre and radius of a branch's largest ball, if larger than ``least`` [rad]."""
-    best = Candidate(samples[0], branch, 0.0)
+    centers = attitude_grid(_CENTERS)
+    best = Candidate(centers[0], branch, 0.0)
     for _ in range(_ROUNDS):
-        center, room = _roomiest(samples, outside, spacing)
+        center, room = _roomiest(centers, outside)
         if max(best.merit, least) > _SETTLED * room:
             break
         radius, limits = _limits(outlook, center, branch, spacing, 1.1 * room)
@@ -296,22 +300,26 @@ def _found_outside(outlook: Outlook, center: Array, branch: int | None, radius: 
     return bisected(lambda some: ~outlook.keeps(some, branch), bad, centers, ROUGH)
 
 
-def _roomiest(samples: Array, outside: Array, spacing: float) -> tuple[Array, float]:
-    """The place near one of the samples that is farthest from all those outside, and how far."""
+def _roomiest(centers: Array, outside: Array) -> tuple[Array, float]:
+    """The place that is farthest from all those outside, near one of the centers."""
     if not len(outside):
-        return samples[0], float(np.pi)
+        return centers[0], float(np.pi)
     tree = cKDTree(np.vstack([outside, -outside]))
-    chords, _ = tree.query(samples)
-    best, room = samples[int(np.argmax(chords))], float(chords.max())
-    radius, turn = 2.0 * spacing, 0
-    while radius > _ROOM * spacing:
-        turn += 1
-        cloud = attitudes_within(best, min(radius, np.pi), 128, turn)
-        chords, _ = tree.query(cloud)
-        if chords.max() > room:
-            best, room = cloud[int(np.argmax(chords))], float(chords.max())
-        else:
-            radius *= 0.5
+    chords, _ = tree.query(centers)
+    places = []
+    for start in np.argsort(-chords)[:_STARTS]:
+        best, room = centers[start], float(chords[start])
+        radius, turn = grid_spacing(len(centers)), 0
+        while radius > _ROOM:
+            turn += 1
+            cloud = attitudes_within(best, radius, _CLOUD, turn)
+            rooms, _ = tree.query(cloud)
+            if rooms.max() > room:
+                best, room = cloud[int(np.argmax(rooms))], float(rooms.max())
+            else:
+                radius *= 0.5
+        places.append((room, best))
+    room, best = max(places, key=lambda place: place[0])
     return best, float(4.0 * np.arcsin(min(1.0, room / 2.0)))
 
 

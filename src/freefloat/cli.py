@@ -279,6 +279,15 @@ def map_(
             help="Find N attitudes for each arm branch where the margin is just kept.",
         ),
     ] = None,
+    touch: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="For arms with an elbow and a spherical wrist: carry N points of the boundary "
+            "back from touch points (Section VI) and compare.",
+        ),
+    ] = None,
     output: Output = None,
     as_json: Json = False,
 ) -> None:
@@ -298,7 +307,7 @@ def map_(
 
         loaded = load_scenario(scenario)
         problem = loaded.problem()
-        wishes = Wishes(samples, seed, threads, nearest, boundary, output)
+        wishes = Wishes(samples, seed, threads, nearest, boundary, touch, output)
         planar = problem.task.planar
         document = (map_in_plane if planar else map_in_space)(loaded, problem, wishes)
     tables = (map_tables if planar else attitude_map_tables)(document, scenario)

@@ -113,6 +113,16 @@ def nearest_document(one: Candidate | None) -> Document | None:
     return None if one is None else _with_angle(one, "deviation_deg")
 
 
+def touch_document(points: Sequence[BoundaryPoint]) -> Document:
+    """Points of the boundary from touch points, and how far from them bisection finds it."""
+    gaps = [point.gap for point in points if point.gap is not None]
+    return {
+        "count": len(points),
+        "worst_gap_deg": float(np.degrees(max(gaps))) if gaps else None,
+        "points": [place_document(point) for point in points],
+    }
+
+
 def _with_angle(one: Candidate, key: str) -> Document:
     return {**place_document(one), key: float(np.degrees(one.merit))}
 

@@ -18,6 +18,7 @@ from freefloat.map_report import (
     map_document,
     nearest_document,
     place_document,
+    touch_document,
 )
 from freefloat.planar_search import heading_map
 from freefloat.problem import Problem
@@ -27,6 +28,7 @@ from freefloat.warm_up import warm_up
 
 if TYPE_CHECKING:  # kernels take half a second to import: planar maps do without
     from freefloat.attitude_map import AttitudeMap
+    from freefloat.map_boundary import BoundaryPoint
     from freefloat.outlook import Outlook, Prospects
 
 _HEADINGS, _ATTITUDES = 360, 36_864
@@ -42,6 +44,7 @@ class Wishes:
         threads: How many cores to use, or None for all.
         nearest: Quaternion x, y, z, w to find the nearest feasible attitude to.
         boundary: How many points of the boundary to find for each arm branch.
+        touch: How many points of the boundary to carry back from touch points (Section VI).
         output: The file to write.
     """
 
@@ -50,12 +53,13 @@ class Wishes:
     threads: int | None = None
     nearest: tuple[float, float, float, float] | None = None
     boundary: int | None = None
+    touch: int | None = None
     output: Path | None = None
 
 
 def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[str, Any]:
     """Follow every heading of a planar problem; what ``map`` answers."""
-    for key in ("nearest", "boundary"):
+    for key in ("nearest", "boundary", "touch"):
         if getattr(wishes, key) is not None:
             raise InputError(
                 key, f"task {problem.task} is planar", "a spatial task; freefloat plan tells limits"
@@ -93,7 +97,7 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
             sink = writer.write
         with scenario.told(), progress_bar(f"following {samples:,} attitudes") as progress:
             found = map_attitudes(outlook, samples, seed, progress=progress, sink=sink)
-        with progress_bar("searching between them"):
+        with scenario.told(), progress_bar("searching between them"):
             document = _searched(outlook, found, wishes, start)
         if wishes.output is not None:
             writer.conclude(document)
@@ -104,14 +108,18 @@ def _searched(outlook: Outlook, found: AttitudeMap, wishes: Wishes, start: float
     """The document of a map, with what lies between its samples."""
     from freefloat.attitude_map import regions
     from freefloat.attitude_search import deepest, largest_margins, nearest_feasible
-    from freefloat.map_boundary import boundary
+    from freefloat.map_boundary import boundary, touched_boundary
     from freefloat.rollout import kept
 
     problem = outlook.problem
     extra: dict[str, Any] = {}
+    touched: list[BoundaryPoint] = []
+    if wishes.touch is not None:
+        touched = touched_boundary(outlook, wishes.touch, found.seed)
+        extra["touch"] = touch_document(touched)
     highest = largest_margins(outlook, found)
     best = next((one for one in highest if kept(np.array(one.merit), problem.margin.value)), None)
-    robust = deepest(outlook, found)
+    robust = deepest(outlook, found, touched)
     if wishes.nearest is not None:
         now = problem.attitude("nearest", wishes.nearest)
         candidates = nearest_feasible(outlook, found, now)
