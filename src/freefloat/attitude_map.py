@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from freefloat.errors import InputError
-from freefloat.outlook import UNREACHED, Outlook, Prospects, has_twin_branches
+from freefloat.outlook import UNREACHED, Outlook, Prospects, clear, has_twin_branches
 from freefloat.problem import Problem
 from freefloat.rollout import Progress, kept
 from freefloat.rollout_kernels import COMPLETED
@@ -35,6 +35,7 @@ class AttitudeMap:
         attitudes: Evenly spread, quaternions x, y, z, w, shape (N, 4).
         least: Smallest magnitude of the measure, zero where the motion becomes singular or there is
             no such arm branch, shape (N, B).
+        clearances: Smallest over largest magnitude of det S* on the way, shape (N, B).
         endings: Codes as in :class:`~freefloat.rollout.Rollout`; -1: no such branch, shape (N, B).
     """
 
@@ -42,6 +43,7 @@ class AttitudeMap:
     seed: int
     attitudes: Array
     least: Array
+    clearances: Array
     endings: npt.NDArray[np.int8]
 
     @property
@@ -77,6 +79,11 @@ class AttitudeMap:
     def motion_fraction(self) -> float:
         """Share of the motions that keep the margin."""
         return float(self.kept.sum() / max(1, self.motions))
+
+    def safe(self, branch: int | None) -> npt.NDArray[np.bool_]:
+        """Where a branch, or any, keeps the margin and stays clear of all singularities, (N,)."""
+        good = self.kept & clear(self.clearances)
+        return np.asarray(good.any(axis=1) if branch is None else good[:, branch])
 
     def families(self) -> list[tuple[int | None, Array]]:
         """Arm branches that vary smoothly with the attitude, and the margin that each keeps (N,).
@@ -137,7 +144,7 @@ def map_attitudes(
     if samples < _FEWEST:
         raise InputError("samples", f"{samples} was given", f"{_FEWEST} or more")
     attitudes = attitude_grid(samples, seed)
-    least, endings = [], []
+    least, clearances, endings = [], [], []
     for first in range(0, samples, _BLOCK):
         block = attitudes[first : first + _BLOCK]
         share = len(block) / samples
@@ -148,12 +155,16 @@ def map_attitudes(
 
         found = outlook.prospects(block, progress=report)
         least.append(found.least)
+        clearances.append(found.clearances)
         endings.append(found.endings)
         if sink is not None:
             sink(found)
     ended = np.concatenate(endings)
     ended.setflags(write=False)
-    return AttitudeMap(problem, seed, frozen(attitudes), frozen(np.concatenate(least)), ended)
+    return AttitudeMap(
+        problem, seed, frozen(attitudes), frozen(np.concatenate(least)),
+        frozen(np.concatenate(clearances)), ended,
+    )  # fmt: skip
 
 
 def depths(attitudes: Array, inside: npt.NDArray[np.bool_]) -> Array:

@@ -208,7 +208,7 @@ def _limits(
     """
 
     def outside(attitudes: Array) -> npt.NDArray[np.bool_]:
-        return ~outlook.keeps(attitudes, branch)
+        return ~outlook.safe(attitudes, branch)
 
     radius, limits = reach, np.empty((0, 4))
     while not len(limits) and radius < 2.0 * np.pi:
@@ -245,12 +245,11 @@ def deepest(
             first.
 
     Returns:
-        None where no sample is feasible.
+        None where no sample is feasible and clear of all singularities.
     """
-    value, spacing = found.problem.margin.value, grid_spacing(len(found.attitudes))
-    starts = []
-    for branch, margins in found.families():
-        inside = kept(margins, value)
+    spacing, starts = grid_spacing(len(found.attitudes)), []
+    for branch, _ in found.families():
+        inside = found.safe(branch)
         if inside.any():
             depth = depths(found.attitudes, inside)
             starts.append((float(depth.max()), branch, inside))
@@ -258,7 +257,10 @@ def deepest(
     for deep, branch, inside in sorted(starts, key=lambda start: -start[0]):
         if best is not None and deep < best.merit + _PROMISING * spacing:
             break
-        limits = edge(outlook, found.attitudes, inside, branch, _EDGE, ROUGH)
+        limits = edge(
+            lambda some, branch=branch: outlook.safe(some, branch),  # type: ignore[misc]
+            found.attitudes, inside, _EDGE, ROUGH,
+        )  # fmt: skip
         touched = [one.attitude for one in known if one.branch == branch]
         outside = np.vstack([found.attitudes[~inside], limits, *touched])
         least = 0.0 if best is None else best.merit
@@ -292,12 +294,12 @@ def _settled(
 def _found_outside(outlook: Outlook, center: Array, branch: int | None, radius: float) -> Array:
     """Attitudes outside that many spread in a ball come upon, each drawn to the boundary."""
     cloud = attitudes_within(center, radius, _SURE)
-    bad = cloud[~outlook.keeps(cloud, branch)]
+    bad = cloud[~outlook.safe(cloud, branch)]
     bad = bad[np.argsort(angle_between(bad, center))[:_LIMITS]]
     if not len(bad):
         return bad
     centers = np.broadcast_to(center, bad.shape)
-    return bisected(lambda some: ~outlook.keeps(some, branch), bad, centers, ROUGH)
+    return bisected(lambda some: ~outlook.safe(some, branch), bad, centers, ROUGH)
 
 
 def _roomiest(centers: Array, outside: Array) -> tuple[Array, float]:
@@ -328,7 +330,7 @@ def _confirmed(outlook: Outlook, ball: Candidate) -> Candidate:
     radius, seed = _PRUDENT * ball.merit, 1
     while radius > _FINE:
         cloud = attitudes_within(ball.attitude, radius, _SURE, seed)
-        bad = ~outlook.keeps(cloud, ball.branch)
+        bad = ~outlook.safe(cloud, ball.branch)
         if not bad.any():
             break
         radius = _PRUDENT * float(angle_between(cloud[bad], ball.attitude).min())

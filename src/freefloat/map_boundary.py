@@ -82,30 +82,41 @@ def boundary(outlook: Outlook, found: AttitudeMap, count: int) -> list[BoundaryP
     """
     value, points = found.problem.margin.value, []
     for branch, margins in found.families():
-        found_edge = edge(outlook, found.attitudes, kept(margins, value), branch, count, EXACT)
-        points += [BoundaryPoint(attitude, branch) for attitude in found_edge]
+
+        def inside(attitudes: Array, branch: int | None = branch) -> npt.NDArray[np.bool_]:
+            return outlook.keeps(attitudes, branch)
+
+        edge_ = edge(inside, found.attitudes, kept(margins, value), count, EXACT)
+        points += [BoundaryPoint(attitude, branch) for attitude in edge_]
     return points
 
 
 def edge(
-    outlook: Outlook,
+    inside: Inside,
     attitudes: Array,
     feasible: npt.NDArray[np.bool_],
-    branch: int | None,
     count: int,
     rounds: int,
 ) -> Array:
-    """Attitudes on the boundary of a branch's feasible set, just inside, shape (K, 4)."""
+    """Attitudes on the boundary of a set, just inside, by bisection between neighbouring samples.
+
+    Args:
+        inside: Tells which attitudes (K, 4) belong to the set.
+        attitudes: Samples, shape (N, 4).
+        feasible: Which of them belong to it, shape (N,).
+        count: How many pairs of neighbours to look between, evenly picked.
+        rounds: As for :func:`bisected`.
+
+    Returns:
+        Shape (K, 4).
+    """
     if feasible.all() or not feasible.any():
         return np.empty((0, 4))
     within, beyond = attitudes[feasible], attitudes[~feasible]
     chord, other = cKDTree(np.vstack([beyond, -beyond])).query(within)
     (close,) = np.nonzero(4.0 * np.arcsin(chord / 2.0) < 1.5 * grid_spacing(len(feasible)))
     picked = close[np.linspace(0, len(close) - 1, min(count, len(close))).astype(int)]
-    return bisected(
-        lambda some: outlook.keeps(some, branch),
-        within[picked], beyond[other[picked] % len(beyond)], rounds,
-    )  # fmt: skip
+    return bisected(inside, within[picked], beyond[other[picked] % len(beyond)], rounds)
 
 
 def touched_boundary(

@@ -27,6 +27,8 @@ class Prospects:
         joints: Of each branch at the start, NaN where there is none, shape (K, B, n).
         endings: Codes as in :class:`~freefloat.rollout.Rollout`, -1 where there is no branch,
             shape (K, B).
+        clearances: Smallest over largest magnitude of det S* on the way; zero where singular or no
+            branch, shape (K, B).
         least: Smallest magnitude of the measure; zero where singular or no branch, shape (K, B).
         rollout: The motions, in the order of the branches that exist.
     """
@@ -34,6 +36,7 @@ class Prospects:
     attitudes: Array
     joints: Array
     endings: npt.NDArray[np.int8]
+    clearances: Array
     least: Array
     rollout: Rollout
 
@@ -99,8 +102,10 @@ class Outlook:
             rollout = _mirrored(rollout, own, joints[followed])
         endings = np.full(found.shape, UNREACHED, dtype=np.int8)
         least = np.zeros(found.shape)
+        clearances = np.zeros(found.shape)
         endings[found], least[found] = rollout.endings, rollout.least
-        return Prospects(attitudes, joints, endings, least, rollout)
+        clearances[found] = rollout.clearances
+        return Prospects(attitudes, joints, endings, clearances, least, rollout)
 
     def margins(self, attitudes: Array, branch: int | None) -> Array:
         """Margin that a branch, or the best of all, keeps from attitudes (K, 4); shape (K,)."""
@@ -110,6 +115,25 @@ class Outlook:
         """Whether a branch, or any, keeps the problem's margin from attitudes (K, 4); (K,)."""
         found = self.prospects(attitudes, branch, stop_at_margin=True)
         return np.asarray(kept(found.margins, self.problem.margin.value).any(axis=1))
+
+    def safe(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
+        """Whether they keep it and stay :func:`clear` of all singularities; (K,)."""
+        found = self.prospects(attitudes, branch, stop_at_margin=True)
+        good = kept(found.margins, self.problem.margin.value) & clear(found.clearances)
+        return np.asarray(good.any(axis=1))
+
+
+_CLEAR = 0.01
+
+
+def clear(clearances: Array) -> npt.NDArray[np.bool_]:
+    """Where motions stay clear of singularities, also of those that their measure does not see.
+
+    A motion may pass such a one at any distance. The attitudes from which it is met form surfaces
+    that no sampling hits; near them det S* gets small, and that is seen from afar: it is asked to
+    stay above a hundredth of its largest magnitude on the way.
+    """
+    return np.asarray(clearances > _CLEAR)
 
 
 _NEGLIGIBLE = 1e-7

@@ -57,6 +57,8 @@ class Rollout:
         rates: Largest magnitudes of the joint rates, at the integrator's steps, shape (K, n).
         lower: Smallest joint values, at the integrator's steps, shape (K, n).
         upper: Largest ones, shape (K, n).
+        clearances: Smallest over largest magnitude of det S* at the integrator's steps: near zero
+            beside any singularity, also one that the measure does not see, shape (K,).
         evaluations: Of (4), shape (K,).
     """
 
@@ -69,6 +71,7 @@ class Rollout:
     rates: Array
     lower: Array
     upper: Array
+    clearances: Array
     evaluations: npt.NDArray[np.int64]
 
     def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
@@ -128,7 +131,8 @@ class Roller:
             np.array(attitudes, dtype=float, order="C"),  # copies, for kernels are compiled for
             np.array(joints, dtype=float, order="C"),  # arrays that may be written to
             np.array(
-                np.broadcast_to(self.problem.momentum if momenta is None else momenta, (K, 3))
+                np.broadcast_to(self.problem.momentum if momenta is None else momenta, (K, 3)),
+                order="C",
             ),
             np.zeros(K) if starts is None else np.array(starts, dtype=float),
             np.full(K, duration) if ends is None else np.array(ends, dtype=float),
@@ -177,7 +181,8 @@ def _room(K: int, n: int) -> Outcomes:
     return Outcomes(
         ending=np.zeros(K, np.int8), ended_at=np.zeros(K), least=np.zeros(K), least_at=np.zeros(K),
         attitude=np.zeros((K, 4)), joints=np.zeros((K, n)), rates=np.zeros((K, n)),
-        lower=np.zeros((K, n)), upper=np.zeros((K, n)), evaluations=np.zeros(K, np.int64),
+        lower=np.zeros((K, n)), upper=np.zeros((K, n)), clearance=np.zeros(K),
+        evaluations=np.zeros(K, np.int64),
     )  # fmt: skip
 
 

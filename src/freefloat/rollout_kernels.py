@@ -68,6 +68,7 @@ class Outcomes(NamedTuple):
     rates: Array  # (K, n), largest magnitudes of the joint rates
     lower: Array  # (K, n), of the joints on the way
     upper: Array  # (K, n)
+    clearance: Array  # (K,), smallest over largest magnitude of det S at the steps
     evaluations: IntArray  # (K,), of (4)
 
 
@@ -103,7 +104,7 @@ def follow_one(
     joints: Array, h: Array, start: float, goal: float, stop_below: float, tolerance: float,
     last: Array, extent: Array, w: Array, S: Array, L: Array, stages: Array, states: Array,
     room: Array,
-) -> tuple[int, float, float, float, float, int]:  # fmt: skip
+) -> tuple[int, float, float, float, float, float, int]:  # fmt: skip
     """Follow the path from a state.
 
     The arguments up to ``duration`` are those of :class:`Robot`; from ``attitude`` to ``tolerance``
@@ -112,7 +113,8 @@ def follow_one(
     they and what follows them are a :class:`Room`.
 
     Returns:
-        Ending, when, least magnitude of the measure, when, largest magnitude, evaluations of (4).
+        Ending, when, least magnitude of the measure, when, largest magnitude, smallest over largest
+        magnitude of det S, evaluations of (4).
     """
     n, m = len(joints), len(rows)
     square = n == m
@@ -132,6 +134,7 @@ def follow_one(
                         t, y, K[0], w, S, L, q, rates, demand)  # fmt: skip
     evaluations, taken, ending = 1, 0, COMPLETED
     positive = determinant > 0.0
+    smallest, largest = abs(determinant), abs(determinant)
     value = measure_at(bodies, facts, rows, measure, y[4:], w, S, L, spare)
     sign = -1.0 if value < 0.0 else 1.0
     value *= sign
@@ -203,6 +206,7 @@ def follow_one(
         if after < least:
             least, least_at = after, t_new
         most = max(most, after)
+        smallest, largest = min(smallest, abs(determinant)), max(largest, abs(determinant))
         speed = _widen(extent, at, K, duration)
         if least <= 0.0 or (not square and speed > _TOO_FAST):
             ending = SINGULAR
@@ -215,8 +219,9 @@ def follow_one(
     for j in range(4 + n):
         last[j] = y[j]
     if ending == SINGULAR:
-        least, least_at = 0.0, t
-    return ending, t * duration, least, least_at * duration, most, evaluations
+        least, least_at, smallest = 0.0, t, 0.0
+    clearance = smallest / largest if largest > 0.0 else 0.0
+    return ending, t * duration, least, least_at * duration, most, clearance, evaluations
 
 
 @compiled
@@ -251,14 +256,14 @@ def _follow_many(
 ) -> None:  # fmt: skip
     n = joints.shape[1]
     for k in range(first, beyond):
-        ending, when, least, least_at, most, evaluations = follow_one(
+        ending, when, least, least_at, most, clearance, evaluations = follow_one(
             tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents, duration,
             attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below, tolerance,
             last, extent, w, S, L, stages, states, room,
         )  # fmt: skip
         undecided = ending == COMPLETED or (ending == MARGIN and least > _UNDECIDED * stop_below)
         if undecided and least < _SMALL * most:
-            ending, when, least, least_at, most, more = follow_one(
+            ending, when, least, least_at, most, clearance, more = follow_one(
                 tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents,
                 duration, attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below,
                 _STRICTER * tolerance, last, extent, w, S, L, stages, states, room,
@@ -266,7 +271,7 @@ def _follow_many(
             evaluations += more
         out.ending[k], out.ended_at[k] = ending, when
         out.least[k], out.least_at[k] = least, least_at
-        out.evaluations[k] = evaluations
+        out.clearance[k], out.evaluations[k] = clearance, evaluations
         for j in range(4):
             out.attitude[k, j] = last[j]
         for j in range(n):
