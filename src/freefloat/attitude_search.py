@@ -24,9 +24,9 @@ from freefloat.spatial import (
     grid_spacing,
 )
 
-_CLOUD = 48
+_CLOUD = 40
 """Attitudes in a cloud."""
-_CANDIDATES = 24
+_CANDIDATES = 16
 _FINISHED = 4
 _TURNS = 60
 _FINE = 2e-5
