@@ -220,6 +220,15 @@ def test_where_everything_serves_any_ball_does(problem: Problem) -> None:
     assert best.merit == pytest.approx(np.pi, rel=0.02)
 
 
+@pytest.mark.xfail(strict=True, reason="an attitude outside gets a radius of rounding error")
+def test_the_deepest_of_a_tiny_set_lies_inside(problem: Problem) -> None:
+    """A single sample serves, hardly anything around it."""
+    land = Landscape(problem, b0=ball(attitude_grid(64)[5], 0.01))
+    best = deepest(land, land.map(64))
+    assert best is not None
+    assert land.keeps(best.attitude[None], 0)[0]
+
+
 def test_where_nothing_serves_there_is_no_deepest(problem: Problem) -> None:
     land = Landscape(problem, b0=ball(HERE, -1.0))
     assert deepest(land, land.map(64)) is None
