@@ -9,15 +9,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from freefloat.bundled import models_folder
 from freefloat.errors import UnreachableError
+from freefloat.model import FreeFloatingModel
 from freefloat.motion import Ending
-from freefloat.outlook import UNREACHED, Outlook, Prospects
+from freefloat.outlook import UNREACHED, Outlook, Prospects, has_twin_branches
 from freefloat.problem import Margin, Problem
 from freefloat.rollout_kernels import COMPLETED, MARGIN, SINGULAR
 from freefloat.scenario import load_scenario
 from freefloat.simulation import simulate
-from freefloat.spatial import heading_quaternion
+from freefloat.singularity import measure
+from freefloat.spatial import angle_between, attitude_grid, heading_quaternion
 
+ROUNDING = 1e-4
+"""Twins' motions differ by the integrator's tolerance."""
 BAD = [0.1, 0.5, 0.2, -0.8367]
 CODES = {Ending.COMPLETED: COMPLETED, Ending.SINGULAR: SINGULAR, Ending.MARGIN: MARGIN}
 
@@ -104,17 +109,18 @@ def test_where_there_is_no_branch_there_is_nothing(name: str, count: int) -> Non
 
 @pytest.mark.parametrize(("name", "count"), CASES)
 def test_one_branch_alone_is_that_column_of_all(name: str, count: int) -> None:
-    """To the bit; a number no attitude has gives an empty table."""
+    """To the bit, but for twins; a number no attitude has gives an empty table."""
     problem, attitudes, prospects = seen(name, count)
     outlook = Outlook(problem, 1)
     for branch in range(prospects.endings.shape[1]):
         alone = outlook.prospects(attitudes, branch)
         column = slice(branch, branch + 1)
         np.testing.assert_array_equal(alone.endings, prospects.endings[:, column])
-        np.testing.assert_array_equal(alone.least, prospects.least[:, column])
+        rounding = ROUNDING if outlook.twins else 0.0
+        np.testing.assert_allclose(alone.least, prospects.least[:, column], rtol=rounding)
         np.testing.assert_array_equal(alone.joints, prospects.joints[:, column])
         margins = outlook.margins(attitudes, branch)
-        np.testing.assert_array_equal(margins, prospects.margins[:, branch])
+        np.testing.assert_array_equal(margins, alone.margins[:, 0])
     beyond = outlook.prospects(attitudes, 100)
     assert beyond.endings.size == 0
     np.testing.assert_array_equal(outlook.margins(attitudes, 100), np.zeros(len(attitudes)))
@@ -147,8 +153,11 @@ def test_keeping_the_margin_is_having_it(name: str, count: int) -> None:
     np.testing.assert_array_equal(outlook.keeps(attitudes, None), keeps.any(axis=1))
     assert keeps.any()
     assert not keeps.all()
+    sure = np.abs(prospects.least / level - 1.0) > ROUNDING
     for branch in range(keeps.shape[1]):
-        np.testing.assert_array_equal(outlook.keeps(attitudes, branch), keeps[:, branch])
+        clear = sure[:, branch] if outlook.twins else np.full(len(attitudes), True)
+        alone = outlook.keeps(attitudes, branch)
+        np.testing.assert_array_equal(alone[clear], keeps[clear, branch])
     for k in np.flatnonzero((prospects.endings != UNREACHED).any(axis=1))[:4]:
         for one in simulate(strict, attitudes[k], stop_at_margin=True).followed:
             nearly = abs(prospects.least[k, one.branch.index] / level - 1.0) < 3e-3
@@ -213,8 +222,8 @@ def test_progress_is_told() -> None:
     assert shares[-1] == 1.0
 
 
-def test_a_redundant_arm_is_followed_from_each_configuration() -> None:
-    """Its branches are a spread-out set, each followed as it is."""
+def test_branches_of_a_redundant_arm_are_followed_as_they_are() -> None:
+    """They are a spread-out set."""
     problem = bundled("panda_servicer/line")
     outlook = Outlook(problem, 1)
     attitude = np.array([[0.0, 0.0, 0.0, 1.0]])
@@ -229,3 +238,95 @@ def test_a_redundant_arm_is_followed_from_each_configuration() -> None:
             assert prospects.least[0, branch] == pytest.approx(
                 simulation.chosen.least.value, rel=1e-3
             )
+
+
+@cache
+def heavy_wrist() -> Problem:
+    """Example 2 with ten kilograms a decimetre beside the axis of the last joint."""
+    light = bundled("spatial_6dof/line")
+    text = (models_folder() / "spatial_6dof" / "spatial_6dof.urdf").read_text()
+    before, after = text.split('<link name="link_5">')
+    mass = '<origin xyz="0 0 0.1"/><mass value="10"/>'
+    text = before + '<link name="link_5">' + after.replace('<mass value="1e-6"/>', mass, 1)
+    model = FreeFloatingModel.from_urdf(text, "end_effector")
+    margin = Margin(measure(model, light.task, "gjm"), 0.0)
+    return Problem(model, light.path, light.task, light.momentum, margin)
+
+
+def test_branches_are_twins_where_the_wrist_is_square_and_weightless() -> None:
+    assert has_twin_branches(bundled("spatial_6dof/line"))
+    for name in ("ur5_servicer/arc", "panda_servicer/line", "planar_3dof/parabola"):
+        assert not has_twin_branches(bundled(name))
+        assert not Outlook(bundled(name), 1).twins
+    assert not has_twin_branches(heavy_wrist())
+
+
+@pytest.mark.parametrize("link", ["link_4", "link_5"])
+def test_any_mass_inside_the_wrist_parts_twins(link: str) -> None:
+    light = bundled("spatial_6dof/line")
+    urdf = models_folder() / "spatial_6dof" / "spatial_6dof.urdf"
+    for factor, twins in ((10.0, True), (1e3, False)):
+        model = FreeFloatingModel.from_urdf(urdf, "end_effector", scale_mass={link: factor})
+        margin = Margin(measure(model, light.task, "gjm"), 0.0)
+        problem = Problem(model, light.path, light.task, light.momentum, margin)
+        assert has_twin_branches(problem) is twins, (link, factor)
+
+
+def test_twins_go_the_way_they_would_go_alone() -> None:
+    """Joints, rates, ranges, last attitude and smallest margin, to the integrator's tolerance."""
+    problem, attitudes = bundled("spatial_6dof/line"), attitude_grid(48, 3)
+    outlook = Outlook(problem, 1)
+    together = outlook.prospects(attitudes)
+    rollout = together.rollout
+    assert outlook.twins
+    done = 0
+    for branch in (1, 3, 5, 7):
+        found = together.endings[:, branch] != UNREACHED
+        own = outlook.roller.follow(attitudes[found], together.joints[found, branch])
+        mine = {
+            name: together.spread(getattr(rollout, name))[found, branch]
+            for name in ("ended_at", "least_at", "attitudes", "joints", "rates", "lower", "upper")
+        }
+        endings = together.endings[found, branch]
+        np.testing.assert_array_equal(endings, own.endings)
+        singular = endings == SINGULAR
+        np.testing.assert_allclose(mine["ended_at"], own.ended_at, atol=1e-2)
+        complete = (endings == COMPLETED) & (own.least > 1.0)
+        done += complete.sum()
+        assert (complete | singular | (own.least <= 1.0)).all()
+        least = together.least[found, branch]
+        np.testing.assert_allclose(least[complete], own.least[complete], rtol=ROUNDING)
+        np.testing.assert_allclose(mine["least_at"][complete], own.least_at[complete], atol=0.1)
+        turns = angle_between(mine["attitudes"][complete], own.attitudes[complete])
+        assert turns.max() < 1e-4
+        for name in ("joints", "rates", "lower", "upper"):
+            off = np.abs(mine[name] - getattr(own, name))[complete]
+            size = np.abs(getattr(own, name)).max()
+            # rates and ranges are those at the integrator's steps
+            assert off.max() < (2e-4 if name == "joints" else 0.02 * size), (name, off.max())
+    assert done > 100
+
+
+def test_twins_stand_behind_one_another() -> None:
+    """Branch 2 k + 1 begins with the wrist of 2 k turned half about, bent the other way."""
+    together = Outlook(bundled("spatial_6dof/line"), 1).prospects(attitude_grid(16, 1))
+    one, other = together.joints[:, ::2], together.joints[:, 1::2]
+    np.testing.assert_allclose(one[..., :3], other[..., :3], atol=1e-9)
+    np.testing.assert_allclose(one[..., 4], -other[..., 4], atol=1e-9)
+    for joint in (3, 5):
+        turn = np.abs(one[..., joint] - other[..., joint])
+        np.testing.assert_allclose(turn, np.pi, atol=1e-9)
+    np.testing.assert_array_equal(together.endings[:, ::2], together.endings[:, 1::2])
+
+
+def test_a_heavy_wrist_makes_every_branch_its_own() -> None:
+    """Taken for twins, they would be told a wrong margin."""
+    problem, attitudes = heavy_wrist(), attitude_grid(6, 2)
+    prospects = Outlook(problem, 1).prospects(attitudes)
+    apart = np.abs(prospects.margins[:, ::2] - prospects.margins[:, 1::2])
+    assert apart.max() > 1e-3 * prospects.margins.max()
+    for one in simulate(problem, attitudes[0]).followed:
+        b = one.branch.index
+        assert prospects.margins[0, b] == pytest.approx(
+            one.least.value if one.motion.completed else 0.0, rel=1e-3
+        )

@@ -160,7 +160,7 @@ def has_twin_branches(problem: Problem) -> bool:
         and np.abs(body.inertia).max() < _NEGLIGIBLE * heaviest
         for body in inner
     )
-    return weightless and max(abs(h4 @ h5), abs(h5 @ h6)) < _NEGLIGIBLE
+    return weightless and bool(max(abs(h4 @ h5), abs(h5 @ h6)) < _NEGLIGIBLE)
 
 
 def _mirrored(rollout: Rollout, own: Array, twin: Array) -> Rollout:
