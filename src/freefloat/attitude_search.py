@@ -33,7 +33,7 @@ _FINE = 2e-5
 """Clouds smaller than this end a climb [rad]."""
 _COARSE = 4e-3
 """Clouds smaller than this end a search for the closest [rad]."""
-_ROUNDS = 40
+_ROUNDS = 60
 _CENTERS, _STARTS = 20_000, 4
 _ROOM = 2e-3
 """To which the roomiest place is found [rad]."""
@@ -132,25 +132,26 @@ def _peaks(found: AttitudeMap, apart: float) -> list[tuple[int | None, int, floa
 def nearest_feasible(outlook: Outlook, found: AttitudeMap, now: Array) -> list[Candidate]:
     """The feasible attitudes nearest to a given one, by arm branch, the nearest first.
 
-    They lie inside the feasible set by as little as compiled motions can tell. Behind each stands
-    the sample of the map that it was found from.
+    They lie inside the feasible set by as little as compiled motions can tell. Among them is each
+    branch's nearest sample of the map.
     """
-    value = found.problem.margin.value * (1.0 + _INSIDE)
-    candidates = []
+    margin = found.problem.margin.value
+    value, candidates = margin * (1.0 + _INSIDE), []
     for branch, margins in found.families():
-        if kept(outlook.margins(now[None], branch), value)[0]:
+        here = outlook.margins(now[None], branch)
+        if kept(here, margin)[0]:
             candidates.append(Candidate(now, branch, 0.0))
+        if kept(here, value)[0]:
             continue
 
         def inside(attitudes: Array, branch: int | None = branch) -> npt.NDArray[np.bool_]:
             return kept(outlook.margins(attitudes, branch), value)
 
-        (feasible,) = np.nonzero(kept(margins, value))
-        if not len(feasible):
-            continue
-        near = feasible[np.argsort(angle_between(found.attitudes[feasible], now))[:3]]
-        drawn = _closest(inside, now, found.attitudes[near], grid_spacing(len(found.attitudes)))
-        for attitude in (*drawn, found.attitudes[near[0]]):
+        order = np.argsort(angle_between(found.attitudes, now))
+        sure = found.attitudes[order[kept(margins[order], value)][:3]]
+        places = _closest(inside, now, sure, grid_spacing(len(order))) if len(sure) else sure
+        nearest = found.attitudes[order[kept(margins[order], margin)][:1]]
+        for attitude in (*places, *nearest):
             candidates.append(Candidate(attitude, branch, float(angle_between(attitude, now))))
     return sorted(candidates, key=lambda one: one.merit)
 
@@ -267,7 +268,7 @@ def deepest(
         ball = _settled(outlook, branch, outside, spacing, least)
         if best is None or ball.merit > best.merit:
             best = ball
-    return None if best is None else _confirmed(outlook, best)
+    return _confirmed(outlook, best) if best is not None and best.merit > 0.0 else None
 
 
 def _settled(
@@ -280,6 +281,9 @@ def _settled(
         center, room = _roomiest(centers, outside)
         if max(best.merit, least) > _SETTLED * room:
             break
+        if not outlook.safe(center[None], branch)[0]:
+            outside = np.vstack([outside, center])
+            continue
         radius, limits = _limits(outlook, center, branch, spacing, 1.1 * room)
         outside = np.vstack([outside, limits])
         if radius > best.merit:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from freefloat.attitude_map import AttitudeMap, map_attitudes
@@ -15,10 +17,10 @@ from freefloat.attitude_search import (
 from freefloat.outlook import UNREACHED, Outlook
 from freefloat.plans import Plan
 from freefloat.problem import Problem
-from freefloat.rollout import Progress
+from freefloat.rollout import Progress, kept
 from freefloat.search import Objective, Search
 from freefloat.simulation import FollowedBranch, simulate
-from freefloat.spatial import grid_spacing
+from freefloat.spatial import angle_between, grid_spacing
 from freefloat.tolerance import tolerance
 
 ATTITUDES = 4096
@@ -75,17 +77,29 @@ def plan_in_space(
 
 def _candidates(outlook: Outlook, found: AttitudeMap, search: Search) -> list[Candidate]:
     """Attitudes to try, the best first; none where the margin is kept nowhere."""
+    now = search.from_attitude
+    if search.objective is Objective.NEAREST and now is not None:
+        nearest = nearest_feasible(outlook, found, now)
+        if nearest:
+            return nearest
+    if search.objective is Objective.ROBUST:
+        deep = deepest(outlook, found)
+        if deep is not None:
+            return [deep]
     value = found.problem.margin.value
-    if search.objective is Objective.MARGIN or not found.kept.any():
-        refined = largest_margins(outlook, found)
-        feasible = [one for one in refined if one.merit >= value and one.merit > 0.0]
-        if search.objective is Objective.MARGIN or not feasible:
-            return feasible
+    between = [one for one in largest_margins(outlook, found) if kept(np.array(one.merit), value)]
+    if search.objective is Objective.MARGIN:
+        return between
+    judged = [replace(one, merit=_judged(outlook, found, one, search)) for one in between]
+    ahead = 1.0 if search.objective is Objective.NEAREST else -1.0
+    return sorted(judged, key=lambda one: ahead * one.merit)
+
+
+def _judged(outlook: Outlook, found: AttitudeMap, one: Candidate, search: Search) -> float:
+    """What the objective makes of an attitude that lies between the samples [rad]."""
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
-        nearest = nearest_feasible(outlook, found, search.from_attitude)
-        return nearest if found.kept.any() else feasible
-    deep = deepest(outlook, found)
-    return feasible if deep is None else [deep]
+        return float(angle_between(one.attitude, search.from_attitude))
+    return safe_radius(outlook, one.attitude, one.branch, grid_spacing(len(found.attitudes)))
 
 
 def _precisely(outlook: Outlook, candidate: Candidate) -> FollowedBranch:
