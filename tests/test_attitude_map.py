@@ -53,7 +53,7 @@ def drawn(
     least = np.atleast_2d(least.T).T.astype(float)
     if endings is None:
         endings = np.full(least.shape, COMPLETED, dtype=np.int8)
-    return AttitudeMap(problem, 0, attitudes, least, endings)
+    return AttitudeMap(problem, 0, attitudes, least, np.ones(least.shape), endings)
 
 
 def test_a_map_is_a_grid_and_its_prospects(found: AttitudeMap, outlook: Outlook) -> None:

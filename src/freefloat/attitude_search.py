@@ -31,7 +31,7 @@ _FINISHED = 4
 _TURNS = 60
 _FINE = 2e-5
 """Clouds smaller than this end a climb [rad]."""
-_COARSE = 4e-3
+_COARSE = 2e-3
 """Clouds smaller than this end a search for the closest [rad]."""
 _ROUNDS = 60
 _CENTERS, _STARTS = 20_000, 4
@@ -47,7 +47,7 @@ _PROMISING = 0.25
 _SETTLED = 0.985
 _EDGE = 400
 """Points of the boundary that a search for the deepest attitude begins with."""
-_INSIDE = 2e-3
+_INSIDE = 5e-4
 """A compiled motion is trusted to keep a margin that it exceeds by this share."""
 
 
@@ -250,12 +250,11 @@ def deepest(
     """
     spacing, starts = grid_spacing(len(found.attitudes)), []
     for branch, _ in found.families():
-        inside = found.safe(branch)
-        if inside.any():
+        if (inside := found.safe(branch)).any():
             depth = depths(found.attitudes, inside)
-            starts.append((float(depth.max()), branch, inside))
+            starts.append((float(depth.max()), branch, inside, int(np.argmax(depth))))
     best: Candidate | None = None
-    for deep, branch, inside in sorted(starts, key=lambda start: -start[0]):
+    for deep, branch, inside, sample in sorted(starts, key=lambda start: -start[0]):
         if best is not None and deep < best.merit + _PROMISING * spacing:
             break
         limits = edge(
@@ -265,26 +264,35 @@ def deepest(
         touched = [one.attitude for one in known if one.branch == branch]
         outside = np.vstack([found.attitudes[~inside], limits, *touched])
         least = 0.0 if best is None else best.merit
-        ball = _settled(outlook, branch, outside, spacing, least)
+        start = found.attitudes[sample]
+        ball = _settled(outlook, start, branch, outside, spacing, least)
         if best is None or ball.merit > best.merit:
             best = ball
     return _confirmed(outlook, best) if best is not None and best.merit > 0.0 else None
 
 
 def _settled(
-    outlook: Outlook, branch: int | None, outside: Array, spacing: float, least: float
+    outlook: Outlook,
+    start: Array,
+    branch: int | None,
+    outside: Array,
+    spacing: float,
+    least: float,
 ) -> Candidate:
-    """The centre and radius of a branch's largest ball, if larger than ``least`` [rad]."""
-    centers = attitude_grid(_CENTERS)
-    best = Candidate(centers[0], branch, 0.0)
-    for _ in range(_ROUNDS):
-        center, room = _roomiest(centers, outside)
+    """The centre and radius of a branch's largest ball, if larger than ``least`` [rad].
+
+    The ball around the start, an attitude inside, is the first; then come the roomiest.
+    """
+    centers, best = attitude_grid(_CENTERS), Candidate(start, branch, 0.0)
+    for turn in range(_ROUNDS):
+        center, room = (start, np.pi) if turn == 0 else _roomiest(centers, outside)
         if max(best.merit, least) > _SETTLED * room:
             break
         if not outlook.safe(center[None], branch)[0]:
             outside = np.vstack([outside, center])
             continue
-        radius, limits = _limits(outlook, center, branch, spacing, 1.1 * room)
+        reach = spacing if turn == 0 else 1.1 * room
+        radius, limits = _limits(outlook, center, branch, spacing, reach)
         outside = np.vstack([outside, limits])
         if radius > best.merit:
             found = _found_outside(outlook, center, branch, radius)
