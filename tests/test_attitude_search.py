@@ -137,7 +137,7 @@ def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
     best, *others = nearest_feasible(land, found, now)
     assert best.merit == pytest.approx(angle_between(now, HERE) - radius, rel=1e-3)
     assert best.merit == pytest.approx(angle_between(now, best.attitude), abs=1e-9)
-    assert land.keeps(best.attitude[None], 0)[0]
+    assert land.margins(best.attitude[None], 0)[0] == pytest.approx(MARGIN * 1.002, abs=2e-3)
     assert all(land.keeps(one.attitude[None], one.branch)[0] for one in others)
     merits = [one.merit for one in (best, *others)]
     assert merits == sorted(merits)
