@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from freefloat import attitude_search
 from freefloat.attitude_map import AttitudeMap, map_attitudes
 from freefloat.attitude_search import (
     Candidate,
@@ -31,6 +32,8 @@ from freefloat.spatial import (
 )
 
 MARGIN = 30.0
+SURPLUS = attitude_search._INSIDE
+"""Share by which compiled motions must exceed a margin to be trusted."""
 BAD = np.array([0.1, 0.5, 0.2, -0.8367]) / np.linalg.norm([0.1, 0.5, 0.2, -0.8367])
 HERE, THERE = np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.8, 0.0, 0.6, 0.0])
 
@@ -134,12 +137,14 @@ def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
     problem: Problem, now: np.ndarray
 ) -> None:
     """But for the small share by which compiled motions must keep more than the margin."""
-    land, radius = Landscape(problem, b0=ball(HERE, 0.7)), 0.7 - 2e-3 * MARGIN / 20.0
+    land, radius = Landscape(problem, b0=ball(HERE, 0.7)), 0.7 - SURPLUS * MARGIN / 20.0
     found = land.map(512)
     best, *others = nearest_feasible(land, found, now)
     assert best.merit == pytest.approx(angle_between(now, HERE) - radius, rel=1e-3)
     assert best.merit == pytest.approx(angle_between(now, best.attitude), abs=1e-9)
-    assert land.margins(best.attitude[None], 0)[0] == pytest.approx(MARGIN * 1.002, abs=2e-3)
+    assert land.margins(best.attitude[None], 0)[0] == pytest.approx(
+        MARGIN * (1.0 + SURPLUS), abs=2e-3
+    )
     assert all(land.keeps(one.attitude[None], one.branch)[0] for one in others)
     merits = [one.merit for one in (best, *others)]
     assert merits == sorted(merits)
@@ -152,7 +157,7 @@ def test_the_nearest_of_two_parts_and_two_branches_is_taken(problem: Problem) ->
     third = turned(now, [1.5, 0.0, 0.0])[0]
     land = Landscape(problem, b0=either(ball(HERE, 0.5), ball(far, 1.0)), b6=ball(third, 0.6))
     candidates = nearest_feasible(land, land.map(2048), now)
-    short = 2e-3 * MARGIN / 20.0
+    short = SURPLUS * MARGIN / 20.0
     assert candidates[0].branch == 0
     assert candidates[0].merit == pytest.approx(0.8 + short, abs=1e-3)
     other = next(one for one in candidates if one.branch == 6)
@@ -166,7 +171,7 @@ def test_around_a_corner_the_nearest_is_the_corner_of_the_set(problem: Problem) 
     land = Landscape(problem, b2=both(ball(a, 0.8), ball(b, 0.8)))
     best = nearest_feasible(land, land.map(1024), now)[0]
     cloud = attitudes_within(now, best.merit, 50_000)
-    held = land.margins(cloud, 2) >= MARGIN * 1.002
+    held = land.margins(cloud, 2) >= MARGIN * (1.0 + SURPLUS)
     nearest = angle_between(cloud[held], now).min(initial=best.merit)
     assert best.merit - nearest < np.radians(0.05)
 

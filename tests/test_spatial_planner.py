@@ -136,7 +136,7 @@ def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Pl
     assert robust.chosen is not None
     attitude, branch = robust.chosen.motion.initial.attitude, robust.chosen.branch.index
     beyond = attitudes_within(attitude, 1.05 * robust.robust_radius, 4000, 5)
-    assert not Outlook(robust.problem, 1).keeps(beyond, branch).all()
+    assert not Outlook(robust.problem, 1).safe(beyond, branch).all()
 
 
 def test_a_feasible_present_attitude_stays() -> None:
