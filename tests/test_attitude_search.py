@@ -50,6 +50,8 @@ def problem() -> Problem:
 class Landscape:
     """An outlook whose margins are functions of the attitude, by branch."""
 
+    thrift = 1
+
     def __init__(self, problem: Problem, **branches: Margins) -> None:
         self.problem = problem
         self.branches = {int(name[1:]): margins for name, margins in branches.items()}

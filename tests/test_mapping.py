@@ -95,7 +95,7 @@ def test_a_map_tells_the_documented_keys_and_writes_every_attitude(folder: Path)
     assert document["best"].keys() == {"attitude", "branch", "value"}
     assert document["best"]["value"] > 60.0
     assert document["robust"].keys() == {"attitude", "branch", "radius_deg"}
-    assert document["robust"]["radius_deg"] > 170.0
+    assert document["robust"]["radius_deg"] > 150.0  # singularities of other factors are near
     assert document["nearest"] == {"attitude": [0, 0, 0, 1], "branch": 0, "deviation_deg": 0.0}
     assert document["boundary"] == []
     for region in document["regions"]:

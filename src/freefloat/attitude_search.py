@@ -27,8 +27,7 @@ from freefloat.spatial import (
 _CLOUD = 40
 """Attitudes in a cloud."""
 _CANDIDATES = 16
-_FINISHED = 4
-_TURNS = 60
+_FINISHED, _TURNS = 4, 60
 _FINE = 2e-5
 """Clouds smaller than this end a climb [rad]."""
 _COARSE = 2e-3
@@ -213,11 +212,12 @@ def _limits(
 
     radius, limits = reach, np.empty((0, 4))
     while not len(limits) and radius < 2.0 * np.pi:
-        cloud = attitudes_within(attitude, min(radius, np.pi), _WIDE)
+        cloud = attitudes_within(attitude, min(radius, np.pi), _WIDE // outlook.thrift)
         limits, radius = cloud[outside(cloud)], 2.0 * radius
     if not len(limits):
         return float(np.pi), limits
-    apart = _spread(limits[np.argsort(angle_between(limits, attitude))], _WAYS)
+    limits = limits[np.argsort(angle_between(limits, attitude))]
+    apart = _spread(limits, _WAYS // outlook.thrift)
     nearest = _closest(outside, attitude, apart, spacing / 2.0)
     return float(angle_between(nearest, attitude).min()), nearest
 
@@ -284,7 +284,7 @@ def _settled(
     The ball around the start, an attitude inside, is the first; then come the roomiest.
     """
     centers, best = attitude_grid(_CENTERS), Candidate(start, branch, 0.0)
-    for turn in range(_ROUNDS):
+    for turn in range(_ROUNDS // outlook.thrift):
         center, room = (start, np.pi) if turn == 0 else _roomiest(centers, outside)
         if max(best.merit, least) > _SETTLED * room:
             break
@@ -305,7 +305,7 @@ def _settled(
 
 def _found_outside(outlook: Outlook, center: Array, branch: int | None, radius: float) -> Array:
     """Attitudes outside that many spread in a ball come upon, each drawn to the boundary."""
-    cloud = attitudes_within(center, radius, _SURE)
+    cloud = attitudes_within(center, radius, _SURE // outlook.thrift)
     bad = cloud[~outlook.safe(cloud, branch)]
     bad = bad[np.argsort(angle_between(bad, center))[:_LIMITS]]
     if not len(bad):

@@ -126,12 +126,13 @@ def touched_boundary(
 
     Args:
         outlook: Of a problem whose arm has an elbow and a spherical wrist.
-        count: How many; fewer are found where few touches are unspoiled.
+        count: How many, of twin branches the first alone; fewer are found where few touches are
+            unspoiled.
         seed: Shifts the family of touch points.
         progress: Called with the share done, in [0, 1].
 
     Raises:
-        InputError: If the arm has no such touch points.
+        InputError: If the arm has no such touch points, or the margin is zero.
     """
     problem, points = outlook.problem, list[BoundaryPoint]()
     for batch in range(_BATCHES):
@@ -141,6 +142,8 @@ def touched_boundary(
                 continue
             branches = problem.branches(start.attitude)
             branch = problem.branch_near(start.attitude, start.joints, branches).index
+            if outlook.twins and branch % 2:
+                continue  # its twin tells the same
             gap = _gap(outlook, start.attitude, branch)
             points.append(BoundaryPoint(start.attitude, branch, gap))
             if progress is not None:
@@ -151,11 +154,17 @@ def touched_boundary(
 
 
 def _gap(outlook: Outlook, attitude: Array, branch: int) -> float:
-    """How far from an attitude the boundary is met on the line that crosses it most steeply."""
+    """How far from an attitude the boundary is met on the line that crosses it most steeply.
+
+    Half a turn where that line does not lead from inside to outside.
+    """
     around = attitudes_within(attitude, _BESIDE, _LOOKS)
     margins = outlook.margins(around, branch)
     uphill = turn_to(attitude, around[int(np.argmax(margins))])[0]
     uphill *= _BESIDE / np.linalg.norm(uphill)
     within, beyond = turned(attitude, uphill), turned(attitude, -uphill)
+    inside, outside = outlook.keeps(np.vstack([within, beyond]), branch)
+    if outside or not inside:
+        return float(np.pi)
     (edge_,) = bisected(lambda some: outlook.keeps(some, branch), within, beyond)
     return float(angle_between(edge_, attitude))

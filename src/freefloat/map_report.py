@@ -119,7 +119,10 @@ def touch_document(points: Sequence[BoundaryPoint]) -> Document:
     return {
         "count": len(points),
         "worst_gap_deg": float(np.degrees(max(gaps))) if gaps else None,
-        "points": [place_document(point) for point in points],
+        "points": [
+            {**place_document(point), "gap_deg": float(np.degrees(point.gap or 0.0))}
+            for point in points
+        ],
     }
 
 

@@ -88,6 +88,9 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
     seed = search.seed if wishes.seed is None else wishes.seed
     if wishes.nearest is not None:
         problem.attitude("nearest", wishes.nearest)
+    if wishes.touch is not None:
+        with scenario.told():
+            _refuse_touches(problem)
     warm_up(problem, wishes.threads)
     start, outlook = time.perf_counter(), Outlook(problem, wishes.threads)
     sink: Callable[[Prospects], None] | None = None
@@ -102,6 +105,17 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
         if wishes.output is not None:
             writer.conclude(document)
     return document
+
+
+def _refuse_touches(problem: Problem) -> None:
+    """Say before the work that touch points cannot be had."""
+    from freefloat.touch_points import refuse_arms_without_touches
+
+    refuse_arms_without_touches(problem)
+    if problem.margin.value == 0.0:
+        raise InputError(
+            "touch", "the margin is zero, motions touch nothing", "a margin other than zero"
+        )
 
 
 def _searched(outlook: Outlook, found: AttitudeMap, wishes: Wishes, start: float) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from freefloat.rollout_kernels import COMPLETED
 from freefloat.spatial import Array, frozen
 from freefloat.virtual_manipulator import VirtualManipulator
 
+_THRIFT = 4
 UNREACHED = -1
 """Ending of an arm branch that does not exist at an attitude."""
 
@@ -54,7 +55,11 @@ class Prospects:
 
 
 class Outlook:
-    """Answers, attitude by attitude and branch by branch, whether a path can be followed."""
+    """Answers, attitude by attitude and branch by branch, whether a path can be followed.
+
+    Where branches have no closed form, finding them takes a millisecond an attitude, far longer
+    than following them; ``thrift`` then tells searches to ask for so many times fewer.
+    """
 
     def __init__(self, problem: Problem, threads: int | None = None) -> None:
         """Prepare a problem.
@@ -66,6 +71,7 @@ class Outlook:
         self.problem = problem
         self.roller = Roller(problem, threads)
         self.twins = has_twin_branches(problem)
+        self.thrift = 1 if has_closed_form(problem) else _THRIFT
 
     def prospects(
         self,
@@ -142,6 +148,12 @@ _BENT = 4
 """The joint of a spherical wrist that its twin bends the other way."""
 
 
+def has_closed_form(problem: Problem) -> bool:
+    """Whether arm branches come from a formula: elbow arms with a spherical wrist, in space."""
+    virtual = VirtualManipulator.of(problem.model)
+    return problem.task is Task.POSE and virtual.has_elbow_and_spherical_wrist
+
+
 def has_twin_branches(problem: Problem) -> bool:
     """Whether branches that differ by the wrist alone share their motion.
 
@@ -149,9 +161,9 @@ def has_twin_branches(problem: Problem) -> bool:
     the first of its axes, bent the other way and turned back it carries the hand alike, and what
     moves differently is weightless. Branch 2 k + 1 then is the twin of branch 2 k.
     """
-    virtual, model = VirtualManipulator.of(problem.model), problem.model
-    if problem.task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:
+    if not has_closed_form(problem):
         return False
+    virtual, model = VirtualManipulator.of(problem.model), problem.model
     h4, h5, h6 = virtual.axes_at(np.zeros(6))[3:]
     inner = model.bodies[4:6]
     heaviest = max(np.abs(body.inertia).max() for body in model.bodies)

@@ -48,7 +48,8 @@ class Plan:
         segments: Planar, with rests on the way: the parts between them.
         chosen: The motion from the chosen attitude, or None.
         robust_radius: How far the attitude may be off before the chosen arm branch breaks the
-            margin [rad].
+            margin or nears another singularity, see :func:`freefloat.outlook.clear`; of a redundant
+            arm, before every starting configuration tried does [rad].
         map: Spatial: the sampled attitudes that the search began with.
         tolerance: Spatial: what momentum and durations the chosen motion bears.
         disagreements: Candidates that a precise motion did not confirm, in words.

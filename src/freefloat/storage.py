@@ -136,6 +136,7 @@ class MapWriter:
             "ending": (found.endings, _ENDINGS),
             "ended_at": (spread(rollout.ended_at), "s"),
             "least": (found.least, self._unit),
+            "clearance": (found.clearances, "1, smallest over largest det S*"),
             "least_at": (spread(rollout.least_at), "s"),
             "final_attitude": (_single(spread(rollout.attitudes)), _QUATERNION),
             "largest_rates": (_single(spread(rollout.rates)), "rad/s or m/s"),
@@ -157,6 +158,7 @@ class MapWriter:
                 self._write_places(name, [document[name]])
         for name in ("branches", "regions", "boundary"):
             self._write_places(name, document.get(name, []))
+        self._write_places("touch", document.get("touch", {}).get("points", []))
 
     def _write_places(self, name: str, entries: Sequence[Mapping[str, Any]]) -> None:
         """A group with an array for every key of some documents that are alike."""

@@ -227,6 +227,10 @@ def _known_attitudes(document: Document) -> Iterator[str]:
             amount = f"{one[value]:.6g}"
             told = f"{unit} {amount}" if key == "best" else f"{amount} {unit}"
             yield f"{key + ':':9}{_numbers(one['attitude'], 5)}, branch {_number(one)}, {told}"
+    if "touch" in document:
+        touch, worst = document["touch"], document["touch"]["worst_gap_deg"]
+        told = "" if worst is None else f"; bisection finds it within {worst:.2g} deg of them"
+        yield f"{touch['count']} attitudes of the boundary carried back from touch points{told}"
     if "boundary" in document:
         yield f"{len(document['boundary'])} attitudes of the boundary found, see --json or -o"
 

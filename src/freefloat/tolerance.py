@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,8 @@ _LOOKS = 32
 _BISECTIONS = 20
 _LONGEST = 10.0
 """Durations up to this many times the planned one, and down to one over it, are looked at."""
+_SPREADS = (1.0, 0.25, 0.06)
+"""All directions are tried first, then such cones about the worst."""
 _CAUTION = 0.99
 """Share of the smallest deviation found that is promised for directions between those tried."""
 
@@ -66,10 +69,15 @@ def tolerance(roller: Roller, attitude: Array, joints: Array) -> Tolerance:
     ring = np.sqrt(1.0 - z * z)
     directions = np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
     looks = limit * np.linspace(1.0 / _LOOKS, 1.0, _LOOKS)
-    sizes = _first_failures(
-        lambda size, which: keeps(h + size[:, None] * directions[which]), _DIRECTIONS, looks
-    )
-    worst = float(sizes.min())
+    worst, toward = limit, np.zeros(3)
+    for spread in _SPREADS:
+        ways = toward + spread * directions
+        ways = ways / np.linalg.norm(ways, axis=1)[:, None]
+        sizes = _first_failures(partial(_kept_along, keeps, h, ways), _DIRECTIONS, looks)
+        if sizes.min() < worst:
+            worst, toward = float(sizes.min()), ways[np.argmin(sizes)]
+        elif not toward.any():
+            break
     if not h.any():
         return Tolerance(
             worst if worst == limit else _CAUTION * worst, limit,
@@ -84,6 +92,17 @@ def tolerance(roller: Roller, attitude: Array, joints: Array) -> Tolerance:
         worst if worst == limit else _CAUTION * worst, limit,
         float(duration * np.exp(-shorter)), float(duration * np.exp(longer)),
     )  # fmt: skip
+
+
+def _kept_along(
+    keeps: Callable[[Array], npt.NDArray[np.bool_]],
+    h: Array,
+    ways: Array,
+    sizes: Array,
+    which: npt.NDArray[np.intp],
+) -> npt.NDArray[np.bool_]:
+    """Whether the margin is kept with momentum off by sizes (K,) in some of the directions."""
+    return keeps(h + sizes[:, None] * ways[which])
 
 
 def _first_failures(

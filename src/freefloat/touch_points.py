@@ -102,7 +102,7 @@ def touch_points(
     Raises:
         InputError: For other tasks or arms, or a level of zero, where S has no margin surface.
     """
-    _refuse_other_arms(problem)
+    refuse_arms_without_touches(problem)
     if not np.isfinite([q1, q2]).all():
         raise InputError("joints", f"q1 = {q1}, q2 = {q2} was given", "two finite angles in rad")
     levels = _levels(problem, level)
@@ -163,7 +163,8 @@ def boundary_attitude(problem: Problem, touch: TouchPoint) -> BoundaryAttitude |
     return BoundaryAttitude(attitude, joints, touch)
 
 
-def _refuse_other_arms(problem: Problem) -> None:
+def refuse_arms_without_touches(problem: Problem) -> None:
+    """Raise an InputError unless touch points can be looked for; see :func:`touch_points`."""
     arm = "six turning joints, the second and third parallel, the last three meeting in a point"
     if problem.task is not Task.POSE:
         raise InputError(
