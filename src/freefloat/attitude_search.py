@@ -30,15 +30,14 @@ _CANDIDATES = 16
 _FINISHED, _TURNS = 4, 60
 _FINE = 2e-5
 """Clouds smaller than this end a climb [rad]."""
-_COARSE = 2e-3
-"""Clouds smaller than this end a search for the closest [rad]."""
+_FINE_CLOUD, _COARSE_CLOUD = 2e-3, 8e-3
+"""Clouds smaller than these end a search for the closest [rad]."""
 _ROUNDS = 60
 _CENTERS, _STARTS = 20_000, 4
 _ROOM = 2e-3
 """To which the roomiest place is found [rad]."""
 _PRUDENT = 0.99
-_LIMITS = 64
-_WIDE, _WAYS = 512, 10
+_WIDE, _WAYS, _LIMITS = 512, 8, 64
 _SURE = 4096
 """Attitudes that confirm a ball."""
 _PROMISING = 0.25
@@ -148,14 +147,16 @@ def nearest_feasible(outlook: Outlook, found: AttitudeMap, now: Array) -> list[C
 
         order = np.argsort(angle_between(found.attitudes, now))
         sure = found.attitudes[order[kept(margins[order], value)][:3]]
-        places = _closest(inside, now, sure, grid_spacing(len(order))) if len(sure) else sure
+        places = sure
+        if len(sure):
+            places = _closest(inside, now, sure, grid_spacing(len(order)), _FINE_CLOUD)
         nearest = found.attitudes[order[kept(margins[order], margin)][:1]]
         for attitude in (*places, *nearest):
             candidates.append(Candidate(attitude, branch, float(angle_between(attitude, now))))
     return sorted(candidates, key=lambda one: one.merit)
 
 
-def _closest(inside: Inside, center: Array, starts: Array, spacing: float) -> Array:
+def _closest(inside: Inside, center: Array, starts: Array, spacing: float, coarse: float) -> Array:
     """For starts inside a set the attitudes inside nearby that are closest to a center outside.
 
     Around each a cloud of attitudes is looked at, and the closest inside drawn toward the center;
@@ -165,7 +166,7 @@ def _closest(inside: Inside, center: Array, starts: Array, spacing: float) -> Ar
     ends = np.broadcast_to(center, starts.shape)
     best, radii = bisected(inside, starts, ends, ROUGH), np.full(len(starts), spacing)
     for turn in range(_TURNS):
-        (active,) = np.nonzero(radii > _COARSE)
+        (active,) = np.nonzero(radii > coarse)
         if not len(active):
             break
         reach = angle_between(best[active], center)
@@ -218,7 +219,7 @@ def _limits(
         return float(np.pi), limits
     limits = limits[np.argsort(angle_between(limits, attitude))]
     apart = _spread(limits, _WAYS // outlook.thrift)
-    nearest = _closest(outside, attitude, apart, spacing / 2.0)
+    nearest = _closest(outside, attitude, apart, spacing / 2.0, _COARSE_CLOUD)
     return float(angle_between(nearest, attitude).min()), nearest
 
 

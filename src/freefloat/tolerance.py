@@ -13,9 +13,9 @@ from freefloat.dynamics import inertia_matrices
 from freefloat.rollout import Roller
 from freefloat.spatial import Array, low_discrepancy
 
-_DIRECTIONS = 256
-_LOOKS = 32
-_BISECTIONS = 20
+_DIRECTIONS = 128
+_LOOKS = 16
+_BISECTIONS = 12
 _LONGEST = 10.0
 """Durations up to this many times the planned one, and down to one over it, are looked at."""
 _SPREADS = (1.0, 0.25, 0.06)
