@@ -10,13 +10,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat import attitude_search
+from freefloat.attitude_depth import deepest, safe_radius
 from freefloat.attitude_map import AttitudeMap, map_attitudes
 from freefloat.attitude_search import (
     Candidate,
-    deepest,
     largest_margins,
     nearest_feasible,
-    safe_radius,
 )
 from freefloat.outlook import Outlook
 from freefloat.problem import Margin, Problem

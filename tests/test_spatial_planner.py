@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat import attitude_search, spatial_planner, tolerance
+from freefloat import attitude_depth, attitude_search, spatial_planner, tolerance
 from freefloat.attitude_map import map_attitudes
 from freefloat.errors import InputError
 from freefloat.outlook import UNREACHED, Outlook
@@ -31,9 +31,9 @@ def smaller() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(attitude_search, "_CANDIDATES", 6)
         patch.setattr(attitude_search, "_FINISHED", 2)
-        patch.setattr(attitude_search, "_EDGE", 200)
-        patch.setattr(attitude_search, "_ROUNDS", 10)
-        patch.setattr(attitude_search, "_SURE", 1024)
+        patch.setattr(attitude_depth, "_EDGE", 200)
+        patch.setattr(attitude_depth, "_ROUNDS", 10)
+        patch.setattr(attitude_depth, "_SURE", 1024)
         patch.setattr(tolerance, "_DIRECTIONS", 48)
         yield
 

@@ -120,8 +120,9 @@ def _refuse_touches(problem: Problem) -> None:
 
 def _searched(outlook: Outlook, found: AttitudeMap, wishes: Wishes, start: float) -> dict[str, Any]:
     """The document of a map, with what lies between its samples."""
+    from freefloat.attitude_depth import deepest
     from freefloat.attitude_map import regions
-    from freefloat.attitude_search import deepest, largest_margins, nearest_feasible
+    from freefloat.attitude_search import largest_margins, nearest_feasible
     from freefloat.map_boundary import boundary, touched_boundary
     from freefloat.rollout import kept
 

@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from freefloat.attitude_depth import deepest, safe_radius
 from freefloat.attitude_map import AttitudeMap, map_attitudes
 from freefloat.attitude_search import (
     Candidate,
-    deepest,
     largest_margins,
     nearest_feasible,
-    safe_radius,
 )
 from freefloat.outlook import UNREACHED, Outlook
 from freefloat.plans import Plan
