@@ -6,6 +6,7 @@ Balls of attitudes from which one arm branch keeps the margin and stays clear of
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -112,7 +113,7 @@ def deepest(
         if best is not None and deep < best.merit + _PROMISING * spacing:
             break
         limits = edge(
-            lambda some, branch=branch: outlook.safe(some, branch),  # type: ignore[misc]
+            partial(outlook.safe, branch=branch),
             found.attitudes, inside, _EDGE, ROUGH,
         )  # fmt: skip
         touched = [one.attitude for one in known if one.branch == branch]

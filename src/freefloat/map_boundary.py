@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -82,10 +83,7 @@ def boundary(outlook: Outlook, found: AttitudeMap, count: int) -> list[BoundaryP
     """
     value, points = found.problem.margin.value, []
     for branch, margins in found.families():
-
-        def inside(attitudes: Array, branch: int | None = branch) -> npt.NDArray[np.bool_]:
-            return outlook.keeps(attitudes, branch)
-
+        inside = partial(outlook.keeps, branch=branch)
         edge_ = edge(inside, found.attitudes, kept(margins, value), count, EXACT)
         points += [BoundaryPoint(attitude, branch) for attitude in edge_]
     return points
@@ -166,5 +164,5 @@ def _gap(outlook: Outlook, attitude: Array, branch: int) -> float:
     inside, outside = outlook.keeps(np.vstack([within, beyond]), branch)
     if outside or not inside:
         return float(np.pi)
-    (edge_,) = bisected(lambda some: outlook.keeps(some, branch), within, beyond)
+    (edge_,) = bisected(partial(outlook.keeps, branch=branch), within, beyond)
     return float(angle_between(edge_, attitude))

@@ -222,9 +222,9 @@ def _row(body: Body) -> Array:
     """A body's row for the kernels; its joint turns by Rodrigues' formula."""
     x, y, z = body.axis
     hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    P, I = body.placement.rotation, body.inertia  # noqa: E741
+    P, inertia = body.placement.rotation, body.inertia
     return np.concatenate([
         body.placement.position, P.ravel(), (P @ hat).ravel(), (P @ hat @ hat).ravel(), body.axis,
         [body.prismatic, body.mass], body.centre,
-        [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]],
+        inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
     ])  # fmt: skip
