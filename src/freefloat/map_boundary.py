@@ -26,8 +26,9 @@ ROUGH, EXACT = 3, 6
 _BESIDE = 0.02
 """How far from a touched attitude both sides of the boundary are looked for [rad]."""
 _LOOKS = 96
-_BATCHES = 8
-"""Families of touch points that are asked for; many are spoiled by other parts of their motion."""
+_BATCHES, _SPARE = 8, 3
+"""Families of touch points that are asked for, and how many more than are missing: many are twins
+or spoiled by other parts of their motion."""
 
 Inside = Callable[[Array], npt.NDArray[np.bool_]]
 
@@ -134,7 +135,9 @@ def touched_boundary(
     """
     problem, points = outlook.problem, list[BoundaryPoint]()
     for batch in range(_BATCHES):
-        for touch in touch_family(problem, count - len(points), seed + batch):
+        for touch in touch_family(problem, _SPARE * (count - len(points)), seed + batch):
+            if len(points) == count:
+                break
             start = boundary_attitude(problem, touch)
             if start is None:
                 continue
