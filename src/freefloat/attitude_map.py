@@ -14,8 +14,9 @@ from scipy.spatial import cKDTree
 from freefloat.errors import InputError
 from freefloat.outlook import UNREACHED, Outlook, Prospects, clear, has_twin_branches
 from freefloat.problem import Problem
-from freefloat.rollout import Progress, kept
+from freefloat.rollout import kept
 from freefloat.rollout_kernels import COMPLETED
+from freefloat.search import Progress
 from freefloat.spatial import Array, attitude_grid, frozen, grid_spacing
 
 _BLOCK = 2048

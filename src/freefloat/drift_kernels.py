@@ -22,13 +22,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from freefloat.compiled import compiled
-from freefloat.spatial import Array
-
-IntArray = npt.NDArray[np.int64]
+from freefloat.spatial import Array, IntArray
 
 OFFSET, FIXED, SINE, COSINE, AXIS, SLIDES, MASS, CENTRE, INERTIA = 0, 3, 12, 21, 30, 33, 34, 35, 38
 BODY_COLUMNS = 44

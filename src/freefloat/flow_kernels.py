@@ -5,14 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from freefloat.compiled import compiled
 from freefloat.drift_kernels import OMEGA, configure, solve_rates
-from freefloat.spatial import Array
-
-IntArray = npt.NDArray[np.int64]
+from freefloat.spatial import Array, IntArray
 
 
 class Robot(NamedTuple):

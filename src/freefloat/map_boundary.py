@@ -16,7 +16,8 @@ from scipy.spatial import cKDTree
 
 from freefloat.attitude_map import AttitudeMap
 from freefloat.outlook import Outlook
-from freefloat.rollout import Progress, kept
+from freefloat.rollout import kept
+from freefloat.search import Progress
 from freefloat.spatial import Array, angle_between, attitudes_within, grid_spacing, turn_to, turned
 from freefloat.touch_points import boundary_attitude, touch_family
 

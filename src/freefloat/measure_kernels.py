@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.compiled import compiled
 from freefloat.drift_kernels import (
@@ -20,9 +19,7 @@ from freefloat.drift_kernels import (
     eliminate,
     form_jacobian,
 )
-from freefloat.spatial import Array
-
-IntArray = npt.NDArray[np.int64]
+from freefloat.spatial import Array, IntArray
 
 GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3
 """Codes of the measures, in the order of ``singularity.NAMES``."""

@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from freefloat.dynamics import Task
 from freefloat.problem import Problem
-from freefloat.rollout import Progress, Roller, Rollout, kept
+from freefloat.rollout import Roller, Rollout, kept
 from freefloat.rollout_kernels import COMPLETED
+from freefloat.search import Progress
 from freefloat.spatial import Array, frozen
 from freefloat.virtual_manipulator import VirtualManipulator
 

@@ -15,14 +15,13 @@ from freefloat.planar_ranges import (
     heading_ranges,
 )
 from freefloat.planar_search import (
-    Progress,
     follow_heading,
     margin_from,
     searched_ranges,
 )
 from freefloat.plans import Plan, Segment
 from freefloat.problem import Problem
-from freefloat.search import Objective, Search
+from freefloat.search import Objective, Progress, Search
 from freefloat.simulation import FollowedBranch, simulate
 from freefloat.spatial import heading_of, heading_quaternion
 from freefloat.workspace import (

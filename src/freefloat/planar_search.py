@@ -26,11 +26,11 @@ from freefloat.planar_ranges import (
     reach_limits,
 )
 from freefloat.problem import Problem
+from freefloat.search import Progress
 from freefloat.simulation import FollowedBranch, simulate
 from freefloat.spatial import Array, frozen, heading_quaternion
 from freefloat.workspace import has_two_angle_form
 
-Progress = Callable[[float], None]
 _BISECTIONS = 24
 _BESIDE = 1e-6
 _TOLERANCE = 1e-9

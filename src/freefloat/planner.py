@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from freefloat.planar_planner import plan_in_plane
-from freefloat.planar_search import Progress
 from freefloat.plans import Plan
 from freefloat.problem import Problem
-from freefloat.search import Search
+from freefloat.search import Progress, Search
 
 
 def plan(

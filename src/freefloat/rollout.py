@@ -27,12 +27,12 @@ from freefloat.rollout_kernels import (
     follow_many,
     make_room,
 )
+from freefloat.search import Progress
 from freefloat.singularity import NAMES, arm_axes
 from freefloat.spatial import Array
 from freefloat.step_kernels import TABLEAU
 from freefloat.virtual_manipulator import VirtualManipulator
 
-Progress = Callable[[float], None]
 TOLERANCE = 1e-6
 _CELLS = 512
 """Cubics that stand for the path's tangent."""

@@ -18,10 +18,8 @@ from freefloat.compiled import borrowed, compiled
 from freefloat.drift_kernels import WORK_COLUMNS, form_jacobian
 from freefloat.flow_kernels import Robot, flow
 from freefloat.measure_kernels import ARM, GJM, SIGMA, measure_at
-from freefloat.spatial import Array
+from freefloat.spatial import Array, IntArray
 from freefloat.step_kernels import dip, error_of, inside, make_stages, may_dip
-
-IntArray = npt.NDArray[np.int64]
 
 COMPLETED, SINGULAR, MARGIN, FAILED = 0, 1, 2, 3
 """Codes of endings."""

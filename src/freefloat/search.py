@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
 from freefloat.errors import InputError
 from freefloat.spatial import Array
+
+Progress = Callable[[float], None]
+"""Called with the share done, in [0, 1], while a search goes on."""
 
 
 class Objective(StrEnum):

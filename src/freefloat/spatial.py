@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 
 Array = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 
 def frozen(values: npt.ArrayLike) -> Array:

@@ -16,8 +16,8 @@ from freefloat.attitude_search import (
 from freefloat.outlook import UNREACHED, Outlook
 from freefloat.plans import Plan
 from freefloat.problem import Problem
-from freefloat.rollout import Progress, kept
-from freefloat.search import Objective, Search
+from freefloat.rollout import kept
+from freefloat.search import Objective, Progress, Search
 from freefloat.simulation import FollowedBranch, simulate
 from freefloat.spatial import angle_between, grid_spacing
 from freefloat.tolerance import tolerance

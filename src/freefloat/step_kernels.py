@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy.integrate import RK45
 
 from freefloat.compiled import compiled
 from freefloat.flow_kernels import flow
 from freefloat.measure_kernels import measure_at
-from freefloat.spatial import Array
-
-IntArray = npt.NDArray[np.int64]
+from freefloat.spatial import Array, IntArray
 
 TABLEAU = np.zeros((14, 7))
 """Rows 0 to 5: stages, with their times in the last column; 6: the step; 7: its error; 8 to 11: the
