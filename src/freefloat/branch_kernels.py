@@ -12,7 +12,6 @@ from freefloat.chain_kernels import (
     MET,
     NOTHING,
     Chain,
-    Integers,
     Rows,
     Scratch,
     Vector,
@@ -29,7 +28,7 @@ from freefloat.chain_kernels import (
     times,
 )
 from freefloat.compiled import compiled
-from freefloat.spatial import Array
+from freefloat.spatial import Array, IntArray
 
 _POLISHING_STEPS = 4
 """Near a straight wrist or elbow the closed forms lose half the digits."""
@@ -138,7 +137,7 @@ def elbow_and_wrist(
 
 @compiled
 def finish(
-    chain: Chain, rows: Integers, position: Vector, rotation: Array, q: Array, scratch: Scratch
+    chain: Chain, rows: IntArray, position: Vector, rotation: Array, q: Array, scratch: Scratch
 ) -> None:
     """Polish a closed form and bring it into range; NaN where it does not meet the pose."""
     if descend(chain, rows, position, rotation, q, scratch, _POLISHING_STEPS) < MET:
@@ -150,7 +149,7 @@ def finish(
 @compiled
 def solve_elbow_and_wrist(
     chain: Chain,
-    rows: Integers,
+    rows: IntArray,
     centre: Array,
     positions: Array,
     rotations: Array,
@@ -181,7 +180,7 @@ def flat(v: Vector) -> Vector:
 
 @compiled
 def solve_planar_elbow(
-    chain: Chain, rows: Integers, positions: Array, rotations: Array, joints: Array
+    chain: Chain, rows: IntArray, positions: Array, rotations: Array, joints: Array
 ) -> None:
     """Planar arms: the triangle of b and c under the paper's point 3 (20), (28), two branches."""
     n = len(chain.axes)

@@ -11,12 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.compiled import compiled
-from freefloat.spatial import Array
+from freefloat.spatial import Array, IntArray
 
 Vector = tuple[float, float, float]
 Rows = tuple[Vector, Vector, Vector]
 Booleans = npt.NDArray[np.bool_]
-Integers = npt.NDArray[np.int64]
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 MET = 1e-9
@@ -182,7 +181,7 @@ def turn_vector(target: Array, R: Rows) -> Vector:
 
 @compiled
 def miss(
-    chain: Chain, rows: Integers, position: Vector, rotation: Array, q: Array, scratch: Scratch
+    chain: Chain, rows: IntArray, position: Vector, rotation: Array, q: Array, scratch: Scratch
 ) -> float:
     """How far off a target joint values are, as a norm [m, rad].
 
@@ -239,7 +238,7 @@ def damped_step(scratch: Scratch, damping: float) -> float:
 @compiled
 def descend(
     chain: Chain,
-    rows: Integers,
+    rows: IntArray,
     position: Vector,
     rotation: Array,
     q: Array,

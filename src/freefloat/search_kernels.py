@@ -7,7 +7,6 @@ import numpy as np
 from freefloat.chain_kernels import (
     MET,
     Chain,
-    Integers,
     Scratch,
     Vector,
     cross,
@@ -21,7 +20,7 @@ from freefloat.chain_kernels import (
     wrapped,
 )
 from freefloat.compiled import compiled
-from freefloat.spatial import Array
+from freefloat.spatial import Array, IntArray
 
 MOST = 16
 """Branches kept at a pose: as many as an arm of six turning joints can have."""
@@ -77,7 +76,7 @@ def sort(q: Array) -> None:
 @compiled
 def search(
     chain: Chain,
-    rows: Integers,
+    rows: IntArray,
     position: Vector,
     rotation: Array,
     starts: Array,
@@ -110,7 +109,7 @@ def search(
 @compiled
 def spread(
     chain: Chain,
-    rows: Integers,
+    rows: IntArray,
     position: Vector,
     rotation: Array,
     starts: Array,
@@ -139,7 +138,7 @@ def spread(
 
 @compiled
 def sign_pattern(
-    chain: Chain, rows: Integers, position: Vector, rotation: Array, q: Array, scratch: Scratch
+    chain: Chain, rows: IntArray, position: Vector, rotation: Array, q: Array, scratch: Scratch
 ) -> int:
     """Which of eight names a configuration of six turning joints has.
 
@@ -157,7 +156,7 @@ def sign_pattern(
 
 
 @compiled
-def places_by_name(patterns: Integers) -> Integers:
+def places_by_name(patterns: IntArray) -> IntArray:
     """Where branches (count,) go: to the number of their pattern or, if taken, from 8 onwards."""
     places, taken = np.full(len(patterns), -1), np.zeros(MOST, np.bool_)
     for k, pattern in enumerate(patterns):
@@ -175,12 +174,12 @@ def places_by_name(patterns: Integers) -> Integers:
 @compiled
 def solve_numerically(
     chain: Chain,
-    rows: Integers,
+    rows: IntArray,
     starts: Array,
     positions: Array,
     rotations: Array,
     joints: Array,
-    patterns: Integers,
+    patterns: IntArray,
 ) -> None:
     """Any arm, from starts (S, n): all its branches, or a spread of them for joints to spare.
 
@@ -207,7 +206,7 @@ def solve_numerically(
 
 
 @compiled
-def solve_nearby(chain: Chain, rows: Integers, position: Array, rotation: Array, q: Array) -> bool:
+def solve_nearby(chain: Chain, rows: IntArray, position: Array, rotation: Array, q: Array) -> bool:
     """Newton's method from joint values (n,), which it changes; whether it meets the pose."""
     scratch, target = scratch_for(len(q), len(rows)), (position[0], position[1], position[2])
     return descend(chain, rows, target, rotation, q, scratch, _STEPS) < MET
