@@ -167,7 +167,7 @@ def test_a_stock_robot_is_found_by_its_short_name(name: str, file: str) -> None:
 
 def test_every_urdf_of_the_package_has_a_name_and_the_empty_one_gives_way() -> None:
     robots = example_robots()
-    folder = bundled._examples_folder()
+    folder = bundled.examples_folder()
     missing = {path.name for path in folder.glob("*/**/*.urdf")} - {
         path.name for path in robots.values()
     }

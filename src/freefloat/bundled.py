@@ -77,7 +77,7 @@ def example_robots() -> dict[str, Path]:
     Raises:
         InputError: If the package is not installed.
     """
-    folder = _examples_folder()
+    folder = examples_folder()
     files = sorted(folder.glob("*/**/*.urdf"))
     count = Counter(path.stem for path in files)
     named = {}
@@ -89,8 +89,12 @@ def example_robots() -> dict[str, Path]:
     return named
 
 
-def _examples_folder() -> Path:
-    """Where pip, or else conda or the system, has put the package's robots."""
+def examples_folder() -> Path:
+    """Where pip, or else conda or the system, has put the robots of example-robot-data.
+
+    Raises:
+        InputError: If the package is not installed.
+    """
     shared = [Path(sysconfig.get_path("data")) / "share"]
     with suppress(PackageNotFoundError):
         shared.insert(0, Path(str(distribution(_EXAMPLES).locate_file("cmeel.prefix/share"))))

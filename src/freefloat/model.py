@@ -147,8 +147,23 @@ class FreeFloatingModel:
     @cached_property
     def tool(self) -> Pose:
         """The end-effector's frame in the frame of the last joint."""
-        placement = self.pin_model.frames[self.frame_id].placement
-        return Pose(placement.translation, placement.rotation)
+        return _pose(self.pin_model.frames[self.frame_id].placement)
+
+    @cached_property
+    def link_places(self) -> Mapping[str, tuple[int, Pose]]:
+        """Which body every link is a part of, and where it stands in that body's joint frame.
+
+        Bodies count as in :attr:`bodies`: 0 is the spacecraft. Links behind fixed and held joints
+        are there too.
+        """
+        return {link.name: (link.parentJoint - 1, _pose(link.placement))
+                for link in _link_frames(self.pin_model)}  # fmt: skip
+
+    @cached_property
+    def body_names(self) -> tuple[str, ...]:
+        """A link for every body: the root link, then those that the joints move."""
+        first = {link.parentJoint: link.name for link in reversed(_link_frames(self.pin_model))}
+        return tuple(first[joint] for joint in range(1, self.pin_model.njoints))
 
     def configuration(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Array:
         """Pinocchio's configuration with the system's centre of mass at the origin.
@@ -172,8 +187,13 @@ class FreeFloatingModel:
         """Pose of the end-effector in the inertial frame, whose origin is the centre of mass."""
         q = self.configuration(attitude, joints)
         pin.framesForwardKinematics(self.pin_model, self.scratch, q)
-        placement = self.scratch.oMf[self.frame_id]
-        return Pose(placement.translation, placement.rotation)
+        return _pose(self.scratch.oMf[self.frame_id])
+
+    def body_poses(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> tuple[Pose, ...]:
+        """Poses of the bodies' joint frames in the inertial frame: the root link's, then n more."""
+        q = self.configuration(attitude, joints)
+        pin.forwardKinematics(self.pin_model, self.scratch, q)
+        return tuple(_pose(placement) for placement in self.scratch.oMi.tolist()[1:])
 
     def joint_vector(self, joints: Mapping[str, float] | npt.ArrayLike) -> Array:
         """Joint values as a vector, from a map by joint name or a sequence in chain order.
@@ -213,8 +233,17 @@ def _build(description: Description) -> Any:
         ) from None
 
 
+def _pose(placement: Any) -> Pose:
+    return Pose(placement.translation, placement.rotation)
+
+
+def _link_frames(model: Any) -> list[Any]:
+    """Every link's frame, parents before their children."""
+    return [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+
+
 def _links(model: Any) -> list[str]:
-    return [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+    return [frame.name for frame in _link_frames(model)]
 
 
 def _frame_id(model: Any, name: str) -> int:
@@ -226,7 +255,7 @@ def _frame_id(model: Any, name: str) -> int:
 
 def _only_tip(description: Description) -> str:
     model = _build(description)
-    links = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    links = _link_frames(model)
     parents = {model.frames[frame.parentFrame].parentFrame for frame in links}
     tips = [link.name for link in links if _frame_id(model, link.name) not in parents]
     if len(tips) != 1:
@@ -294,7 +323,7 @@ def _body(model: Any, data: Any, index: int) -> Body:
     prismatic = bool(np.linalg.norm(S[:3]) > 0.5)
     return Body(
         joint=model.names[index],
-        placement=Pose(placement.translation, placement.rotation),
+        placement=_pose(placement),
         axis=frozen(S[:3, 0] if prismatic else S[3:, 0]),
         prismatic=prismatic,
         lower=lower if lower > -UNLIMITED else -np.inf,

@@ -47,6 +47,11 @@ class Pose:
         object.__setattr__(self, "position", frozen(self.position))
         object.__setattr__(self, "rotation", frozen(self.rotation))
 
+    def __matmul__(self, inner: Pose) -> Pose:
+        """The pose, seen from outside, of what stands at ``inner`` in this frame."""
+        position = self.position + self.rotation @ inner.position
+        return Pose(position, self.rotation @ inner.rotation)
+
     def seen_from(self, rotation: Array) -> Pose:
         """The same pose in a frame with the same origin, turned by ``rotation`` (3, 3)."""
         return Pose(rotation.T @ self.position, rotation.T @ self.rotation)
