@@ -23,14 +23,15 @@ from freefloat.attitude_map import AttitudeMap, map_attitudes, regions
 from freefloat.attitude_search import Candidate
 from freefloat.cli import app
 from freefloat.errors import InputError
+from freefloat.map_file import load_map, map_file
 from freefloat.map_report import attitude_map_document
 from freefloat.mapping import Wishes, map_in_space
 from freefloat.outlook import Outlook
+from freefloat.plan_file import load_plan
 from freefloat.plans import Plan
 from freefloat.problem import Margin
 from freefloat.scenario import load_scenario
 from freefloat.search import Search
-from freefloat.storage import load_plan, map_file
 from freefloat.tables import attitude_map_tables, plan_tables
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -136,12 +137,21 @@ def test_a_map_file_holds_what_the_map_holds(partly: AttitudeMap, folder: Path) 
         for name in ("joints", "ended_at", "least", "least_at", "largest_rates", "ending"):
             assert file[name].attrs["unit"]
     assert sorted(path.name for path in folder.iterdir() if path.suffix != ".yaml") == ["map.h5"]
+    stored = load_map("map.h5")
+    assert not stored.planar
+    assert np.array_equal(stored.attitudes, partly.attitudes)
+    assert np.array_equal(stored.margins, partly.margins)
+    assert np.array_equal(stored.endings, partly.endings)
+    assert stored.branches.tolist() == list(range(8))
+    margin = partly.problem.margin
+    assert (stored.margin, stored.measure, stored.unit) == (margin.value, "arm", "m^4 kg")
+    assert stored.document == {"best": None, "robust": None, "regions": []}
 
 
 def test_an_interrupted_map_leaves_nothing_behind(
     partly: AttitudeMap, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from freefloat.storage import MapWriter
+    from freefloat.map_file import MapWriter
 
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt

@@ -1,11 +1,14 @@
 """Margin curves in joint space, and the areas they sweep round the centre of mass."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import freefloat as ff
+from freefloat.cli import app
 from freefloat.errors import InputError
 from freefloat.planar_arm import PlanarArm
 from freefloat.problem import Margin, Problem
@@ -144,3 +147,16 @@ def test_intervals_merge_and_complement():
     """Set algebra on a line."""
     assert merged([(3.0, 4.0), (0.0, 1.0), (0.5, 2.0)]) == ((0.0, 2.0), (3.0, 4.0))
     assert complement(((0.0, 2.0), (3.0, 4.0)), (0.0, 5.0)) == ((2.0, 3.0), (4.0, 5.0))
+
+
+def test_the_workspace_command_tells_reach_and_areas():
+    """Keys of the contract, and the spatial scenario refused with what is accepted."""
+    result = CliRunner().invoke(app, ["workspace", "planar_3dof/parabola", "--json"])
+    document = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert document["reach"] == pytest.approx([0.39278, 3.17410], abs=1e-5)
+    assert len(document["pdw"]) == 2
+    assert len(document["piw"]) == 1
+    refused = CliRunner().invoke(app, ["workspace", "spatial_6dof/line"])
+    assert refused.exit_code == 2
+    assert "planar-pose with three" in refused.stderr

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.yaml_file import read_yaml
+from freefloat.yaml_file import parse_yaml, read_text
 
 LIMIT = 1_000_000
 DEEP = 20_000
@@ -21,6 +21,12 @@ DEEP = 20_000
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     return tmp_path / "wish.yaml"
+
+
+def read_yaml(file: Path) -> tuple[str, dict[str, Any]]:
+    """The text and the data of a file."""
+    text = read_text(file)
+    return text, parse_yaml(text, file)
 
 
 def read(file: Path, text: str) -> dict[str, Any]:
@@ -226,8 +232,9 @@ def test_very_deep_nesting_is_refused_within_seconds(file: Path) -> None:
     code = (
         "import sys; from pathlib import Path\n"
         "from freefloat.errors import InputError\n"
-        "from freefloat.yaml_file import read_yaml\n"
-        "try: read_yaml(Path(sys.argv[1]))\n"
+        "from freefloat.yaml_file import parse_yaml, read_text\n"
+        "file = Path(sys.argv[1])\n"
+        "try: parse_yaml(read_text(file), file)\n"
         "except InputError: print('refused')"
     )
     command = [sys.executable, "-c", code, str(file)]

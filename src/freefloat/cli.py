@@ -40,6 +40,9 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout,
 ScenarioName = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line")
 ]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
+]
 
 
 @app.callback(invoke_without_command=True)
@@ -119,6 +122,7 @@ def simulate(
     stop_at_margin: Annotated[
         bool, typer.Option("--stop-at-margin", help="End where the scenario's margin is used up.")
     ] = False,
+    output: Output = None,
     as_json: Json = False,
 ) -> None:
     """Follow the path from one attitude; tell where it becomes singular if it does.
@@ -128,13 +132,15 @@ def simulate(
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
     with answering(as_json):
+        from freefloat.plan_file import save_motion
         from freefloat.report import simulation_document
         from freefloat.scenario import load_scenario
         from freefloat.simulation import simulate as run
         from freefloat.tables import simulation_tables
         from freefloat.warm_up import warm_up_branches
 
-        problem = load_scenario(scenario).problem()
+        loaded = load_scenario(scenario)
+        problem = loaded.problem()
         start = _attitude(problem, attitude, heading)
         warm_up_branches(problem)
         simulation = run(
@@ -145,6 +151,8 @@ def simulate(
             stop_at_margin=stop_at_margin,
         )
         document = simulation_document(simulation)
+        if output is not None:
+            save_motion(output, simulation.chosen.motion, loaded, document)
     answer(document, simulation_tables(document, scenario), as_json)
     raise typer.Exit(DONE if document["completed"] else NO)
 
@@ -176,11 +184,6 @@ def _joint_values(text: str | None) -> list[float] | None:
         return [float(word) for word in text.split(",")]
     except ValueError:
         raise InputError("joints", f"{text!r} was given", "numbers with commas between") from None
-
-
-Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
-]
 
 
 @app.command()
@@ -220,10 +223,10 @@ def plan(
     Example: freefloat plan spatial_6dof/line --json
     """
     with answering(as_json):
+        from freefloat.plan_file import save_plan
         from freefloat.planner import plan as make_plan
         from freefloat.report import plan_document
         from freefloat.scenario import load_scenario
-        from freefloat.storage import save_plan
         from freefloat.tables import plan_tables
         from freefloat.warm_up import warm_up
 

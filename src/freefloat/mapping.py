@@ -13,6 +13,7 @@ import numpy as np
 
 from freefloat.console import progress_bar
 from freefloat.errors import InputError
+from freefloat.map_file import map_file, save_map
 from freefloat.map_report import (
     attitude_map_document,
     map_document,
@@ -23,7 +24,6 @@ from freefloat.map_report import (
 from freefloat.planar_search import heading_map
 from freefloat.problem import Problem
 from freefloat.scenario import Scenario
-from freefloat.storage import map_file, save_map
 from freefloat.warm_up import warm_up
 
 if TYPE_CHECKING:  # kernels take half a second to import: planar maps do without
@@ -71,7 +71,7 @@ def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
         found = heading_map(problem, samples, progress)
     document = map_document(found, time.perf_counter() - start)
     if wishes.output is not None:
-        save_map(wishes.output, found, scenario, document)
+        save_map(wishes.output, found, scenario, problem, document)
     return document
 
 

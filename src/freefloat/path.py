@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,10 +48,37 @@ class EndEffectorPath:
 
 
 def read_samples(file: str | Path) -> tuple[SplineCurve, SampledAttitude | None]:
-    """Read a path from a CSV file.
+    """Read a path from a CSV file, see :func:`parse_samples`."""
+    return parse_samples(samples_text(file), file)
+
+
+def samples_text(file: str | Path) -> str:
+    """The text of a CSV file, line ends as they are.
+
+    Raises:
+        InputError: If there is no such file, or it is no text.
+    """
+    path = Path(file)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            return stream.read()
+    except FileNotFoundError:
+        raise _refusal(path, "no such file", _COLUMNS) from None
+    except OSError as error:
+        raise _refusal(path, f"it cannot be read: {error.strerror}", _COLUMNS) from None
+    except ValueError:
+        raise _refusal(path, "it cannot be read as text", _COLUMNS) from None
+
+
+def parse_samples(text: str, source: str | Path) -> tuple[SplineCurve, SampledAttitude | None]:
+    """A path from the text of a CSV file.
 
     The first line names the columns: ``x, y, z`` [m], optionally ``qx, qy, qz, qw``, optionally
     ``s``, rising from 0 to 1 (by chord length when absent). Two rows or more.
+
+    Args:
+        text: What the file says.
+        source: Its name, for errors.
 
     Returns:
         The curve, and the attitude where the file has one.
@@ -58,8 +86,8 @@ def read_samples(file: str | Path) -> tuple[SplineCurve, SampledAttitude | None]
     Raises:
         InputError: Naming the file and the line.
     """
-    path = Path(file)
-    columns, rows, lines = _read_csv(path)
+    path = Path(source)
+    columns, rows, lines = _parse_csv(text, path)
     points = np.column_stack([rows[:, columns.index(name)] for name in "xyz"])
     s = rows[:, columns.index("s")] if "s" in columns else None
     if s is not None and (s[0] != 0.0 or s[-1] != 1.0 or (np.diff(s) < _CLOSEST).any()):
@@ -92,17 +120,12 @@ def _refusal(path: Path, problem: str, accepted: str) -> InputError:
     return InputError("path.samples", problem, accepted, str(path))
 
 
-def _read_csv(path: Path) -> tuple[list[str], Array, list[int]]:
+def _parse_csv(text: str, path: Path) -> tuple[list[str], Array, list[int]]:
     """Column names, rows of numbers, and the line each row stands in."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, strict=True)
-            table = [(reader.line_num, row) for row in reader if row]
-    except FileNotFoundError:
-        raise _refusal(path, "no such file", _COLUMNS) from None
-    except OSError as error:
-        raise _refusal(path, f"it cannot be read: {error.strerror}", _COLUMNS) from None
-    except (ValueError, csv.Error):
+        reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+        table = [(reader.line_num, row) for row in reader if row]
+    except csv.Error:
         raise _refusal(path, "it cannot be read as text", _COLUMNS) from None
     columns = [name.strip() for name in table[0][1]] if table else []
     given, quaternion = set(columns), set(_QUATERNION)

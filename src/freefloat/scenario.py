@@ -24,7 +24,7 @@ from freefloat.bundled import find_robot, find_scenario
 from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
-from freefloat.path import EndEffectorPath, read_samples
+from freefloat.path import EndEffectorPath, parse_samples, samples_text
 from freefloat.problem import Margin, Problem
 from freefloat.schema import (
     AttitudeSection,
@@ -39,7 +39,7 @@ from freefloat.search import Search
 from freefloat.singularity import joint_space_extremes, measure
 from freefloat.spatial import Array, axes_rotation, frozen, rotation_matrix, unit_quaternion
 from freefloat.timing import Stop, TimedPath, Timing
-from freefloat.yaml_file import read_yaml
+from freefloat.yaml_file import parse_yaml, read_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +50,13 @@ class Scenario:
         source: The file.
         text: Its text.
         content: Its data.
+        samples: Text of the CSV file that its path comes from, where it does.
     """
 
     source: Path
     text: str
     content: ScenarioFile
+    samples: str | None = None
 
     def model(self) -> FreeFloatingModel:
         """Load the robot."""
@@ -68,13 +70,16 @@ class Scenario:
                 payload=None if robot.payload is None else _payload(robot.payload),
             )
 
-    def problem(self) -> Problem:
+    def problem(self, model: FreeFloatingModel | None = None) -> Problem:
         """Build everything.
+
+        Args:
+            model: The robot, where it is at hand already.
 
         Raises:
             InputError: Naming this file and the key, or the file that it leads to.
         """
-        content, model = self.content, self.model()
+        content, model = self.content, model or self.model()
         with self.told("path."):
             curve, attitude = self._curve_and_attitude()
         timing = content.timing
@@ -117,7 +122,8 @@ class Scenario:
         elif path.waypoints is not None:
             curve = SplineCurve(path.waypoints)
         else:
-            curve, sampled = read_samples(self.source.parent / str(path.samples))
+            file = self.source.parent / str(path.samples)
+            curve, sampled = parse_samples(self.samples or "", file)
         return curve, self._attitude(curve, sampled)
 
     def _attitude(self, curve: Curve, sampled: AttitudeLaw | None) -> AttitudeLaw:
@@ -198,11 +204,27 @@ def load_scenario(name: str | Path) -> Scenario:
         InputError: Naming the file, the key, what was given and what is accepted.
     """
     source = find_scenario(str(name))
-    text, data = read_yaml(source)
+    return parse_scenario(read_text(source), source)
+
+
+def parse_scenario(text: str, source: Path, samples: str | None = None) -> Scenario:
+    """A scenario from its text.
+
+    Args:
+        text: What the file says.
+        source: The file; named in errors, and what it leads to is looked for beside it.
+        samples: Text of the CSV file that the path comes from; read where it is left out.
+
+    Raises:
+        InputError: As for :func:`load_scenario`.
+    """
     try:
-        return Scenario(source, text, ScenarioFile.model_validate(data))
+        content = ScenarioFile.model_validate(parse_yaml(text, source))
     except ValidationError as error:
         raise _first_error(error, ScenarioFile, source) from None
+    if content.path.samples is not None and samples is None:
+        samples = samples_text(source.parent / content.path.samples)
+    return Scenario(source, text, content, samples)
 
 
 _WORDS = {

@@ -55,19 +55,19 @@ _PlainLoader.add_implicit_resolver(
 )
 
 
-def read_yaml(path: Path) -> tuple[str, dict[str, Any]]:
-    """Read a YAML file whose top is a mapping.
+def parse_yaml(text: str, path: Path) -> dict[str, Any]:
+    """Parse a YAML text whose top is a mapping.
 
     Args:
-        path: The file.
+        text: What the file says.
+        path: Its name, for errors.
 
     Returns:
-        Its text and its data.
+        Its data.
 
     Raises:
         InputError: With the line of whatever is wrong.
     """
-    text = _text(path)
     try:
         depth = 0
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
@@ -95,7 +95,7 @@ def read_yaml(path: Path) -> tuple[str, dict[str, Any]]:
     if not isinstance(data, dict):
         found = "it is empty" if data is None else f"its top is a {type(data).__name__}"
         raise InputError("file", found, "keys and values, such as 'task: pose'", str(path))
-    return text, data
+    return data
 
 
 def _at(mark: Any, path: Path, problem: str, accepted: str) -> InputError:
@@ -103,7 +103,12 @@ def _at(mark: Any, path: Path, problem: str, accepted: str) -> InputError:
     return InputError(line, problem, accepted, str(path))
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """The text of a file that may hold YAML.
+
+    Raises:
+        InputError: If it cannot be read, is no UTF-8 or far too large.
+    """
     accepted = f"a readable UTF-8 text file of at most {_LARGEST} bytes"
     try:
         with path.open("rb") as stream:

@@ -1,0 +1,45 @@
+"""Files written beside their place and put there when they are whole, or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from freefloat.errors import InputError
+
+
+@contextmanager
+def written_beside(path: Path) -> Iterator[Path]:
+    """A temporary file beside ``path`` that replaces it when the block ends well.
+
+    Raises:
+        InputError: If the folder cannot be written to.
+    """
+    accepted = "a file in a folder that exists, may be written to and has room"
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        raise InputError("output", f"{path} is there and is no plain file", accepted)
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+    except OSError as error:
+        raise InputError("output", f"{path}: {error.strerror}", accepted) from None
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o666 & ~_umask())
+        os.replace(temporary, path)
+    except OSError as error:
+        problem = os.strerror(error.errno) if error.errno else str(error).splitlines()[0]
+        raise InputError("output", f"{path}: {problem}", accepted) from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
