@@ -1,0 +1,443 @@
+// Plays a recording in MeshCat's viewer: own clock, own panels, MeshCat's scene tree and camera.
+
+const ROOT = "meshcat";
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
+const PATIENCE = 30; // seconds that a motion may take at first
+const SIDE_BY_SIDE = "side by side";
+const FIELD_OF_VIEW = 45;
+const element = id => document.getElementById(id);
+
+async function unpacked(text) {
+  const raw = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+  const stream = new Blob([raw]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+// The bytes of every command; each is preceded by its length.
+function* commands(bytes) {
+  const view = new DataView(bytes.buffer);
+  for (let at = 0; at < bytes.length;) {
+    const length = view.getUint32(at, true);
+    yield bytes.slice(at + 4, at + 4 + length);
+    at += 4 + length;
+  }
+}
+
+class Player {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.time = 0;
+    this.playing = false;
+    this.speed = SPEEDS.find(speed => about.duration / speed <= PATIENCE) || SPEEDS.at(-1);
+    this.shown = about.scenes.length ? [about.scenes[0]] : [];
+    this.hidden = new Set(about.items.filter(item => !item.visible).map(item => item.name));
+    this.trails = new Map(about.scenes.map(scene => [scene, this.geometry(scene)]));
+  }
+
+  // The node of the scene tree at a path, or undefined: MeshCat's own search would make it.
+  node(path) {
+    let found = this.viewer.scene_tree;
+    for (const name of path.split("/").filter(name => name)) found = found && found.children[name];
+    return found;
+  }
+
+  sceneNode(scene) { return this.node(`${ROOT}/${scene.node}`); }
+
+  geometry(scene) {
+    const tube = scene.trail && this.node(`${ROOT}/${scene.node}/Trail/<object>`);
+    return tube && tube.object.geometry;
+  }
+
+  // Where a scene stands: in a row across the first line of sight when there are several.
+  offset(scene) {
+    const place = this.shown.indexOf(scene) - (this.shown.length - 1) / 2;
+    const [x, y] = about.view.direction, level = Math.hypot(x, y);
+    const across = about.view.flat ? [1, 0, 0] : [-y / level, x / level, 0];
+    return across.map(part => part * place * 2.1 * about.view.radius);
+  }
+
+  show(title) {
+    this.shown = about.scenes.filter(scene => title === SIDE_BY_SIDE || scene.title === title);
+    if (!this.shown.length) throw new Error(`there is no motion ${title}`);
+    this.arrange();
+    this.look();
+  }
+
+  arrange() {
+    for (const scene of about.scenes) {
+      const { object } = this.sceneNode(scene);
+      this.sceneNode(scene).set_property("visible", this.shown.includes(scene));
+      if (this.shown.includes(scene)) object.position.set(...this.offset(scene));
+      for (const { name } of about.items) {
+        const item = this.node(`${ROOT}/${scene.node}/${name}`);
+        if (item) item.set_property("visible", !this.hidden.has(name));
+      }
+    }
+    this.seek(this.time);
+  }
+
+  toggle(name, visible) {
+    if (!about.items.some(item => item.name === name)) throw new Error(`there is no item ${name}`);
+    if (visible) this.hidden.delete(name); else this.hidden.add(name);
+    this.arrange();
+  }
+
+  // Everything in view: the ball that holds the scene, or the row of such balls.
+  look() {
+    const { centre, radius, direction } = about.view, { camera, controls, renderer } = this.viewer;
+    const { width, height } = renderer.domElement, aspect = width / height;
+    const half = FIELD_OF_VIEW * Math.PI / 360, count = Math.max(1, this.shown.length);
+    const wide = radius * (1 + 1.05 * (count - 1)), across = Math.atan(Math.tan(half) * aspect);
+    const distance = Math.max(radius / Math.sin(half), wide / Math.sin(across));
+    const length = Math.hypot(...direction);
+    const [x, y, z] = centre.map((part, i) => part + direction[i] / length * distance);
+    camera.fov = FIELD_OF_VIEW;
+    camera.near = distance / 500;
+    camera.far = distance * 50;
+    camera.position.set(x, z, -y);
+    controls.target.set(centre[0], centre[2], -centre[1]);
+    camera.updateProjectionMatrix();
+    controls.update();
+    this.viewer.set_dirty();
+  }
+
+  seek(time) {
+    this.time = Math.min(Math.max(time, 0), about.duration);
+    this.viewer.animator.seek(this.time);
+    for (const [scene, geometry] of this.trails) {
+      if (!geometry) continue;
+      const rings = countUpTo(scene.trail.times, this.time);
+      geometry.setDrawRange(0, Math.max(0, rings - 1) * scene.trail.indices);
+    }
+    this.viewer.set_dirty();
+  }
+
+  play() {
+    if (this.time >= about.duration) this.seek(0);
+    this.playing = about.duration > 0;
+    this.before = performance.now();
+  }
+
+  pause() { this.playing = false; }
+
+  // The clock stands still while the tab is hidden: no jump when it comes back.
+  tick(now) {
+    if (!this.playing) return;
+    this.seek(this.time + this.speed * Math.min((now - this.before) / 1000, 0.25));
+    this.before = now;
+    if (this.time >= about.duration) this.pause();
+  }
+
+  // What there is to say of a scene at the time.
+  lines(scene) {
+    if (!scene.trail) return scene.lines || [];
+    const { times, values, fractions } = scene.trail, { measure, margin } = about.scale;
+    const now = Math.min(this.time, scene.end);
+    const lines = [
+      `t = ${now.toFixed(2)} s`,
+      `s = ${between(times, fractions, now).toFixed(3)}`,
+      `|${measure}| = ${shortened(between(times, values, now))}, to keep: ${shortened(margin)}`,
+    ];
+    return this.time >= scene.end ? [...lines, { ended: scene.verdict }] : lines;
+  }
+
+  // Labels in sight, with their places on a canvas of a width and height.
+  labels(width, height) {
+    const { camera } = this.viewer, placed = [];
+    for (const scene of this.shown) {
+      const offset = this.offset(scene);
+      for (const label of scene.labels) {
+        if (this.time < label.since || this.hidden.has(label.item)) continue;
+        const point = new MeshCat.THREE.Vector3(...label.position.map((x, i) => x + offset[i]));
+        this.viewer.scene.localToWorld(point).project(camera); // the viewer's world has y up
+        if (Math.abs(point.z) > 1) continue;
+        placed.push({ text: label.text, x: (1 + point.x) * width / 2, y: (1 - point.y) * height / 2 });
+      }
+    }
+    return placed;
+  }
+}
+
+function countUpTo(sorted, value) {
+  let low = 0, high = sorted.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (sorted[middle] <= value) low = middle + 1; else high = middle;
+  }
+  return low;
+}
+
+function between(places, values, at) {
+  const next = Math.min(countUpTo(places, at), places.length - 1), last = Math.max(next - 1, 0);
+  const span = places[next] - places[last];
+  const share = span > 0 ? Math.min(Math.max((at - places[last]) / span, 0), 1) : 1;
+  return values[last] + share * (values[next] - values[last]);
+}
+
+function shortened(value) {
+  const size = Math.abs(value);
+  return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(2) : String(+value.toPrecision(4));
+}
+
+function plainLine(line) { return typeof line === "string" ? line : line.ended; }
+
+function legendTitle() {
+  const { measure, unit } = about.scale;
+  return `|${measure}|` + (unit && unit !== "1" ? ` [${unit}]` : "");
+}
+
+// The panels, in step with the player.
+class Panels {
+  constructor(player) {
+    this.player = player;
+    this.makeItems();
+    this.makeBar();
+    this.makeLegend();
+    this.labels = [];
+  }
+
+  makeItems() {
+    for (const { name } of about.items) {
+      const box = document.createElement("input"), label = document.createElement("label");
+      box.type = "checkbox";
+      box.name = name;
+      box.addEventListener("change", () => this.player.toggle(name, box.checked));
+      label.append(box, ` ${name}`);
+      element("items").append(label);
+    }
+  }
+
+  makeBar() {
+    const { player } = this, motions = element("motion"), still = about.duration === 0;
+    for (const id of ["play", "time", "clock", "speed"]) element(id).hidden = still;
+    element("time").max = about.duration;
+    for (const speed of SPEEDS) element("speed").add(new Option(`${speed}×`, speed));
+    const titles = about.scenes.map(scene => scene.title);
+    if (titles.length > 1 && !still) titles.push(SIDE_BY_SIDE);
+    for (const title of titles) motions.add(new Option(title, title));
+    motions.hidden = titles.length < 2;
+    element("play").addEventListener("click", () => this.playOrPause());
+    element("time").addEventListener("input", event => { player.pause(); player.seek(+event.target.value); });
+    element("speed").addEventListener("change", event => { player.speed = +event.target.value; });
+    motions.addEventListener("change", event => player.show(event.target.value));
+    element("view").addEventListener("click", () => player.look());
+    element("picture").addEventListener("click", () => savePicture(player));
+    document.addEventListener("keydown", event => this.key(event));
+  }
+
+  makeLegend() {
+    const { stops, below, margin, largest } = about.scale, legend = element("legend");
+    const bar = document.createElement("div"), ends = document.createElement("div");
+    bar.className = "bar";
+    bar.style.background = `linear-gradient(to right, ${stops.join(", ")})`;
+    ends.className = "ends";
+    for (const value of [margin, largest]) {
+      const end = document.createElement("span");
+      end.textContent = shortened(value);
+      ends.append(end);
+    }
+    legend.append(legendTitle(), bar, ends);
+    if (margin > 0) {
+      const note = document.createElement("div");
+      note.className = "below";
+      note.style.setProperty("--below", below);
+      note.textContent = "below the margin";
+      legend.append(note);
+    }
+  }
+
+  playOrPause() { if (this.player.playing) this.player.pause(); else this.player.play(); }
+
+  key(event) {
+    const { player } = this;
+    if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(event.target.tagName) && event.key === " ") return;
+    const step = about.duration / 100;
+    const jumps = { ArrowLeft: player.time - step, ArrowRight: player.time + step, Home: 0, End: about.duration };
+    if (event.key === " ") { this.playOrPause(); event.preventDefault(); }
+    if (event.key in jumps && event.target.tagName !== "SELECT") {
+      player.pause();
+      player.seek(jumps[event.key]);
+      event.preventDefault();
+    }
+  }
+
+  update() {
+    const { player } = this;
+    element("play").textContent = player.playing ? "Pause" : "Play";
+    if (document.activeElement !== element("time") || player.playing) element("time").value = player.time;
+    element("clock").textContent = `${player.time.toFixed(2)} / ${about.duration.toFixed(2)} s`;
+    element("speed").value = player.speed;
+    element("motion").value = player.shown.length > 1 ? SIDE_BY_SIDE : (player.shown[0] || {}).title;
+    for (const box of element("items").querySelectorAll("input")) box.checked = !player.hidden.has(box.name);
+    element("states").replaceChildren(...player.shown.map(scene => this.state(scene)));
+    this.placeLabels();
+  }
+
+  state(scene) {
+    const section = document.createElement("section"), title = document.createElement("h2");
+    title.textContent = scene.title;
+    section.append(title);
+    for (const line of this.player.lines(scene)) {
+      const row = document.createElement("p");
+      row.textContent = plainLine(line);
+      if (typeof line !== "string") row.className = "ended";
+      section.append(row);
+    }
+    return section;
+  }
+
+  placeLabels() {
+    const pane = element("meshcat-pane");
+    const placed = this.player.labels(pane.offsetWidth, window.innerHeight);
+    element("labels").replaceChildren(...placed.map(({ text, x, y }) => {
+      const label = document.createElement("div");
+      label.className = "label";
+      label.textContent = text;
+      label.style.left = `${x}px`;
+      label.style.top = `${y}px`;
+      return label;
+    }));
+  }
+}
+
+// What is seen, panels left out, their words written into it.
+function picture(player) {
+  player.viewer.render();
+  const seen = player.viewer.renderer.domElement, canvas = document.createElement("canvas");
+  canvas.width = seen.width;
+  canvas.height = seen.height;
+  const pen = canvas.getContext("2d"), unit = Math.max(10, Math.round(canvas.height / 45));
+  pen.drawImage(seen, 0, 0);
+  pen.textBaseline = "middle";
+  pen.shadowColor = "#000";
+  pen.shadowBlur = unit / 3;
+  const write = (text, x, y, colour = "#e8ecf2", weight = "") => {
+    pen.font = `${weight} ${unit}px system-ui, "DejaVu Sans", sans-serif`;
+    pen.fillStyle = colour;
+    pen.fillText(text, x, y);
+  };
+  const span = canvas.width / Math.max(1, player.shown.length);
+  player.shown.forEach((scene, place) => {
+    const left = place * span + unit;
+    write(scene.title, left, 1.2 * unit, undefined, "600");
+    player.lines(scene).forEach((line, row) =>
+      write(plainLine(line), left, (2.6 + 1.3 * row) * unit, typeof line === "string" ? undefined : "#ffb27a"));
+  });
+  for (const { text, x, y } of player.labels(canvas.width, canvas.height)) write(text, x + unit / 2, y);
+  writeLegend(pen, write, unit, canvas.height);
+  return canvas;
+}
+
+function writeLegend(pen, write, unit, height) {
+  const { stops, below, margin, largest } = about.scale, width = 14 * unit, top = height - 2.6 * unit;
+  const shades = pen.createLinearGradient(unit, 0, unit + width, 0);
+  stops.forEach((colour, place) => shades.addColorStop(place / (stops.length - 1), colour));
+  write(legendTitle(), unit, top - 0.9 * unit);
+  pen.fillStyle = shades;
+  pen.fillRect(unit, top, width, 0.6 * unit);
+  write(shortened(margin), unit, top + 1.4 * unit);
+  pen.textAlign = "right";
+  write(shortened(largest), unit + width, top + 1.4 * unit);
+  pen.textAlign = "left";
+  if (margin <= 0) return;
+  pen.fillStyle = below;
+  pen.fillRect(2 * unit + width, top, 0.6 * unit, 0.6 * unit);
+  write("below the margin", 3 * unit + width, top + 0.3 * unit);
+}
+
+function pictureBytes(player) {
+  return new Promise((done, failed) =>
+    picture(player).toBlob(blob => blob ? done(blob) : failed(new Error("no picture")), "image/png"));
+}
+
+async function savePicture(player) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(await pictureBytes(player));
+  link.download = `${about.title.replaceAll(/[^\w.-]+/g, "_")}_${player.time.toFixed(2)}s.png`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+// Sends a picture at each of some times to an address of the server the page came from.
+async function capture(player, { times, width, height, address, motion }) {
+  const send = (name, body) => fetch(`${address}/${name}`, { method: "POST", body });
+  document.body.classList.add("capturing");
+  player.viewer.set_3d_pane_size(width / devicePixelRatio, height / devicePixelRatio);
+  if (motion !== null) player.show(motion);
+  player.look();
+  for (const [number, time] of times.entries()) {
+    player.seek(time);
+    await send(number, await pictureBytes(player));
+  }
+  await send("done", "");
+}
+
+async function begin() {
+  const viewer = new MeshCat.Viewer(element("meshcat-pane"), false), tree = viewer.scene_tree;
+  const perform = async id => {
+    const packed = element(id).textContent;
+    for (const command of packed ? commands(await unpacked(packed)) : []) viewer.handle_command_bytearray(command);
+  };
+  await perform("scene");
+  for (const [source, target] of about.copies) {
+    const [original, copy] = [source, target].map(path => tree.find([...path.split("/"), "<object>"]));
+    copy.set_object(original.object.clone());
+  }
+  await perform("tracks"); // a track finds only what is there
+  const { animator } = viewer;
+  animator.folder.domElement.style.display = "none"; // its clock is not ours
+  animator.play(); // until it has played once it does not seek
+  animator.pause();
+  const player = new Player(viewer), panels = new Panels(player);
+  const turn = now => {
+    requestAnimationFrame(turn);
+    player.tick(now);
+    if (!viewer.needs_render) return;
+    viewer.render();
+    panels.update();
+  };
+  viewer.set_3d_pane_size();
+  player.arrange();
+  player.look();
+  window.addEventListener("resize", () => player.look());
+  requestAnimationFrame(turn);
+  window.freefloat = api(player, panels);
+  if (about.capture) await capture(player, about.capture);
+}
+
+// For tests and for the curious: the page's state and its hands.
+function api(player, panels) {
+  const placed = path => {
+    const node = player.node(path);
+    if (!node) throw new Error(`there is no ${path}`);
+    node.object.updateWorldMatrix(true, false);
+    return node.object;
+  };
+  const pose = path => { // in the scene's frame, z up
+    const { Matrix4, Vector3, Quaternion } = MeshCat.THREE;
+    const inScene = new Matrix4().copy(player.viewer.scene.matrixWorld).invert().multiply(placed(path).matrixWorld);
+    const position = new Vector3(), quaternion = new Quaternion();
+    inScene.decompose(position, quaternion, new Vector3());
+    return { position, quaternion };
+  };
+  return {
+    about,
+    state: () => ({ time: player.time, playing: player.playing, speed: player.speed,
+      shown: player.shown.map(scene => scene.title), hidden: [...player.hidden] }),
+    seek: time => { player.pause(); player.seek(time); player.viewer.render(); panels.update(); },
+    play: () => player.play(),
+    pause: () => player.pause(),
+    show: title => player.show(title),
+    toggle: (name, visible) => player.toggle(name, visible),
+    position: path => pose(path).position.toArray(),
+    quaternion: path => pose(path).quaternion.toArray(),
+    visible: path => placed(path).visible,
+    picture: () => picture(player).toDataURL("image/png"),
+  };
+}
+
+begin().catch(async error => {
+  window.freefloatError = String(error);
+  element("states").textContent = `The scene cannot be shown: ${error}. It needs WebGL.`;
+  if (about.capture) await fetch(`${about.capture.address}/error`, { method: "POST", body: String(error) });
+});

@@ -1,0 +1,220 @@
+"""Motions as MeshCat commands: the robot and what is drawn beside it, moved by tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from meshcat import geometry as g
+from scipy.spatial.transform import Rotation
+
+from freefloat.body_poses import BodyPoses, body_poses_at
+from freefloat.errors import InputError
+from freefloat.first_view import first_view
+from freefloat.key_times import key_times
+from freefloat.margin_colours import MarginColours
+from freefloat.motion import Motion
+from freefloat.overlays import (
+    AREAS,
+    BASE_AXES,
+    HAND_AXES,
+    ITEMS,
+    areas_of,
+    draw_areas,
+    draw_axes,
+    draw_centre,
+    draw_ending,
+    draw_path,
+    draw_trail,
+    point_in_hand,
+    thickness,
+)
+from freefloat.problem import Problem
+from freefloat.robot_drawing import draw_robot, extent
+from freefloat.shapes import Visual
+from freefloat.spatial import Array
+from freefloat.stage import ROOT, Stage, node
+from freefloat.visuals import Look, look_of
+from freefloat.workspace import Workspace
+
+ROBOT = "Robot"
+_POINT = (0.95, 0.90, 0.25, 1.0)
+_COMPASS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+_SKY = {"top_color": [0.10, 0.13, 0.20], "bottom_color": [0.02, 0.03, 0.05]}
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A scene, its motions, and what a page must know to show them.
+
+    Attributes:
+        objects: Commands that make the scene, msgpack, in order.
+        copies: Paths whose object is to be that of another path: from, to.
+        animation: The command that gives it its tracks; None where nothing moves.
+        about: Titles, labels, the colour scale and the first view, as JSON knows them.
+    """
+
+    objects: tuple[bytes, ...]
+    copies: tuple[tuple[str, str], ...]
+    animation: bytes | None
+    about: Mapping[str, Any]
+
+
+def record(motions: Mapping[str, Motion], title: str = "freefloat") -> Recording:
+    """Record motions, each below a node of the scene tree with its name.
+
+    Bodies are where the motions say to 5e-7 m at all times.
+
+    Args:
+        motions: By name.
+        title: Of the page.
+
+    Raises:
+        InputError: If there is no motion.
+    """
+    if not motions:
+        raise InputError("motions", "none was given", "one motion or more, by name")
+    stage = Stage()
+    forward = {node(name): _forward(motion) for name, motion in motions.items()}
+    if len(forward) < len(motions):
+        raise InputError("motions", f"names alike: {', '.join(motions)}", "names that differ")
+    looks: dict[str, Look] = {}
+    acted = {name: _Act.of(motion, looks) for name, motion in forward.items()}
+    _set_the_stage(stage)
+    first = next(iter(forward.values())).problem
+    colours = MarginColours.over(first.margin, [act.values for act in acted.values()])
+    drawn: dict[Visual, str] = {}
+    scenes = [
+        {"title": str(title), "node": name} | _perform(stage, name, act, colours, drawn)
+        for title, (name, act) in zip(motions, acted.items(), strict=True)
+    ]
+    duration = float(max(act.times[-1] for act in acted.values()))
+    about = {
+        "title": title,
+        "duration": duration,
+        "scenes": scenes,
+        "items": _items(first),
+        "scale": colours.document(),
+        "view": _view(first, list(acted.values())),
+        "remarks": list(dict.fromkeys(one for act in acted.values() for one in act.look.missing)),
+    }
+    return Recording(stage.objects, stage.copies, stage.animation(duration), about)
+
+
+def _forward(motion: Motion) -> Motion:
+    if motion.times[-1] >= motion.times[0]:
+        return motion
+    turned = (values[::-1] for values in (motion.times, motion.attitudes, motion.joints))
+    return Motion(motion.problem, motion.ending, *turned)
+
+
+@dataclass(frozen=True, eq=False)
+class _Act:
+    """A motion sampled for drawing: body poses at its key times, magnitudes of the measure."""
+
+    motion: Motion
+    look: Look
+    times: Array
+    poses: BodyPoses
+    values: Array
+    areas: Workspace | None
+
+    @classmethod
+    def of(cls, motion: Motion, looks: dict[str, Look]) -> _Act:
+        """Sample a motion; robots that were looked at before are not looked at again."""
+        times = _single_precision(motion)
+        _, poses = body_poses_at(motion, motion.place_of(times))
+        problem = motion.problem
+        values = np.abs([problem.margin.measure.value(q) for q in motion.joints])
+        model = problem.model
+        key = f"{model.end_effector} {dict(model.held)} {model.description.text}"
+        look = looks.setdefault(key, looks.get(key) or look_of(model))
+        return cls(motion, look, times, poses, values, areas_of(problem))
+
+
+def _single_precision(motion: Motion) -> Array:
+    """Key times that a browser knows exactly, each once, none outside the motion."""
+    rounded = key_times(motion).astype(np.float32).astype(float)
+    return np.unique(np.clip(rounded, motion.times[0], motion.times[-1]))
+
+
+def _set_the_stage(stage: Stage) -> None:
+    """No floor in orbit; lamps that reach far."""
+    for path in ("Grid", "Axes"):
+        stage.set(path, "visible", False)
+    for key, value in _SKY.items():
+        stage.set("Background", key, value)
+    for lamp in ("PointLightNegativeX", "PointLightPositiveX"):
+        stage.set(f"Lights/{lamp}/<object>", "distance", 0.0)
+        stage.set(f"Lights/{lamp}/<object>", "intensity", 0.25)
+
+
+def _perform(
+    stage: Stage, name: str, act: _Act, colours: MarginColours, drawn: dict[Visual, str]
+) -> dict[str, Any]:
+    """Draw and move all that belongs to one motion; what the page must know of it."""
+    root, motion, problem = f"{ROOT}/{name}", act.motion, act.motion.problem
+    names = [node(name) for name in problem.model.body_names]
+    draw_robot(stage, f"{root}/{ROBOT}", names, act.look, drawn)
+    for body, link in enumerate(names):
+        turns = Rotation.from_matrix(act.poses.rotations[:, body]).as_quat()
+        stage.move(f"{root}/{ROBOT}/{link}", act.times, act.poses.positions[:, body], turns)
+    labels = draw_path(stage, root, problem)
+    trail = draw_trail(stage, root, motion, act.times, colours)
+    if act.areas is not None:
+        draw_areas(stage, root, problem, act.areas)
+    labels += draw_centre(stage, root, problem) + draw_ending(stage, root, motion)
+    size = thickness(problem)
+    hands = Rotation.from_matrix(act.poses.hands).as_quat()
+    base = Rotation.from_matrix(act.poses.rotations[:, 0]).as_quat()
+    for name, places, turns in (
+        (BASE_AXES, act.poses.positions[:, 0], base),
+        (HAND_AXES, act.poses.tips, hands),
+    ):
+        draw_axes(stage, f"{root}/{name}", 25.0 * size, 0.6 * size)
+        stage.move(f"{root}/{name}", act.times, places, turns)
+    if act.areas is not None:
+        point = act.poses.tips + act.poses.hands @ point_in_hand(problem, act.areas)
+        path = f"{root}/{AREAS}/{act.areas.point}"
+        stage.mesh(path, g.Sphere(2.0 * size), _POINT)
+        stage.move(path, act.times, point, hands)
+    return {
+        "begin": float(act.times[0]),
+        "end": float(act.times[-1]),
+        "ending": motion.ending.name.lower(),
+        "verdict": motion.ending.value,
+        "labels": labels,
+        "trail": {
+            "times": [round(float(t), 6) for t in trail.times],
+            "values": [float(f"{value:.6g}") for value in trail.values],
+            "fractions": [round(float(s), 6) for s in trail.fractions],
+            "indices": trail.indices,
+        },
+        "areas": None if act.areas is None else act.areas.point,
+    }
+
+
+def _items(problem: Problem) -> list[dict[str, Any]]:
+    """What can be shown and hidden; in space the areas hide too much at first."""
+    return [
+        {"name": name, "visible": name != AREAS or problem.task.planar} for name in (ROBOT, *ITEMS)
+    ]
+
+
+def _view(problem: Problem, acts: Sequence[_Act]) -> dict[str, Any]:
+    """The first look, as JSON knows it; in the plane it takes in the areas, too."""
+    flat = problem.task.planar
+    beside = [np.zeros((1, 3))]
+    for act in acts:
+        if flat and act.areas is not None:
+            beside.append(
+                act.areas.reach[1]
+                * np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
+            )
+    extents = [extent(one) for act in acts for one in act.look.visuals if one.body == 0]
+    view = first_view(
+        [act.poses for act in acts], np.vstack(beside), 0.7 * max(extents, default=0.0), flat
+    )
+    return asdict(view)
