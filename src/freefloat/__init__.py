@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from freefloat.outlook import Outlook as Outlook
     from freefloat.path import EndEffectorPath as EndEffectorPath
     from freefloat.planner import plan as plan
+    from freefloat.playback import Playback as Playback
+    from freefloat.playback import play as play
     from freefloat.plans import Plan as Plan
     from freefloat.problem import Margin as Margin
     from freefloat.problem import Problem as Problem
@@ -52,6 +54,8 @@ _ROOMS = {
     "Plan": "plans",
     "Search": "search",
     "plan": "planner",
+    "Playback": "playback",
+    "play": "playback",
     "Margin": "problem",
     "Problem": "problem",
     "load_scenario": "scenario",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from freefloat.errors import InputError
 from freefloat.planar_ranges import BranchRanges, Limit, Span
 from freefloat.problem import Problem
 from freefloat.search import Search
@@ -66,6 +67,21 @@ class Plan:
     map: AttitudeMap | None = None
     tolerance: Tolerance | None = None
     disagreements: tuple[str, ...] = ()
+
+    def show(self, height: int = 600) -> None:
+        """Play the chosen motion in a notebook, elsewhere in a browser.
+
+        Args:
+            height: Of the notebook's cell in pixels.
+
+        Raises:
+            InputError: If the plan has no motion.
+        """
+        from freefloat.playback import play
+
+        if self.chosen is None:
+            raise InputError("plan", f"it has no motion to show: {self.reason}", "a feasible plan")
+        play({self.chosen.branch.label: self.chosen.motion}).show(height)
 
     @property
     def deviation(self) -> float | None:

@@ -129,7 +129,7 @@ def _in_notebook() -> bool:
     return shell is not None and hasattr(shell, "kernel")
 
 
-def playback(motions: Motion | Mapping[str, Motion], title: str = "freefloat") -> Playback:
+def play(motions: Motion | Mapping[str, Motion], title: str = "freefloat") -> Playback:
     """Prepare motions for showing.
 
     Args:
