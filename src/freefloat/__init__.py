@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from freefloat.outlook import Outlook as Outlook
     from freefloat.path import EndEffectorPath as EndEffectorPath
     from freefloat.planner import plan as plan
+    from freefloat.plans import Plan as Plan
     from freefloat.playback import Playback as Playback
     from freefloat.playback import play as play
-    from freefloat.plans import Plan as Plan
     from freefloat.problem import Margin as Margin
     from freefloat.problem import Problem as Problem
     from freefloat.scenario import load_scenario as load_scenario

@@ -432,6 +432,11 @@ function api(player, panels) {
     position: path => pose(path).position.toArray(),
     quaternion: path => pose(path).quaternion.toArray(),
     visible: path => placed(path).visible,
+    onScreen: path => { // share of the width from the left and of the height from above
+      const point = new MeshCat.THREE.Vector3().setFromMatrixPosition(placed(path).matrixWorld);
+      point.project(player.viewer.camera);
+      return [(1 + point.x) / 2, (1 - point.y) / 2];
+    },
     picture: () => picture(player).toDataURL("image/png"),
   };
 }
