@@ -72,7 +72,9 @@ def differing(first: np.ndarray, second: np.ndarray) -> int:
 
 
 @contextmanager
-def shown(browser: Browser, address: str | Path, size: tuple[int, int] = (640, 480)) -> Iterator[Shown]:
+def shown(
+    browser: Browser, address: str | Path, size: tuple[int, int] = (640, 480)
+) -> Iterator[Shown]:
     """Open a file or an address and wait until it is ready."""
     local = isinstance(address, Path)
     context = browser.new_context(

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from playwright.sync_api import Browser, sync_playwright
 
 from freefloat.bundled import models_folder
 from freefloat.model import FreeFloatingModel
 from freefloat.scenario import load_scenario
+from freefloat.stills import find_browser
 from freefloat.warm_up import warm_up
+from tests.browser import FLAGS
 from tests.robots import ur5_on_spacecraft
 
 settings.register_profile(
@@ -46,6 +52,20 @@ def spatial_6dof() -> FreeFloatingModel:
 def ur5() -> FreeFloatingModel:
     """A stock arm whose wrist is not spherical, on a spacecraft of 200 kg."""
     return FreeFloatingModel.from_urdf(ur5_on_spacecraft(), "tool0")
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Chromium without a window; on a machine without it tests are skipped, in CI they fail."""
+    executable = find_browser()
+    if executable is None:
+        if os.environ.get("CI"):
+            pytest.fail("no Chromium found: CI has to install one")
+        pytest.skip("no Chromium or Chrome on this machine (see freefloat view --snapshots)")
+    with sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=str(executable), args=FLAGS)
+        yield launched
+        launched.close()
 
 
 @pytest.fixture

@@ -42,7 +42,9 @@ def key_times(motion: Motion, tolerance: float = 5e-7, most: int = 20_000) -> Ar
         times = motion.at_place(places)[0]
         far &= np.abs(np.diff(times))[open_] > _FEWEST * span
         places, open_ = _halved(places, open_, far, middle)
-    return frozen(motion.at_place(places)[0])
+    times = motion.at_place(places)[0]
+    times[[0, -1]] = motion.times[[0, -1]]
+    return frozen(times)
 
 
 def _halved(places: Array, open_: _Flags, far: _Flags, middle: Array) -> tuple[Array, _Flags]:

@@ -178,7 +178,7 @@ def draw_ending(stage: Stage, root: str, motion: Motion) -> list[dict[str, Any]]
         return []
     final = motion.final
     tip = motion.problem.model.end_effector_pose(final.attitude, final.joints).position
-    path = f"{root}/{SINGULARITY}"
+    path = f"{root}/{SINGULARITY}/mark"  # people switch the node, time what is in it
     stage.mesh(path, g.Sphere(3.0 * thickness(motion.problem)), _RED)
     stage.place(path, Pose(tip, np.eye(3)))
     stage.appear(path, final.time)
