@@ -11,6 +11,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from urllib.request import Request, urlopen
@@ -21,7 +22,7 @@ from PIL import Image
 
 from freefloat import stills
 from freefloat.errors import InputError
-from freefloat.stills import Capture, find_browser, take_pictures
+from freefloat.stills import find_browser, take_pictures
 
 PAGE = """<!DOCTYPE html><meta charset="utf-8"><script>
 const capture = @CAPTURE@;
@@ -54,16 +55,17 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
-def drawing(capture: Capture) -> str:
-    content = {name: getattr(capture, name) for name in ("times", "width", "height", "address")}
-    return PAGE.replace("@CAPTURE@", json.dumps(content))
+Page = Callable[[str], str]
 
 
-def saying(where: str, what: str = '""') -> stills.Callable[[Capture], str]:
-    return lambda capture: (
-        SAYING.replace("@ADDRESS@", capture.address).replace("@WHERE@", where)
-        .replace("@WHAT@", what)
-    )  # fmt: skip
+def drawing(times: Sequence[float], width: int, height: int) -> Page:
+    content = {"times": list(times), "width": width, "height": height}
+    return lambda address: PAGE.replace("@CAPTURE@", json.dumps({**content, "address": address}))
+
+
+def saying(where: str, what: str = '""') -> Page:
+    page = SAYING.replace("@WHERE@", where).replace("@WHAT@", what)
+    return lambda address: page.replace("@ADDRESS@", address)
 
 
 def browsers() -> list[str]:
@@ -87,7 +89,7 @@ def profiles() -> set[Path]:
 def test_every_time_becomes_its_picture_in_order() -> None:
     times, shares = (0.0, 3.0, 1.5, 7.25), list[float]()
     before = profiles()
-    pictures = list(take_pictures(drawing, times, (120, 41), shares.append))
+    pictures = list(take_pictures(drawing(times, 120, 41), 4, (120, 41), shares.append))
     assert shares == [0.25, 0.5, 0.75, 1.0]
     for moment, picture in zip(times, pictures, strict=True):
         pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"))
@@ -100,7 +102,7 @@ def test_every_time_becomes_its_picture_in_order() -> None:
 @browser_only
 def test_whoever_ends_early_leaves_no_browser_and_no_thread() -> None:
     before, threads = profiles(), threading.active_count()
-    with closing(take_pictures(drawing, tuple(range(200)), (64, 64))) as pictures:
+    with closing(take_pictures(drawing(range(200), 64, 64), 200, (64, 64))) as pictures:
         next(pictures)
         assert browsers()
     assert (browsers(), profiles() - before, threading.active_count()) == ([], set(), threads)
@@ -118,11 +120,9 @@ def test_whoever_ends_early_leaves_no_browser_and_no_thread() -> None:
         (saying("0", r"new Uint8Array([137,80,78,71,13,10,26,10])"), "0x0 came instead of 32x32"),
     ],
 )
-def test_pages_that_fail_are_one_clear_error(
-    page: stills.Callable[[Capture], str], words: str
-) -> None:
+def test_pages_that_fail_are_one_clear_error(page: Page, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
-        list(take_pictures(page, (0.0,), (32, 32), key="video"))
+        list(take_pictures(page, 1, (32, 32), key="video"))
     assert caught.value.key == "video"
     assert browsers() == []
 
@@ -131,7 +131,7 @@ def test_pages_that_fail_are_one_clear_error(
 def test_a_page_that_says_nothing_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stills, "_PATIENCE", 1.0)
     with pytest.raises(InputError, match="no picture came for 1 s"):
-        list(take_pictures(lambda _: "<p>silence", (0.0,), (32, 32)))
+        list(take_pictures(lambda _: "<p>silence", 1, (32, 32)))
     assert browsers() == []
 
 
@@ -143,7 +143,7 @@ def test_a_browser_that_ends_by_itself_is_told_with_its_last_words(
     program.chmod(0o755)
     monkeypatch.setenv("CHROMIUM_BIN", str(program))
     with pytest.raises(InputError, match="ended by itself: no usable sandbox"):
-        list(take_pictures(drawing, (0.0,), (32, 32)))
+        list(take_pictures(drawing([0], 32, 32), 1, (32, 32)))
 
 
 def test_a_picture_that_comes_too_late_is_refused(
@@ -156,8 +156,8 @@ def test_a_picture_that_comes_too_late_is_refused(
     monkeypatch.setenv("CHROMIUM_BIN", str(program))
     addresses: list[str] = []
 
-    def page(capture: Capture) -> str:
-        addresses.append(capture.address)
+    def page(address: str) -> str:
+        addresses.append(address)
         return "page"
 
     picture = io.BytesIO()
@@ -176,7 +176,7 @@ def test_a_picture_that_comes_too_late_is_refused(
 
     thread = threading.Thread(target=post)
     thread.start()
-    with closing(take_pictures(page, tuple(range(20)), (32, 32))) as pictures:
+    with closing(take_pictures(page, 20, (32, 32))) as pictures:
         assert next(pictures) == picture.getvalue()
         time.sleep(0.5)
     thread.join()
@@ -188,7 +188,7 @@ def test_a_picture_that_comes_too_late_is_refused(
 @pytest.mark.parametrize("size", [(15, 400), (400, 4097), (0, 0), (-3, 100)])
 def test_sizes_out_of_reason_are_refused(size: tuple[int, int]) -> None:
     with pytest.raises(InputError, match="16 to 4096 pixels a side"):
-        next(take_pictures(drawing, (0.0,), size))
+        next(take_pictures(drawing([0], *size), 1, size))
 
 
 def test_browsers_are_found_by_name_or_variable(
@@ -199,7 +199,7 @@ def test_browsers_are_found_by_name_or_variable(
     monkeypatch.setattr(stills, "_NAMES", ("chromium", "google-chrome"))
     assert find_browser() is None
     with pytest.raises(InputError, match="video: no Chromium or Chrome was found") as caught:
-        next(take_pictures(drawing, (0.0,), (32, 32), key="video"))
+        next(take_pictures(drawing([0], 32, 32), 1, (32, 32), key="video"))
     assert "CHROMIUM_BIN" in caught.value.accepted
     program = tmp_path / "google-chrome"
     program.write_text("#!/bin/sh\n")
@@ -219,10 +219,9 @@ SLOW = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from freefloat.stills import take_pictures
-page = lambda capture: "<p>silence"
 print("begun", flush=True)
 try:
-    list(take_pictures(page, (0.0,), (32, 32)))
+    list(take_pictures(lambda _: "<p>silence", 1, (32, 32)))
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import os
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from freefloat import options
 from freefloat.console import (
     DONE,
     NO,
@@ -21,6 +20,7 @@ from freefloat.console import (
     progress_bar,
 )
 from freefloat.errors import InputError
+from freefloat.options import Json, Output, Page, ScenarioName, Threads
 
 if TYPE_CHECKING:
     from freefloat.problem import Problem
@@ -35,14 +35,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")]
-ScenarioName = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line")
-]
-Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
-]
 
 
 @app.callback(invoke_without_command=True)
@@ -103,31 +95,19 @@ def info(
 @app.command()
 def simulate(
     scenario: ScenarioName,
-    attitude: Annotated[
-        tuple[float, float, float, float] | None,
-        typer.Option(metavar="X Y Z W", help="Initial spacecraft attitude, a quaternion."),
-    ] = None,
-    heading: Annotated[
-        float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
-    ] = None,
-    joints: Annotated[
-        str | None,
-        typer.Option(
-            metavar="Q1,Q2,...", help="Follow the arm branch near these joint values [rad]."
-        ),
-    ] = None,
-    branch: Annotated[
-        int | None, typer.Option(metavar="K", help="Follow the arm branch with this number.")
-    ] = None,
-    stop_at_margin: Annotated[
-        bool, typer.Option("--stop-at-margin", help="End where the scenario's margin is used up.")
-    ] = False,
+    attitude: options.Attitude = None,
+    heading: options.Heading = None,
+    joints: options.Joints = None,
+    branch: options.Branch = None,
+    stop_at_margin: options.StopAtMargin = False,
     output: Output = None,
+    html: Page = None,
     as_json: Json = False,
 ) -> None:
     """Follow the path from one attitude; tell where it becomes singular if it does.
 
-    Exit code 0 when the whole path was followed, 1 when not.
+    The file of -o holds the branch that was followed, the page of --html all of them. Exit code 0
+    when the whole path was followed, 1 when not.
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
@@ -135,55 +115,29 @@ def simulate(
         from freefloat.plan_file import save_motion
         from freefloat.report import simulation_document
         from freefloat.scenario import load_scenario
+        from freefloat.simulating import joint_values, save_page, start_attitude
         from freefloat.simulation import simulate as run
         from freefloat.tables import simulation_tables
         from freefloat.warm_up import warm_up_branches
 
         loaded = load_scenario(scenario)
         problem = loaded.problem()
-        start = _attitude(problem, attitude, heading)
+        start = start_attitude(problem, attitude, heading)
         warm_up_branches(problem)
         simulation = run(
             problem,
             start,
             branch=branch,
-            joints=_joint_values(joints),
+            joints=joint_values(joints),
             stop_at_margin=stop_at_margin,
         )
         document = simulation_document(simulation)
         if output is not None:
             save_motion(output, simulation.chosen.motion, loaded, document)
+        if html is not None:
+            save_page(html, simulation, scenario)
     answer(document, simulation_tables(document, scenario), as_json)
     raise typer.Exit(DONE if document["completed"] else NO)
-
-
-def _attitude(
-    problem: Problem, attitude: Sequence[float] | None, heading: float | None
-) -> Sequence[float]:
-    if (attitude is None) == (heading is None):
-        raise InputError(
-            "attitude",
-            ("neither" if attitude is None else "both") + " of --attitude and --heading given",
-            "--heading DEG" if problem.task.planar else "--attitude X Y Z W",
-        )  # fmt: skip
-    if attitude is not None:
-        return attitude
-    from freefloat.spatial import heading_quaternion
-
-    if heading is None or not math.isfinite(heading):
-        raise InputError("heading", f"{heading} was given", "a finite number of degrees")
-    if not problem.task.planar:
-        raise InputError("heading", f"task {problem.task} is not planar", "--attitude X Y Z W")
-    return list(heading_quaternion(math.radians(heading)))
-
-
-def _joint_values(text: str | None) -> list[float] | None:
-    if text is None:
-        return None
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        raise InputError("joints", f"{text!r} was given", "numbers with commas between") from None
 
 
 @app.command()
@@ -200,15 +154,11 @@ def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
     answer(document, workspace_tables(document, scenario), as_json)
 
 
-Threads = Annotated[
-    int | None, typer.Option(min=1, metavar="T", help="How many cores to use; all when left out.")
-]
-
-
 @app.command()
 def plan(
     scenario: ScenarioName,
     output: Output = None,
+    html: Page = None,
     threads: Threads = None,
     as_json: Json = False,
 ) -> None:
@@ -216,7 +166,7 @@ def plan(
 
     For planar tasks every initial heading is told; in space a grid over all attitudes is followed
     (search.samples in the scenario, 4,096 when left out) and the choice refined between its points.
-    Exit code 0 when there is one, 1 when there is none.
+    Exit code 0 when there is one, 1 when there is none (and no page of --html then).
 
     Example: freefloat plan planar_3dof/parabola -o plan.h5
 
@@ -238,6 +188,10 @@ def plan(
         document = plan_document(found)
         if output is not None:
             save_plan(output, found, loaded, document)
+        if html is not None and found.chosen is not None:
+            from freefloat.playback import play
+
+            play({found.chosen.branch.label: found.chosen.motion}, scenario).save(html)
     answer(document, plan_tables(document, scenario), as_json)
     raise typer.Exit(DONE if found.feasible else NO)
 
@@ -318,6 +272,46 @@ def map_(
     served = document["feasible_fraction"] > 0.0 or best is not None
     answer(document, tables, as_json)
     raise typer.Exit(DONE if served else NO)
+
+
+@app.command()
+def view(
+    files: options.Files,
+    port: options.Port = 7007,
+    no_open: options.NoOpen = False,
+    html: Page = None,
+    snapshots: options.Snapshots = None,
+    output: options.Folder = None,
+    video: options.Video = None,
+    fps: options.Rate = None,
+    speed: options.Speed = None,
+    size: options.Size = None,
+    motion: options.Motion = None,
+    as_json: Json = False,
+) -> None:
+    """Play motions in a browser until Ctrl-C; or write the page, pictures or a video of it.
+
+    The page is served to this machine alone. Pictures and videos are taken by a Chromium or
+    Chrome on PATH, or the one that CHROMIUM_BIN names. Exit code 0, also after Ctrl-C.
+
+    Example: freefloat view plan.h5
+
+    Example: freefloat view good.h5 bad.h5 --html both.html --video bad.gif --motion bad
+    """
+    with answering(as_json):
+        from freefloat.tables import view_tables
+        from freefloat.viewing import View, Wishes, pixels
+
+        wishes = Wishes(html, snapshots, output, video, fps, speed, pixels(size), motion)
+        shown = View.of(files)
+
+        def tell(document: dict[str, Any]) -> None:
+            answer(document, view_tables(document), as_json)
+
+        if wishes.any:
+            tell(shown.write(wishes, files[0].stem, progress_bar))
+        else:
+            shown.serve(port, tell, opens=not (no_open or as_json))
 
 
 @app.command()

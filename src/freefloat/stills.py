@@ -12,15 +12,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
 from queue import Empty, Full, Queue
 
 from freefloat.errors import InputError
+from freefloat.search import Progress
 from freefloat.viewer import served
 
-Progress = Callable[[float], None]
 SMALLEST, LARGEST = 16, 4096
 """Pixels a side."""
 _NAMES = (
@@ -62,26 +61,6 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 _WEBGL = "a Chromium or Chrome that can draw WebGL; CHROMIUM_BIN names another one"
 
 
-@dataclass(frozen=True)
-class Capture:
-    """What a page should draw and where to send it.
-
-    The page goes to each time in turn, draws and posts the PNG to ``address/INDEX``; then it posts
-    to ``address/done``, or, where something fails, the reason to ``address/error``.
-
-    Attributes:
-        times: [s].
-        width: Of the pictures [pixels].
-        height: Likewise.
-        address: Of the page itself.
-    """
-
-    times: tuple[float, ...]
-    width: int
-    height: int
-    address: str
-
-
 def find_browser() -> Path | None:
     """The program named by the variable CHROMIUM_BIN, else a Chromium, Chrome or Edge on PATH.
 
@@ -114,51 +93,47 @@ def browser_for(key: str) -> Path:
 
 
 def take_pictures(
-    make_page: Callable[[Capture], str],
-    times: tuple[float, ...],
+    make_page: Callable[[str], str],
+    count: int,
     size: tuple[int, int],
     progress: Progress | None = None,
     *,
     key: str = "snapshots",
 ) -> Iterator[bytes]:
-    """Let a page draw itself at some times.
+    """Let a page draw itself, again and again.
 
-    The browser has a profile of its own, reaches nothing but the page, and is gone when the
-    iterator is closed, exhausted or interrupted; close it (``contextlib.closing``) where the loop
-    over it may end early.
+    The page posts a PNG to its own address, a slash and 0, then 1 and so on; or, to ``error``
+    instead, the words that tell why it cannot. The browser has a profile of its own, reaches
+    nothing but the page, and is gone when the iterator is closed, exhausted or interrupted; close
+    it (``contextlib.closing``) where the loop over it may end early.
 
     Args:
-        make_page: The HTML text of a page that does what :class:`Capture` says.
-        times: [s].
+        make_page: The HTML text of such a page, given its address.
+        count: How many pictures to take.
         size: Width and height [pixels].
         progress: Called with the share done, in [0, 1].
         key: The option that asked for pictures, named in errors.
 
     Yields:
-        PNG files, one for each time, in order.
+        PNG files, in order.
 
     Raises:
         InputError: If there is no browser, it cannot draw the page, or gets stuck.
     """
-    width, height = size
     if not all(SMALLEST <= side <= LARGEST for side in size):
         accepted = f"{SMALLEST} to {LARGEST} pixels a side"
-        raise InputError("size", f"{width}x{height} was given", accepted)
+        raise InputError("size", f"{size[0]}x{size[1]} was given", accepted)
     browser, sent, path = browser_for(key), _Sent(key), f"/{secrets.token_urlsafe(24)}"
-
-    def page(address: str) -> str:
-        return make_page(Capture(times, width, height, address))
-
     with (
         _terminated_as_interrupted(),
-        served(page, path=path, receive=sent.receive) as address,
+        served(make_page, path=path, receive=sent.receive) as address,
         _running(browser, size, address) as process,
         sent.hearing(),
     ):
-        for index in range(len(times)):
+        for index in range(count):
             yield _sized(sent.picture(index, process), size, key)
             if progress is not None:
-                progress((index + 1) / len(times))
+                progress((index + 1) / count)
 
 
 class _Sent:

@@ -239,6 +239,23 @@ def _number(entry: Document) -> str:
     return "any" if entry["branch"] is None else str(entry["branch"])
 
 
+def view_tables(document: Document) -> list[RenderableType]:
+    """Where a page, pictures or a video are."""
+    lines = [f"remark: {words}" for words in document["remarks"]]
+    if document["address"] is not None:
+        lines.append(f"{document['address']}  (for this machine alone; Ctrl-C ends)")
+    if document["html"] is not None:
+        lines.append(f"page: {document['html']}")
+    if document["snapshots"]:
+        first, last = document["snapshots"][0], document["snapshots"][-1]
+        lines.append(f"pictures: {first}" + (f" to {last}" if last != first else ""))
+    if document["video"] is not None:
+        video = document["video"]
+        pace = "" if video["speed"] == 1.0 else f", {video['speed']:g} times as fast as the motion"
+        lines.append(f"video: {video['file']}, {video['duration']:.1f} s{pace}")
+    return [Text(line) for line in lines]
+
+
 def info_tables(document: Document) -> list[RenderableType]:
     """A robot: its bodies, its joints, what it can reach, and doubts."""
     title = Text(f"{document['urdf']}: {document['total_mass']:.6g} kg")

@@ -22,8 +22,6 @@ from typing import Any
 
 from freefloat.errors import InputError
 
-PORT = 7007
-"""Where a page is served unless another port is asked for."""
 _TRIES = 20
 """Ports looked at, one after the other, when the first is taken."""
 _HOST = "127.0.0.1"

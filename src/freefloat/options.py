@@ -1,0 +1,92 @@
+"""The words of the command line: options of several commands, or of commands with many."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")]
+ScenarioName = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line")
+]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
+]
+Page = Annotated[
+    Path | None,
+    typer.Option("--html", metavar="FILE", help="Write a page that plays it, without a network."),
+]
+Threads = Annotated[
+    int | None, typer.Option(min=1, metavar="T", help="How many cores to use; all when left out.")
+]
+
+# --- simulate -----------------------------------------------------------------------------------
+
+Attitude = Annotated[
+    tuple[float, float, float, float] | None,
+    typer.Option(metavar="X Y Z W", help="Initial spacecraft attitude, a quaternion."),
+]
+Heading = Annotated[
+    float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
+]
+Joints = Annotated[
+    str | None,
+    typer.Option(metavar="Q1,Q2,...", help="Follow the arm branch near these joint values, in rad."),
+]
+Branch = Annotated[
+    int | None, typer.Option(metavar="K", help="Follow the arm branch with this number.")
+]
+StopAtMargin = Annotated[
+    bool, typer.Option("--stop-at-margin", help="End where the scenario's margin is used up.")
+]
+
+# --- view ---------------------------------------------------------------------------------------
+
+Files = Annotated[
+    list[Path],
+    typer.Argument(metavar="FILE", help="Written by plan -o or simulate -o; one page."),
+]
+Port = Annotated[
+    int, typer.Option(min=0, max=65535, metavar="P", help="When taken, the next free one.")
+]
+NoOpen = Annotated[bool, typer.Option("--no-open", help="Open no browser; so it is with --json.")]
+Snapshots = Annotated[
+    int | None,
+    typer.Option(min=1, max=1000, metavar="N", help="Take N pictures from start to end."),
+]
+Folder = Annotated[
+    Path | None,
+    typer.Option(
+        *("--output", "-o"),
+        metavar="DIR",
+        help="Where the pictures go; else NAME_snapshots here, NAME being that of the file.",
+    ),
+]
+Video = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write a .gif, or a .mp4 where ffmpeg is installed."),
+]
+Rate = Annotated[
+    float | None, typer.Option(metavar="F", help="Pictures a second of the video; else 20.")
+]
+Speed = Annotated[
+    float | None,
+    typer.Option(
+        metavar="X",
+        help="How many times faster than the motion the video is; else 1, or a round number that "
+        "makes it last a quarter of a minute at most.",
+    ),
+]
+Size = Annotated[
+    str | None,
+    typer.Option(metavar="WxH", help="Of pictures and video; else 1280x720, GIF 800x450."),
+]
+Motion = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help='Of several, the one in pictures and video: a file\'s name or "side by side".',
+    ),
+]
