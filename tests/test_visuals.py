@@ -265,6 +265,25 @@ def test_every_link_of_a_bare_robot_is_drawn(robot: Robot) -> None:
         assert np.linalg.det(one.placement.rotation) == pytest.approx(1.0)
 
 
+def test_the_hub_of_a_held_joint_lies_along_it() -> None:
+    """It is a part of the spacecraft, turned by the joint's origin and the value it is held at."""
+    bus, arm, mast, flag = (
+        link_text(name, inertial_text(9.0, np.eye(3))) for name in ("bus", "arm", "mast", "flag")
+    )
+    text = f"<robot name='r'>{bus}{arm}{mast}{flag}{link_text('tip')}" + (
+        joint_text("q", "R", "bus", "arm", "1 0 0") + joint_text("end", "F", "arm", "tip", "2 0 0")
+        + joint_text("p", "R", "bus", "mast", "0 1 0", f"0 0 {np.pi / 2}", "1 0 0")
+        + joint_text("r", "R", "mast", "flag", "3 0 0", "0 0 0", "0 1 0") + "</robot>"
+    )  # fmt: skip
+    model = FreeFloatingModel.from_urdf(text, "tip", held={"p": np.pi / 2, "r": 0.3})
+    look = look_of(model)
+    for link, place, axis in (("mast", [0, 1, 0], [0, 1, 0]), ("flag", [0, 4, 0], [0, 0, 1])):
+        hub = next(one for one in of_link(look, link) if isinstance(one.shape, Cylinder))
+        assert hub.body == 0
+        np.testing.assert_allclose(hub.placement.position, place, atol=1e-12)
+        np.testing.assert_allclose(hub.placement.rotation[:, 2], axis, atol=1e-12)
+
+
 def test_the_gripper_is_at_the_end_effector(planar_3dof: FreeFloatingModel) -> None:
     """The tips of its fingers, at any length of arm."""
     text = re.sub(r"<visual>.*?</visual>", "", planar_3dof.description.text)
