@@ -18,6 +18,7 @@ from freefloat.dynamics import generalized_jacobian, momentum_map
 from freefloat.errors import InputError, ModelError
 from freefloat.model import FreeFloatingModel
 from freefloat.spatial import rotation_matrix
+from freefloat.urdf import read_urdf
 from tests.robots import (
     Robot,
     attitudes,
@@ -419,3 +420,55 @@ def test_a_joint_off_the_chain_with_the_name_of_a_link_is_refused() -> None:
         FreeFloatingModel.from_urdf(robot, "one")
     alone = robot.replace('joint name="two"', 'joint name="other"')
     assert FreeFloatingModel.from_urdf(alone, "one").joint_names == ("one",)
+
+
+# -------------------------------------------------------------------------------- where things are
+
+
+def whole_robot(robot: Robot, held: dict[str, float], joints: np.ndarray) -> tuple[pin.Model, ...]:
+    """Pinocchio's own robot, no joint held still, its root link at the origin."""
+    model = pin.buildModelFromXML(read_urdf(robot.text).text)
+    q = pin.neutral(model)
+    for name, value in [*held.items(), *zip(robot.joints, joints, strict=True)]:
+        q[model.joints[model.getJointId(name)].idx_q] = value
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return model, data
+
+
+@given(
+    robot=robots(branch=st.text("RCPF", max_size=3)), attitude=attitudes, seed=st.integers(0, 99)
+)
+def test_every_link_is_where_pinocchio_puts_it(
+    robot: Robot, attitude: np.ndarray, seed: int
+) -> None:
+    """Body pose times link place, whether the link moves, is fixed or on a held arm."""
+    rng = np.random.default_rng(seed)
+    held = {name: float(rng.uniform(-2, 2)) for name in robot.others}
+    joints = rng.uniform(-2, 2, len(robot.joints))
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+    whole, data = whole_robot(robot, held, joints)
+    poses = model.body_poses(attitude, joints)
+    assert len(poses) == model.dof + 1
+    np.testing.assert_allclose(poses[0].position, model.base_position(attitude, joints))
+    np.testing.assert_allclose(poses[0].rotation, rotation_matrix(attitude), atol=1e-14)
+    links = [frame.name for frame in whole.frames if frame.type == pin.FrameType.BODY]
+    assert set(model.link_places) == set(links) - {"universe"}
+    for link, (body, place) in model.link_places.items():
+        inside = poses[body] @ place
+        frame = data.oMf[whole.getFrameId(link, pin.FrameType.BODY)]
+        seen = poses[0].rotation @ frame.translation + poses[0].position
+        np.testing.assert_allclose(inside.position, seen, atol=1e-12)
+        np.testing.assert_allclose(inside.rotation, poses[0].rotation @ frame.rotation, atol=1e-12)
+
+
+def test_bodies_are_named_after_the_links_that_joints_move(spatial_6dof: FreeFloatingModel) -> None:
+    """The root link for the spacecraft; links fixed behind a moved one do not count."""
+    names = ("spacecraft", *(f"link_{k}" for k in range(1, 7)))
+    assert spatial_6dof.body_names == names
+    text = ELBOW.replace("</robot>", a_link("hand") + joint_text("glue", "F", "fore", "hand")
+                         + "</robot>")  # fmt: skip
+    model = FreeFloatingModel.from_urdf(text, "hand")
+    assert model.body_names == ("bus", "upper", "fore")
+    assert model.link_places["hand"][0] == 2
+    assert model.link_places["mast"][0] == 0

@@ -214,3 +214,15 @@ def test_low_discrepancy_points_fill_the_cube_more_evenly_than_chance(
     assert qmc.discrepancy(points) < 0.5 * chance
     np.testing.assert_array_equal(points, low_discrepancy(2048, dimension))
     np.testing.assert_array_equal(points[:10], low_discrepancy(10, dimension))
+
+
+@given(first=attitudes, second=attitudes, seed=st.integers(0, 99))
+def test_poses_follow_one_another(first: np.ndarray, second: np.ndarray, seed: int) -> None:
+    """What stands at a point of the inner frame: first the inner pose, then the outer one."""
+    p, r, point = np.random.default_rng(seed).normal(size=(3, 3))
+    outer, inner = Pose(p, rotation_matrix(first)), Pose(r, rotation_matrix(second))
+    both = outer @ inner
+    step = inner.rotation @ point + inner.position
+    np.testing.assert_allclose(
+        both.rotation @ point + both.position, outer.rotation @ step + outer.position, atol=1e-12
+    )

@@ -142,7 +142,7 @@ def simulate(
 
 @app.command()
 def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
-    """Tell a planar arm's reach and where in it the arm can become singular."""
+    """Tell an arm's reach and where in it the arm can become singular."""
     with answering(as_json):
         from freefloat.report import workspace_document
         from freefloat.scenario import load_scenario

@@ -211,5 +211,5 @@ def _bus(skeleton: Skeleton, place: Pose) -> tuple[Box, Pose]:
     share = np.abs(first) / (edges / 2.0)
     nearest = int(np.argmax(share))
     if share[nearest] < 1.0:
-        edges[nearest] *= max(share[nearest], 0.25)
+        edges[nearest] *= max(share[nearest], 0.1)
     return Box(edges), at

@@ -10,14 +10,13 @@ import numpy as np
 from meshcat import geometry as g
 
 from freefloat.body_poses import body_poses_at
-from freefloat.errors import InputError
 from freefloat.motion import Ending, Motion
 from freefloat.problem import Problem
 from freefloat.spatial import Array, Pose
 from freefloat.stage import Stage
 from freefloat.tube import SIDES, arrow, tube, tube_between
 from freefloat.virtual_manipulator import VirtualManipulator
-from freefloat.workspace import Workspace, planar_workspace
+from freefloat.workspace import Workspace
 
 PATH, TRAIL, AREAS = "End-effector path", "Trail", "Areas"
 CENTRE, MOMENTUM = "Centre of mass", "Momentum"
@@ -101,21 +100,13 @@ def draw_trail(
     return Trail(shown, values, fractions, 0 if still else 6 * SIDES)
 
 
-def areas_of(problem: Problem) -> Workspace | None:
-    """Where the arm can be singular, if that can be told by distance from the centre alone."""
-    try:
-        return planar_workspace(problem)
-    except InputError:
-        return None
-
-
 def draw_areas(stage: Stage, root: str, problem: Problem, areas: Workspace) -> None:
     """Rings in the plane, shells in space: where the arm can be singular, and where it cannot.
 
     They are drawn about the centre of mass; shells by their outer faces.
     """
     kinds = [(areas.path_dependent, _DEPENDENT), (areas.path_independent, _INDEPENDENT)]
-    parts = [(interval, colour) for intervals, colour in kinds for interval in intervals]
+    parts = [(interval, colour) for intervals, colour in kinds for interval in intervals or ()]
     level = float(problem.path.path.curve(0.0)[2])
     for number, ((inner, outer), colour) in enumerate(sorted(parts)):
         path = f"{root}/{AREAS}/{number + 1}"
@@ -124,14 +115,6 @@ def draw_areas(stage: Stage, root: str, problem: Problem, areas: Workspace) -> N
             stage.mesh(path, geometry, (*colour, 0.25), shaded=False)
         else:
             stage.mesh(path, g.Sphere(float(outer)), (*colour, 0.10))
-
-
-def point_in_hand(problem: Problem, areas: Workspace) -> Array:
-    """The point that the areas are about, in the end-effector's frame [m], shape (3,)."""
-    if areas.point == "end-effector":
-        return np.zeros(3)
-    virtual = VirtualManipulator.of(problem.model)
-    return np.asarray(-virtual.tool.T @ virtual.links[-1])
 
 
 def _annulus(inner: float, outer: float, level: float) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 from meshcat import geometry as g
 from scipy.spatial.transform import Rotation
 
+from freefloat.areas import exact_workspace
 from freefloat.body_poses import BodyPoses, body_poses_at
 from freefloat.errors import InputError
 from freefloat.first_view import first_view
@@ -21,14 +22,12 @@ from freefloat.overlays import (
     BASE_AXES,
     HAND_AXES,
     ITEMS,
-    areas_of,
     draw_areas,
     draw_axes,
     draw_centre,
     draw_ending,
     draw_path,
     draw_trail,
-    point_in_hand,
     thickness,
 )
 from freefloat.problem import Problem
@@ -134,7 +133,7 @@ class _Act:
         model = problem.model
         key = f"{model.end_effector} {dict(model.held)} {model.description.text}"
         look = looks.setdefault(key, looks.get(key) or look_of(model))
-        return cls(motion, look, times, poses, values, areas_of(problem))
+        return cls(motion, look, times, poses, values, exact_workspace(problem))
 
 
 def _single_precision(motion: Motion) -> Array:
@@ -180,7 +179,7 @@ def _perform(
         draw_axes(stage, f"{root}/{name}", 25.0 * size, 0.6 * size)
         stage.move(f"{root}/{name}", act.times, places, turns)
     if act.areas is not None:
-        point = act.poses.tips + act.poses.hands @ point_in_hand(problem, act.areas)
+        point = act.poses.tips + act.poses.hands @ act.areas.tip
         path = f"{root}/{AREAS}/{act.areas.point}"
         stage.mesh(path, g.Sphere(2.0 * size), _POINT)
         stage.move(path, act.times, point, hands)

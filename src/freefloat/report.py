@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.areas import workspace_of
 from freefloat.closeness import Least
 from freefloat.dynamics import Task
 from freefloat.model import FreeFloatingModel
@@ -18,7 +19,7 @@ from freefloat.simulation import FollowedBranch, Simulation
 from freefloat.singularity import Measure, joint_space_extremes, measure
 from freefloat.spatial import heading_of
 from freefloat.virtual_manipulator import VirtualManipulator
-from freefloat.workspace import path_areas, planar_workspace
+from freefloat.workspace import Interval, path_areas
 
 Document = dict[str, Any]
 
@@ -170,12 +171,14 @@ def _touch_document(limit: Limit, span: tuple[float, float]) -> Document:
 
 def workspace_document(problem: Problem) -> Document:
     """What ``workspace`` answers: reach and areas by radius, and the path's parts in them."""
-    workspace = planar_workspace(problem)
+    workspace = workspace_of(problem)
     return {
         "point": workspace.point,
+        "measure": workspace.measure,
         "reach": list(workspace.reach),
-        "pdw": [list(interval) for interval in workspace.path_dependent],
-        "piw": [list(interval) for interval in workspace.path_independent],
+        "pdw": _intervals(workspace.path_dependent),
+        "piw": _intervals(workspace.path_independent),
+        "exact": workspace.exact,
         "s_max": workspace.largest_s,
         "s_min": workspace.smallest_s,
         "path": [
@@ -183,6 +186,10 @@ def workspace_document(problem: Problem) -> Document:
             for interval, inside in path_areas(problem, workspace)
         ],
     }
+
+
+def _intervals(intervals: tuple[Interval, ...] | None) -> list[list[float]] | None:
+    return None if intervals is None else [list(interval) for interval in intervals]
 
 
 def natural_task(model: FreeFloatingModel) -> Task:

@@ -139,24 +139,38 @@ def _ranges(entry: Document) -> str:
 
 
 def workspace_tables(document: Document, name: str) -> list[RenderableType]:
-    """Reach and areas of a planar arm."""
+    """Reach and areas of an arm."""
     title = Text(f"{name}: distance of the {document['point']} from the centre of mass")
     table = _table("area", "from [m]", "to [m]")
     rows = [("reach", document["reach"])]
-    rows += [("path-dependent", interval) for interval in document["pdw"]]
-    rows += [("path-independent", interval) for interval in document["piw"]]
+    rows += [("path-dependent", interval) for interval in document["pdw"] or ()]
+    rows += [("path-independent", interval) for interval in document["piw"] or ()]
     for area, (low, high) in rows:
         table.add_row(area, f"{low:.5f}", f"{high:.5f}")
+    extremes = f"from {document['s_min']:.6g} to {document['s_max']:.6g} over the joint space"
+    return [title, table, Text(f"S ({document['measure']}) {extremes}"), *_area_notes(document)]
+
+
+def _area_notes(document: Document) -> list[RenderableType]:
+    if document["pdw"] is None:
+        return [Text("Areas: unknown, the arm has more joints than the task needs")]
+    notes = []
     parts = "; ".join(
         f"{part['s'][0]:.3f} to {part['s'][1]:.3f} {'in' if part['path_dependent'] else 'outside'}"
         for part in document["path"]
     )
-    return [
-        title,
-        table,
-        Text(f"S from {document['s_min']:.6g} to {document['s_max']:.6g} over the joint space"),
-        Text(f"The path, by s, is inside or outside the path-dependent areas: {parts}"),
-    ]
+    notes.append(f"The path, by s, is inside or outside the path-dependent areas: {parts}")
+    if document["measure"] == "arm":
+        notes.append(
+            "The areas are about the measure arm; shoulder and wrist can be singular by themselves "
+            "at about any distance"
+        )
+    if not document["exact"]:
+        notes.append(
+            "Found by sampling: S does vanish in the path-dependent areas, elsewhere no place was "
+            "found where it does"
+        )
+    return [Text(note) for note in notes]
 
 
 def map_tables(document: Document, name: str) -> list[RenderableType]:

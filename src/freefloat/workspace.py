@@ -3,7 +3,8 @@
 For planar arms of two joints, or of three with a prescribed attitude, S depends on the first two
 joint angles alone. So does the distance R of point 3 (the end-effector, or the joint of the last
 link) from the centre of mass, whatever the heading: (21), (28). The radii that the singular curves
-sweep are the path-dependent areas; what is left of the reach is path-independent.
+sweep are the path-dependent areas; what is left of the reach is path-independent. For other arms
+see :mod:`freefloat.areas`.
 """
 
 from __future__ import annotations
@@ -100,29 +101,36 @@ def _polished(arm: PlanarArm, joints: Array, level: float) -> Array:
     return joints
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Workspace:
-    """Distances from the centre of mass, in metres, of point 3.
+    """Distances from the centre of mass, in metres, of one point of the hand.
 
     Attributes:
-        point: What is meant: ``"end-effector"`` or ``"last joint"``.
+        point: What is meant: ``"end-effector"``, ``"last joint"`` or ``"wrist centre"``.
+        tip: That point in the end-effector's frame [m], shape (3,).
+        measure: S is this one: ``system``, ``arm`` or ``gjm``.
         reach: From the nearest to the farthest.
-        path_dependent: Where the arm can be singular, inner to outer.
-        path_independent: The rest of the reach, inner to outer.
+        path_dependent: Where S can vanish, inner to outer; None where that is not known.
+        path_independent: The rest of the reach, inner to outer; None likewise.
+        exact: Whether the areas are known to be all. Otherwise they were found by sampling: S does
+            vanish in the path-dependent ones, and in the others no such place was found.
         largest_s: S_max over the joint space.
         smallest_s: S_min over the joint space.
     """
 
     point: str
+    tip: Array
+    measure: str
     reach: Interval
-    path_dependent: tuple[Interval, ...]
-    path_independent: tuple[Interval, ...]
+    path_dependent: tuple[Interval, ...] | None
+    path_independent: tuple[Interval, ...] | None
+    exact: bool
     largest_s: float
     smallest_s: float
 
 
 def planar_workspace(problem: Problem) -> Workspace:
-    """Reach and areas of a planar arm.
+    """Reach and areas of a planar arm whose S depends on two joint angles.
 
     Raises:
         InputError: For arms whose S depends on more than two joint angles.
@@ -133,17 +141,39 @@ def planar_workspace(problem: Problem) -> Workspace:
             f"{problem.task} with {problem.model.dof} joints has no areas by radius alone",
             "planar-position with two turning joints, planar-pose with three",
         )
-    arm = PlanarArm.of(problem.model)
-    a, b, c = np.abs(arm.links[:3])
+    arm, tip = PlanarArm.of(problem.model), np.zeros(3)
+    if problem.task is Task.PLANAR_POSE:
+        virtual = VirtualManipulator.of(problem.model)
+        tip = -virtual.tool.T @ virtual.links[-1]
+    point = "last joint" if problem.task is Task.PLANAR_POSE else "end-effector"
+    return swept_workspace(problem, arm, "system", (point, tip))
+
+
+def swept_workspace(
+    problem: Problem, arm: PlanarArm, name: str, point: tuple[str, Array]
+) -> Workspace:
+    """Reach and areas from the singular curves of an arm in a plane.
+
+    Args:
+        problem: Whose arm it is.
+        arm: The arm in a plane, its S the measure of that name.
+        name: Of the measure.
+        point: What the arm's point 3 is called, and where it is in the end-effector's frame [m].
+    """
+    a, b, c = np.abs(arm.links[:3]).tolist()
     reach = max(0.0, 2.0 * max(a, b, c) - (a + b + c)), a + b + c
-    swept = [(float(c.radii.min()), float(c.radii.max())) for c in margin_curves(arm, 0.0)]
-    dependent = merged(swept)
-    extremes = joint_space_extremes(problem.model, measure(problem.model, problem.task, "system"))
+    curves = margin_curves(arm, 0.0)
+    dependent = merged([(float(c.radii.min()), float(c.radii.max())) for c in curves])
+    of = measure(problem.model, problem.task, name)
+    extremes = joint_space_extremes(problem.model, of)
     return Workspace(
-        point="last joint" if problem.task is Task.PLANAR_POSE else "end-effector",
-        reach=(float(reach[0]), float(reach[1])),
+        point=point[0],
+        tip=frozen(point[1]),
+        measure=name,
+        reach=reach,
         path_dependent=dependent,
-        path_independent=complement(dependent, (float(reach[0]), float(reach[1]))),
+        path_independent=complement(dependent, reach),
+        exact=True,
         largest_s=extremes.largest,
         smallest_s=extremes.smallest,
     )
@@ -171,14 +201,17 @@ def path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval, 
     """Which parts of the path lie where the arm can be singular.
 
     Args:
-        problem: A planar problem.
+        problem: What the workspace was computed for.
         workspace: Its workspace.
 
     Returns:
         Intervals of s in order, each with whether it lies in a path-dependent area; edges to 1e-3.
+        Nothing where the areas are not known.
     """
+    if workspace.path_dependent is None:
+        return ()
     s = np.linspace(0.0, 1.0, 1001)
-    radii = np.array([abs(point_3_on_path(problem, float(value))) for value in s])
+    radii = np.array([_radius_on_path(problem, workspace, float(value)) for value in s])
     inside = np.zeros(len(s), dtype=bool)
     for low, high in workspace.path_dependent:
         inside |= (radii >= low) & (radii <= high)
@@ -186,6 +219,13 @@ def path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval, 
     edges = [0.0, *((s[changes] + s[changes + 1]) / 2.0), 1.0]
     parts = zip(edges[:-1], edges[1:], inside[[0, *(changes + 1)]], strict=True)
     return tuple(((float(low), float(high)), bool(flag)) for low, high, flag in parts)
+
+
+def _radius_on_path(problem: Problem, workspace: Workspace, s: float) -> float:
+    """Distance from the centre of mass at which the path wants the workspace's point [m]."""
+    pose = problem.path.path.pose(s)
+    place = pose.position + pose.rotation @ workspace.tip
+    return float(np.linalg.norm(place[:2] if problem.task.planar else place))
 
 
 def most_singular_place(problem: Problem) -> tuple[float, float]:
