@@ -234,7 +234,7 @@ def test_a_singular_motion_stops_and_says_when(page: Shown, motions: dict[str, M
     page.toggle("Singularity", False)
     page.page.wait_for_timeout(100)
     assert page.page.get_by_text("singular at t = 54.662 s").count() == 0
-    assert "The arm became dynamically singular." in page.page.locator("#hud").inner_text()
+    assert "The arm became dynamically singular." in page.page.locator("#states").inner_text()
     stopped = motions[SINGULAR].final
     mark = page.position(f"{SINGULAR}/Singularity/mark")
     assert mark == pytest.approx([0.120, 0.469, 0.194], abs=1e-3)  # the paper's C, to its digits
@@ -246,7 +246,7 @@ def test_a_singular_motion_stops_and_says_when(page: Shown, motions: dict[str, M
 def test_the_panel_tells_the_measure(page: Shown, motions: dict[str, Motion]) -> None:
     page.at(40.0)
     page.page.wait_for_timeout(100)
-    told = re.search(r"\|arm\| = ([0-9.]+), to keep: 5", page.page.locator("#hud").inner_text())
+    told = re.search(r"\|arm\| = ([0-9.]+), to keep: 5", page.page.locator("#states").inner_text())
     assert told is not None
     motion = motions[FEASIBLE]
     value = abs(motion.problem.margin.measure.value(motion.sample([40.0])[0].joints))
@@ -265,7 +265,7 @@ def test_motions_are_switched_or_side_by_side(page: Shown) -> None:
     across = [page.ask(f"freefloat.onScreen('meshcat/{one}/Robot/spacecraft')")[0]
               for one in (FEASIBLE, SINGULAR)]  # fmt: skip
     assert across[1] - across[0] > 0.3
-    assert page.page.locator("#hud h2").all_inner_texts() == [FEASIBLE, SINGULAR]
+    assert page.page.locator("#states h2").all_inner_texts() == [FEASIBLE, SINGULAR]
 
 
 def test_planar_areas_are_drawn_around_the_centre(browser: Browser, tmp_path: Path) -> None:
@@ -293,7 +293,7 @@ def test_hostile_names_stay_names(
         assert seen.errors == []
         assert seen.ask("window.hacked || 0") == 0
         assert seen.page.title() == name
-        assert seen.page.locator("#hud h2").inner_text() == name
+        assert seen.page.locator("#states h2").inner_text() == name
 
 
 class Window:

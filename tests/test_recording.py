@@ -146,11 +146,14 @@ def test_colours_without_a_margin_or_a_motion() -> None:
 
 def test_the_first_view_holds_everything(motion: Motion) -> None:
     poses = body_poses(motion.problem.model, motion.attitudes, motion.joints)
-    view = first_view([poses], np.zeros((1, 3)), 0.5, flat=False)
-    assert np.linalg.norm(poses.positions - view.centre, axis=2).max() <= view.radius - 0.5
+    bus = np.array([[0.5, 2.0, 0.5], [-0.5, -2.0, 0.5]])
+    view = first_view([poses], [bus], np.array([[0.0, 0.0, -9.0]]), flat=False)
+    everywhere = poses.positions + np.einsum("kij,j->ki", poses.rotations[:, 0], bus[0])[:, None]
+    assert np.linalg.norm(everywhere[:, 0] - view.centre, axis=1).max() <= view.radius + 0.05
+    assert min(point[2] for point in view.points) == -9.0
     eye = np.asarray(view.direction)
-    ahead = poses.tips - poses.positions[:, 0]
-    assert (ahead @ eye).mean() > 0.0  # the hand is nearer than the spacecraft
+    ahead = poses.positions[:, 1:].mean(axis=1) - poses.positions[:, 0]
+    assert (ahead @ eye).mean() > 0.0  # the arm is nearer than the spacecraft
 
 
 def blob(text: str, name: str) -> Iterator[dict[str, Any]]:

@@ -26,8 +26,8 @@ _LEVEL = 6
 class Capture:
     """Makes a page send pictures of itself to the server it came from.
 
-    The page posts a PNG to ``address/0``, ``address/1`` and so on, then nothing to
-    ``address/done``; or what failed, in words, to ``address/error``.
+    The page posts a PNG to ``address/0``, ``address/1`` and so on; or what failed, in words, to
+    ``address/error``.
 
     Attributes:
         times: When to take a picture [s].

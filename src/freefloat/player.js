@@ -4,7 +4,8 @@ const ROOT = "meshcat";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
 const PATIENCE = 30; // seconds that a motion may take at first
 const SIDE_BY_SIDE = "side by side";
-const FIELD_OF_VIEW = 45;
+const FIELD_OF_VIEW = 40; // degrees
+const FRAME = 0.88; // share of the picture for what should be seen
 const element = id => document.getElementById(id);
 
 async function unpacked(text) {
@@ -53,7 +54,7 @@ class Player {
     const place = this.shown.indexOf(scene) - (this.shown.length - 1) / 2;
     const [x, y] = about.view.direction, level = Math.hypot(x, y);
     const across = about.view.flat ? [1, 0, 0] : [-y / level, x / level, 0];
-    return across.map(part => part * place * 2.1 * about.view.radius);
+    return across.map(part => part * place * 2.05 * about.view.radius);
   }
 
   show(title) {
@@ -82,15 +83,27 @@ class Player {
     this.arrange();
   }
 
-  // Everything in view: the ball that holds the scene, or the row of such balls.
+  // As near as lets everything be seen, from the first direction.
   look() {
-    const { centre, radius, direction } = about.view, { camera, controls, renderer } = this.viewer;
-    const { width, height } = renderer.domElement, aspect = width / height;
-    const half = FIELD_OF_VIEW * Math.PI / 360, count = Math.max(1, this.shown.length);
-    const wide = radius * (1 + 1.05 * (count - 1)), across = Math.atan(Math.tan(half) * aspect);
-    const distance = Math.max(radius / Math.sin(half), wide / Math.sin(across));
-    const length = Math.hypot(...direction);
-    const [x, y, z] = centre.map((part, i) => part + direction[i] / length * distance);
+    const { camera, controls, renderer } = this.viewer, { centre, direction } = about.view;
+    const up = Math.tan(FIELD_OF_VIEW * Math.PI / 360) / FRAME;
+    const across = up * renderer.domElement.width / renderer.domElement.height;
+    const length = Math.hypot(...direction), toEye = direction.map(part => part / length);
+    const level = Math.hypot(toEye[0], toEye[1]);
+    const right = [-toEye[1] / level, toEye[0] / level, 0];
+    const above = [toEye[1] * right[2] - toEye[2] * right[1], toEye[2] * right[0] - toEye[0] * right[2],
+      toEye[0] * right[1] - toEye[1] * right[0]];
+    const along = (axis, point) => axis.reduce((sum, part, i) => sum + part * point[i], 0);
+    let distance = 1e-3;
+    for (const scene of this.shown) {
+      const offset = this.offset(scene);
+      for (const seen of about.view.points) {
+        const point = seen.map((part, i) => part + offset[i] - centre[i]);
+        const aside = Math.max(Math.abs(along(right, point)) / across, Math.abs(along(above, point)) / up);
+        distance = Math.max(distance, aside + along(toEye, point));
+      }
+    }
+    const [x, y, z] = centre.map((part, i) => part + toEye[i] * distance);
     camera.fov = FIELD_OF_VIEW;
     camera.near = distance / 500;
     camera.far = distance * 50;
@@ -269,6 +282,7 @@ class Panels {
     element("speed").value = player.speed;
     element("motion").value = player.shown.length > 1 ? SIDE_BY_SIDE : (player.shown[0] || {}).title;
     for (const box of element("items").querySelectorAll("input")) box.checked = !player.hidden.has(box.name);
+    element("states").classList.toggle("several", player.shown.length > 1);
     element("states").replaceChildren(...player.shown.map(scene => this.state(scene)));
     this.placeLabels();
   }
@@ -288,7 +302,7 @@ class Panels {
 
   placeLabels() {
     const pane = element("meshcat-pane");
-    const placed = this.player.labels(pane.offsetWidth, window.innerHeight);
+    const placed = this.player.labels(pane.clientWidth, pane.clientHeight);
     element("labels").replaceChildren(...placed.map(({ text, x, y }) => {
       const label = document.createElement("div");
       label.className = "label";
@@ -360,16 +374,14 @@ async function savePicture(player) {
 
 // Sends a picture at each of some times to an address of the server the page came from.
 async function capture(player, { times, width, height, address, motion }) {
-  const send = (name, body) => fetch(`${address}/${name}`, { method: "POST", body });
   document.body.classList.add("capturing");
-  player.viewer.set_3d_pane_size(width / devicePixelRatio, height / devicePixelRatio);
+  player.viewer.fit(width / devicePixelRatio, height / devicePixelRatio);
   if (motion !== null) player.show(motion);
   player.look();
   for (const [number, time] of times.entries()) {
     player.seek(time);
-    await send(number, await pictureBytes(player));
+    await fetch(`${address}/${number}`, { method: "POST", body: await pictureBytes(player) });
   }
-  await send("done", "");
 }
 
 async function begin() {
@@ -378,6 +390,9 @@ async function begin() {
     const packed = element(id).textContent;
     for (const command of packed ? commands(await unpacked(packed)) : []) viewer.handle_command_bytearray(command);
   };
+  const pane = element("meshcat-pane");
+  viewer.fit = viewer.set_3d_pane_size; // which takes the window for the pane when it is not told
+  viewer.set_3d_pane_size = () => viewer.fit(pane.clientWidth, pane.clientHeight);
   await perform("scene");
   for (const [source, target] of about.copies) {
     const [original, copy] = [source, target].map(path => tree.find([...path.split("/"), "<object>"]));
@@ -399,7 +414,13 @@ async function begin() {
   viewer.set_3d_pane_size();
   player.arrange();
   player.look();
-  window.addEventListener("resize", () => player.look());
+  let moved = false; // a view that somebody chose is kept
+  viewer.controls.addEventListener("start", () => { moved = true; });
+  new ResizeObserver(() => {
+    if (document.body.classList.contains("capturing")) return;
+    viewer.set_3d_pane_size();
+    if (!moved) player.look();
+  }).observe(pane);
   requestAnimationFrame(turn);
   window.freefloat = api(player, panels);
   if (about.capture) await capture(player, about.capture);

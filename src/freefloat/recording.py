@@ -31,7 +31,7 @@ from freefloat.overlays import (
     thickness,
 )
 from freefloat.problem import Problem
-from freefloat.robot_drawing import draw_robot, extent
+from freefloat.robot_drawing import corners, draw_robot
 from freefloat.shapes import Visual
 from freefloat.spatial import Array
 from freefloat.stage import ROOT, Stage, node
@@ -41,6 +41,8 @@ from freefloat.workspace import Workspace
 ROBOT = "Robot"
 _POINT = (0.95, 0.90, 0.25, 1.0)
 _COMPASS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+_KEYS = 10_000
+"""Of all motions together, at the most."""
 _SKY = {"top_color": [0.10, 0.13, 0.20], "bottom_color": [0.02, 0.03, 0.05]}
 
 
@@ -65,7 +67,8 @@ def record(motions: Mapping[str, Motion], title: str = "freefloat") -> Recording
     """Record motions, each below a node of the scene tree with its name.
 
     Bodies are where the motions say to 1e-6 m at all times, but for the last 0.1 ms before a
-    singularity, where rates by time have no bound.
+    singularity, where rates by time have no bound. Many motions together are told more coarsely,
+    to some 1e-5 m, so that a page stays small.
 
     Args:
         motions: By name.
@@ -81,7 +84,8 @@ def record(motions: Mapping[str, Motion], title: str = "freefloat") -> Recording
     if len(forward) < len(motions):
         raise InputError("motions", f"names alike: {', '.join(motions)}", "names that differ")
     looks: dict[str, Look] = {}
-    acted = {name: _Act.of(motion, looks) for name, motion in forward.items()}
+    most = _KEYS // len(forward)
+    acted = {name: _Act.of(motion, looks, most) for name, motion in forward.items()}
     _set_the_stage(stage)
     first = next(iter(forward.values())).problem
     colours = MarginColours.over(first.margin, [act.values for act in acted.values()])
@@ -122,9 +126,9 @@ class _Act:
     areas: Workspace | None
 
     @classmethod
-    def of(cls, motion: Motion, looks: dict[str, Look]) -> _Act:
+    def of(cls, motion: Motion, looks: dict[str, Look], most: int) -> _Act:
         """Sample a motion; robots that were looked at before are not looked at again."""
-        times = _single_precision(motion)
+        times = _single_precision(motion, most)
         places = motion.place_of(times)
         places[[0, -1]] = motion.node_places[[0, -1]]  # near a singularity a microsecond matters
         _, poses = body_poses_at(motion, places)
@@ -136,11 +140,11 @@ class _Act:
         return cls(motion, look, times, poses, values, exact_workspace(problem))
 
 
-def _single_precision(motion: Motion) -> Array:
+def _single_precision(motion: Motion, most: int) -> Array:
     """Key times that a browser knows exactly, each once, none outside the motion."""
-    times = key_times(motion)
+    times = key_times(motion, most=most)
     rounded = np.unique(times.astype(np.float32)).astype(float)
-    return rounded[(rounded >= times[0]) & (rounded <= times[-1])]
+    return np.asarray(rounded[(rounded >= times[0]) & (rounded <= times[-1])])
 
 
 def _set_the_stage(stage: Stage) -> None:
@@ -216,8 +220,6 @@ def _view(problem: Problem, acts: Sequence[_Act]) -> dict[str, Any]:
                 act.areas.reach[1]
                 * np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
             )
-    extents = [extent(one) for act in acts for one in act.look.visuals if one.body == 0]
-    view = first_view(
-        [act.poses for act in acts], np.vstack(beside), 0.7 * max(extents, default=0.0), flat
-    )
+    bus = [corners(act.look, 0) for act in acts]
+    view = first_view([act.poses for act in acts], bus, np.vstack(beside), flat)
     return asdict(view)

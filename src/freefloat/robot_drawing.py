@@ -8,9 +8,11 @@ import numpy as np
 from meshcat import geometry as g
 
 from freefloat.shapes import Box, Cylinder, Sphere, Visual
-from freefloat.spatial import Pose
+from freefloat.spatial import Array, Pose
 from freefloat.stage import Stage, cylinder, node
 from freefloat.visuals import Look
+
+_SIGNS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
 def draw_robot(
@@ -50,15 +52,26 @@ def _geometry(visual: Visual) -> tuple[g.Geometry, Pose]:
     return g.TriangularMeshGeometry(shape.vertices, shape.faces), at
 
 
-def extent(visual: Visual) -> float:
-    """How far a shape reaches from its body's origin [m]."""
+def corners(look: Look, body: int) -> Array:
+    """Corners of the boxes around a body's shapes, in the body's frame [m], shape (K, 3)."""
+    found = [np.zeros((1, 3))]
+    for visual in look.visuals:
+        if visual.body == body:
+            own = _half_box(visual) * _SIGNS
+            at = visual.placement
+            found.append(at.position + own @ at.rotation.T)
+    whole = np.vstack(found)
+    low, high = whole.min(axis=0), whole.max(axis=0)
+    return np.asarray((low + high) / 2.0 + (high - low) / 2.0 * _SIGNS)
+
+
+def _half_box(visual: Visual) -> Array:
+    """How far a shape reaches from its own origin along x, y and z [m], shape (3,)."""
     shape = visual.shape
     if isinstance(shape, Box):
-        own = float(np.linalg.norm(shape.size)) / 2.0
-    elif isinstance(shape, Sphere):
-        own = shape.radius
-    elif isinstance(shape, Cylinder):
-        own = float(np.hypot(shape.radius, shape.length / 2.0))
-    else:
-        own = float(np.linalg.norm(shape.vertices, axis=1).max())
-    return float(np.linalg.norm(visual.placement.position)) + own
+        return np.asarray(shape.size / 2.0)
+    if isinstance(shape, Sphere):
+        return np.full(3, shape.radius)
+    if isinstance(shape, Cylinder):
+        return np.array([shape.radius, shape.radius, shape.length / 2.0])
+    return np.asarray(np.abs(shape.vertices).max(axis=0))
