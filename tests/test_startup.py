@@ -60,7 +60,7 @@ def test_showing_help_loads_nothing_heavy(tmp_path: Path) -> None:
         "import sys\n"
         "from typer.testing import CliRunner\n"
         "from freefloat.cli import app\n"
-        "for command in ([], ['info'], ['simulate'], ['plan'], ['map'], ['schema']):\n"
+        "for command in ([], ['info'], ['simulate'], ['plan'], ['map'], ['view'], ['schema']):\n"
         "    assert CliRunner().invoke(app, [*command, '--help']).exit_code == 0\n"
         "print('\\n'.join(sys.modules))"
     )

@@ -33,9 +33,7 @@ Heading = Annotated[
 ]
 Joints = Annotated[
     str | None,
-    typer.Option(
-        metavar="Q1,Q2,...", help="Follow the arm branch near these joint values, in rad."
-    ),
+    typer.Option(metavar="Q1,Q2,...", help="Follow the arm branch near these joint values, rad."),
 ]
 Branch = Annotated[
     int | None, typer.Option(metavar="K", help="Follow the arm branch with this number.")

@@ -200,19 +200,24 @@ class View:
 
 def _written(pictures: Any, times: Sequence[float], folder: Path, name: str) -> list[str]:
     """Write pictures, each named after its number and time; their files."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        problem = f"{folder}: {error.strerror}"
-        raise InputError("output", problem, "a folder that is there or can be made") from None
     digits, files = len(str(len(times))), []
     with closing(pictures):
         for number, (time, picture) in enumerate(zip(times, pictures, strict=True), start=1):
+            if number == 1:
+                _make(folder)
             file = folder / f"{name}_{number:0{digits}}_{time:.2f}s.png"
             with written_beside(file) as temporary:
                 temporary.write_bytes(picture)
             files.append(str(file))
     return files
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        problem = f"{folder}: {error.strerror}"
+        raise InputError("output", problem, "a folder that is there or can be made") from None
 
 
 def _motion(file: Path) -> Motion:
