@@ -138,7 +138,7 @@ def test_largest_s_at_the_worst_place_of_the_path_is_that_of_a_fine_search():
 
 
 def test_arms_whose_s_depends_on_more_angles_are_refused():
-    """A spatial arm has no areas by radius alone that this room could compute."""
+    """A spatial arm has no areas that planar formulas could tell."""
     with pytest.raises(InputError, match="planar-position with two turning joints"):
         planar_workspace(ff.load_scenario("spatial_6dof/line").problem())
 
@@ -149,14 +149,33 @@ def test_intervals_merge_and_complement():
     assert complement(((0.0, 2.0), (3.0, 4.0)), (0.0, 5.0)) == ((2.0, 3.0), (4.0, 5.0))
 
 
+def workspace_command(*words):
+    """What the command answers to these words."""
+    result = CliRunner().invoke(app, ["workspace", *words])
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
 def test_the_workspace_command_tells_reach_and_areas():
-    """Keys of the contract, and the spatial scenario refused with what is accepted."""
-    result = CliRunner().invoke(app, ["workspace", "planar_3dof/parabola", "--json"])
-    document = json.loads(result.stdout)
-    assert result.exit_code == 0
+    """Keys of the contract."""
+    document = json.loads(workspace_command("planar_3dof/parabola", "--json"))
     assert document["reach"] == pytest.approx([0.39278, 3.17410], abs=1e-5)
     assert len(document["pdw"]) == 2
     assert len(document["piw"]) == 1
-    refused = CliRunner().invoke(app, ["workspace", "spatial_6dof/line"])
-    assert refused.exit_code == 2
-    assert "planar-pose with three" in refused.stderr
+
+
+def test_the_workspace_command_answers_in_space():
+    """Shells about the arm factor in Example 2; the path crosses one of them."""
+    told = json.loads(workspace_command("spatial_6dof/line", "--json"))
+    assert (told["point"], told["measure"], told["exact"]) == ("wrist centre", "arm", True)
+    assert len(told["pdw"]) == len(told["piw"]) == 2
+    assert [part["path_dependent"] for part in told["path"]] == [False, True, False]
+    assert "shoulder and wrist can be singular" in workspace_command("spatial_6dof/line")
+
+
+def test_the_workspace_command_tells_what_it_does_not_know():
+    """Of a redundant arm the reach alone."""
+    told = json.loads(workspace_command("panda_servicer/line", "--json"))
+    assert (told["pdw"], told["piw"], told["path"]) == (None, None, [])
+    assert told["reach"][1] == pytest.approx(1.5721, abs=1e-3)
+    assert "unknown" in workspace_command("panda_servicer/line")

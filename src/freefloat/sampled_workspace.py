@@ -12,7 +12,7 @@ from freefloat.singularity import Measure, joint_box, joint_space_extremes, meas
 from freefloat.spatial import Array, low_discrepancy
 from freefloat.workspace import Interval, Workspace, complement, merged
 
-_LINES = 2048
+_LINES = 1024
 _STEPS = 32
 _ENDS = 4
 _GAP = 0.01
