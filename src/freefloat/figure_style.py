@@ -40,6 +40,8 @@ KINDS = ("pdf", "png")
 """Every figure is written as a drawing for print and as an image for screens."""
 
 _DOTS = 200
+_ROOMY = 6
+"""Entries of a legend that leave room in a line as wide as a column."""
 _STYLE: Any = {
     "axes.axisbelow": True,
     "axes.grid": True,
@@ -57,7 +59,6 @@ _STYLE: Any = {
     "grid.linewidth": 0.5,
     "legend.fontsize": 7.0,
     "legend.frameon": False,
-    "legend.handlelength": 2.4,
     "lines.linewidth": 1.2,
     "lines.markersize": 4.0,
     "mathtext.fontset": "dejavusans",
@@ -104,6 +105,17 @@ def axis_label(quantity: str, unit: str) -> str:
     """What an axis says: a quantity and its unit, powers raised (``m^2 kg``)."""
     raised = re.sub(r"\^(-?[0-9]+)", r"$^{\1}$", unit)
     return f"{quantity} [{raised}]"
+
+
+def legend_above(axes: Any) -> None:
+    """Put the legend of an axes on top of it, in one line, where it covers no data."""
+    handles, _ = axes.get_legend_handles_labels()
+    crowded = len(handles) > _ROOMY
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=max(1, len(handles)),
+        borderpad=0.2, borderaxespad=0.1, columnspacing=0.6 if crowded else 0.9,
+        handlelength=1.5 if crowded else 2.0, handletextpad=0.4,
+    )  # fmt: skip
 
 
 def figure_folder(folder: str | Path) -> Path:
