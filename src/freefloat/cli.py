@@ -200,6 +200,10 @@ def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
     answer(document, workspace_tables(document, scenario), as_json)
 
 
+Plots = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Draw figures into this folder, as PDF and PNG."),
+]
 Threads = Annotated[
     int | None, typer.Option(min=1, metavar="T", help="How many cores to use; all when left out.")
 ]
@@ -209,6 +213,7 @@ Threads = Annotated[
 def plan(
     scenario: ScenarioName,
     output: Output = None,
+    plots: Plots = None,
     threads: Threads = None,
     as_json: Json = False,
 ) -> None:
@@ -223,22 +228,25 @@ def plan(
     Example: freefloat plan spatial_6dof/line --json
     """
     with answering(as_json):
+        from freefloat.drawing import draw_plan, refuse_bad_folder
         from freefloat.plan_file import save_plan
         from freefloat.planner import plan as make_plan
         from freefloat.report import plan_document
         from freefloat.scenario import load_scenario
-        from freefloat.tables import plan_tables
+        from freefloat.tables import plan_tables, plot_lines
         from freefloat.warm_up import warm_up
 
         loaded = load_scenario(scenario)
         problem, search = loaded.problem(), loaded.search()
+        refuse_bad_folder(plots)
         warm_up(problem, threads)
         with loaded.told(), progress_bar(_searching(problem, search)) as progress:
             found = make_plan(problem, search, progress, threads=threads)
         document = plan_document(found)
         if output is not None:
             save_plan(output, found, loaded, document)
-    answer(document, plan_tables(document, scenario), as_json)
+        document |= draw_plan(plots, found)
+    answer(document, [*plan_tables(document, scenario), *plot_lines(document)], as_json)
     raise typer.Exit(DONE if found.feasible else NO)
 
 
@@ -292,12 +300,13 @@ def map_(
         ),
     ] = None,
     output: Output = None,
+    plots: Plots = None,
     as_json: Json = False,
 ) -> None:
     """Tell how near to a singularity every initial attitude leads, arm branch by arm branch.
 
-    For planar tasks the attitudes are headings, and only --samples and -o apply. Exit code 0 when
-    some attitude keeps the margin, 1 when none does.
+    For planar tasks the attitudes are headings, and only --samples, --plots and -o apply. Exit code
+    0 when some attitude keeps the margin, 1 when none does.
 
     Example: freefloat map planar_3dof/parabola --samples 720
 
@@ -306,17 +315,17 @@ def map_(
     with answering(as_json):
         from freefloat.mapping import Wishes, map_in_plane, map_in_space
         from freefloat.scenario import load_scenario
-        from freefloat.tables import attitude_map_tables, map_tables
+        from freefloat.tables import attitude_map_tables, map_tables, plot_lines
 
         loaded = load_scenario(scenario)
         problem = loaded.problem()
-        wishes = Wishes(samples, seed, threads, nearest, boundary, touch, output)
+        wishes = Wishes(samples, seed, threads, nearest, boundary, touch, output, plots)
         planar = problem.task.planar
         document = (map_in_plane if planar else map_in_space)(loaded, problem, wishes)
     tables = (map_tables if planar else attitude_map_tables)(document, scenario)
     best = None if planar else document["best"]  # which may lie between the samples
     served = document["feasible_fraction"] > 0.0 or best is not None
-    answer(document, tables, as_json)
+    answer(document, [*tables, *plot_lines(document)], as_json)
     raise typer.Exit(DONE if served else NO)
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from freefloat.console import progress_bar
+from freefloat.drawing import draw_heading_map, refuse_bad_folder
 from freefloat.errors import InputError
 from freefloat.map_file import map_file, save_map
 from freefloat.map_report import (
@@ -46,6 +47,7 @@ class Wishes:
         boundary: How many points of the boundary to find for each arm branch.
         touch: How many points of the boundary to carry back from touch points (Section VI).
         output: The file to write.
+        plots: The folder to draw figures into.
     """
 
     samples: int | None = None
@@ -55,6 +57,7 @@ class Wishes:
     boundary: int | None = None
     touch: int | None = None
     output: Path | None = None
+    plots: Path | None = None
 
 
 def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[str, Any]:
@@ -64,6 +67,7 @@ def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
             raise InputError(
                 key, f"task {problem.task} is planar", "a spatial task; freefloat plan tells limits"
             )
+    refuse_bad_folder(wishes.plots)
     samples = wishes.samples or scenario.search().samples or _HEADINGS
     warm_up(problem)
     start = time.perf_counter()
@@ -72,7 +76,7 @@ def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
     document = map_document(found, time.perf_counter() - start)
     if wishes.output is not None:
         save_map(wishes.output, found, scenario, problem, document)
-    return document
+    return document | draw_heading_map(wishes.plots, problem, found)
 
 
 def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[str, Any]:

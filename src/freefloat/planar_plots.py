@@ -25,7 +25,7 @@ from freefloat.figure_style import (
 )
 from freefloat.motion import Ending, Motion
 from freefloat.planar_arm import PlanarArm
-from freefloat.planar_ranges import TURN, BranchRanges, margin_level
+from freefloat.planar_ranges import TURN, BranchRanges
 from freefloat.planar_search import HeadingMap
 from freefloat.problem import Problem
 from freefloat.scene_plots import legend_over
@@ -49,11 +49,11 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
     """
     figure = new_figure(COLUMN, 3.9)
     axes = figure.subplots()
-    arm, level = PlanarArm.of(problem.model), margin_level(problem)
-    curves = margin_curves(arm, 0.0, level, -level)
-    looks: list[tuple[float, Any, float]] = [
-        (0.0, "-", 1.2), (level, (0, (5, 1.5)), 0.8), (-level, (0, (1, 1.2)), 0.8),
-    ]  # fmt: skip
+    arm, margin = PlanarArm.of(problem.model), problem.margin
+    looks: list[tuple[float, Any, float]] = [(0.0, "-", 1.2)]
+    if margin.value > 0.0 and margin.measure.name == "system":  # the S of (21a)
+        looks += [(margin.value, (0, (5, 1.5)), 0.8), (-margin.value, (0, (1, 1.2)), 0.8)]
+    curves = margin_curves(arm, *(value for value, _, _ in looks))
     for value, dashes, width in looks:
         rows = _joined(np.degrees(one.joints) for one in curves if one.level == value)
         label = f"$S={value:.4g}$"

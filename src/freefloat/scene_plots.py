@@ -73,7 +73,7 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     skeletons = _skeletons(motion, times)
     for axes, bones, time in zip(views, skeletons, times, strict=True):
         _draw_in_space(axes, motion.problem, bones)
-        axes.set_title(f"{time:.4g} s", y=-0.12)
+        axes.set_title(f"{time:.4g} s", y=0.98)
     _mark_singular(views[-1], motion, 3)
     _equal_in_space(
         views, np.vstack([row for one in skeletons for row in (one.spacecraft, one.arm)])

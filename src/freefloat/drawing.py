@@ -1,0 +1,52 @@
+"""The work of ``--plots``: figures drawn and saved; matplotlib comes only where it is wanted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from freefloat.console import progress_bar
+from freefloat.plans import Plan
+from freefloat.problem import Problem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from freefloat.planar_search import HeadingMap
+
+
+def refuse_bad_folder(folder: Path | None) -> None:
+    """Make the folder for figures before the work, or say why that cannot be.
+
+    Raises:
+        InputError: If it cannot be made or written to.
+    """
+    if folder is not None:
+        from freefloat.figure_style import figure_folder
+
+        figure_folder(folder)
+
+
+def draw_plan(folder: Path | None, plan: Plan) -> dict[str, Any]:
+    """Draw a plan; what is added to its document, nothing without a folder."""
+    if folder is None:
+        return {}
+    from freefloat.plots import plan_figures
+
+    with progress_bar("drawing") as progress:
+        return _saved(folder, plan_figures(plan, progress))
+
+
+def draw_heading_map(folder: Path | None, problem: Problem, found: HeadingMap) -> dict[str, Any]:
+    """Draw a map over heading; as :func:`draw_plan`."""
+    if folder is None:
+        return {}
+    from freefloat.plots import heading_map_figures
+
+    return _saved(folder, heading_map_figures(problem, found))
+
+
+def _saved(folder: Path, figures: dict[str, Figure]) -> dict[str, Any]:
+    from freefloat.figure_style import save_figures
+
+    return {"plots": [str(file) for file in save_figures(folder, figures)]}
