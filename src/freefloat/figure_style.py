@@ -107,6 +107,11 @@ def axis_label(quantity: str, unit: str) -> str:
     return f"{quantity} [{raised}]"
 
 
+def digits(value: float) -> str:
+    """Four digits, with a minus sign that is one."""
+    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
+
+
 def legend_above(axes: Any) -> None:
     """Put the legend of an axes on top of it, in one line, where it covers no data."""
     handles, _ = axes.get_legend_handles_labels()

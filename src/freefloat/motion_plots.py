@@ -17,6 +17,7 @@ from freefloat.figure_style import (
     STROKES,
     VERMILION,
     axis_label,
+    digits,
     legend_above,
     new_figure,
     styled,
@@ -120,8 +121,8 @@ def _curves(axes: Any, series: TimeSeries, values: Array, names: list[str]) -> N
 def _mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
     """The whole duration, rests on the way, and the end of a motion that is not completed."""
     axes.set_xlim(0.0, motion.problem.path.duration)
-    for number, stop in enumerate(motion.problem.path.timing.stops):
-        label = "at rest" if named and number == 0 else None
+    for index, stop in enumerate(motion.problem.path.timing.stops):
+        label = "at rest" if named and index == 0 else None
         line = {"color": GREY, "linestyle": (0, (4, 3)), "linewidth": 0.8, "zorder": 1}
         axes.axvline(stop.t, label=label, **line)
     if not motion.completed:
@@ -150,19 +151,19 @@ def margin_figure(motion: Motion, series: TimeSeries, least: Least) -> Figure:
     figure = new_figure()
     axes = figure.subplots()
     axes.axhline(0.0, color=BLACK, linewidth=0.6)
-    axes.plot(series.times, series.measure, color=BLUE, label=f"$S$ ({measure.name})")
+    axes.plot(series.times, series.measure, color=BLUE)
     if value > 0.0:
         level = least.sign * value
         axes.axhspan(0.0, level, color=PALE, linewidth=0.0, zorder=0)
         axes.axhline(
-            level, color=VERMILION, linestyle="--", linewidth=1.0, label=f"margin {level:.4g}"
+            level, color=VERMILION, linestyle="--", linewidth=1.0, label=f"margin {digits(level)}"
         )
     lowest = least.sign * least.value
-    told = "singular" if motion.ending is Ending.SINGULAR else f"least {lowest:.4g}"
+    told = "singular" if motion.ending is Ending.SINGULAR else f"least {digits(lowest)}"
     style: dict[str, Any] = {"color": BLACK, "linestyle": "none", "zorder": 5}
     axes.plot(
         [least.time], [lowest], marker="X" if motion.ending is Ending.SINGULAR else "o",
-        label=f"{told} at {least.time:.4g} s", **style,
+        label=f"{told} at {digits(least.time)} s", **style,
     )  # fmt: skip
     _mark_times(axes, motion)
     axes.set_xlabel(axis_label("time", "s"))

@@ -19,6 +19,7 @@ from freefloat.figure_style import (
     STROKES,
     VERMILION,
     axis_label,
+    digits,
     legend_above,
     new_figure,
     styled,
@@ -56,7 +57,7 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
     curves = margin_curves(arm, *(value for value, _, _ in looks))
     for value, dashes, width in looks:
         rows = _joined(np.degrees(one.joints) for one in curves if one.level == value)
-        label = f"$S={value:.4g}$"
+        label = f"$S$ = {digits(value)}"
         axes.plot(*rows.T, color=BLACK, linestyle=dashes, linewidth=width, label=label)
     _draw_distances(axes, problem, arm)
     for motion, (colour, dashes) in zip(motions, STROKES, strict=False):
@@ -101,7 +102,7 @@ def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
     q = np.degrees(motion.at_place(places)[2][:, :2])
     rows = wrapped(q)
     axes.plot(
-        *rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=f"from {heading:.4g}°",
+        *rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=f"from {digits(heading)}°",
         zorder=4,
     )  # fmt: skip
     style = {"color": colour, "linestyle": "none", "markersize": 4.5, "zorder": 5}
@@ -148,7 +149,7 @@ def headings_figure(
         if found.margin > 0.0:
             axes.axhline(
                 found.margin, color=VERMILION, linestyle="--", linewidth=1.0,
-                label=f"margin {found.margin:.4g}",
+                label=f"margin {digits(found.margin)}",
             )  # fmt: skip
         if chosen is not None and branch in (None, chosen[0]):
             axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")

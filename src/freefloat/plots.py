@@ -20,7 +20,7 @@ from freefloat.simulation import simulate
 from freefloat.spatial import heading_of, heading_quaternion
 from freefloat.workspace import Workspace, has_two_angle_form, planar_workspace
 
-_HEADINGS = 48
+_HEADINGS = 720
 
 
 def plan_figures(plan: Plan, progress: Progress | None = None) -> dict[str, Figure]:

@@ -22,6 +22,7 @@ from freefloat.figure_style import (
     PAGE,
     VERMILION,
     axis_label,
+    digits,
     new_figure,
     styled,
 )
@@ -73,7 +74,7 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     skeletons = _skeletons(motion, times)
     for axes, bones, time in zip(views, skeletons, times, strict=True):
         _draw_in_space(axes, motion.problem, bones)
-        axes.set_title(f"{time:.4g} s", y=0.98)
+        axes.set_title(f"{digits(time)} s", y=0.98)
     _mark_singular(views[-1], motion, 3)
     _equal_in_space(
         views, np.vstack([row for one in skeletons for row in (one.spacecraft, one.arm)])
@@ -119,7 +120,7 @@ def _mark_singular(axes: Any, motion: Motion, dimensions: int) -> None:
         tip = motion.problem.path.pose(motion.final.time).position
         axes.plot(
             *tip[:dimensions, None], marker="X", color=VERMILION, markersize=6.0, zorder=9,
-            linestyle="none", label=f"singular at {motion.final.time:.4g} s",
+            linestyle="none", label=f"singular at {digits(motion.final.time)} s",
         )  # fmt: skip
 
 
