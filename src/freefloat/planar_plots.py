@@ -153,7 +153,7 @@ def headings_figure(
             )  # fmt: skip
         if chosen is not None and branch in (None, chosen[0]):
             axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
-        axes.set(xlim=(0.0, 360.0), ylim=(0.0, None))
+        axes.set_xlim(0.0, 360.0)
         axes.set_ylabel(label)
         legend_above(axes)
     panels[-1].set_xticks(np.arange(0, 361, 60))

@@ -27,8 +27,8 @@ from freefloat.figure_style import (
     styled,
 )
 from freefloat.motion import Ending, Motion
+from freefloat.outlines import Outline, outlines
 from freefloat.problem import Problem
-from freefloat.skeleton import Skeleton
 from freefloat.spatial import Array
 from freefloat.workspace import Workspace, point_3_on_path
 
@@ -40,7 +40,10 @@ _PLACES = 301
 _AREA = "#D4D4D4"
 _VIEWS = 3
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
-"""Corners of a cube around its faces."""
+"""Corners of a box around its faces."""
+_FROM_ABOVE = [0, 2, 6, 4]
+_ZOOM = 0.84
+"""Leaves room for labels around a view."""
 
 
 @styled
@@ -71,14 +74,12 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     figure = new_figure(PAGE, 2.6)
     views = figure.subplots(1, _VIEWS, subplot_kw={"projection": "3d"})
     times = np.linspace(motion.initial.time, motion.final.time, _VIEWS)
-    skeletons = _skeletons(motion, times)
-    for axes, bones, time in zip(views, skeletons, times, strict=True):
-        _draw_in_space(axes, motion.problem, bones)
+    robots = outlines(motion, times)
+    for axes, robot, time in zip(views, robots, times, strict=True):
+        _draw_in_space(axes, motion.problem, robot)
         axes.set_title(f"{digits(time)} s", y=0.98)
     _mark_singular(views[-1], motion, 3)
-    _equal_in_space(
-        views, np.vstack([row for one in skeletons for row in (one.spacecraft, one.arm)])
-    )
+    _equal_in_space(views, np.vstack([robot.points for robot in robots]))
     handles, labels = views[-1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(handles))
     return figure
@@ -92,20 +93,14 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
     if workspace is not None:
         draw_areas(axes, workspace)
     draw_path(axes, motion.problem)
-    skeletons = _skeletons(motion, np.linspace(motion.initial.time, motion.final.time, _INSTANTS))
+    robots = outlines(motion, np.linspace(motion.initial.time, motion.final.time, _INSTANTS))
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
-    for number in (0, -1):
-        corners = skeletons[number].spacecraft[[0, 2, 6, 4], :2]
-        outline = Polygon(corners, closed=True, fill=False, edgecolor=shades[number])
-        axes.add_patch(outline)
-    for bones, shade in zip(skeletons, shades, strict=True):
-        _draw_arm(axes, bones.arm[:, :2], shade)
+    for which in (0, -1):
+        corners = robots[which].spacecraft[_FROM_ABOVE, :2]
+        axes.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=shades[which]))
+    for robot, shade in zip(robots, shades, strict=True):
+        _draw_arm(axes, robot.arm[:, :2], shade)
     _mark_singular(axes, motion, 2)
-
-
-def _skeletons(motion: Motion, times: Array) -> list[Skeleton]:
-    model = motion.problem.model
-    return [Skeleton.of(model, one.attitude, one.joints) for one in motion.sample(times)]
 
 
 def _draw_arm(axes: Any, points: Array, shade: str) -> None:
@@ -162,17 +157,18 @@ def _mark_ends(axes: Any, path: Array) -> None:
         )  # fmt: skip
 
 
-def _draw_in_space(axes: Any, problem: Problem, bones: Skeleton) -> None:
+def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
     """Path and robot in three dimensions."""
     s = np.linspace(0.0, 1.0, _PLACES)
     path = np.array([problem.path.path.curve(float(place)) for place in s])
     axes.plot(*path.T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
     _mark_ends(axes, path)
     body = Poly3DCollection(
-        bones.spacecraft[_FACES], facecolors=_AREA, edgecolors=GREY, linewidths=0.6, alpha=0.45
-    )
+        robot.spacecraft[_FACES], facecolors=_AREA, edgecolors=GREY,
+        linewidths=0.6, alpha=0.45,
+    )  # fmt: skip
     axes.add_collection3d(body)
-    _draw_arm(axes, bones.arm, BLACK)
+    _draw_arm(axes, robot.arm, BLACK)
 
 
 def _equal_in_space(views: Any, points: Array) -> None:
@@ -187,7 +183,7 @@ def _equal_in_space(views: Any, points: Array) -> None:
             axis.set_label_text(axis_label(f"${letter}$", "m"))
             axis.labelpad = -4.0
             axes.tick_params(axis=letter, pad=-2.0)
-        axes.set_box_aspect((1.0, 1.0, 1.0))
+        axes.set_box_aspect((1.0, 1.0, 1.0), zoom=_ZOOM)
         axes.view_init(elev=22.0, azim=-55.0)
 
 
