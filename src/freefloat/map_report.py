@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from freefloat.planar_search import HeadingMap
 from freefloat.spatial import Array, heading_quaternion
 
-if TYPE_CHECKING:  # kernels take half a second to import: planar maps do without
+if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
     from freefloat.attitude_map import AttitudeMap, Region
     from freefloat.attitude_search import Candidate
     from freefloat.map_boundary import BoundaryPoint
+    from freefloat.planar_search import HeadingMap
 
 Document = dict[str, Any]
 _ALL_ATTITUDES = 8.0 * np.pi**2

@@ -22,12 +22,11 @@ from freefloat.map_report import (
     place_document,
     touch_document,
 )
-from freefloat.planar_search import heading_map
 from freefloat.problem import Problem
 from freefloat.scenario import Scenario
 from freefloat.warm_up import warm_up
 
-if TYPE_CHECKING:  # kernels take half a second to import: planar maps do without
+if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
     from freefloat.attitude_map import AttitudeMap
     from freefloat.map_boundary import BoundaryPoint
     from freefloat.outlook import Outlook, Prospects
@@ -62,6 +61,8 @@ class Wishes:
 
 def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[str, Any]:
     """Follow every heading of a planar problem; what ``map`` answers."""
+    from freefloat.planar_search import heading_map
+
     for key in ("nearest", "boundary", "touch"):
         if getattr(wishes, key) is not None:
             raise InputError(
@@ -69,10 +70,10 @@ def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
             )
     refuse_bad_folder(wishes.plots)
     samples = wishes.samples or scenario.search().samples or _HEADINGS
-    warm_up(problem)
+    warm_up(problem, wishes.threads)
     start = time.perf_counter()
     with scenario.told(), progress_bar(f"following {samples:,} headings") as progress:
-        found = heading_map(problem, samples, progress)
+        found = heading_map(problem, samples, progress, threads=wishes.threads)
     document = map_document(found, time.perf_counter() - start)
     if wishes.output is not None:
         save_map(wishes.output, found, scenario, problem, document)
