@@ -245,7 +245,7 @@ def plan(
         document = plan_document(found)
         if output is not None:
             save_plan(output, found, loaded, document)
-        document |= draw_plan(plots, found)
+        document |= draw_plan(plots, found, threads)
     answer(document, [*plan_tables(document, scenario), *plot_lines(document)], as_json)
     raise typer.Exit(DONE if found.feasible else NO)
 

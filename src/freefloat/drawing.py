@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,8 @@ from freefloat.problem import Problem
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from freefloat.attitude_map import AttitudeMap
+    from freefloat.outlook import Outlook
     from freefloat.planar_search import HeadingMap
 
 
@@ -27,14 +30,14 @@ def refuse_bad_folder(folder: Path | None) -> None:
         figure_folder(folder)
 
 
-def draw_plan(folder: Path | None, plan: Plan) -> dict[str, Any]:
+def draw_plan(folder: Path | None, plan: Plan, threads: int | None = None) -> dict[str, Any]:
     """Draw a plan; what is added to its document, nothing without a folder."""
     if folder is None:
         return {}
     from freefloat.plots import plan_figures
 
     with progress_bar("drawing") as progress:
-        return _saved(folder, plan_figures(plan, progress))
+        return _saved(folder, plan_figures(plan, progress, threads=threads))
 
 
 def draw_heading_map(folder: Path | None, problem: Problem, found: HeadingMap) -> dict[str, Any]:
@@ -44,6 +47,20 @@ def draw_heading_map(folder: Path | None, problem: Problem, found: HeadingMap) -
     from freefloat.plots import heading_map_figures
 
     return _saved(folder, heading_map_figures(problem, found))
+
+
+def draw_attitude_map(
+    folder: Path | None, outlook: Outlook, found: AttitudeMap, document: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Draw a map over all attitudes and what its document tells; as :func:`draw_plan`."""
+    if folder is None:
+        return {}
+    from freefloat.map_slices import told_marks
+    from freefloat.plots import attitude_map_figures
+
+    with progress_bar("drawing") as progress:
+        figures = attitude_map_figures(found, outlook, told_marks(document), progress)
+        return _saved(folder, figures)
 
 
 def _saved(folder: Path, figures: dict[str, Figure]) -> dict[str, Any]:

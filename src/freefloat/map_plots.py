@@ -62,7 +62,7 @@ def slices_figure(found: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     for axes, one in zip(panels, slices, strict=True):
         shown = _draw_slice(axes, one, norm)
     bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
-    bar.set_label(axis_label("smallest $|S|$ of the best arm branch", margin.measure.unit))
+    bar.set_label(_label(found, "of the best arm branch"))
     bar.outline.set_linewidth(0.6)
     entries: list[Any] = [
         Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label="margin broken by all branches"),
@@ -78,6 +78,11 @@ def slices_figure(found: AttitudeMap, slices: Sequence[Slice]) -> Figure:
         ncols=len(drawn) + len(entries),
     )  # fmt: skip
     return figure
+
+
+def _label(found: AttitudeMap, words: str) -> str:
+    measure = found.problem.margin.measure
+    return axis_label(f"least |{measure.name}| {words}", measure.unit)
 
 
 def _draw_slice(axes: Any, one: Slice, norm: Normalize) -> Any:
@@ -143,7 +148,7 @@ def histogram_figure(found: AttitudeMap) -> Figure:
         _draw_bars(axes, values, edges, margin.value)
         name = f"{names[branch][:-1]}±" if twins else names[branch]
         axes.set_title(f"{name}\n{_shares(found, branch, values)}", fontsize=7.0, loc="left")
-    panels[-1].set_xlabel(axis_label("smallest $|S|$ on the way", margin.measure.unit))
+    panels[-1].set_xlabel(_label(found, "on the way"))
     figure.supylabel("attitudes [%]", fontsize=8.0)
     return figure
 

@@ -6,8 +6,9 @@ ball of radius pi, in whose centre the spacecraft's axes are the inertial ones.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +19,8 @@ from freefloat.rollout import kept
 from freefloat.search import Progress
 from freefloat.spatial import Array, frozen
 
-_SIDE = 51
-"""Attitudes along a diameter of the ball, where arm branches have a closed form."""
+_TOLD = ("best", "robust", "nearest")
+"""Keys of the document of a map whose attitudes are marked."""
 _ACROSS = ((1, 2), (0, 2), (0, 1))
 """Of planes at right angles to x, y, z: the components drawn to the right and upwards."""
 
@@ -67,13 +68,19 @@ class Slice:
         return _ACROSS[self.normal]
 
 
+def told_marks(document: Mapping[str, Any]) -> list[Mark]:
+    """The best, the most robust and the nearest attitude, as far as a map's document has them."""
+    places = [(name, document[name]) for name in _TOLD if document.get(name) is not None]
+    return [Mark(name, frozen(place["attitude"]), place["branch"]) for name, place in places]
+
+
 def rotation_vectors(attitudes: npt.ArrayLike) -> Array:
     """Rotation vectors [rad], at most pi long, of attitudes (K, 4); shape (K, 3)."""
     return np.asarray(Rotation.from_quat(attitudes).as_rotvec())
 
 
 def map_slices(
-    outlook: Outlook, marks: Sequence[Mark], progress: Progress | None = None
+    outlook: Outlook, marks: Sequence[Mark], progress: Progress | None = None, *, side: int = 51
 ) -> tuple[Slice, ...]:
     """The three planes through each mark, at right angles to x, y and z, with S_min all over them.
 
@@ -81,8 +88,9 @@ def map_slices(
         outlook: Of a spatial problem.
         marks: Attitudes through which to cut; through the centre of the ball where there are none.
         progress: Called with the share done, in [0, 1].
+        side: Attitudes along a diameter of the ball; fewer where arm branches have no closed form.
     """
-    side = round(_SIDE / np.sqrt(outlook.thrift)) // 2 * 2 + 1
+    side = round(side / np.sqrt(outlook.thrift)) // 2 * 2 + 1
     planes = [*_planes(marks)]
     slices = []
     for number, (mark, normal, offset) in enumerate(planes):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from freefloat.console import progress_bar
-from freefloat.drawing import draw_heading_map, refuse_bad_folder
+from freefloat.drawing import draw_attitude_map, draw_heading_map, refuse_bad_folder
 from freefloat.errors import InputError
 from freefloat.map_file import map_file, save_map
 from freefloat.map_report import (
@@ -96,6 +96,7 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
     if wishes.touch is not None:
         with scenario.told():
             _refuse_touches(problem)
+    refuse_bad_folder(wishes.plots)
     warm_up(problem, wishes.threads)
     start, outlook = time.perf_counter(), Outlook(problem, wishes.threads)
     sink: Callable[[Prospects], None] | None = None
@@ -109,7 +110,7 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
             document = _searched(outlook, found, wishes, start)
         if wishes.output is not None:
             writer.conclude(document)
-    return document
+    return document | draw_attitude_map(wishes.plots, outlook, found, document)
 
 
 def _refuse_touches(problem: Problem) -> None:
