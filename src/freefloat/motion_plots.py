@@ -179,25 +179,26 @@ def momentum_figure(motion: Motion) -> Figure:
     momentum, pose = figure.subplots(2, 1, sharex=True)
     errors = motion.momentum_errors(motion.node_places)
     _errors(momentum, motion.times, errors, 0, "momentum")
-    momentum.set_ylabel(axis_label("momentum error", "N m s"))
     turns = motion.problem.task.turns
-    for number, name in enumerate(("position [m]", "attitude [rad]")[: 2 if turns else 1]):
-        _errors(pose, motion.times, motion.end_effector_errors[:, number], number, name)
-    pose.set_ylabel(axis_label("end-effector error", "m, rad" if turns else "m"))
+    for which, name in enumerate(("position", "attitude")[: 2 if turns else 1]):
+        label = f"end-effector {name}"
+        _errors(pose, motion.times, motion.end_effector_errors[:, which], which, label)
+    momentum.set_ylabel(axis_label("error", "N m s"))
+    pose.set_ylabel(axis_label("error", "m, rad" if turns else "m"))
     pose.set_xlabel(axis_label("time", "s"))
     for axes in (momentum, pose):
         axes.set_yscale("log")
         _mark_times(axes, motion)
-    legend_above(pose)
+        legend_above(axes)
     figure.align_ylabels()
     return figure
 
 
-def _errors(axes: Any, times: Array, errors: Array, number: int, name: str) -> None:
+def _errors(axes: Any, times: Array, errors: Array, which: int, name: str) -> None:
     """As dots on a logarithmic axis, where zeros have no place."""
     shown = np.where(errors > 0.0, errors, np.nan)
-    marker, size = (".", 2.0) if number == 0 else ("x", 2.5)
+    marker, size = (".", 2.0) if which == 0 else ("x", 2.5)
     axes.plot(
-        times, shown, color=STROKES[number][0], linestyle="none", marker=marker, markersize=size,
+        times, shown, color=STROKES[which][0], linestyle="none", marker=marker, markersize=size,
         markeredgewidth=0.6, label=name,
     )  # fmt: skip

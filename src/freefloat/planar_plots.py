@@ -195,6 +195,7 @@ def _spans(entry: BranchRanges) -> list[Span]:
 def _sampled(headings: Array, kept: Array) -> list[Span]:
     """Samples in a row that keep the margin, each standing for half the way to its neighbours."""
     half = TURN / len(headings) / 2.0
+    headings, kept = np.append(headings, TURN), np.append(kept, kept[0])
     edges = np.flatnonzero(np.diff(np.concatenate([[0.0], kept, [0.0]])))
     return [
         (max(0.0, headings[first] - half), min(TURN, headings[last - 1] + half))
