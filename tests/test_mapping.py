@@ -148,6 +148,18 @@ def test_a_map_file_holds_what_the_map_holds(partly: AttitudeMap, folder: Path) 
     assert stored.document == {"best": None, "robust": None, "regions": []}
 
 
+def test_figures_of_a_map_are_drawn_and_told(folder: Path) -> None:
+    """Also into a folder that is not there yet; a file in its place is refused before the work."""
+    document = answer("map", "easy.yaml", "--plots", "figures/easy")
+    names = ("map_slices.pdf", "map_slices.png", "map_histogram.pdf", "map_histogram.png")
+    assert document["plots"] == [f"figures/easy/{name}" for name in names]
+    assert all(Path(file).stat().st_size > 5000 for file in document["plots"])
+    Path("taken").write_text("")
+    result = run("map", "easy.yaml", "--samples", "1000000", "--plots", "taken")
+    assert result.exit_code == 2
+    assert "no folder" in result.stderr
+
+
 def test_an_interrupted_map_leaves_nothing_behind(
     partly: AttitudeMap, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

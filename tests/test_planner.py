@@ -7,7 +7,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import InputError
-from freefloat.planar_search import heading_map, margin_from, searched_ranges
+from freefloat.planar_search import attitudes_at, heading_map, heading_outlook, searched_ranges
 from freefloat.spatial import frozen, heading_of, heading_quaternion
 
 
@@ -24,7 +24,8 @@ def test_the_largest_margin_beats_a_sweep(problem):
     """No heading of a sweep in steps of ten degrees keeps a larger margin."""
     plan = ff.plan(problem)
     assert plan.feasible
-    swept = max(margin_from(problem, heading, None) for heading in np.radians(range(0, 360, 10)))
+    sweep = attitudes_at(np.radians(np.arange(0.0, 360.0, 10.0)))
+    swept = heading_outlook(problem).margins(sweep, None).max()
     assert plan.chosen.least.value >= swept - 1e-4
     assert plan.chosen.motion.residuals().momentum < 1e-6
 
@@ -34,9 +35,9 @@ def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem):
     plan = ff.plan(problem, ff.Search(ff.Objective.ROBUST))
     widest = max((one for entry in plan.ranges for one in entry.ranges), key=lambda one: one.width)
     assert plan.robust_radius == pytest.approx(widest.width / 2)
-    for share in (-0.9, 0.9):
-        heading = chosen_heading(plan) + share * plan.robust_radius
-        assert margin_from(problem, heading, plan.chosen.branch.index) > problem.margin.value
+    headings = chosen_heading(plan) + np.array([-0.9, 0.9]) * plan.robust_radius
+    margins = heading_outlook(problem).margins(attitudes_at(headings), plan.chosen.branch.index)
+    assert (margins > problem.margin.value).all()
 
 
 @pytest.mark.parametrize(("now", "deviation"), [(200.0, 0.0), (100.0, None)])
@@ -83,7 +84,7 @@ def test_infeasible_plans_say_where_and_why(problem, start, end, value, words):
 def test_search_agrees_with_the_exact_ranges(problem):
     """Sampling and bisection find the ranges that the touch points give."""
     exact = ff.plan(problem, ff.Search(ff.Objective.ROBUST)).ranges
-    for one, other in zip(searched_ranges(problem, 24), exact, strict=True):
+    for one, other in zip(searched_ranges(heading_outlook(problem), 24), exact, strict=True):
         assert np.array(one.limits) == pytest.approx(np.array(other.limits), abs=1e-6)
 
 
@@ -96,6 +97,24 @@ def test_other_measures_are_searched(problem):
     assert plan.feasible
     assert plan.chosen.least.measure == "sigma"
     assert plan.chosen.least.value >= 0.05
+
+
+def test_precise_motions_confirm_searched_limits(problem):
+    """A hair to either side of a limit of sigma, motions through Pinocchio break and keep it."""
+    measure = ff.measure(problem.model, problem.task, "sigma")
+    other = ff.Problem(problem.model, problem.path, problem.task, problem.momentum,
+                       ff.Margin(measure, 0.05))  # fmt: skip
+    ranges = [(entry.branch, one) for entry in searched_ranges(heading_outlook(other), 24)
+              for one in entry.ranges]  # fmt: skip
+    assert ranges
+    for branch, one in ranges:
+        for limit, inward in ((one.low, 1e-6), (one.high, -1e-6)):
+            inside, outside = (
+                ff.simulate(other, heading_quaternion(limit + step), branch=branch).chosen
+                for step in (inward, -inward)
+            )
+            assert inside.least.keeps(0.05)
+            assert not (outside.motion.completed and outside.least.keeps(0.05))
 
 
 def test_a_planar_arm_with_a_joint_to_spare_is_planned_by_search(problem):

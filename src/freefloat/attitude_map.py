@@ -168,6 +168,22 @@ def map_attitudes(
     )  # fmt: skip
 
 
+def branch_names(found: AttitudeMap) -> dict[int | None, str]:
+    """What the arm branches that exist somewhere are called, by number.
+
+    Those of a redundant arm have no names: all together are one, without a number.
+    """
+    if found.problem.model.dof > len(found.problem.task.rows):
+        return {None: "any"}
+    reached, names = found.endings != UNREACHED, dict[int, str]()
+    for index in np.flatnonzero(reached.any(axis=0)):
+        if int(index) not in names:
+            somewhere = found.attitudes[int(np.argmax(reached[:, index]))]
+            branches = found.problem.branches(somewhere)
+            names |= {one.index: one.label for one in branches if one.index not in names}
+    return dict(sorted(names.items()))
+
+
 def depths(attitudes: Array, inside: npt.NDArray[np.bool_]) -> Array:
     """Angle [rad] from each attitude inside to the nearest outside, pi if there is none; (K,)."""
     if inside.all():

@@ -20,7 +20,7 @@ from freefloat.console import (
     progress_bar,
 )
 from freefloat.errors import InputError
-from freefloat.options import Json, Output, Page, ScenarioName, Threads
+from freefloat.options import Json, Output, Page, Plots, ScenarioName, Threads
 
 if TYPE_CHECKING:
     from freefloat.problem import Problem
@@ -159,6 +159,7 @@ def plan(
     scenario: ScenarioName,
     output: Output = None,
     html: Page = None,
+    plots: Plots = None,
     threads: Threads = None,
     as_json: Json = False,
 ) -> None:
@@ -173,15 +174,17 @@ def plan(
     Example: freefloat plan spatial_6dof/line --json
     """
     with answering(as_json):
+        from freefloat.drawing import draw_plan, refuse_bad_folder
         from freefloat.plan_file import save_plan
         from freefloat.planner import plan as make_plan
         from freefloat.report import plan_document
         from freefloat.scenario import load_scenario
-        from freefloat.tables import plan_tables
+        from freefloat.tables import plan_tables, plot_lines
         from freefloat.warm_up import warm_up
 
         loaded = load_scenario(scenario)
         problem, search = loaded.problem(), loaded.search()
+        refuse_bad_folder(plots)
         warm_up(problem, threads)
         with loaded.told(), progress_bar(_searching(problem, search)) as progress:
             found = make_plan(problem, search, progress, threads=threads)
@@ -192,7 +195,8 @@ def plan(
             from freefloat.playback import play
 
             play({found.chosen.branch.label: found.chosen.motion}, scenario).save(html)
-    answer(document, plan_tables(document, scenario), as_json)
+        document |= draw_plan(plots, found, threads)
+    answer(document, [*plan_tables(document, scenario), *plot_lines(document)], as_json)
     raise typer.Exit(DONE if found.feasible else NO)
 
 
@@ -207,51 +211,20 @@ def _searching(problem: Problem, search: Search) -> str:
 @app.command("map")
 def map_(
     scenario: ScenarioName,
-    samples: Annotated[
-        int | None,
-        typer.Option(
-            min=8,
-            max=100_000_000,
-            metavar="N",
-            help="How many attitudes; else search.samples of the scenario, else 36,864 "
-            "(planar tasks: 360 headings).",
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="Turns the grid of attitudes; else search.seed of the scenario."),
-    ] = None,
+    samples: options.Samples = None,
+    seed: options.Seed = None,
     threads: Threads = None,
-    nearest: Annotated[
-        tuple[float, float, float, float] | None,
-        typer.Option(
-            metavar="X Y Z W", help="Find the attitude nearest to this that keeps the margin."
-        ),
-    ] = None,
-    boundary: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Find N attitudes for each arm branch where the margin is just kept.",
-        ),
-    ] = None,
-    touch: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="For arms with an elbow and a spherical wrist: carry N points of the boundary "
-            "back from touch points (Section VI) and compare.",
-        ),
-    ] = None,
+    nearest: options.Nearest = None,
+    boundary: options.Boundary = None,
+    touch: options.Touch = None,
     output: Output = None,
+    plots: Plots = None,
     as_json: Json = False,
 ) -> None:
     """Tell how near to a singularity every initial attitude leads, arm branch by arm branch.
 
-    For planar tasks the attitudes are headings, and only --samples and -o apply. Exit code 0 when
-    some attitude keeps the margin, 1 when none does.
+    For planar tasks the attitudes are headings, and only --samples, --plots and -o apply. Exit code
+    0 when some attitude keeps the margin, 1 when none does.
 
     Example: freefloat map planar_3dof/parabola --samples 720
 
@@ -260,17 +233,17 @@ def map_(
     with answering(as_json):
         from freefloat.mapping import Wishes, map_in_plane, map_in_space
         from freefloat.scenario import load_scenario
-        from freefloat.tables import attitude_map_tables, map_tables
+        from freefloat.tables import attitude_map_tables, map_tables, plot_lines
 
         loaded = load_scenario(scenario)
         problem = loaded.problem()
-        wishes = Wishes(samples, seed, threads, nearest, boundary, touch, output)
+        wishes = Wishes(samples, seed, threads, nearest, boundary, touch, output, plots)
         planar = problem.task.planar
         document = (map_in_plane if planar else map_in_space)(loaded, problem, wishes)
     tables = (map_tables if planar else attitude_map_tables)(document, scenario)
     best = None if planar else document["best"]  # which may lie between the samples
     served = document["feasible_fraction"] > 0.0 or best is not None
-    answer(document, tables, as_json)
+    answer(document, [*tables, *plot_lines(document)], as_json)
     raise typer.Exit(DONE if served else NO)
 
 

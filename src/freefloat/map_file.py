@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.planar_search import HeadingMap
 from freefloat.problem import Problem
 from freefloat.result_file import (
     ATTITUDE_MAP,
@@ -28,8 +27,9 @@ from freefloat.result_file import (
 from freefloat.scenario import Scenario
 from freefloat.spatial import Array, frozen, heading_quaternion
 
-if TYPE_CHECKING:  # kernels take half a second to import: planar maps do without
+if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
     from freefloat.outlook import Prospects
+    from freefloat.planar_search import HeadingMap
 
 _UNITS = {
     "attitude": QUATERNION, "centre": QUATERNION, "volume_rad3": "rad^3",

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from freefloat.planar_search import HeadingMap
 from freefloat.spatial import Array, heading_quaternion
 
-if TYPE_CHECKING:  # kernels take half a second to import: planar maps do without
+if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
     from freefloat.attitude_map import AttitudeMap, Region
     from freefloat.attitude_search import Candidate
     from freefloat.map_boundary import BoundaryPoint
+    from freefloat.planar_search import HeadingMap
 
 Document = dict[str, Any]
 _ALL_ATTITUDES = 8.0 * np.pi**2
@@ -142,34 +142,17 @@ def _region_document(region: Region) -> Document:
 
 
 def _branch_documents(found: AttitudeMap) -> list[Document]:
-    """Share of the attitudes where each arm branch exists, and where it keeps the margin.
-
-    The branches of a redundant arm have no names: all together are one.
-    """
+    """Share of the attitudes where each arm branch exists, and where it keeps the margin."""
+    from freefloat.attitude_map import branch_names
     from freefloat.outlook import UNREACHED
 
-    problem, kept, reached = found.problem, found.kept, found.endings != UNREACHED
-    if problem.model.dof > len(problem.task.rows):
-        shares = {"fraction": found.feasible_fraction,
-                  "reached_fraction": float(reached.any(axis=1).mean())}  # fmt: skip
-        return [{"branch": None, "label": "any", **shares}]
-    labels = _labels(found, reached)
-    return [
-        {"branch": index, "label": label, "fraction": float(kept[:, index].mean()),
-         "reached_fraction": float(reached[:, index].mean())}
-        for index, label in labels.items()
-    ]  # fmt: skip
-
-
-def _labels(found: AttitudeMap, reached: Any) -> dict[int, str]:
-    """What the branches that exist somewhere are called, by number."""
-    labels: dict[int, str] = {}
-    for index in np.flatnonzero(reached.any(axis=0)):
-        if int(index) not in labels:
-            somewhere = found.attitudes[int(np.argmax(reached[:, index]))]
-            branches = found.problem.branches(somewhere)
-            labels |= {one.index: one.label for one in branches if one.index not in labels}
-    return dict(sorted(labels.items()))
+    kept, reached, documents = found.kept, found.endings != UNREACHED, []
+    for index, label in branch_names(found).items():
+        own = slice(None) if index is None else [index]
+        shares = {"fraction": float(kept[:, own].any(axis=1).mean()),
+                  "reached_fraction": float(reached[:, own].any(axis=1).mean())}  # fmt: skip
+        documents.append({"branch": index, "label": label, **shares})
+    return documents
 
 
 def _endings_document(found: AttitudeMap) -> Document:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from freefloat.console import progress_bar
+from freefloat.drawing import draw_attitude_map, draw_heading_map, refuse_bad_folder
 from freefloat.errors import InputError
 from freefloat.map_file import map_file, save_map
 from freefloat.map_report import (
@@ -21,12 +22,11 @@ from freefloat.map_report import (
     place_document,
     touch_document,
 )
-from freefloat.planar_search import heading_map
 from freefloat.problem import Problem
 from freefloat.scenario import Scenario
 from freefloat.warm_up import warm_up
 
-if TYPE_CHECKING:  # kernels take half a second to import: planar maps do without
+if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
     from freefloat.attitude_map import AttitudeMap
     from freefloat.map_boundary import BoundaryPoint
     from freefloat.outlook import Outlook, Prospects
@@ -46,6 +46,7 @@ class Wishes:
         boundary: How many points of the boundary to find for each arm branch.
         touch: How many points of the boundary to carry back from touch points (Section VI).
         output: The file to write.
+        plots: The folder to draw figures into.
     """
 
     samples: int | None = None
@@ -55,24 +56,28 @@ class Wishes:
     boundary: int | None = None
     touch: int | None = None
     output: Path | None = None
+    plots: Path | None = None
 
 
 def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[str, Any]:
     """Follow every heading of a planar problem; what ``map`` answers."""
+    from freefloat.planar_search import heading_map
+
     for key in ("nearest", "boundary", "touch"):
         if getattr(wishes, key) is not None:
             raise InputError(
                 key, f"task {problem.task} is planar", "a spatial task; freefloat plan tells limits"
             )
+    refuse_bad_folder(wishes.plots)
     samples = wishes.samples or scenario.search().samples or _HEADINGS
-    warm_up(problem)
+    warm_up(problem, wishes.threads)
     start = time.perf_counter()
     with scenario.told(), progress_bar(f"following {samples:,} headings") as progress:
-        found = heading_map(problem, samples, progress)
+        found = heading_map(problem, samples, progress, threads=wishes.threads)
     document = map_document(found, time.perf_counter() - start)
     if wishes.output is not None:
         save_map(wishes.output, found, scenario, problem, document)
-    return document
+    return document | draw_heading_map(wishes.plots, problem, found)
 
 
 def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[str, Any]:
@@ -91,6 +96,7 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
     if wishes.touch is not None:
         with scenario.told():
             _refuse_touches(problem)
+    refuse_bad_folder(wishes.plots)
     warm_up(problem, wishes.threads)
     start, outlook = time.perf_counter(), Outlook(problem, wishes.threads)
     sink: Callable[[Prospects], None] | None = None
@@ -104,7 +110,7 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
             document = _searched(outlook, found, wishes, start)
         if wishes.output is not None:
             writer.conclude(document)
-    return document
+    return document | draw_attitude_map(wishes.plots, outlook, found, document)
 
 
 def _refuse_touches(problem: Problem) -> None:

@@ -19,7 +19,7 @@ from numpy.polynomial import chebyshev
 from freefloat.dynamics import momentum_map
 from freefloat.errors import InputError
 from freefloat.problem import Problem
-from freefloat.spatial import Array, frozen, rotation_matrix, turn_between
+from freefloat.spatial import Array, IntArray, frozen, rotation_matrix, turn_between
 
 DEGREE = 8
 """Of the polynomials inside a panel; one above the integrator's dense output."""
@@ -27,7 +27,6 @@ NODES = frozen(chebyshev.chebpts2(DEGREE + 1))
 """Where a panel is sampled, in [-1, 1], ends included."""
 
 _TO_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
-_DERIVATIVE = chebyshev.chebval(NODES, chebyshev.chebder(_TO_COEFFICIENTS)).T
 _BISECTIONS = 60
 _UNRESOLVED = 1e-7
 """Changes smaller than this leave derivatives to rounding [rad, m, share of the duration]."""
@@ -167,11 +166,17 @@ class Motion:
         if not self.panels:
             alone = np.zeros(len(places), dtype=int)
             return self.times[alone], self.attitudes[alone], self.joints[alone]
-        panel = np.clip(places.astype(int), 0, self.panels - 1)
-        basis = chebyshev.chebvander(2.0 * (places - panel) - 1.0, DEGREE)
+        panel, x = self._inside(places)
+        basis = chebyshev.chebvander(x, DEGREE)
         values = np.einsum("ij,ijc->ic", basis, self._coefficients[panel])
         attitudes = values[:, 1:5] / np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
         return values[:, 0], attitudes, values[:, 5:]
+
+    def _inside(self, place: npt.ArrayLike) -> tuple[IntArray, Array]:
+        """Panels and where in them, -1 to 1."""
+        places = np.atleast_1d(np.asarray(place, dtype=float))
+        panel = np.clip(places.astype(np.int64), 0, self.panels - 1)
+        return panel, np.asarray(2.0 * (places - panel) - 1.0)
 
     def place_of(self, times: npt.ArrayLike) -> Array:
         """Panel coordinates at which the motion is at given times, by bisection, shape (K,)."""
@@ -221,16 +226,23 @@ class Motion:
 
     def residuals(self) -> Residuals:
         """How well the recorded configurations follow the path and keep the momentum."""
-        errors = np.array([
-            self._pose_error(t, a, q)
-            for t, a, q in zip(self.times, self.attitudes, self.joints, strict=True)
-        ])  # fmt: skip
-        worst = np.max(errors, axis=0)
+        position, attitude = np.max(self.end_effector_errors, axis=0)
+        panel = np.repeat(np.arange(self.panels), DEGREE + 1)
+        momentum = self._momentum_errors(panel, np.tile(NODES, self.panels))
         return Residuals(
-            end_effector_position=float(worst[0]),
-            end_effector_attitude=float(worst[1]) if self.problem.task.turns else None,
-            momentum=self._momentum_residual(),
+            end_effector_position=float(position),
+            end_effector_attitude=float(attitude) if self.problem.task.turns else None,
+            momentum=float(np.max(momentum, initial=0.0, where=np.isfinite(momentum))),
         )
+
+    @cached_property
+    def end_effector_errors(self) -> Array:
+        """Distance from the path [m] and angle from its attitude [rad] at the nodes, (N, 2).
+
+        Only what the task prescribes counts.
+        """
+        nodes = zip(self.times, self.attitudes, self.joints, strict=True)
+        return frozen([self._pose_error(t, a, q) for t, a, q in nodes])
 
     def _pose_error(self, t: float, attitude: Array, joints: Array) -> tuple[float, float]:
         task, wanted = self.problem.task, self.problem.path.pose(t)
@@ -241,29 +253,48 @@ class Motion:
         ]
         return float(np.linalg.norm(off)), float(np.linalg.norm(turn))
 
-    def _momentum_residual(self) -> float:
-        """By panel: derivatives by the parameter of everything recorded, time included.
+    def momentum_errors(self, place: npt.ArrayLike) -> Array:
+        """Deviation of the angular momentum from the one given, recomputed from what is recorded.
 
-        A panel across which next to nothing changes has no derivatives worth the name.
+        Args:
+            place: Panel coordinates, shape (K,).
+
+        Returns:
+            Magnitudes [N m s], shape (K,); nan where next to nothing changes or time nearly stands
+            still, so that there are no rates by time worth the name.
         """
-        worst, model, h = 0.0, self.problem.model, self.problem.momentum
+        if not self.panels:
+            return np.full(np.shape(np.atleast_1d(place)), np.nan)
+        return self._momentum_errors(*self._inside(place))
+
+    def _momentum_errors(self, panel: IntArray, x: Array) -> Array:
+        """By derivatives of everything recorded, time included, by the panels' parameter."""
+        errors = np.full(len(x), np.nan)
         scale = np.ones(self.joints.shape[1] + 5)
         scale[0] = self.problem.path.duration
-        for panel, values in enumerate(self._values):
+        for k in np.unique(panel):
+            values = self._values[k]
             if (np.ptp(values, axis=0) / scale).max() < _UNRESOLVED:
                 continue
-            nodes = slice(DEGREE * panel, DEGREE * panel + DEGREE + 1)
-            rates = _DERIVATIVE @ np.column_stack([values, self.base_positions[nodes]])
-            pace = np.abs(rates[:, 0])
-            for k in np.flatnonzero(pace > _NEARLY_STILL * pace.max()):
-                attitude, joints = values[k, 1:5], values[k, 5:]
-                by_time = rates[k, 1:] / rates[k, 0]
-                base = rotation_matrix(attitude).T @ by_time[-3:]
-                turning = _angular_velocity(attitude, by_time[:4])
-                v = np.concatenate([base, turning, by_time[4:-3]])
-                found = momentum_map(model, joints, attitude) @ v
-                worst = max(worst, float(np.linalg.norm(found[3:] - h)))
-        return worst
+            nodes = slice(DEGREE * k, DEGREE * k + DEGREE + 1)
+            c = _TO_COEFFICIENTS @ np.column_stack([values, self.base_positions[nodes]])
+            slope = chebyshev.chebder(c)
+            still = _NEARLY_STILL * np.abs(chebyshev.chebval(NODES, slope[:, 0])).max()
+            for i in np.flatnonzero(panel == k):
+                rates = chebyshev.chebval(x[i], slope)
+                if abs(rates[0]) > still:
+                    errors[i] = self._momentum_error(chebyshev.chebval(x[i], c), rates)
+        return errors
+
+    def _momentum_error(self, values: Array, rates: Array) -> float:
+        """From (time, attitude, joints, base position) and their derivatives."""
+        size = np.linalg.norm(values[1:5])
+        attitude, joints, by_time = values[1:5] / size, values[5:-3], rates[1:] / rates[0]
+        base = rotation_matrix(attitude).T @ by_time[-3:]
+        turning = _angular_velocity(attitude, by_time[:4] / size)
+        v = np.concatenate([base, turning, by_time[4:-3]])
+        found = momentum_map(self.problem.model, joints, attitude) @ v
+        return float(np.linalg.norm(found[3:] - self.problem.momentum))
 
 
 def _angular_velocity(attitude: Array, rate: Array) -> Array:

@@ -18,6 +18,10 @@ Page = Annotated[
     Path | None,
     typer.Option("--html", metavar="FILE", help="Write a page that plays it, without a network."),
 ]
+Plots = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Draw figures into this folder, as PDF and PNG."),
+]
 Threads = Annotated[
     int | None, typer.Option(min=1, metavar="T", help="How many cores to use; all when left out.")
 ]
@@ -40,6 +44,46 @@ Branch = Annotated[
 ]
 StopAtMargin = Annotated[
     bool, typer.Option("--stop-at-margin", help="End where the scenario's margin is used up.")
+]
+
+# --- map ----------------------------------------------------------------------------------------
+
+Samples = Annotated[
+    int | None,
+    typer.Option(
+        min=8,
+        max=100_000_000,
+        metavar="N",
+        help="How many attitudes; else search.samples of the scenario, else 36,864 "
+        "(planar tasks: 360 headings).",
+    ),
+]
+Seed = Annotated[
+    int | None,
+    typer.Option(min=0, help="Turns the grid of attitudes; else search.seed of the scenario."),
+]
+Nearest = Annotated[
+    tuple[float, float, float, float] | None,
+    typer.Option(
+        metavar="X Y Z W", help="Find the attitude nearest to this that keeps the margin."
+    ),
+]
+Boundary = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="Find N attitudes for each arm branch where the margin is just kept.",
+    ),
+]
+Touch = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="For arms with an elbow and a spherical wrist: carry N points of the boundary "
+        "back from touch points (Section VI) and compare.",
+    ),
 ]
 
 # --- view ---------------------------------------------------------------------------------------

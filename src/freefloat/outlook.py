@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics import Task
 from freefloat.problem import Problem
-from freefloat.rollout import Roller, Rollout, kept
+from freefloat.rollout import TOLERANCE, Roller, Rollout, kept
 from freefloat.rollout_kernels import COMPLETED
 from freefloat.search import Progress
 from freefloat.spatial import Array, frozen
@@ -62,14 +62,18 @@ class Outlook:
     than following them; ``thrift`` then tells searches to ask for so many times fewer.
     """
 
-    def __init__(self, problem: Problem, threads: int | None = None) -> None:
+    def __init__(
+        self, problem: Problem, threads: int | None = None, *, tolerance: float = TOLERANCE
+    ) -> None:
         """Prepare a problem.
 
         Args:
             problem: Robot, path, momentum and margin.
             threads: How many cores to use; all this process may when left out.
+            tolerance: Of the motions, relative and absolute, per step.
         """
         self.problem = problem
+        self.tolerance = tolerance
         self.roller = Roller(problem, threads)
         self.twins = has_twin_branches(problem)
         self.thrift = 1 if has_closed_form(problem) else _THRIFT
@@ -100,7 +104,8 @@ class Outlook:
         own = joints[:, leaders][followed]
         rollout = self.roller.follow(
             attitudes[where], own,
-            stop_below=self.problem.margin.value if stop_at_margin else 0.0, progress=progress,
+            stop_below=self.problem.margin.value if stop_at_margin else 0.0,
+            tolerance=self.tolerance, progress=progress,
         )  # fmt: skip
         joints, found = joints[:, first:beyond], found[:, first:beyond]
         if twins and branch is None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
+from freefloat.outlook import Outlook
 from freefloat.planar_ranges import (
     TURN,
     BranchRanges,
@@ -15,14 +15,16 @@ from freefloat.planar_ranges import (
     heading_ranges,
 )
 from freefloat.planar_search import (
-    follow_heading,
-    margin_from,
+    attitudes_at,
+    best_heading,
+    heading_outlook,
     searched_ranges,
 )
 from freefloat.plans import Plan, Segment
 from freefloat.problem import Problem
+from freefloat.rollout_kernels import COMPLETED, SINGULAR
 from freefloat.search import Objective, Progress, Search
-from freefloat.simulation import FollowedBranch, simulate
+from freefloat.simulation import simulate
 from freefloat.spatial import heading_of, heading_quaternion
 from freefloat.workspace import (
     has_two_angle_form,
@@ -38,12 +40,18 @@ _LOOKS = 24
 """Headings tried in each range when the largest margin is sought."""
 _SURE = 0.95
 """A bound known to a few percent tells for sure below this share of the margin."""
-_POLISHED = 2
-"""How many of them are then improved."""
+_TRIED = 24
+"""Headings tried for the reason why none serves."""
 
 
-def plan_in_plane(problem: Problem, search: Search, progress: Progress | None = None) -> Plan:
+def plan_in_plane(
+    problem: Problem,
+    search: Search,
+    progress: Progress | None = None,
+    threads: int | None = None,
+) -> Plan:
     """Find every initial heading of a planar problem and choose one; see :func:`planner.plan`."""
+    outlook = heading_outlook(problem, threads)
     exact = (
         has_two_angle_form(problem.model, problem.task) and problem.margin.measure.name == "system"
     )
@@ -53,8 +61,8 @@ def plan_in_plane(problem: Problem, search: Search, progress: Progress | None = 
             return Plan(problem, search, False, hopeless)
         ranges, segments = _exact_ranges(problem)
     else:
-        ranges, segments = searched_ranges(problem, search.samples or _HEADINGS, progress), ()
-    return _choose(problem, search, ranges, segments)
+        ranges, segments = searched_ranges(outlook, search.samples or _HEADINGS, progress), ()
+    return _choose(outlook, search, ranges, segments)
 
 
 def _exact_ranges(problem: Problem) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:
@@ -104,22 +112,23 @@ def _point(place: complex) -> str:
 
 
 def _choose(
-    problem: Problem,
+    outlook: Outlook,
     search: Search,
     ranges: tuple[BranchRanges, ...],
     segments: tuple[Segment, ...],
 ) -> Plan:
+    problem = outlook.problem
     pairs = [(entry, one) for entry in ranges for one in entry.ranges]
     if not pairs:
-        return Plan(problem, search, False, _nearest_miss(problem), ranges, segments)
+        return Plan(problem, search, False, _nearest_miss(outlook), ranges, segments)
     choose = {
         Objective.MARGIN: _largest_margin,
         Objective.NEAREST: _nearest,
         Objective.ROBUST: _deepest,
     }[search.objective]
     now = 0.0 if search.from_attitude is None else heading_of(search.from_attitude)
-    heading, entry, one, reason = choose(problem, now, pairs)
-    branch = None if entry.label == "any" else entry.branch
+    heading, entry, one, reason = choose(outlook, now, pairs)
+    branch = _number(entry)
     chosen = simulate(problem, heading_quaternion(heading), branch=branch).chosen
     if not (chosen.motion.completed and chosen.least.keeps(problem.margin.value)):
         reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
@@ -133,13 +142,18 @@ Pair = tuple[BranchRanges, HeadingRange]
 Choice = tuple[float, BranchRanges, HeadingRange, str]
 
 
-def _deepest(problem: Problem, now: float, pairs: list[Pair]) -> Choice:
+def _number(entry: BranchRanges) -> int | None:
+    """Of the arm branch; None where any starting configuration will do."""
+    return None if entry.label == "any" else entry.branch
+
+
+def _deepest(outlook: Outlook, now: float, pairs: list[Pair]) -> Choice:
     entry, one = max(pairs, key=lambda pair: pair[1].width)
     reason = f"the middle of the widest range, {np.degrees(one.width):.4g} degrees wide"
     return one.middle, entry, one, reason
 
 
-def _nearest(problem: Problem, now: float, pairs: list[Pair]) -> Choice:
+def _nearest(outlook: Outlook, now: float, pairs: list[Pair]) -> Choice:
     entry, one = max(pairs, key=lambda pair: min(0.0, pair[1].depth(now)))
     if one.depth(now) >= 0.0:
         return now, entry, one, "the attitude the spacecraft has keeps the margin already"
@@ -149,42 +163,34 @@ def _nearest(problem: Problem, now: float, pairs: list[Pair]) -> Choice:
     return heading, entry, one, "the nearest limit of a range, just inside"
 
 
-def _largest_margin(problem: Problem, now: float, pairs: list[Pair]) -> Choice:
-    best = []
+def _largest_margin(outlook: Outlook, now: float, pairs: list[Pair]) -> Choice:
+    found = []
     for entry, one in pairs:
-        branch = None if entry.label == "any" else entry.branch
-        spacing = one.width / _LOOKS
-        looks = one.low + spacing * (np.arange(_LOOKS) + 0.5)
-        margins = [margin_from(problem, float(heading) % TURN, branch) for heading in looks]
-        best.append((max(margins), float(looks[int(np.argmax(margins))]), entry, one))
-        for top in np.argsort(margins)[-_POLISHED:]:
-            refined = minimize_scalar(
-                lambda heading, branch=branch: -margin_from(problem, heading % TURN, branch),
-                bounds=(looks[top] - spacing, looks[top] + spacing), method="bounded",
-                options={"xatol": 1e-6},
-            )  # fmt: skip
-            if one.depth(float(refined.x)) > 0.0:
-                best.append((-float(refined.fun), float(refined.x), entry, one))
-    value, heading, entry, one = max(best, key=lambda candidate: candidate[0])
-    reason = f"the largest margin, {problem.margin.measure.name} about {value:.4g}"
+        inside = min(_INSIDE, one.width / 2.0)
+        looks = np.linspace(one.low + inside, one.high - inside, _LOOKS)
+        value, heading = best_heading(outlook, looks, _number(entry))
+        found.append((value, heading, entry, one))
+    value, heading, entry, one = max(found, key=lambda candidate: candidate[0])
+    reason = f"the largest margin, {outlook.problem.margin.measure.name} about {value:.4g}"
     return heading % TURN, entry, one, reason
 
 
-def _nearest_miss(problem: Problem) -> str:
+def _nearest_miss(outlook: Outlook) -> str:
     """The best of some headings, for the reason why none serves."""
-    best: tuple[float, float, FollowedBranch] | None = None
-    for heading in np.arange(24) * (TURN / 24):
-        for one in follow_heading(problem, float(heading)).values():
-            if best is None or (one.motion.final.time, one.least.value) > best[:2]:
-                best = one.motion.final.time, one.least.value, one
-    if best is None:
+    problem = outlook.problem
+    attitudes = attitudes_at(np.arange(_TRIED) * (TURN / _TRIED))
+    found = outlook.prospects(attitudes)
+    tried = np.argwhere(np.isin(found.endings, (COMPLETED, SINGULAR)))
+    if not len(tried):
         pose = problem.path.pose(0.0)
         return f"no heading lets the arm reach the start of the path, {pose.position.tolist()} m"
-    one = best[2]
+    ended, least = found.spread(found.rollout.ended_at), found.least
+    n, branch = max(tried, key=lambda place: (ended[tuple(place)], least[tuple(place)]))
+    one = simulate(problem, attitudes[n], branch=int(branch)).chosen
     time = one.least.time
     where, s = problem.path.pose(time).position, round(problem.path.timing.s(time), 4)
     return (
-        f"every heading breaks the margin; of 24 tried the best "
+        f"every heading breaks the margin; of {_TRIED} tried the best "
         f"{'falls to' if one.motion.completed else 'becomes singular,'} "
         f"{one.least.measure} {one.least.value:.4g} at s = {s:g}, "
         f"({where[0]:.4g}, {where[1]:.4g}) m"

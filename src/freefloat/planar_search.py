@@ -1,40 +1,35 @@
-"""Heading by heading: how near each motion comes to a singularity, and ranges found that way.
+"""Over heading: how near motions come to a singularity, and ranges of heading found that way.
 
-For planar arms without a closed form (more joints than the task needs, sliding joints, measures
-other than ``system``), and as the map over heading for all of them.
+Ranges are searched for planar arms without a closed form (more joints than the task needs, sliding
+joints, measures other than ``system``); the map over heading is for all of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.closeness import least
-from freefloat.errors import InputError, IntegrationError, UnreachableError
-from freefloat.integration import integrate_motion
-from freefloat.planar_ranges import (
-    TURN,
-    BranchRanges,
-    HeadingRange,
-    LimitCause,
-    keeps_margin,
-    reach_limits,
-)
+from freefloat.errors import InputError
+from freefloat.outlook import UNREACHED, Outlook
+from freefloat.planar_ranges import TURN, BranchRanges, HeadingRange, LimitCause, reach_limits
 from freefloat.problem import Problem
+from freefloat.rollout import kept
 from freefloat.search import Progress
-from freefloat.simulation import FollowedBranch, simulate
-from freefloat.spatial import Array, frozen, heading_quaternion
+from freefloat.spatial import Array, IntArray, frozen, heading_quaternion
 from freefloat.workspace import has_two_angle_form
 
-_BISECTIONS = 24
-_BESIDE = 1e-6
 _TOLERANCE = 1e-9
-_ROUGH = 1e-6
+"""Of the motions: limits of ranges then are those of precise motions to 1e-7 rad."""
+_BESIDE = 1e-6
+_PARTS, _ROUNDS = 8, 8
+"""Between two headings a limit is looked for in so many parts, and in one of them again."""
+_TOP = 4
+"""How many headings of a search for the largest margin are improved together."""
+_FINEST = 1e-7
+"""How well the heading of the largest margin is told [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,77 +54,81 @@ class HeadingMap:
     @property
     def kept(self) -> Array:
         """Where the margin is kept, shape (B, N), as 0 or 1."""
-        touching = self.margin * (1.0 - 1e-6)  # as Least.keeps has it
-        return np.asarray((self.least >= touching) & (self.least > 0.0), dtype=float)
+        return np.asarray(kept(np.nan_to_num(self.least), self.margin), dtype=float)
 
 
-def heading_map(problem: Problem, samples: int, progress: Progress | None = None) -> HeadingMap:
+def heading_outlook(problem: Problem, threads: int | None = None) -> Outlook:
+    """The outlook of a planar problem, precise enough to tell limits of ranges.
+
+    Args:
+        problem: A planar problem.
+        threads: How many cores to use; all this process may when left out.
+
+    Raises:
+        InputError: If the problem is not planar.
+    """
+    if not problem.task.planar:
+        raise InputError("task", f"{problem.task} was given", "planar-pose or planar-position")
+    return Outlook(problem, threads, tolerance=_TOLERANCE)
+
+
+def heading_map(
+    problem: Problem,
+    samples: int,
+    progress: Progress | None = None,
+    *,
+    threads: int | None = None,
+) -> HeadingMap:
     """Follow the path from evenly spread headings with every arm branch.
 
     Args:
         problem: A planar problem.
         samples: Number of headings.
         progress: Called with the share done, in [0, 1].
+        threads: How many cores to use; all this process may when left out.
     """
-    if not problem.task.planar:
-        raise InputError("task", f"{problem.task} was given", "planar-pose or planar-position")
-    headings = np.arange(samples) * (TURN / samples)
-    columns = []
-    for number, heading in enumerate(headings):
-        columns.append(follow_heading(problem, float(heading)))
-        if progress is not None:
-            progress((number + 1) / samples)
-    indices = sorted({index for column in columns for index in column})
-    least = np.full((len(indices), samples), np.nan)
-    ended = least.copy()
-    for n, column in enumerate(columns):
-        for b, index in enumerate(indices):
-            if index in column:
-                least[b, n] = reached(column[index])
-                ended[b, n] = column[index].motion.final.time
+    headings = _even(samples)
+    outlook = heading_outlook(problem, threads)
+    found = outlook.prospects(attitudes_at(headings), progress=progress)
+    exists = found.endings != UNREACHED
+    branches = np.flatnonzero(exists.any(axis=0))
+    least = np.where(exists, found.margins, np.nan)[:, branches].T
+    ended = found.spread(found.rollout.ended_at)[:, branches].T
     value = problem.margin.value
-    return HeadingMap(frozen(headings), tuple(indices), frozen(least), frozen(ended), value)
+    numbers = tuple(int(branch) for branch in branches)
+    return HeadingMap(headings, numbers, frozen(least), frozen(ended), value)
 
 
-def follow_heading(problem: Problem, heading: float) -> dict[int, FollowedBranch]:
-    """Every arm branch from a heading [rad], by number; none where the path is out of reach."""
-    try:
-        simulation = simulate(problem, heading_quaternion(heading), tolerance=_TOLERANCE)
-    except (UnreachableError, IntegrationError):
-        return {}
-    return {one.branch.index: one for one in simulation.followed}
+def attitudes_at(headings: npt.NDArray[np.floating]) -> Array:
+    """The attitudes with headings [rad] (K,); shape (K, 4)."""
+    return np.array([heading_quaternion(float(heading)) for heading in headings]).reshape(-1, 4)
 
 
-def reached(one: FollowedBranch) -> float:
-    """Smallest magnitude of the measure; zero for a motion that was not completed."""
-    return one.least.value if one.motion.completed else 0.0
-
-
-def margin_from(problem: Problem, heading: float, branch: int | None) -> float:
-    """The margin that an arm branch, or the best of all, keeps from a heading; quick and rough.
+def best_heading(outlook: Outlook, headings: Array, branch: int | None) -> tuple[float, float]:
+    """The heading of the largest margin between the first and the last of some.
 
     Args:
-        problem: A planar problem.
-        heading: [rad].
-        branch: Number of the branch, or None for the best.
+        outlook: Of a planar problem.
+        headings: Evenly spread, in order [rad], shape (K,).
+        branch: Number of the arm branch, or None for the best of all.
 
     Returns:
-        Smallest magnitude of the measure to a few digits; zero where the path cannot be followed.
+        The margin and the heading [rad].
     """
-    attitude, best = heading_quaternion(heading), 0.0
-    for one in problem.branches(attitude):
-        if branch in (None, one.index):
-            try:
-                motion = integrate_motion(problem, attitude, one.joints, tolerance=_ROUGH)
-            except IntegrationError:
-                continue
-            if motion.completed:
-                best = max(best, least(motion, problem.margin.measure).value)
-    return best
+    low, high = headings[[0, -1]]
+    spacing, steps = headings[1] - low, np.linspace(-1.0, 1.0, _PARTS + 1)
+    margins = outlook.margins(attitudes_at(headings), branch)
+    while spacing > _FINEST:
+        top = headings[np.argsort(-margins)[:_TOP]]
+        headings = np.unique(np.clip(top[:, None] + spacing * steps, low, high))
+        margins = outlook.margins(attitudes_at(headings), branch)
+        spacing *= 2.0 / _PARTS
+    best = int(np.argmax(margins))
+    return float(margins[best]), float(headings[best])
 
 
 def searched_ranges(
-    problem: Problem, samples: int, progress: Progress | None = None
+    outlook: Outlook, samples: int, progress: Progress | None = None
 ) -> tuple[BranchRanges, ...]:
     """Ranges of heading by sampling and bisection: none narrower than the spacing is sure to show.
 
@@ -137,36 +136,44 @@ def searched_ranges(
     counts when any of the starting configurations tried keeps the margin.
 
     Args:
-        problem: A planar problem.
+        outlook: Of a planar problem.
         samples: Number of headings.
         progress: Called with the share done, in [0, 1].
     """
-    redundant = problem.model.dof > len(problem.task.rows)
-
-    def keeps(heading: float, only: int | None = None) -> dict[int, bool]:
-        verdicts = _verdicts(problem, heading, None if redundant else only)
-        return {0: any(good for _, good in verdicts)} if redundant else dict(verdicts)
-
+    problem = outlook.problem
     headings = _looked_at(problem, samples)
-    verdicts = []
-    for number, heading in enumerate(headings):
-        verdicts.append(keeps(float(heading)))
-        if progress is not None:
-            progress((number + 1) / len(headings))
-    if redundant:
+    good, reached = _verdicts(outlook, headings, progress)
+    if is_redundant(problem):
         names = {0: "any"}
     elif has_two_angle_form(problem.model, problem.task):
         names = {0: "elbow+", 1: "elbow-"}
     else:
-        names = {index: str(index) for index in sorted({i for v in verdicts for i in v})}
+        names = {int(index): str(index) for index in np.flatnonzero(reached)}
+    good = good[:, list(names)]
+    after, beyond = np.roll(good, -1, axis=0), np.append(headings[1:], headings[0] + TURN)
+    columns, rows = np.nonzero((good != after).T)
+    numbers = np.array(list(names), dtype=np.int64)[columns]
+    opens = after[rows, columns]
+    edges = _bisected(outlook, headings[rows], beyond[rows], numbers, ~opens)
     return tuple(
-        _ranges_of(index, name, headings, verdicts, keeps) for index, name in names.items()
+        _ranges_of(index, name, bool(good[:, column].all()), edges[own], opens[own])
+        for column, (index, name) in enumerate(names.items())
+        for own in [columns == column]
     )
+
+
+def is_redundant(problem: Problem) -> bool:
+    """Whether the arm has more joints than the task needs."""
+    return problem.model.dof > len(problem.task.rows)
+
+
+def _even(samples: int) -> Array:
+    return frozen(np.arange(samples) * (TURN / samples))
 
 
 def _looked_at(problem: Problem, samples: int) -> Array:
     """Even headings, and those just inside the reach: a range may be a sliver beside its end."""
-    headings = frozen(np.arange(samples) * (TURN / samples))
+    headings = _even(samples)
     if not has_two_angle_form(problem.model, problem.task):
         return headings
     edges = np.array([*reach_limits(problem, 0.0)])
@@ -175,56 +182,61 @@ def _looked_at(problem: Problem, samples: int) -> Array:
 
 
 def _verdicts(
-    problem: Problem, heading: float, only: int | None = None
-) -> Iterator[tuple[int, bool]]:
-    """Which arm branches keep the margin from a heading, one motion at a time."""
-    attitude = heading_quaternion(heading)
-    tolerance = _ROUGH if problem.model.dof > len(problem.task.rows) else _TOLERANCE
-    for branch in problem.branches(attitude):
-        if only not in (None, branch.index):
-            continue
-        try:
-            motion = integrate_motion(problem, attitude, branch.joints, tolerance=tolerance)
-        except IntegrationError:
-            yield branch.index, False
-            continue
-        yield branch.index, keeps_margin(problem, motion, problem.margin.value)
+    outlook: Outlook, headings: Array, progress: Progress | None = None
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Where arm branches keep the margin, (K, B), and which there are at all, (B,).
 
-
-def _ranges_of(
-    index: int,
-    label: str,
-    headings: npt.NDArray[Any],
-    verdicts: list[dict[int, bool]],
-    keeps: Callable[[float, int], dict[int, bool]],
-) -> BranchRanges:
-    good = np.array([verdict.get(index, False) for verdict in verdicts])
-    if good.all():
-        return BranchRanges(index, label, (HeadingRange(0.0, TURN, ()),), ())
-    limits = []
-    for i, (before, after) in enumerate(pairwise([*good, good[0]])):
-        if before != after:
-            low = float(headings[i])
-            high = float(headings[i + 1]) if i + 1 < len(headings) else float(headings[0]) + TURN
-            limits.append((_bisected(index, low, high, keeps), bool(after)))
-    ranges = []
-    for (low, opens), (high, _) in pairwise([*limits, *((x + TURN, y) for x, y in limits[:1])]):
-        if opens:
-            start = low % TURN
-            causes = (LimitCause.MARGIN, LimitCause.MARGIN)
-            ranges.append(HeadingRange(start, start + high - low, causes))
-    edges = tuple(sorted(edge % TURN for edge, _ in limits))
-    return BranchRanges(index, label, tuple(sorted(ranges, key=lambda one: one.low)), edges)
+    All branches of a redundant arm are one: a heading is good when any of them is.
+    """
+    found = outlook.prospects(attitudes_at(headings), stop_at_margin=True, progress=progress)
+    good = kept(found.margins, outlook.problem.margin.value)
+    if is_redundant(outlook.problem):
+        good = np.asarray(good.any(axis=1, keepdims=True))
+    return good, (found.endings != UNREACHED).any(axis=0)
 
 
 def _bisected(
-    index: int, low: float, high: float, keeps: Callable[[float, int], dict[int, bool]]
-) -> float:
-    first = keeps(low, index).get(index, False)
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2.0
-        if keeps(middle, index).get(index, False) == first:
-            low = middle
-        else:
-            high = middle
-    return (low + high) / 2.0
+    outlook: Outlook,
+    low: Array,
+    high: Array,
+    numbers: IntArray,
+    first: npt.NDArray[np.bool_],
+) -> Array:
+    """Headings [rad] at which verdicts change, all looked for at once; (L,).
+
+    Args:
+        outlook: Of a planar problem.
+        low: Headings before the changes [rad], shape (L,).
+        high: Headings behind them [rad], shape (L,).
+        numbers: Of the arm branches, shape (L,).
+        first: The verdicts before, shape (L,).
+    """
+    if not len(low):
+        return low
+    width, looks = high - low, np.arange(1, _PARTS)
+    for _ in range(_ROUNDS):
+        width = width / _PARTS
+        places = low[:, None] + width[:, None] * looks
+        good, _ = _verdicts(outlook, places.ravel())
+        own = np.take_along_axis(good, np.repeat(numbers, len(looks))[:, None], axis=1)
+        same = own.reshape(places.shape) == first[:, None]
+        steps = np.where(same.all(axis=1), len(looks), np.argmin(same, axis=1))
+        low = low + width * steps
+    return np.asarray(low + width / 2.0)
+
+
+def _ranges_of(
+    index: int, label: str, everywhere: bool, edges: Array, opens: npt.NDArray[np.bool_]
+) -> BranchRanges:
+    """The ranges of a branch between headings, in order, at which they open or close."""
+    if everywhere:
+        return BranchRanges(index, label, (HeadingRange(0.0, TURN, ()),), ())
+    limits = [*zip(edges.tolist(), opens.tolist(), strict=True)]
+    ranges = []
+    for (low, begins), (high, _) in pairwise([*limits, *((x + TURN, y) for x, y in limits[:1])]):
+        if begins:
+            start = low % TURN
+            causes = (LimitCause.MARGIN, LimitCause.MARGIN)
+            ranges.append(HeadingRange(start, start + high - low, causes))
+    sorted_edges = tuple(sorted(edge % TURN for edge, _ in limits))
+    return BranchRanges(index, label, tuple(sorted(ranges, key=lambda one: one.low)), sorted_edges)

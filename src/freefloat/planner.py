@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from freefloat.planar_planner import plan_in_plane
 from freefloat.plans import Plan
 from freefloat.problem import Problem
 from freefloat.search import Progress, Search
@@ -24,7 +23,7 @@ def plan(
         problem: Robot, path, momentum and margin.
         search: What to choose; the largest margin when left out.
         progress: Called with the share done, in [0, 1].
-        threads: How many cores a spatial search may use; all this process may when left out.
+        threads: How many cores a search may use; all this process may when left out.
 
     Returns:
         The plan; an infeasible one says why.
@@ -35,9 +34,11 @@ def plan(
     search = search or Search()
     if search.from_attitude is not None:
         problem.attitude("search.from_attitude", search.from_attitude)
+    # kernels take half a second to import: not before they are needed
     if problem.task.planar:
-        return plan_in_plane(problem, search, progress)
-    # kernels take half a second to import: planar plans do without
+        from freefloat.planar_planner import plan_in_plane
+
+        return plan_in_plane(problem, search, progress, threads)
     from freefloat.spatial_planner import plan_in_space
 
     return plan_in_space(problem, search, progress, threads)

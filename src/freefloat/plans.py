@@ -12,7 +12,7 @@ from freefloat.search import Search
 from freefloat.simulation import FollowedBranch
 from freefloat.spatial import angle_between
 
-if TYPE_CHECKING:  # kernels take half a second to import: planar plans do without
+if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
     from freefloat.attitude_map import AttitudeMap
     from freefloat.tolerance import Tolerance
 

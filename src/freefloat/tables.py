@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -30,6 +31,14 @@ def _terse(label: str) -> str:
 
 def _numbers(values: Sequence[float], digits: int = 4) -> str:
     return " ".join(f"{value:.{digits}f}" for value in values)
+
+
+def plot_lines(document: Document) -> list[RenderableType]:
+    """The figures that were drawn, where any were wanted; by folder, each name once."""
+    files = [Path(file) for file in document.get("plots", [])]
+    folders = dict.fromkeys(file.parent for file in files)
+    names = ", ".join(dict.fromkeys(file.stem for file in files))
+    return [Text(f"Figures in {folder}, as PDF and PNG: {names}") for folder in folders]
 
 
 def simulation_tables(document: Document, name: str) -> list[RenderableType]:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from freefloat.console import compiling
 from freefloat.problem import Problem
-from freefloat.spatial import attitude_grid
+from freefloat.spatial import Array, attitude_grid, heading_quaternion
 
 
 def warm_up(problem: Problem, threads: int | None = None) -> None:
     """Have the kernels that plans and maps use compiled, or loaded where they are on disk."""
-    if problem.task.planar:
-        warm_up_branches(problem)
-        return
-    from freefloat.outlook import Outlook
-
     with compiling():
-        Outlook(problem, threads).prospects(attitude_grid(8))
+        from freefloat.outlook import Outlook
+
+        Outlook(problem, threads).prospects(_some_attitudes(problem))
+
+
+def _some_attitudes(problem: Problem, count: int = 8) -> Array:
+    if not problem.task.planar:
+        return attitude_grid(count)
+    return np.array([heading_quaternion(turn) for turn in np.linspace(0.0, 6.0, count)])
 
 
 def warm_up_branches(problem: Problem) -> None:

@@ -1,0 +1,195 @@
+"""Pictures of where things are: areas around the centre of mass, the path, the robot on its way.
+
+Nothing computes here: areas and motions come from the rooms before.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon, Wedge
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from freefloat.figure_style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREEN,
+    GREY,
+    PAGE,
+    VERMILION,
+    axis_label,
+    digits,
+    new_figure,
+    styled,
+)
+from freefloat.motion import Ending, Motion
+from freefloat.outlines import Outline, outlines
+from freefloat.problem import Problem
+from freefloat.spatial import Array
+from freefloat.workspace import Workspace, point_3_on_path
+
+_INSTANTS = 5
+"""How many times the robot is drawn in one picture."""
+_LIGHTEST = 0.72
+_PLACES = 301
+"""Of the path, where it is drawn."""
+_AREA = "#D4D4D4"
+_VIEWS = 3
+_FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
+"""Corners of a box around its faces."""
+_FROM_ABOVE = [0, 2, 6, 4]
+_ZOOM = 0.84
+"""Leaves room for labels around a view."""
+
+
+@styled
+def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
+    """A planar problem: where the arm can be singular, and the path through it."""
+    figure = new_figure(COLUMN, COLUMN)
+    axes = figure.subplots()
+    draw_areas(axes, workspace)
+    draw_path(axes, problem)
+    legend_over(axes)
+    return figure
+
+
+@styled
+def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figure:
+    """The robot at several instants of a motion (Figs. 6, 7, 9 and 10).
+
+    Args:
+        motion: The motion.
+        workspace: Planar: areas to draw it over.
+    """
+    if motion.problem.task.planar:
+        figure = new_figure(COLUMN, COLUMN)
+        axes = figure.subplots()
+        draw_snapshots(axes, motion, workspace)
+        legend_over(axes)
+        return figure
+    figure = new_figure(PAGE, 2.6)
+    views = figure.subplots(1, _VIEWS, subplot_kw={"projection": "3d"})
+    times = np.linspace(motion.initial.time, motion.final.time, _VIEWS)
+    robots = outlines(motion, times)
+    for axes, robot, time in zip(views, robots, times, strict=True):
+        _draw_in_space(axes, motion.problem, robot)
+        axes.set_title(f"{digits(time)} s", y=0.98)
+    _mark_singular(views[-1], motion, 3)
+    _equal_in_space(views, np.vstack([robot.points for robot in robots]))
+    handles, labels = views[-1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(handles))
+    return figure
+
+
+def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> None:
+    """Areas, path and a planar robot at evenly spread instants, light at first, dark at last.
+
+    The spacecraft, which moves little, is drawn at the first and the last of them.
+    """
+    if workspace is not None:
+        draw_areas(axes, workspace)
+    draw_path(axes, motion.problem)
+    robots = outlines(motion, np.linspace(motion.initial.time, motion.final.time, _INSTANTS))
+    shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
+    for which in (0, -1):
+        corners = robots[which].spacecraft[_FROM_ABOVE, :2]
+        axes.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=shades[which]))
+    for robot, shade in zip(robots, shades, strict=True):
+        _draw_arm(axes, robot.arm[:, :2], shade)
+    _mark_singular(axes, motion, 2)
+
+
+def _draw_arm(axes: Any, points: Array, shade: str) -> None:
+    axes.plot(
+        *points.T, color=shade, linestyle="-", linewidth=1.4, marker="o", markersize=2.4,
+        markerfacecolor="white", zorder=4,
+    )  # fmt: skip
+
+
+def _mark_singular(axes: Any, motion: Motion, dimensions: int) -> None:
+    if motion.ending is Ending.SINGULAR:
+        tip = motion.problem.path.pose(motion.final.time).position
+        axes.plot(
+            *tip[:dimensions, None], marker="X", color=VERMILION, markersize=6.0, zorder=9,
+            linestyle="none", label=f"singular at {digits(motion.final.time)} s",
+        )  # fmt: skip
+
+
+def draw_areas(axes: Any, workspace: Workspace) -> None:
+    """Path-dependent areas grey, the reach outlined, the centre of mass marked."""
+    for number, (low, high) in enumerate(workspace.path_dependent or ()):
+        ring = Wedge(
+            (0.0, 0.0), high, 0.0, 360.0, width=high - low, facecolor=_AREA, linewidth=0.0,
+            zorder=0, label="path-dependent" if number == 0 else None,
+        )  # fmt: skip
+        axes.add_patch(ring)
+    for radius in workspace.reach:
+        circle = Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.7)
+        axes.add_patch(circle)
+    axes.plot(0.0, 0.0, marker="+", color=BLACK, markersize=6.0, linestyle="none")
+
+
+def draw_path(axes: Any, problem: Problem) -> None:
+    """A planar end-effector's path, and that of point 3 where it differs."""
+    s = np.linspace(0.0, 1.0, _PLACES)
+    path = np.array([problem.path.path.curve(float(place)) for place in s])
+    point = np.array([point_3_on_path(problem, float(place)) for place in s])
+    axes.plot(path[:, 0], path[:, 1], color=BLUE, linestyle="-", linewidth=1.6, label="path")
+    if np.abs(point - (path[:, 0] + 1j * path[:, 1])).max() > 1e-9:
+        axes.plot(
+            point.real, point.imag, color=GREEN, linestyle="--", linewidth=1.3, label="point 3"
+        )
+    _mark_ends(axes, path[:, :2])
+    axes.set_aspect("equal")
+    axes.set_xlabel(axis_label("$x$", "m"))
+    axes.set_ylabel(axis_label("$y$", "m"))
+
+
+def _mark_ends(axes: Any, path: Array) -> None:
+    for place, name, fill in ((path[0], "start", "white"), (path[-1], "end", BLUE)):
+        axes.plot(
+            *place[:, None], marker="s", color=BLUE, markerfacecolor=fill, markersize=4.5,
+            linestyle="none", zorder=6, label=name,
+        )  # fmt: skip
+
+
+def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
+    """Path and robot in three dimensions."""
+    s = np.linspace(0.0, 1.0, _PLACES)
+    path = np.array([problem.path.path.curve(float(place)) for place in s])
+    axes.plot(*path.T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
+    _mark_ends(axes, path)
+    body = Poly3DCollection(
+        robot.spacecraft[_FACES], facecolors=_AREA, edgecolors=GREY,
+        linewidths=0.6, alpha=0.45,
+    )  # fmt: skip
+    axes.add_collection3d(body)
+    _draw_arm(axes, robot.arm, BLACK)
+
+
+def _equal_in_space(views: Any, points: Array) -> None:
+    """The same cube of space in all views, seen obliquely."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = float((high - low).max()) / 2.0
+    for axes in views:
+        for letter, middle in zip("xyz", (low + high) / 2.0, strict=True):
+            axis = getattr(axes, f"{letter}axis")
+            getattr(axes, f"set_{letter}lim")(middle - half, middle + half)
+            axis.set_major_locator(MaxNLocator(4))
+            axis.set_label_text(axis_label(f"${letter}$", "m"))
+            axis.labelpad = -4.0
+            axes.tick_params(axis=letter, pad=-2.0)
+        axes.set_box_aspect((1.0, 1.0, 1.0), zoom=_ZOOM)
+        axes.view_init(elev=22.0, azim=-55.0)
+
+
+def legend_over(axes: Any) -> None:
+    """A legend of several lines above an axes."""
+    axes.legend(
+        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, borderaxespad=0.2,
+        columnspacing=1.0, handletextpad=0.5,
+    )  # fmt: skip
