@@ -19,6 +19,7 @@ from freefloat.workspace import planar_workspace
 from tests.robots import inertial_text, joint_text, link_text, planar_robot
 
 TWO = planar_robot([40, 4, 3], [6.667, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5])
+LIGHT = planar_robot([20, 9, 6], [1.5, 0.9, 0.4], [0.7, 0.3], [0.3, 0.4, 0.5])
 
 
 def problem_of(model: FreeFloatingModel, task: ff.Task) -> Problem:
@@ -26,9 +27,10 @@ def problem_of(model: FreeFloatingModel, task: ff.Task) -> Problem:
     return Problem(model, path, task, [0, 0, 0], Margin(measure(model, task, "gjm"), 0.0))
 
 
-def test_samples_find_what_is_known_exactly() -> None:
-    """Reach and areas of a planar arm of two joints."""
-    problem = problem_of(FreeFloatingModel.from_urdf(TWO), ff.Task.PLANAR_POSITION)
+@pytest.mark.parametrize("text", [TWO, LIGHT], ids=["heavy spacecraft", "light spacecraft"])
+def test_samples_find_what_is_known_exactly(text: str) -> None:
+    """Reach and areas of planar arms of two joints."""
+    problem = problem_of(FreeFloatingModel.from_urdf(text), ff.Task.PLANAR_POSITION)
     exact, sampled = planar_workspace(problem), sampled_workspace(problem)
     assert not sampled.exact
     assert np.array(sampled.reach) == pytest.approx(np.array(exact.reach), abs=1e-6)

@@ -13,6 +13,7 @@ from freefloat.errors import InputError
 from freefloat.planar_arm import PlanarArm
 from freefloat.problem import Margin, Problem
 from freefloat.singularity import measure
+from freefloat.tables import workspace_tables
 from freefloat.workspace import (
     complement,
     margin_curves,
@@ -178,4 +179,4 @@ def test_the_workspace_command_tells_what_it_does_not_know():
     told = json.loads(workspace_command("panda_servicer/line", "--json"))
     assert (told["pdw"], told["piw"], told["path"]) == (None, None, [])
     assert told["reach"][1] == pytest.approx(1.5721, abs=1e-3)
-    assert "unknown" in workspace_command("panda_servicer/line")
+    assert "unknown" in workspace_tables(told, "panda")[-1].plain

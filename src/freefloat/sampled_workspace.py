@@ -15,6 +15,8 @@ from freefloat.workspace import Interval, Workspace, complement, merged
 _LINES = 1024
 _STEPS = 32
 _ENDS = 4
+_PUSH = 5.0
+"""An end pushed by more gaps than these has left its area for another."""
 _GAP = 0.01
 """Singular radii nearer than this share of the reach are taken for one area, and narrower rests for
 none."""
@@ -33,12 +35,12 @@ def sampled_workspace(problem: Problem) -> Workspace:
     """
     of = measure(problem.model, problem.task, "gjm")
     reach = _reach(problem)
+    extremes = joint_space_extremes(problem.model, of)
     dependent, independent = None, None
     if problem.model.dof == len(problem.task.rows):
-        dependent = _areas(problem, of, _GAP * reach[1])
+        dependent = _areas(problem, of, extremes.magnitude, _GAP * reach[1])
         rest = complement(dependent, reach)
         independent = tuple(one for one in rest if one[1] - one[0] > _GAP * reach[1])
-    extremes = joint_space_extremes(problem.model, of)
     return Workspace(
         point="end-effector",
         tip=np.zeros(3),
@@ -64,7 +66,7 @@ def _reach(problem: Problem) -> Interval:
     return float(np.sqrt(max(extremes.smallest, 0.0))), float(np.sqrt(extremes.largest))
 
 
-def _areas(problem: Problem, of: Measure, gap: float) -> tuple[Interval, ...]:
+def _areas(problem: Problem, of: Measure, scale: float, gap: float) -> tuple[Interval, ...]:
     singular = singular_configurations(problem, of)
     if len(singular) == 0:
         return ()
@@ -72,14 +74,17 @@ def _areas(problem: Problem, of: Measure, gap: float) -> tuple[Interval, ...]:
     order = np.argsort(radii)
     singular, radii = singular[order], radii[order]
     breaks = np.flatnonzero(np.diff(radii) > gap) + 1
-    scale = joint_space_extremes(problem.model, of, 512).magnitude
     areas = []
     for first, last in zip([0, *breaks], [*breaks, len(radii)], strict=True):
         push = partial(_pushed, problem, of, scale)
-        low = min(radii[first], *(push(q, 1.0) for q in singular[first:last][:_ENDS]))
-        high = max(radii[last - 1], *(push(q, -1.0) for q in singular[first:last][-_ENDS:]))
+        down = np.array([push(joints, 1.0) for joints in singular[first:last][:_ENDS]])
+        up = np.array([push(joints, -1.0) for joints in singular[first:last][-_ENDS:]])
+        inner = max(radii[first] - _PUSH * gap, radii[first - 1] if first else -1.0)
+        outer = min(radii[last - 1] + _PUSH * gap, radii[last] if last < len(radii) else np.inf)
+        low = np.min(down[down > inner], initial=radii[first])
+        high = np.max(up[up < outer], initial=radii[last - 1])
         areas.append((float(low), float(high)))
-    return merged(areas, gap)
+    return merged(areas, 1e-3 * gap)
 
 
 def singular_configurations(problem: Problem, of: Measure) -> Array:
