@@ -86,7 +86,7 @@ def record(motions: Mapping[str, Motion], title: str = "freefloat") -> Recording
     looks: dict[str, Look] = {}
     most = _KEYS // len(forward)
     acted = {name: _Act.of(motion, looks, most) for name, motion in forward.items()}
-    _set_the_stage(stage)
+    set_the_stage(stage)
     first = next(iter(forward.values())).problem
     colours = MarginColours.over(first.margin, [act.values for act in acted.values()])
     drawn: dict[Visual, str] = {}
@@ -147,7 +147,7 @@ def _single_precision(motion: Motion, most: int) -> Array:
     return np.asarray(rounded[(rounded >= times[0]) & (rounded <= times[-1])])
 
 
-def _set_the_stage(stage: Stage) -> None:
+def set_the_stage(stage: Stage) -> None:
     """No floor in orbit; lamps that reach far."""
     for path in ("Grid", "Axes"):
         stage.set(path, "visible", False)
