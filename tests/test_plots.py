@@ -1,4 +1,4 @@
-"""Which figures a plan has, feasible or not, in the plane and in space; and the option --plots."""
+"""Which figures a plan has, feasible or not, in the plane and in space; and what --plots does."""
 
 from __future__ import annotations
 

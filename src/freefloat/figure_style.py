@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import wraps
 from pathlib import Path
@@ -142,12 +142,19 @@ def figure_folder(folder: str | Path) -> Path:
 
 
 @styled
-def save_figures(folder: str | Path, figures: Mapping[str, Figure]) -> tuple[Path, ...]:
-    """Write figures as PDF and PNG; all of them are drawn before the first file appears.
+def save_figures(
+    folder: str | Path,
+    figures: Mapping[str, Figure],
+    kinds: Sequence[str] = KINDS,
+    dots: float = _DOTS,
+) -> tuple[Path, ...]:
+    """Write figures; all of them are drawn before the first file appears.
 
     Args:
         folder: Made if it is not there.
         figures: By name, which becomes the files' name.
+        kinds: Of :data:`KINDS`.
+        dots: Of images, per inch.
 
     Returns:
         The files, in the order of the figures.
@@ -159,10 +166,10 @@ def save_figures(folder: str | Path, figures: Mapping[str, Figure]) -> tuple[Pat
     try:
         with ExitStack() as finished:
             for name, figure in figures.items():
-                for kind in KINDS:
+                for kind in kinds:
                     file = home / f"{name}.{kind}"
                     beside = finished.enter_context(written_beside(file))
-                    figure.savefig(beside, format=kind, dpi=_DOTS, metadata=_UNDATED[kind])
+                    figure.savefig(beside, format=kind, dpi=dots, metadata=_UNDATED[kind])
                     files.append(file)
     except InputError as error:
         raise InputError("plots", error.problem, _ACCEPTED) from None

@@ -1,0 +1,88 @@
+"""Make the pictures that README shows, one function each, into ``scripts/pictures``.
+
+Run it with ``python scripts/make_pictures.py``, or with the names of some pictures.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import freefloat as ff
+from freefloat.figure_style import PAGE, new_figure, save_figures, styled
+from freefloat.motion import Motion
+from freefloat.motion_plots import motion_figures
+from freefloat.planar_plots import joint_space_figure
+from freefloat.problem import Problem
+from freefloat.scene_plots import draw_snapshots
+from freefloat.spatial import heading_quaternion
+from freefloat.workspace import planar_workspace
+
+DOTS = 120
+"""Per inch: a picture as wide as a page of README, and small."""
+FOLDER = Path(__file__).resolve().parent / "pictures"
+HEADINGS = (200.0, 140.0)
+"""Figs. 7 and 6 of the paper: the first serves, the second leads into a singularity [deg]."""
+TOUCHING = [0.46008, 0.09337, 0.73519, -0.48898]
+"""The initial attitude of Figs. 10 and 11, from which the margin is just kept."""
+
+
+def example_1() -> tuple[Problem, list[Motion]]:
+    """The planar example, followed from both headings with the paper's arm branch."""
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
+    starts = [heading_quaternion(np.deg2rad(heading)) for heading in HEADINGS]
+    return problem, [ff.simulate(problem, start, branch=0).chosen.motion for start in starts]
+
+
+@styled
+def snapshots() -> Figure:
+    """Figs. 6 and 7 side by side."""
+    problem, (good, singular) = example_1()
+    workspace = planar_workspace(problem)
+    figure = new_figure(PAGE, 4.1)
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, motion, heading in zip(panels, (singular, good), HEADINGS[::-1], strict=True):
+        draw_snapshots(axes, motion, workspace)
+        axes.text(0.02, 0.98, f"from {heading:g}°", transform=axes.transAxes, va="top")
+    panels[1].set_ylabel("")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(handles))
+    return figure
+
+
+def joint_space() -> Figure:
+    """Fig. 3, with the motions of Figs. 6 and 7."""
+    return joint_space_figure(*example_1())
+
+
+def motion() -> Figure:
+    """Fig. 11: the motion of Example 2 from the touch point's attitude."""
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    chosen = ff.simulate(problem, TOUCHING, branch=2).chosen
+    return motion_figures(chosen.motion, chosen.least)["motion"]
+
+
+PICTURES: dict[str, Callable[[], Figure]] = {
+    "snapshots": snapshots,
+    "joint_space": joint_space,
+    "motion": motion,
+}
+
+
+def main(names: list[str]) -> int:
+    unknown = sorted(set(names) - set(PICTURES))
+    if unknown:
+        print(f"no such picture: {', '.join(unknown)}; there are {', '.join(PICTURES)}")
+        return 2
+    for name in names or PICTURES:
+        (file,) = save_figures(FOLDER, {name: PICTURES[name]()}, ("png",), DOTS)
+        print(f"{file}: {file.stat().st_size / 1000:.0f} kB")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
