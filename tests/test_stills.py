@@ -11,7 +11,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from urllib.request import Request, urlopen
@@ -49,10 +49,15 @@ browser_only = pytest.mark.skipif(find_browser() is None, reason="no Chromium or
 
 
 @pytest.fixture(autouse=True)
-def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Temporary files go where other tests have none, also those of programs started."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Temporary files go where other tests have none, also those of programs started.
+
+    That is after pytest has made its own folder, whose name is long.
+    """
+    with tempfile.TemporaryDirectory(prefix="ff-") as folder:
+        monkeypatch.setenv("TMPDIR", folder)
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        yield
 
 
 Page = Callable[[str], str]
@@ -82,7 +87,8 @@ def browsers() -> list[str]:
 
 
 def profiles() -> set[Path]:
-    return set(Path(tempfile.gettempdir()).glob("freefloat-*"))
+    """Whatever programs have left among the temporary files."""
+    return set(Path(tempfile.gettempdir()).iterdir())
 
 
 @browser_only
@@ -97,6 +103,18 @@ def test_every_time_becomes_its_picture_in_order() -> None:
         red = np.flatnonzero((pixels[20] == [255, 0, 0]).all(axis=1))
         assert red.tolist() == [round(10 * moment + 1e-9) + k for k in range(4)]
     assert (browsers(), profiles() - before) == ([], set())
+
+
+@browser_only
+def test_a_long_name_of_the_folder_for_temporary_files_does_no_harm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sockets of browsers may not have names of more than 107 letters."""
+    long = tmp_path / ("x" * 60)
+    long.mkdir()
+    monkeypatch.setenv("TMPDIR", str(long))
+    monkeypatch.setattr(tempfile, "tempdir", str(long))
+    assert len(list(take_pictures(drawing([0], 32, 32), 1, (32, 32)))) == 1
 
 
 @browser_only

@@ -55,6 +55,8 @@ _PATIENCE = 120.0
 """Seconds without a new picture after which the browser is given up."""
 _LOOK = 0.2
 """Seconds between two looks whether the browser still runs."""
+_LONGEST = 40
+"""Letters of a folder's name that leave room for those of a browser's sockets."""
 _AHEAD = 8
 """Pictures the page may be ahead of whoever takes them."""
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -228,14 +230,17 @@ class _Process:
 @contextmanager
 def _running(browser: Path, size: tuple[int, int], address: str) -> Iterator[_Process]:
     """A headless browser at a page, in a session and with a profile of its own."""
-    with tempfile.TemporaryDirectory(prefix="freefloat-", ignore_cleanup_errors=True) as folder:
+    with tempfile.TemporaryDirectory(
+        prefix="freefloat-", dir=_short_folder(), ignore_cleanup_errors=True
+    ) as folder:
         log = Path(folder) / "log"
         flags = [*_FLAGS, f"--user-data-dir={folder}/profile", f"--window-size={size[0]},{size[1]}"]
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             flags.append("--no-sandbox")  # which root cannot have
+        homes = dict.fromkeys(("TMPDIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"), folder)
         with log.open("wb") as stream:
             started = subprocess.Popen(
-                [str(browser), *flags, address],
+                [str(browser), *flags, address], env={**os.environ, **homes},
                 stdin=subprocess.DEVNULL, stdout=stream, stderr=stream, start_new_session=True,
             )  # fmt: skip
         process = _Process(started, log)
@@ -243,6 +248,12 @@ def _running(browser: Path, size: tuple[int, int], address: str) -> Iterator[_Pr
             yield process
         finally:
             process.kill()
+
+
+def _short_folder() -> str | None:
+    """Where temporary files go, unless sockets there would have names too long for the system."""
+    usual = len(tempfile.gettempdir()) <= _LONGEST or not os.access("/tmp", os.W_OK)
+    return None if usual else "/tmp"
 
 
 @contextmanager
