@@ -16,10 +16,13 @@ import freefloat as ff
 from freefloat.figure_style import PAGE, new_figure, save_figures, styled
 from freefloat.motion import Motion
 from freefloat.motion_plots import motion_figures
+from freefloat.output_file import written_beside
+from freefloat.page import Capture
 from freefloat.planar_plots import joint_space_figure
 from freefloat.problem import Problem
 from freefloat.scene_plots import draw_snapshots
 from freefloat.spatial import heading_quaternion
+from freefloat.stills import take_pictures
 from freefloat.workspace import planar_workspace
 
 DOTS = 120
@@ -36,6 +39,11 @@ def example_1() -> tuple[Problem, list[Motion]]:
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     starts = [heading_quaternion(np.deg2rad(heading)) for heading in HEADINGS]
     return problem, [ff.simulate(problem, start, branch=0).chosen.motion for start in starts]
+
+
+SINGULAR = [0.1, 0.5, 0.2, -0.8367]
+"""That of Fig. 9, from which half of the arm branches meet a singularity."""
+SIZE = (1200, 560)
 
 
 @styled
@@ -66,7 +74,25 @@ def motion() -> Figure:
     return motion_figures(chosen.motion, chosen.least)["motion"]
 
 
-PICTURES: dict[str, Callable[[], Figure]] = {
+def playback() -> bytes:
+    """A look at the page: Example 2 from the attitudes of Figs. 10 and 9."""
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    shown = {
+        "from 0.46 0.09 0.74 -0.49": ff.simulate(problem, TOUCHING, branch=2).chosen.motion,
+        "from 0.1 0.5 0.2 -0.84": ff.simulate(problem, SINGULAR, branch=2).chosen.motion,
+    }
+    scene = ff.play(shown)
+    times = (problem.path.duration,)
+
+    def page(address: str) -> str:
+        return scene.html(Capture(times, *SIZE, address, "side by side"))
+
+    (picture,) = take_pictures(page, len(times), SIZE)
+    return picture
+
+
+PICTURES: dict[str, Callable[[], Figure | bytes]] = {
+    "playback": playback,
     "snapshots": snapshots,
     "joint_space": joint_space,
     "motion": motion,
@@ -79,7 +105,13 @@ def main(names: list[str]) -> int:
         print(f"no such picture: {', '.join(unknown)}; there are {', '.join(PICTURES)}")
         return 2
     for name in names or PICTURES:
-        (file,) = save_figures(FOLDER, {name: PICTURES[name]()}, ("png",), DOTS)
+        made = PICTURES[name]()
+        if isinstance(made, bytes):
+            file = FOLDER / f"{name}.png"
+            with written_beside(file) as temporary:
+                temporary.write_bytes(made)
+        else:
+            (file,) = save_figures(FOLDER, {name: made}, ("png",), DOTS)
         print(f"{file}: {file.stat().st_size / 1000:.0f} kB")
     return 0
 

@@ -117,15 +117,19 @@ def test_the_robot_is_seen_and_stands_where_it_is(page: Shown) -> None:
 def test_everything_is_in_view_at_first(
     browser: Browser, example_2: Path, motions: dict[str, Motion], size: tuple[int, int]
 ) -> None:
-    names = motions[FEASIBLE].problem.model.body_names
+    model = motions[FEASIBLE].problem.model
+    tips = np.array([[x, y, -0.2] for x in (-0.4, 0.4) for y in (-2.05, 2.05)])  # of the panels
     with shown(browser, example_2, size) as seen:
-        for time in (0.0, 50.0, 100.0):
-            seen.at(time)
-            for name in names:
-                path = f"meshcat/{FEASIBLE}/Robot/{name}"
-                x, y = seen.ask("p => freefloat.onScreen(p)", path)
-                assert 0.05 < x < 0.95
-                assert 0.05 < y < 0.95
+        spots = []
+        for state in motions[FEASIBLE].sample(np.linspace(0.0, 100.0, 11)):
+            bus, *arm = model.body_poses(state.attitude, state.joints)
+            hand = model.end_effector_pose(state.attitude, state.joints)
+            points = [*(bus.position + tips @ bus.rotation.T), *(p.position for p in (*arm, hand))]
+            spots += [seen.ask("p => freefloat.onScreen(p)", point.tolist()) for point in points]
+        low, high = np.min(spots, axis=0), np.max(spots, axis=0)
+        assert low.min() > 0.03
+        assert high.max() < 0.97
+        assert (high - low).max() > 0.6  # and not far away
 
 
 def test_play_pause_and_the_slider(page: Shown) -> None:

@@ -4,6 +4,7 @@ const ROOT = "meshcat";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
 const PATIENCE = 30; // seconds that a motion may take at first
 const SIDE_BY_SIDE = "side by side";
+const INK = "#e8ecf2";
 const FIELD_OF_VIEW = 40; // degrees
 const FRAME = 0.88; // share of the picture for what should be seen
 const element = id => document.getElementById(id);
@@ -86,7 +87,7 @@ class Player {
   // As near as lets everything be seen, from the first direction.
   look() {
     const { camera, controls, renderer } = this.viewer, { centre, direction } = about.view;
-    const up = Math.tan(FIELD_OF_VIEW * Math.PI / 360) / FRAME;
+    const up = Math.tan(FIELD_OF_VIEW * Math.PI / 360) * FRAME;
     const across = up * renderer.domElement.width / renderer.domElement.height;
     const length = Math.hypot(...direction), toEye = direction.map(part => part / length);
     const level = Math.hypot(toEye[0], toEye[1]);
@@ -151,7 +152,7 @@ class Player {
       `s = ${between(times, fractions, now).toFixed(3)}`,
       `|${measure}| = ${shortened(between(times, values, now))}, to keep: ${shortened(margin)}`,
     ];
-    return this.time >= scene.end ? [...lines, { ended: scene.verdict }] : lines;
+    return this.time >= scene.end ? [...lines, { verdict: scene.verdict, good: scene.ending === "completed" }] : lines;
   }
 
   // Labels in sight, with their places on a canvas of a width and height.
@@ -192,7 +193,9 @@ function shortened(value) {
   return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(2) : String(+value.toPrecision(4));
 }
 
-function plainLine(line) { return typeof line === "string" ? line : line.ended; }
+function plainLine(line) { return typeof line === "string" ? line : line.verdict; }
+
+function lineColour(line) { return typeof line === "string" ? INK : line.good ? "#9be3a0" : "#ffb27a"; }
 
 function legendTitle() {
   const { measure, unit } = about.scale;
@@ -294,7 +297,7 @@ class Panels {
     for (const line of this.player.lines(scene)) {
       const row = document.createElement("p");
       row.textContent = plainLine(line);
-      if (typeof line !== "string") row.className = "ended";
+      row.style.color = lineColour(line);
       section.append(row);
     }
     return section;
@@ -325,7 +328,7 @@ function picture(player) {
   pen.textBaseline = "middle";
   pen.shadowColor = "#000";
   pen.shadowBlur = unit / 3;
-  const write = (text, x, y, colour = "#e8ecf2", weight = "") => {
+  const write = (text, x, y, colour = INK, weight = "") => {
     pen.font = `${weight} ${unit}px system-ui, "DejaVu Sans", sans-serif`;
     pen.fillStyle = colour;
     pen.fillText(text, x, y);
@@ -335,7 +338,7 @@ function picture(player) {
     const left = place * span + unit;
     write(scene.title, left, 1.2 * unit, undefined, "600");
     player.lines(scene).forEach((line, row) =>
-      write(plainLine(line), left, (2.6 + 1.3 * row) * unit, typeof line === "string" ? undefined : "#ffb27a"));
+      write(plainLine(line), left, (2.6 + 1.3 * row) * unit, lineColour(line)));
   });
   for (const { text, x, y } of player.labels(canvas.width, canvas.height)) write(text, x + unit / 2, y);
   writeLegend(pen, write, unit, canvas.height);
@@ -453,8 +456,10 @@ function api(player, panels) {
     position: path => pose(path).position.toArray(),
     quaternion: path => pose(path).quaternion.toArray(),
     visible: path => placed(path).visible,
-    onScreen: path => { // share of the width from the left and of the height from above
-      const point = new MeshCat.THREE.Vector3().setFromMatrixPosition(placed(path).matrixWorld);
+    onScreen: place => { // of a path or point, as shares of the width from the left, of the height from above
+      const point = new MeshCat.THREE.Vector3();
+      if (typeof place === "string") point.setFromMatrixPosition(placed(place).matrixWorld);
+      else player.viewer.scene.localToWorld(point.fromArray(place));
       point.project(player.viewer.camera);
       return [(1 + point.x) / 2, (1 - point.y) / 2];
     },
