@@ -116,13 +116,13 @@ def test_a_map_with_nothing_feasible_is_drawn(problem, tmp_path):
 
 
 def test_plans_in_space_show_their_map_and_where_the_spacecraft_is_now(problem):
-    """Also infeasible ones, which have nothing else to show."""
+    """Also infeasible ones, which have no motion to show."""
     from freefloat.plots import plan_figures
 
     found = map_attitudes(Outlook(problem), 50)
     search = ff.Search(ff.Objective.NEAREST, np.array([0.0, 0.0, 0.0, 1.0]))
     figures = plan_figures(ff.Plan(problem, search, False, "for a test", map=found))
-    assert list(figures) == ["map_slices", "map_histogram"]
+    assert list(figures) == ["workspace", "map_slices", "map_histogram"]
     assert figures["map_slices"].axes[0].get_title().startswith("now")
 
 

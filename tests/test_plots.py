@@ -123,11 +123,11 @@ def test_a_spatial_plan_has_the_figures_of_its_motion(tmp_path: Path) -> None:
     problem = load_scenario("spatial_6dof/line").problem()
     chosen = simulate(problem, [0.46008, 0.09337, 0.73519, -0.48898], branch=0).chosen
     figures = plan_figures(Plan(problem, Search(), True, "it is there", chosen=chosen))
-    assert list(figures) == OF_A_MOTION
+    assert list(figures) == ["workspace", *OF_A_MOTION]
     for name, figure in figures.items():
         assert overlaps(figure) == [], name
-    assert plan_figures(Plan(problem, Search(), False, "none")) == {}
-    assert len(save_figures(tmp_path, figures)) == 8
+    assert list(plan_figures(Plan(problem, Search(), False, "none"))) == ["workspace"]
+    assert len(save_figures(tmp_path, figures)) == 10
 
 
 # --- through the commands -----------------------------------------------------------------------

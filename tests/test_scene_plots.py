@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.patches import Circle, Polygon, Wedge
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from freefloat.areas import workspace_of
 from freefloat.motion import Motion
 from freefloat.outlines import outlines
 from freefloat.scenario import load_scenario
@@ -52,13 +55,46 @@ def test_areas_are_rings_around_the_centre_of_mass() -> None:
 
 def test_the_path_runs_from_its_start_to_its_end() -> None:
     (axes,) = workspace_figure(PLANAR, AREAS).axes
-    path, point = line(axes, "path"), line(axes, "point 3")
+    path, point = line(axes, "path"), line(axes, "last joint")
     assert np.allclose(path[[0, -1]], [[2.0, 0.0], [-1.0, 2.0]])
     assert np.allclose(path[:, 1], path[:, 0] ** 2 / 6 - 5 * path[:, 0] / 6 + 1)  # (30a)
     assert np.allclose(line(axes, "start"), path[:1])
     assert np.allclose(line(axes, "end"), path[-1:])
     wanted = [point_3_on_path(PLANAR, s) for s in (0.0, 1.0)]
     assert np.allclose(point[[0, -1]] @ [1.0, 1.0j], wanted)
+
+
+def test_in_space_the_distance_from_the_centre_is_shown() -> None:
+    """The wrist of Example 2 passes two shells in which its arm can be singular."""
+    problem = load_scenario("spatial_6dof/line").problem()
+    areas = workspace_of(problem)
+    figure = workspace_figure(problem, areas)
+    (axes,) = figure.axes
+    assert areas.path_dependent is not None
+    shells = [(band.get_y(), band.get_y() + band.get_height()) for band in axes.patches]
+    assert np.allclose(shells, areas.path_dependent)
+    drawn = line(axes, "wrist centre")
+    for s, distance in drawn[[0, 100, -1]]:
+        pose = problem.path.path.pose(float(s))
+        assert distance == pytest.approx(np.linalg.norm(pose.position + pose.rotation @ areas.tip))
+    assert labels(axes) == ["path-dependent", "wrist centre"]
+    assert unlabelled(figure) == []
+    assert overlaps(figure) == []
+
+
+def test_areas_that_are_not_known_are_not_drawn() -> None:
+    problem = load_scenario("panda_servicer/line").problem()
+    areas = workspace_of(problem)
+    assert areas.path_dependent is None
+    (axes,) = workspace_figure(problem, areas).axes
+    assert len(axes.patches) == 0
+    assert labels(axes) == ["end-effector"]
+
+
+def test_areas_found_by_sampling_are_told_as_such() -> None:
+    sampled = replace(AREAS, exact=False)
+    (axes,) = workspace_figure(PLANAR, sampled).axes
+    assert labels(axes)[0] == "path-dependent, sampled"
 
 
 def test_pictures_say_what_they_show(good: Motion, singular: Motion, spatial: Motion) -> None:

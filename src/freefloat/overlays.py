@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from meshcat import geometry as g
+from trimesh.creation import icosphere
 
 from freefloat.body_poses import body_poses_at
 from freefloat.motion import Ending, Motion
@@ -114,7 +115,9 @@ def draw_areas(stage: Stage, root: str, problem: Problem, areas: Workspace) -> N
             geometry = _annulus(inner, outer, level - 3.0 * thickness(problem))
             stage.mesh(path, geometry, (*colour, 0.25), shaded=False)
         else:
-            stage.mesh(path, g.Sphere(float(outer)), (*colour, 0.10))
+            ball = icosphere(subdivisions=4, radius=outer)
+            shell = g.TriangularMeshGeometry(ball.vertices, ball.faces)
+            stage.mesh(path, shell, (*colour, 0.10))
 
 
 def _annulus(inner: float, outer: float, level: float) -> Any:

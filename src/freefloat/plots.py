@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from freefloat.areas import workspace_of
 from freefloat.attitude_map import AttitudeMap
 from freefloat.errors import UnreachableError
 from freefloat.figure_style import axis_label
@@ -24,7 +25,7 @@ from freefloat.scene_plots import snapshots_figure, workspace_figure
 from freefloat.search import Objective, Progress
 from freefloat.simulation import simulate
 from freefloat.spatial import heading_of, heading_quaternion
-from freefloat.workspace import Workspace, has_two_angle_form, planar_workspace
+from freefloat.workspace import has_two_angle_form
 
 _HEADINGS = 720
 _NAMES = {Objective.MARGIN: "best", Objective.NEAREST: "nearest", Objective.ROBUST: "robust"}
@@ -35,9 +36,9 @@ def plan_figures(
 ) -> dict[str, Figure]:
     """What can be drawn of a plan; of one that is not feasible less than of others.
 
-    Planar: ``workspace`` and ``joint_space`` where S depends on two joint angles, ``headings``
-    where some heading reaches the path. Where there is a motion: ``snapshots``, ``motion``,
-    ``margin`` and ``momentum``. In space also ``map_slices`` and ``map_histogram``.
+    Always ``workspace``. Where there is a motion: ``snapshots``, ``motion``, ``margin`` and
+    ``momentum``. In the plane ``headings`` where some heading reaches the path, and ``joint_space``
+    where S depends on two joint angles. In space ``map_slices`` and ``map_histogram``.
 
     Args:
         plan: The plan.
@@ -49,11 +50,10 @@ def plan_figures(
     """
     problem, chosen = plan.problem, plan.chosen
     figures: dict[str, Figure] = {}
-    areas = None
+    areas = workspace_of(problem)
+    figures["workspace"] = workspace_figure(problem, areas)
     if problem.task.planar:
-        if has_two_angle_form(problem.model, problem.task):
-            areas = planar_workspace(problem)
-        figures |= _planar_figures(plan, areas, progress)
+        figures |= _planar_figures(plan, progress, threads)
     if chosen is not None:
         figures["snapshots"] = snapshots_figure(chosen.motion, areas)
         figures |= motion_figures(chosen.motion, chosen.least)
@@ -91,14 +91,13 @@ def attitude_map_figures(
 
 
 def _planar_figures(
-    plan: Plan, areas: Workspace | None, progress: Progress | None
+    plan: Plan, progress: Progress | None, threads: int | None
 ) -> dict[str, Figure]:
     problem = plan.problem
     figures: dict[str, Figure] = {}
-    if areas is not None:
-        figures["workspace"] = workspace_figure(problem, areas)
+    if has_two_angle_form(problem.model, problem.task):
         figures["joint_space"] = joint_space_figure(problem, _told_motions(plan))
-    found = heading_map(problem, _HEADINGS, progress)
+    found = heading_map(problem, _HEADINGS, progress, threads=threads)
     if found.branches:
         mark = None
         if plan.chosen is not None:

@@ -5,6 +5,7 @@ Nothing computes here: areas and motions come from the rooms before.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from freefloat.motion import Ending, Motion
 from freefloat.outlines import Outline, outlines
 from freefloat.problem import Problem
 from freefloat.spatial import Array
-from freefloat.workspace import Workspace, point_3_on_path
+from freefloat.workspace import Interval, Workspace
 
 _INSTANTS = 5
 """How many times the robot is drawn in one picture."""
@@ -48,13 +49,49 @@ _ZOOM = 0.84
 
 @styled
 def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
-    """A planar problem: where the arm can be singular, and the path through it."""
-    figure = new_figure(COLUMN, COLUMN)
+    """Where the arm can be singular, and the path through it.
+
+    In the plane as it lies there; in space by distance from the centre of mass, on which alone it
+    depends.
+    """
+    figure = new_figure(COLUMN, COLUMN if problem.task.planar else 2.6)
     axes = figure.subplots()
-    draw_areas(axes, workspace)
-    draw_path(axes, problem)
+    if problem.task.planar:
+        draw_areas(axes, workspace)
+        draw_path(axes, problem, workspace)
+    else:
+        _draw_distances(axes, problem, workspace)
     legend_over(axes)
     return figure
+
+
+def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
+    """How far out the path leads, over the shells in which the arm can be singular."""
+    s, _, tip = _along(problem, workspace)
+    for label, (low, high) in _named_areas(workspace):
+        axes.axhspan(low, high, color=_AREA, linewidth=0.0, zorder=0, label=label)
+    for radius in workspace.reach:
+        axes.axhline(radius, color=GREY, linewidth=0.7)
+    axes.plot(s, np.linalg.norm(tip, axis=1), color=BLUE, label=workspace.point)
+    axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.05 * workspace.reach[1]))
+    axes.set_xlabel(axis_label("place on the path $s$", "1"))
+    axes.set_ylabel(axis_label("distance from centre", "m"))
+
+
+def _along(problem: Problem, workspace: Workspace | None) -> tuple[Array, Array, Array]:
+    """Places s (K,), the end-effector's path there and that of the workspace's point [m] (K, 3)."""
+    s = np.linspace(0.0, 1.0, _PLACES)
+    poses = [problem.path.path.pose(float(place)) for place in s]
+    tip = np.zeros(3) if workspace is None else workspace.tip
+    path = np.array([pose.position for pose in poses])
+    return s, path, path + np.array([pose.rotation @ tip for pose in poses])
+
+
+def _named_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval]]:
+    """Path-dependent areas, the first with what a legend says."""
+    name = "path-dependent" if workspace.exact else "path-dependent, sampled"
+    for which, interval in enumerate(workspace.path_dependent or ()):
+        yield name if which == 0 else None, interval
 
 
 @styled
@@ -92,7 +129,7 @@ def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> No
     """
     if workspace is not None:
         draw_areas(axes, workspace)
-    draw_path(axes, motion.problem)
+    draw_path(axes, motion.problem, workspace)
     robots = outlines(motion, np.linspace(motion.initial.time, motion.final.time, _INSTANTS))
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
     for which in (0, -1):
@@ -121,10 +158,10 @@ def _mark_singular(axes: Any, motion: Motion, dimensions: int) -> None:
 
 def draw_areas(axes: Any, workspace: Workspace) -> None:
     """Path-dependent areas grey, the reach outlined, the centre of mass marked."""
-    for number, (low, high) in enumerate(workspace.path_dependent or ()):
+    for label, (low, high) in _named_areas(workspace):
         ring = Wedge(
             (0.0, 0.0), high, 0.0, 360.0, width=high - low, facecolor=_AREA, linewidth=0.0,
-            zorder=0, label="path-dependent" if number == 0 else None,
+            zorder=0, label=label,
         )  # fmt: skip
         axes.add_patch(ring)
     for radius in workspace.reach:
@@ -133,15 +170,13 @@ def draw_areas(axes: Any, workspace: Workspace) -> None:
     axes.plot(0.0, 0.0, marker="+", color=BLACK, markersize=6.0, linestyle="none")
 
 
-def draw_path(axes: Any, problem: Problem) -> None:
-    """A planar end-effector's path, and that of point 3 where it differs."""
-    s = np.linspace(0.0, 1.0, _PLACES)
-    path = np.array([problem.path.path.curve(float(place)) for place in s])
-    point = np.array([point_3_on_path(problem, float(place)) for place in s])
+def draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
+    """A planar end-effector's path, and that of the point whose distance counts, the paper's 3."""
+    _, path, tip = _along(problem, workspace)
     axes.plot(path[:, 0], path[:, 1], color=BLUE, linestyle="-", linewidth=1.6, label="path")
-    if np.abs(point - (path[:, 0] + 1j * path[:, 1])).max() > 1e-9:
+    if workspace is not None and workspace.tip.any():
         axes.plot(
-            point.real, point.imag, color=GREEN, linestyle="--", linewidth=1.3, label="point 3"
+            tip[:, 0], tip[:, 1], color=GREEN, linestyle="--", linewidth=1.3, label=workspace.point
         )
     _mark_ends(axes, path[:, :2])
     axes.set_aspect("equal")
@@ -159,8 +194,7 @@ def _mark_ends(axes: Any, path: Array) -> None:
 
 def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
     """Path and robot in three dimensions."""
-    s = np.linspace(0.0, 1.0, _PLACES)
-    path = np.array([problem.path.path.curve(float(place)) for place in s])
+    _, path, _ = _along(problem, None)
     axes.plot(*path.T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
     _mark_ends(axes, path)
     body = Poly3DCollection(
