@@ -75,7 +75,7 @@ def scenes(page: Path) -> list[str]:
     """Titles of the motions on a page."""
     about = re.search(r'"scenes": \[(.*)\]', page.read_text(encoding="utf-8"))
     assert about is not None
-    return re.findall(r'"title": "([^"]*)"', about[1])
+    return [json.loads(title) for title in re.findall(r'"title": ("[^"]*")', about[1])]
 
 
 # --- files --------------------------------------------------------------------------------------
@@ -85,7 +85,7 @@ def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
     document = answer("view", files / "good.h5", files / "bad.h5", "--html", "both.html")
     assert document == {
         "address": None, "html": "both.html", "snapshots": [], "video": None,
-        "motions": ["good", "bad"], "remarks": [],
+        "scenes": ["good", "bad"], "remarks": [],
     }  # fmt: skip
     assert scenes(elsewhere / "both.html") == ["good", "bad"]
     assert os.listdir(elsewhere) == ["both.html"]
@@ -94,13 +94,13 @@ def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
 def test_files_of_the_same_name_are_told_apart(files: Path, elsewhere: Path) -> None:
     (elsewhere / "good.h5").write_bytes((files / "bad.h5").read_bytes())
     document = answer("view", files / "good.h5", "good.h5", files / "bad.h5", "--html", "p.html")
-    assert document["motions"] == scenes(elsewhere / "p.html") == ["good", "good (2)", "bad"]
+    assert document["scenes"] == scenes(elsewhere / "p.html") == ["good", "good (2)", "bad"]
 
 
 @browser_only
 def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: Path) -> None:
     """Times in the names, the ending of the shorter motion last, the GIF's colours the page's."""
-    words = ("--snapshots", "3", "--video", "v.gif", "--size", "480x300", "--motion", "bad")
+    words = ("--snapshots", "3", "--video", "v.gif", "--size", "480x300", "--scene", "bad")
     words = (*words, "--fps", "2", "--speed", "20")
     document = answer("view", files / "good.h5", files / "bad.h5", *words)
     last = json.loads(run("simulate", *BAD, "--json").stdout)["singular"]["time"]
@@ -127,7 +127,7 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
 
 @browser_only
 def test_pictures_of_all_motions_side_by_side(files: Path, elsewhere: Path) -> None:
-    words = ("--snapshots", "1", "-o", "deep/er", "--motion", "side by side")
+    words = ("--snapshots", "1", "-o", "deep/er", "--scene", "side by side")
     result = run("view", files / "good.h5", files / "bad.h5", *words)
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout == "pictures: deep/er/good_1_0.00s.png\n"
@@ -157,7 +157,7 @@ def test_without_a_browser_nothing_is_begun(
         (("--size", "10x10"), "accepted: --snapshots or --video, too"),
         (("--size", "big", "--snapshots", "1"), "size: 'big' was given; accepted: width and"),
         (("--size", "5x5000", "--snapshots", "1"), "size: 5x5000 was given; accepted: 16 to 4096"),
-        (("--motion", "x", "--snapshots", "1"), "there is no motion 'x'; accepted: good"),
+        (("--scene", "x", "--snapshots", "1"), "scene: there is no 'x'; accepted: good"),
         (("--video", "v.avi"), "video: v.avi is of no kind known here; accepted: a .gif or .mp4"),
         (("--html", "no/page.html"), "No such file or directory"),
         (("--snapshots", "1", "-o", "/dev/null/x"), "output: /dev/null/x: Not a directory"),
@@ -180,6 +180,21 @@ def test_files_without_a_motion_are_refused_with_the_reason(files: Path, elsewhe
     assert "text.h5: file: it cannot be read" in refusal("view", "text.h5", "--html", "page.html")
     assert "none.yaml: file: no such file" in refusal("view", "none.yaml", "--html", "page.html")
     assert os.listdir(elsewhere) == ["text.h5"]
+
+
+def test_a_map_is_looked_at_alone(files: Path, elsewhere: Path) -> None:
+    """Its scenes are arm branches; nothing in it moves."""
+    assert run("map", "spatial_6dof/line", "--samples", "64", "-o", "map.h5").exit_code == 0
+    document = answer("view", "map.h5", "--html", "map.html")
+    assert len(document["scenes"]) > 1
+    assert scenes(elsewhere / "map.html") == document["scenes"]
+    for words in (("--video", "v.gif"), ("--snapshots", "2")):
+        assert "nothing moves there; accepted: --snapshots 1" in refusal("view", "map.h5", *words)
+    told = refusal("view", files / "good.h5", "map.h5", "--html", "page.html")
+    assert "map.h5: file: what it holds is of kind 'attitude map'" in told
+    assert run("map", "planar_3dof/parabola", "--samples", "8", "-o", "flat.h5").exit_code == 0
+    assert "map --plots" in refusal("view", "flat.h5", "--html", "page.html")
+    assert sorted(os.listdir(elsewhere)) == ["flat.h5", "map.h5", "map.html"]
 
 
 # --- served -------------------------------------------------------------------------------------
@@ -230,7 +245,7 @@ def test_machines_are_told_the_address_as_soon_as_it_is_there(files: Path) -> No
         process.send_signal(signal.SIGINT)
         rest, errors = process.communicate(timeout=30)
     assert (process.returncode, rest, errors) == (0, "", "")
-    assert document["motions"] == ["bad"]
+    assert document["scenes"] == ["bad"]
 
 
 # --- pages of other commands --------------------------------------------------------------------

@@ -259,23 +259,23 @@ def view(
     fps: options.Rate = None,
     speed: options.Speed = None,
     size: options.Size = None,
-    motion: options.Motion = None,
+    scene: options.Scene = None,
     as_json: Json = False,
 ) -> None:
-    """Play motions in a browser until Ctrl-C; or write the page, pictures or a video of it.
+    """Play motions or show a map in a browser until Ctrl-C; or write the page, pictures, a video.
 
     The page is served to this machine alone. Pictures and videos are taken by a Chromium or
     Chrome on PATH, or the one that CHROMIUM_BIN names. Exit code 0, also after Ctrl-C.
 
     Example: freefloat view plan.h5
 
-    Example: freefloat view good.h5 bad.h5 --html both.html --video bad.gif --motion bad
+    Example: freefloat view good.h5 bad.h5 --html both.html --video bad.gif --scene bad
     """
     with answering(as_json):
         from freefloat.tables import view_tables
         from freefloat.viewing import View, Wishes, pixels
 
-        wishes = Wishes(html, snapshots, output, video, fps, speed, pixels(size), motion)
+        wishes = Wishes(html, snapshots, output, video, fps, speed, pixels(size), scene)
         shown = View.of(files)
 
         def tell(document: dict[str, Any]) -> None:

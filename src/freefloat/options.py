@@ -90,7 +90,7 @@ Touch = Annotated[
 
 Files = Annotated[
     list[Path],
-    typer.Argument(metavar="FILE", help="Written by plan -o or simulate -o; one page."),
+    typer.Argument(metavar="FILE", help="Written with -o by plan, simulate or map; one page."),
 ]
 Port = Annotated[
     int, typer.Option(min=0, max=65535, metavar="P", help="When taken, the next free one.")
@@ -127,10 +127,11 @@ Size = Annotated[
     str | None,
     typer.Option(metavar="WxH", help="Of pictures and video; else 1280x720, GIF 800x450."),
 ]
-Motion = Annotated[
+Scene = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help='Of several, the one in pictures and video: a file\'s name or "side by side".',
+        help="Of several, the one in pictures and video: a file's name, of a map an arm branch, or "
+        '"side by side".',
     ),
 ]

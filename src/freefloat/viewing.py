@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,16 +12,20 @@ from typing import Any
 import numpy as np
 
 from freefloat.errors import InputError
+from freefloat.map_file import load_map
+from freefloat.map_recording import map_recording
 from freefloat.motion import Motion
 from freefloat.output_file import written_beside
 from freefloat.page import Capture
 from freefloat.plan_file import load_plan
 from freefloat.playback import Playback, play
+from freefloat.result_file import ATTITUDE_MAP, MOTION, PLAN, kind_of
 from freefloat.search import Progress
 from freefloat.stills import browser_for, take_pictures
 from freefloat.video import save_video, takes
 from freefloat.viewer import open_browser, served, until_stopped
 
+_ACCEPTED = "plans and motions, several together, or one attitude map (others: map --plots)"
 SIDE_BY_SIDE = "side by side"
 _SIZE, _GIF_SIZE = (1280, 720), (800, 450)
 
@@ -38,7 +42,7 @@ class Wishes:
         rate: Of the video, pictures a second.
         speed: Seconds of the motion in a second of the video.
         size: Width and height of pictures and video [pixels].
-        motion: Title of the motion in pictures and video, or "side by side"; else the first.
+        scene: Title of what is seen in pictures and video, or "side by side"; else the first.
     """
 
     html: Path | None = None
@@ -48,7 +52,7 @@ class Wishes:
     rate: float | None = None
     speed: float | None = None
     size: tuple[int, int] | None = None
-    motion: str | None = None
+    scene: str | None = None
 
     def __post_init__(self) -> None:
         moving, pictured = self.video is not None, self.snapshots is not None
@@ -57,7 +61,7 @@ class Wishes:
             "speed": (self.speed, moving, "--video"),
             "output": (self.folder, pictured, "--snapshots"),
             "size": (self.size, moving or pictured, "--snapshots or --video"),
-            "motion": (self.motion, moving or pictured, "--snapshots or --video"),
+            "scene": (self.scene, moving or pictured, "--snapshots or --video"),
         }
         for key, (given, used, options) in needs.items():
             if given is not None and not used:
@@ -89,29 +93,33 @@ Bar = Callable[[str], AbstractContextManager[Progress]]
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Motions to look at.
+    """Motions, or a map, to look at.
 
     Attributes:
-        motions: By title.
-        playback: The same, drawn.
+        playback: Drawn.
     """
 
-    motions: Mapping[str, Motion]
     playback: Playback
 
     @classmethod
     def of(cls, files: Sequence[Path]) -> View:
-        """Read plan and motion files.
+        """Read files of plans and motions, which are shown together, or of one map in space.
 
         Raises:
             InputError: If one is no such file, or holds no motion.
         """
+        kinds = [kind_of(file) for file in files]
+        if ATTITUDE_MAP in kinds and len(files) == 1:
+            return cls(_map_playback(files[0]))
+        for file, kind in zip(files, kinds, strict=True):
+            if kind not in (PLAN, MOTION):
+                raise InputError("file", f"what it holds is of kind {kind!r}", _ACCEPTED, str(file))
         motions = dict(zip(_titles(files), map(_motion, files), strict=True))
-        return cls(motions, play(motions, " · ".join(motions)))
+        return cls(play(motions, " · ".join(motions)))
 
     def document(self, **more: Any) -> dict[str, Any]:
         """What ``view`` answers."""
-        told = {"motions": list(self.motions), "remarks": list(self.playback.remarks)}
+        told = {"scenes": list(self.playback.titles), "remarks": list(self.playback.remarks)}
         return {"address": None, "html": None, "snapshots": [], "video": None, **told, **more}
 
     def write(self, wishes: Wishes, name: str, bar: Bar) -> dict[str, Any]:
@@ -128,7 +136,10 @@ class View:
         Raises:
             InputError: If something cannot be written, or pictures cannot be taken.
         """
-        duration = self._duration(wishes.motion)
+        duration = self._duration(wishes.scene)
+        if duration == 0.0 and (wishes.video is not None or (wishes.snapshots or 1) > 1):
+            key = "snapshots" if wishes.video is None else "video"
+            raise InputError(key, "nothing moves there", "--snapshots 1 or --html")
         if wishes.snapshots is not None:
             browser_for("snapshots")
         if wishes.video is not None:
@@ -174,14 +185,14 @@ class View:
             wait()
 
     def _duration(self, title: str | None) -> float:
-        """Of the motion shown [s]."""
-        names = list(self.motions)
-        accepted = [*names, SIDE_BY_SIDE] if len(names) > 1 else names
+        """Of what is shown in pictures [s]."""
+        scenes = {scene["title"]: scene for scene in self.playback.recording.about["scenes"]}
+        accepted = [*scenes, SIDE_BY_SIDE] if len(scenes) > 1 else list(scenes)
         if title is not None and title not in accepted:
-            raise InputError("motion", f"there is no motion {title!r}", ", ".join(accepted))
+            raise InputError("scene", f"there is no {title!r}", ", ".join(accepted))
         if title == SIDE_BY_SIDE:
             return self.playback.duration
-        return float(self.motions[title or names[0]].times.max())
+        return float(scenes[title or accepted[0]]["end"])
 
     def _pictures(
         self,
@@ -193,7 +204,7 @@ class View:
     ) -> Any:
         size = wishes.size or usual
         return take_pictures(
-            lambda address: self.playback.html(Capture(times, *size, address, wishes.motion)),
+            lambda address: self.playback.html(Capture(times, *size, address, wishes.scene)),
             len(times), size, progress, key=key,
         )  # fmt: skip
 
@@ -218,6 +229,14 @@ def _make(folder: Path) -> None:
     except OSError as error:
         problem = f"{folder}: {error.strerror}"
         raise InputError("output", problem, "a folder that is there or can be made") from None
+
+
+def _map_playback(file: Path) -> Playback:
+    stored = load_map(file)
+    recording = map_recording(
+        stored.problem(), stored.attitudes, stored.margins, stored.document, file.stem
+    )
+    return Playback(recording)
 
 
 def _motion(file: Path) -> Motion:
