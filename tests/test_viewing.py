@@ -33,6 +33,17 @@ browser_only = pytest.mark.skipif(find_browser() is None, reason="no Chromium or
 GOOD = ("planar_3dof/parabola", "--heading", "200", "--branch", "0")
 BAD = ("planar_3dof/parabola", "--heading", "140", "--branch", "0")
 
+SHORT = """\
+robot: {urdf: spatial_6dof, end_effector: end_effector}
+task: pose
+momentum: [0.5, 0.3, 0.1]
+path:
+  line: {from: [1, 0, 0], to: [0.98, 0.02, 0.01]}
+  attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}
+timing: {duration: 10}
+margin: {measure: arm, value: 5}
+"""
+
 
 def run(*words: str | Path) -> Any:
     return CliRunner().invoke(app, [str(word) for word in words])
@@ -126,6 +137,17 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
 
 
 @browser_only
+def test_a_map_can_be_pictured(elsewhere: Path) -> None:
+    """Something bright is seen round the middle."""
+    (elsewhere / "short.yaml").write_text(SHORT)
+    assert run("map", "short.yaml", "--samples", "64", "-o", "map.h5").exit_code == 0
+    document = answer("view", "map.h5", "--snapshots", "1", "--size", "400x400")
+    with Image.open(document["snapshots"][0]) as picture:
+        pixels = np.asarray(picture.convert("RGB"))
+    assert (pixels[100:300, 100:300].max(axis=2) > 120).sum() > 200
+
+
+@browser_only
 def test_pictures_of_all_motions_side_by_side(files: Path, elsewhere: Path) -> None:
     words = ("--snapshots", "1", "-o", "deep/er", "--scene", "side by side")
     result = run("view", files / "good.h5", files / "bad.h5", *words)
@@ -184,7 +206,8 @@ def test_files_without_a_motion_are_refused_with_the_reason(files: Path, elsewhe
 
 def test_a_map_is_looked_at_alone(files: Path, elsewhere: Path) -> None:
     """Its scenes are arm branches; nothing in it moves."""
-    assert run("map", "spatial_6dof/line", "--samples", "64", "-o", "map.h5").exit_code == 0
+    (elsewhere / "short.yaml").write_text(SHORT)
+    assert run("map", "short.yaml", "--samples", "64", "-o", "map.h5").exit_code == 0
     document = answer("view", "map.h5", "--html", "map.html")
     assert len(document["scenes"]) > 1
     assert scenes(elsewhere / "map.html") == document["scenes"]
@@ -194,7 +217,7 @@ def test_a_map_is_looked_at_alone(files: Path, elsewhere: Path) -> None:
     assert "map.h5: file: what it holds is of kind 'attitude map'" in told
     assert run("map", "planar_3dof/parabola", "--samples", "8", "-o", "flat.h5").exit_code == 0
     assert "map --plots" in refusal("view", "flat.h5", "--html", "page.html")
-    assert sorted(os.listdir(elsewhere)) == ["flat.h5", "map.h5", "map.html"]
+    assert sorted(os.listdir(elsewhere)) == ["flat.h5", "map.h5", "map.html", "short.yaml"]
 
 
 # --- served -------------------------------------------------------------------------------------

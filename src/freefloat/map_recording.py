@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,12 @@ _PALE = (0.45, 0.50, 0.60, 1.0)
 _MARKED: dict[str, tuple[float, float, float, float]] = {
     "best": (1.0, 0.25, 0.45, 1.0), "robust": (1.0, 0.6, 0.1, 1.0), "nearest": (0.3, 0.8, 1.0, 1.0),
 }  # fmt: skip
-_VIEW = {"centre": (0.0, 0.0, 0.0), "radius": 3.6, "direction": (0.45, -1.0, 0.4), "flat": False}
+_CORNERS = tuple(product((-2.2, 2.2), repeat=3))
+"""A cube whose corners lie a little outside the ball, so that a view of them holds its labels."""
+_VIEW = {
+    "centre": (0.0, 0.0, 0.0), "radius": 3.6, "direction": (0.45, -1.0, 0.4), "flat": False,
+    "points": _CORNERS,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
