@@ -15,6 +15,7 @@ from freefloat.errors import InputError
 from freefloat.figure_style import (
     STROKES,
     axis_label,
+    digits,
     figure_folder,
     new_figure,
     save_figures,
@@ -106,6 +107,10 @@ def _luminance(colour: str) -> float:
     light = np.array(to_rgb(colour))
     linear = np.where(light > 0.04045, ((light + 0.055) / 1.055) ** 2.4, light / 12.92)
     return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def test_numbers_are_short_and_their_minus_signs_are() -> None:
+    assert [digits(value) for value in (-107.6958, 0.05, -1e-17)] == ["−107.7", "0.05", "0"]
 
 
 def test_labels_carry_units_with_raised_powers() -> None:

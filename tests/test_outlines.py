@@ -31,16 +31,27 @@ def test_the_arm_runs_from_its_mount_to_the_end_effector(name: str) -> None:
     motion = standing(name, attitude.tolist())
     model, joints = motion.problem.model, motion.joints[0]
     (shown,) = outlines(motion, [0.0])
-    assert shown.arm.shape == (model.dof + 1, 3)
+    assert shown.arm.shape == (model.dof + 2, 3)
     tip = model.end_effector_pose(attitude, joints).position
     assert np.allclose(shown.arm[-1], tip, atol=1e-12)
     mount = model.base_position(attitude, joints) + rotation_matrix(attitude) @ (
         model.bodies[1].placement.position
     )
-    assert np.allclose(shown.arm[0], mount, atol=1e-12)
+    assert np.allclose(shown.arm[1], mount, atol=1e-12)
     lengths = [np.linalg.norm(body.placement.position) for body in model.bodies[2:]]
-    drawn = [np.linalg.norm(b - a) for a, b in pairwise(shown.arm[:-1])]
+    drawn = [np.linalg.norm(b - a) for a, b in pairwise(shown.arm[1:-1])]
     assert np.allclose(drawn, lengths, atol=1e-12)
+
+
+def test_the_arm_stands_on_the_spacecraft() -> None:
+    """The first joint of a UR5 is 0.089 m above its base, which is on top of a cube of 1 m."""
+    motion = standing("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0])
+    (shown,) = outlines(motion, [0.0])
+    foot, joint = shown.arm[:2] - motion.base_positions[0]
+    assert np.allclose(foot, [0.0, 0.0, 0.5], atol=1e-12)
+    assert joint[2] == pytest.approx(0.589, abs=1e-3)
+    (planar,) = outlines(standing("planar_3dof/parabola", [0.0, 0.0, 0.0, 1.0]), [0.0])
+    assert np.allclose(planar.arm[0], planar.arm[1])  # which is on the edge
 
 
 def test_the_spacecraft_is_its_largest_box() -> None:

@@ -108,7 +108,7 @@ def test_pictures_say_what_they_show(good: Motion, singular: Motion, spatial: Mo
 
 def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motion) -> None:
     (axes,) = snapshots_figure(good, AREAS).axes
-    arms = [one for one in axes.lines if len(one.get_xdata()) == 4]
+    arms = [one for one in axes.lines if len(one.get_xdata()) == 5]
     wanted = outlines(good, np.linspace(0.0, 100.0, 5))
     assert len(arms) == len(wanted)
     for drawn, robot in zip(arms, wanted, strict=True):
@@ -126,7 +126,7 @@ def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motio
 def test_a_motion_ends_in_a_cross_where_it_is_singular(good: Motion, singular: Motion) -> None:
     (axes,) = snapshots_figure(singular, AREAS).axes
     cross = line(axes, f"singular at {singular.final.time:.4g} s")
-    arms = [one for one in axes.lines if len(one.get_xdata()) == 4]
+    arms = [one for one in axes.lines if len(one.get_xdata()) == 5]
     assert np.allclose(cross, arms[-1].get_xydata()[-1:], atol=1e-6)
     assert not any("singular" in text for text in labels(snapshots_figure(good, AREAS).axes[0]))
 
@@ -135,7 +135,7 @@ def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -
     figure = snapshots_figure(spatial)
     times = np.linspace(0.0, spatial.final.time, 3)
     for axes, robot, time in zip(figure.axes, outlines(spatial, times), times, strict=True):
-        arms = [one for one in axes.lines if len(one.get_data_3d()[0]) == 7]
+        arms = [one for one in axes.lines if len(one.get_data_3d()[0]) == 8]
         assert np.allclose(np.transpose(arms[0].get_data_3d()), robot.arm)
         assert axes.get_title() == f"{time:.4g} s"
         faces = [one for one in axes.collections if isinstance(one, Poly3DCollection)]

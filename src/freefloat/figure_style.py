@@ -40,6 +40,7 @@ KINDS = ("pdf", "png")
 """Every figure is written as a drawing for print and as an image for screens."""
 
 _DOTS = 200
+_ROUNDING = 1e-12
 _ROOMY = 6
 """Entries of a legend that leave room in a line as wide as a column."""
 _STYLE: Any = {
@@ -108,8 +109,8 @@ def axis_label(quantity: str, unit: str) -> str:
 
 
 def digits(value: float) -> str:
-    """Four digits, with a minus sign that is one."""
-    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
+    """Four digits, with a minus sign that is one; nothing but rounding is zero."""
+    return f"{0.0 if abs(value) < _ROUNDING else value:.4g}".replace("-", "\N{MINUS SIGN}")
 
 
 def legend_above(axes: Any) -> None:

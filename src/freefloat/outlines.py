@@ -23,7 +23,8 @@ class Outline:
 
     Attributes:
         spacecraft: Corners of a box [m], z changing fastest, then y, shape (8, 3).
-        arm: The joints from the first one on, then the end-effector [m], shape (n + 1, 3).
+        arm: Its foot on the box, the joints from the first one on, the end-effector [m], shape
+            (n + 2, 3).
     """
 
     spacecraft: Array
@@ -49,10 +50,12 @@ def outlines(motion: Motion, times: npt.ArrayLike) -> tuple[Outline, ...]:
     Raises:
         InputError: If a time lies outside the motion.
     """
-    box = spacecraft_box(motion.problem.model)
+    model = motion.problem.model
+    box = spacecraft_box(model)
+    foot = _nearest(box, model.bodies[1].placement.position)
     _, poses = body_poses_at(motion, motion.place_of(times))
     return tuple(
-        Outline(p[0] + box @ R[0].T, np.vstack([p[1:], tip]))
+        Outline(p[0] + box @ R[0].T, np.vstack([p[0] + R[0] @ foot, p[1:], tip]))
         for p, R, tip in zip(poses.positions, poses.rotations, poses.tips, strict=True)
     )
 
@@ -70,6 +73,13 @@ def spacecraft_box(model: FreeFloatingModel) -> Array:
 def _size(box: Array) -> Array:
     """Edges of a box by its corners (8, 3), shape (3,)."""
     return np.asarray(np.linalg.norm(box[[1, 2, 4]] - box[0], axis=1))
+
+
+def _nearest(box: Array, point: Array) -> Array:
+    """The place in a box, told by its corners (8, 3), that is nearest to a point (3,)."""
+    edges = box[[4, 2, 1]] - box[0]
+    shares = edges @ (point - box[0]) / (edges**2).sum(axis=1)
+    return np.asarray(box[0] + np.clip(shares, 0.0, 1.0) @ edges)
 
 
 def _corners(visual: Visual) -> Array:

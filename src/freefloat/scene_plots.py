@@ -213,7 +213,7 @@ def _equal_in_space(views: Any, points: Array) -> None:
         for letter, middle in zip("xyz", (low + high) / 2.0, strict=True):
             axis = getattr(axes, f"{letter}axis")
             getattr(axes, f"set_{letter}lim")(middle - half, middle + half)
-            axis.set_major_locator(MaxNLocator(4))
+            axis.set_major_locator(MaxNLocator(4, prune="both"))
             axis.set_label_text(axis_label(f"${letter}$", "m"))
             axis.labelpad = -4.0
             axes.tick_params(axis=letter, pad=-2.0)
