@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from freefloat.search import Search as Search
     from freefloat.simulation import simulate as simulate
     from freefloat.singularity import measure as measure
+    from freefloat.time_series import TimeSeries as TimeSeries
     from freefloat.timing import TimedPath as TimedPath
     from freefloat.timing import Timing as Timing
 
@@ -61,6 +62,7 @@ _ROOMS = {
     "load_scenario": "scenario",
     "simulate": "simulation",
     "measure": "singularity",
+    "TimeSeries": "time_series",
     "TimedPath": "timing",
     "Timing": "timing",
 }
