@@ -145,6 +145,19 @@ def test_the_page_shows_a_ball_with_marks_where_they_belong(page: Shown) -> None
     assert page.visible(f"{ANY}/{BACK}")
 
 
+def test_the_whole_ball_is_in_view_at_first(page: Shown) -> None:
+    """The ends of the axes, on its surface, have their labels inside the window."""
+    placed = page.ask(
+        "[...document.querySelectorAll('.label')].map(one => "
+        "[one.textContent, parseFloat(one.style.left), parseFloat(one.style.top)])"
+    )
+    ends = [place for place in placed if place[0].endswith("180°")]
+    assert [end[0][0] for end in ends] == ["x", "y", "z"]
+    for name, left, top in ends:
+        assert 0.0 < left < 640.0, name
+        assert 0.0 < top < 480.0, name
+
+
 def test_items_are_seen_and_hidden(page: Shown) -> None:
     """Each of them is on the picture: hiding it changes pixels."""
     for name, least in (

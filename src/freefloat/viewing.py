@@ -13,7 +13,6 @@ import numpy as np
 
 from freefloat.errors import InputError
 from freefloat.map_file import load_map
-from freefloat.map_recording import map_recording
 from freefloat.motion import Motion
 from freefloat.output_file import written_beside
 from freefloat.page import Capture
@@ -232,6 +231,9 @@ def _make(folder: Path) -> None:
 
 
 def _map_playback(file: Path) -> Playback:
+    # kernels take half a second to import: not before they are needed
+    from freefloat.map_recording import map_recording
+
     stored = load_map(file)
     recording = map_recording(
         stored.problem(), stored.attitudes, stored.margins, stored.document, file.stem
