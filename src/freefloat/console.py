@@ -7,6 +7,7 @@ import json
 import re
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 DONE, NO, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 UsageError: type[Any] = typer.BadParameter.__bases__[0]
 """What typer raises for a command line it cannot understand; it exports only this child."""
-_PATIENCE = 3.0
-"""Seconds that kernels found on disk never take to load."""
+_PATIENCE, _LOOK = 3.0, 0.2
+"""Processor seconds that kernels found on disk never take to load, and seconds between looks."""
 _PIPE_WIDTH = 120
 """Columns of tables that go to a file or another program."""
 
@@ -126,10 +127,16 @@ def progress_bar(words: str) -> Iterator[Callable[[float], None]]:
 def compiling() -> Iterator[None]:
     """Tell people on stderr why the first use of kernels on a machine takes long, if it does."""
     line = "freefloat: compiling the kernels, once on this machine: about half a minute"
-    timer = threading.Timer(_PATIENCE, typer.echo, (line,), {"err": True})
-    timer.daemon = True
-    timer.start()
+    begin, done = time.process_time(), threading.Event()
+
+    def watch() -> None:
+        while not done.wait(_LOOK):
+            if time.process_time() - begin > _PATIENCE:
+                typer.echo(line, err=True)
+                return
+
+    threading.Thread(target=watch, daemon=True).start()
     try:
         yield
     finally:
-        timer.cancel()
+        done.set()
