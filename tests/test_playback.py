@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -189,6 +190,28 @@ def test_toggles_hide_and_show(page: Shown) -> None:
     assert (page.picture() == before).all()
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["End-effector path", "Trail", "Areas", "Centre of mass", "Momentum", "Spacecraft axes",
+     "End-effector axes", "Singularity"],
+)  # fmt: skip
+def test_every_item_is_seen_also_inside_the_spacecraft(page: Shown, name: str) -> None:
+    page.ask("title => freefloat.show(title)", SINGULAR)
+    page.at(60.0)
+    page.only("Robot")
+    without = page.picture()
+    page.only("Robot", name)
+    assert differing(page.picture(), without) > 5
+
+
+def test_only_items_that_there_are_can_be_switched(page: Shown) -> None:
+    page.page.locator("#items summary").click()
+    assert not page.page.get_by_label("Singularity", exact=True).is_visible()
+    page.page.locator("#motion").select_option(SINGULAR)
+    page.page.wait_for_timeout(200)
+    assert page.page.get_by_label("Singularity", exact=True).is_visible()
+
+
 def test_the_scene_tree_has_plain_names(page: Shown) -> None:
     names = page.page.locator(".dg li.title").all_inner_texts() + [
         text.strip() for text in page.page.locator(".dg li.title").all_text_contents()
@@ -333,10 +356,34 @@ def test_the_same_motions_give_the_same_page(motions: dict[str, Motion]) -> None
     assert play(motions).html() == play(motions).html()
 
 
-def test_a_robot_shown_twice_is_told_once(motions: dict[str, Motion]) -> None:
-    both, one = play(motions).recording, play({FEASIBLE: motions[FEASIBLE]}).recording
-    assert len(both.copies) == 13
-    assert one.copies == ()
+def test_what_is_shown_twice_is_told_once(motions: dict[str, Motion]) -> None:
+    copies = play(motions).recording.copies
+    robot = {target.split("/", 3)[3] for _, target in copies if f"/{SINGULAR}/Robot/" in target}
+    assert len(robot) == 13
+    again = {target for _, target in copies}
+    assert f"meshcat/{SINGULAR}/End-effector path" in again
+    assert f"meshcat/{SINGULAR}/Trail" not in again
+
+
+def test_pages_with_every_arm_branch_stay_small() -> None:
+    problem = load_scenario("spatial_6dof/line").problem()
+    followed = simulate(problem, BAD).followed
+    page = play({one.branch.label: one.motion for one in followed}).html()
+    assert len(followed) == 8
+    assert len(page) < 5e6
+
+
+def test_the_measure_vanishes_where_a_motion_becomes_singular(motions: dict[str, Motion]) -> None:
+    scene = play({SINGULAR: motions[SINGULAR]}).recording.about["scenes"][0]
+    assert scene["trail"]["values"][-1] < 1e-6
+
+
+def test_motions_with_other_margins_are_refused_on_one_page(motions: dict[str, Motion]) -> None:
+    motion = motions[FEASIBLE]
+    stricter = replace(motion.problem, margin=replace(motion.problem.margin, value=6.0))
+    other = replace(motion, problem=stricter)
+    with pytest.raises(InputError, match="a keeps arm 5 in space, b keeps arm 6 in space"):
+        play({"a": motion, "b": other})
 
 
 def test_nothing_to_play_is_refused() -> None:

@@ -47,7 +47,10 @@ def test_areas_are_rings_around_the_centre_of_mass() -> None:
     (axes,) = workspace_figure(PLANAR, AREAS).axes
     rings = [one for one in axes.patches if isinstance(one, Wedge)]
     drawn = [(ring.r - ring.width, ring.r) for ring in rings]
-    assert np.allclose(drawn, AREAS.path_dependent)
+    assert np.allclose(drawn, [*AREAS.path_dependent, *AREAS.path_independent])
+    colours = [one.get_facecolor() for one in rings]
+    assert len(set(colours)) == 2
+    assert colours[0] == colours[1] != colours[2]
     circles = [one for one in axes.patches if isinstance(one, Circle)]
     assert [circle.radius for circle in circles] == list(AREAS.reach)
     assert all(ring.center == (0.0, 0.0) for ring in rings)
@@ -72,12 +75,13 @@ def test_in_space_the_distance_from_the_centre_is_shown() -> None:
     (axes,) = figure.axes
     assert areas.path_dependent is not None
     shells = [(band.get_y(), band.get_y() + band.get_height()) for band in axes.patches]
-    assert np.allclose(shells, areas.path_dependent)
+    assert areas.path_independent is not None
+    assert np.allclose(shells, [*areas.path_dependent, *areas.path_independent])
     drawn = line(axes, "wrist centre")
     for s, distance in drawn[[0, 100, -1]]:
         pose = problem.path.path.pose(float(s))
         assert distance == pytest.approx(np.linalg.norm(pose.position + pose.rotation @ areas.tip))
-    assert labels(axes) == ["path-dependent", "wrist centre"]
+    assert labels(axes) == ["path-dependent", "path-independent", "wrist centre"]
     assert unlabelled(figure) == []
     assert overlaps(figure) == []
 

@@ -115,8 +115,8 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
     words = (*words, "--fps", "2", "--speed", "20")
     document = answer("view", files / "good.h5", files / "bad.h5", *words)
     last = json.loads(run("simulate", *BAD, "--json").stdout)["singular"]["time"]
-    folder = Path("good_snapshots")
-    names = [f"good_{k + 1}_{time:.2f}s.png" for k, time in enumerate((0.0, last / 2, last))]
+    folder = Path("bad_snapshots")
+    names = [f"bad_{k + 1}_{time:.2f}s.png" for k, time in enumerate((0.0, last / 2, last))]
     assert document["snapshots"] == [str(folder / name) for name in names]
     pictures = [np.asarray(Image.open(folder / name).convert("RGB")).astype(int) for name in names]
     assert {picture.shape for picture in pictures} == {(300, 480, 3)}
@@ -133,7 +133,7 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
         off = np.abs(picture - frame).max(axis=2)
         assert np.percentile(off, 99.9) < 16
         assert off.max() < 60  # the bright end of the colour scale is a few pixels of all
-    assert sorted(os.listdir(elsewhere)) == ["good_snapshots", "v.gif"]
+    assert sorted(os.listdir(elsewhere)) == ["bad_snapshots", "v.gif"]
 
 
 @browser_only
@@ -152,8 +152,8 @@ def test_pictures_of_all_motions_side_by_side(files: Path, elsewhere: Path) -> N
     words = ("--snapshots", "1", "-o", "deep/er", "--scene", "side by side")
     result = run("view", files / "good.h5", files / "bad.h5", *words)
     assert (result.exit_code, result.stderr) == (0, "")
-    assert result.stdout == "pictures: deep/er/good_1_0.00s.png\n"
-    with Image.open("deep/er/good_1_0.00s.png") as picture:
+    assert result.stdout == "pictures: deep/er/side_by_side_1_0.00s.png\n"
+    with Image.open("deep/er/side_by_side_1_0.00s.png") as picture:
         assert picture.size == (1280, 720)
 
 

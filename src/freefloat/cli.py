@@ -112,6 +112,7 @@ def simulate(
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
     with answering(as_json):
+        from freefloat.output_file import refuse_same_files
         from freefloat.plan_file import save_motion
         from freefloat.report import simulation_document
         from freefloat.scenario import load_scenario
@@ -121,6 +122,7 @@ def simulate(
         from freefloat.warm_up import warm_up_branches
 
         loaded = load_scenario(scenario)
+        refuse_same_files(scenario=loaded.source, output=output, html=html)
         problem = loaded.problem()
         start = start_attitude(problem, attitude, heading)
         warm_up_branches(problem)
@@ -175,14 +177,17 @@ def plan(
     """
     with answering(as_json):
         from freefloat.drawing import draw_plan, refuse_bad_folder
+        from freefloat.output_file import refuse_same_files
         from freefloat.plan_file import save_plan
         from freefloat.planner import plan as make_plan
+        from freefloat.planning import page_lines, save_page
         from freefloat.report import plan_document
         from freefloat.scenario import load_scenario
         from freefloat.tables import plan_tables, plot_lines
         from freefloat.warm_up import warm_up
 
         loaded = load_scenario(scenario)
+        refuse_same_files(scenario=loaded.source, output=output, html=html)
         problem, search = loaded.problem(), loaded.search()
         refuse_bad_folder(plots)
         warm_up(problem, threads)
@@ -191,12 +196,13 @@ def plan(
         document = plan_document(found)
         if output is not None:
             save_plan(output, found, loaded, document)
-        if html is not None and found.chosen is not None:
-            from freefloat.playback import play
-
-            play({found.chosen.branch.label: found.chosen.motion}, scenario).save(html)
+        document |= save_page(html, found, scenario)
         document |= draw_plan(plots, found, threads)
-    answer(document, [*plan_tables(document, scenario), *plot_lines(document)], as_json)
+    answer(
+        document,
+        [*plan_tables(document, scenario), *page_lines(document), *plot_lines(document)],
+        as_json,
+    )
     raise typer.Exit(DONE if found.feasible else NO)
 
 
@@ -272,17 +278,21 @@ def view(
     Example: freefloat view good.h5 bad.h5 --html both.html --video bad.gif --scene bad
     """
     with answering(as_json):
+        from freefloat.output_file import refuse_same_files
         from freefloat.tables import view_tables
         from freefloat.viewing import View, Wishes, pixels
 
         wishes = Wishes(html, snapshots, output, video, fps, speed, pixels(size), scene)
+        for file in files:
+            refuse_same_files(file=file, html=html, video=video)
         shown = View.of(files)
 
         def tell(document: dict[str, Any]) -> None:
             answer(document, view_tables(document), as_json)
 
         if wishes.any:
-            tell(shown.write(wishes, files[0].stem, progress_bar))
+            name = scene if scene and len(files) > 1 else files[0].stem
+            tell(shown.write(wishes, name, progress_bar))
         else:
             shown.serve(port, tell, opens=not (no_open or as_json))
 

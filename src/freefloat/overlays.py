@@ -31,7 +31,6 @@ _RED = (0.95, 0.25, 0.1, 1.0)
 _DEPENDENT = (0.84, 0.37, 0.0)
 _INDEPENDENT = (0.0, 0.62, 0.45)
 _AXES = np.array([[0.90, 0.25, 0.20], [0.25, 0.75, 0.30], [0.30, 0.50, 1.00]])
-_RINGS = 400
 
 Colouring = Callable[[Array], Array]
 
@@ -71,7 +70,7 @@ def draw_path(stage: Stage, root: str, problem: Problem) -> list[dict[str, Any]]
 
 
 def draw_trail(
-    stage: Stage, root: str, motion: Motion, times: Array, colouring: Colouring
+    stage: Stage, root: str, motion: Motion, times: Array, colouring: Colouring, rings: int
 ) -> Trail:
     """The way of the end-effector as a thick tube, coloured by the margin's measure.
 
@@ -81,15 +80,17 @@ def draw_trail(
         motion: The motion.
         times: Between which it is nearly straight [s].
         colouring: Colours (K, 3) of magnitudes (K,).
+        rings: About how many the tube may have.
     """
     problem = motion.problem
     tips = body_poses_at(motion, motion.place_of(times))[1].tips
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tips, axis=0), axis=1)))
     still = length[-1] <= 1e-6 * VirtualManipulator.of(problem.model).reach
     run = np.linspace(0.0, 1.0, len(length)) if still else length / length[-1]
-    even = np.interp(np.linspace(0.0, 1.0, _RINGS), run, times)
-    shown = np.unique(np.append(even, np.linspace(times[0], times[-1], _RINGS)))
+    even = np.interp(np.linspace(0.0, 1.0, rings // 2), run, times)
+    shown = np.unique(np.append(even, np.linspace(times[0], times[-1], rings // 2)))
     places = motion.place_of(shown)
+    places[[0, -1]] = motion.node_places[[0, -1]]  # where a measure vanishes is the very end
     _, poses = body_poses_at(motion, places)
     joints = motion.at_place(places)[2]
     values = np.abs([problem.margin.measure.value(q) for q in joints])
@@ -136,13 +137,14 @@ def _annulus(inner: float, outer: float, level: float) -> Any:
 def draw_centre(stage: Stage, root: str, problem: Problem) -> list[dict[str, Any]]:
     """The centre of mass, which never moves, and the momentum as an arrow from it."""
     size = thickness(problem)
-    stage.mesh(f"{root}/{CENTRE}", g.Sphere(2.5 * size), _GOLD)
+    stage.mesh(f"{root}/{CENTRE}", g.Sphere(2.5 * size), _GOLD, hidden=False)
     h = float(np.linalg.norm(problem.momentum))
     if h == 0.0:
         return []
     end = 60.0 * size * problem.momentum / h
     vertices, faces = arrow(np.zeros(3), end, 0.8 * size)
-    stage.mesh(f"{root}/{MOMENTUM}", g.TriangularMeshGeometry(vertices, faces), _GOLD)
+    geometry = g.TriangularMeshGeometry(vertices, faces)
+    stage.mesh(f"{root}/{MOMENTUM}", geometry, _GOLD, hidden=False)
     return [_label(f"h = {h:.3g} N m s", end, MOMENTUM)]
 
 
@@ -155,6 +157,7 @@ def draw_axes(stage: Stage, path: str, size: float, radius: float) -> None:
         np.vstack([vertices for vertices, _ in tubes]),
         np.vstack([faces + number * count for number, (_, faces) in enumerate(tubes)]),
         np.repeat(_AXES, count, axis=0),
+        hidden=False,
     )
 
 
@@ -165,7 +168,7 @@ def draw_ending(stage: Stage, root: str, motion: Motion) -> list[dict[str, Any]]
     final = motion.final
     tip = motion.problem.model.end_effector_pose(final.attitude, final.joints).position
     path = f"{root}/{SINGULARITY}/mark"  # people switch the node, time what is in it
-    stage.mesh(path, g.Sphere(3.0 * thickness(motion.problem)), _RED)
+    stage.mesh(path, g.Sphere(3.0 * thickness(motion.problem)), _RED, hidden=False)
     stage.place(path, Pose(tip, np.eye(3)))
     stage.appear(path, final.time)
     word = "singular" if motion.ending is Ending.SINGULAR else "margin used up"

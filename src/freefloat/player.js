@@ -78,6 +78,9 @@ class Player {
     this.seek(this.time);
   }
 
+  // Whether a motion that is shown has such an item.
+  has(name) { return this.shown.some(scene => this.node(`${ROOT}/${scene.node}/${name}`)); }
+
   toggle(name, visible) {
     if (!about.items.some(item => item.name === name)) throw new Error(`there is no item ${name}`);
     if (visible) this.hidden.delete(name); else this.hidden.add(name);
@@ -284,7 +287,10 @@ class Panels {
     element("clock").textContent = `${player.time.toFixed(2)} / ${about.duration.toFixed(2)} s`;
     element("speed").value = player.speed;
     element("motion").value = player.shown.length > 1 ? SIDE_BY_SIDE : (player.shown[0] || {}).title;
-    for (const box of element("items").querySelectorAll("input")) box.checked = !player.hidden.has(box.name);
+    for (const box of element("items").querySelectorAll("input")) {
+      box.checked = !player.hidden.has(box.name);
+      box.parentElement.hidden = !player.has(box.name);
+    }
     element("states").classList.toggle("several", player.shown.length > 1);
     element("states").replaceChildren(...player.shown.map(scene => this.state(scene)));
     this.placeLabels();

@@ -32,7 +32,6 @@ from freefloat.overlays import (
 )
 from freefloat.problem import Problem
 from freefloat.robot_drawing import corners, draw_robot
-from freefloat.shapes import Visual
 from freefloat.spatial import Array
 from freefloat.stage import ROOT, Stage, node
 from freefloat.visuals import Look, look_of
@@ -41,8 +40,10 @@ from freefloat.workspace import Workspace
 ROBOT = "Robot"
 _POINT = (0.95, 0.90, 0.25, 1.0)
 _COMPASS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-_KEYS = 10_000
+_KEYS, _RINGS = 10_000, 1600
 """Of all motions together, at the most."""
+_FEWEST_RINGS = 100
+"""Of a trail."""
 _SKY = {"top_color": [0.10, 0.13, 0.20], "bottom_color": [0.02, 0.03, 0.05]}
 
 
@@ -75,7 +76,7 @@ def record(motions: Mapping[str, Motion], title: str = "freefloat") -> Recording
         title: Of the page.
 
     Raises:
-        InputError: If there is no motion.
+        InputError: If there is no motion, or they have not the same margin.
     """
     if not motions:
         raise InputError("motions", "none was given", "one motion or more, by name")
@@ -83,15 +84,15 @@ def record(motions: Mapping[str, Motion], title: str = "freefloat") -> Recording
     forward = {node(name): _forward(motion) for name, motion in motions.items()}
     if len(forward) < len(motions):
         raise InputError("motions", f"names alike: {', '.join(motions)}", "names that differ")
+    _refuse_what_differs(forward)
     looks: dict[str, Look] = {}
-    most = _KEYS // len(forward)
+    most, rings = _KEYS // len(forward), max(_FEWEST_RINGS, _RINGS // len(forward))
     acted = {name: _Act.of(motion, looks, most) for name, motion in forward.items()}
     set_the_stage(stage)
     first = next(iter(forward.values())).problem
     colours = MarginColours.over(first.margin, [act.values for act in acted.values()])
-    drawn: dict[Visual, str] = {}
     scenes = [
-        {"title": str(title), "node": name} | _perform(stage, name, act, colours, drawn)
+        {"title": str(title), "node": name} | _perform(stage, name, act, colours, rings)
         for title, (name, act) in zip(motions, acted.items(), strict=True)
     ]
     duration = float(max(act.times[-1] for act in acted.values()))
@@ -105,6 +106,22 @@ def record(motions: Mapping[str, Motion], title: str = "freefloat") -> Recording
         "remarks": list(dict.fromkeys(one for act in acted.values() for one in act.look.missing)),
     }
     return Recording(stage.objects, stage.copies, stage.animation(duration), about)
+
+
+def _refuse_what_differs(motions: Mapping[str, Motion]) -> None:
+    """One scale of colours, one margin and one view must suit all motions of a page."""
+    wishes = {}
+    for name, motion in motions.items():
+        margin = motion.problem.margin
+        plane = "in the plane" if motion.problem.task.planar else "in space"
+        wishes[name] = f"{margin.measure.name} {margin.value:.6g} {plane}"
+    first, *others = wishes
+    for name in others:
+        if wishes[name] != wishes[first]:
+            raise InputError(
+                "motions", f"{first} keeps {wishes[first]}, {name} keeps {wishes[name]}",
+                "motions with the same measure and margin on one page",
+            )  # fmt: skip
 
 
 def _forward(motion: Motion) -> Motion:
@@ -159,17 +176,17 @@ def set_the_stage(stage: Stage) -> None:
 
 
 def _perform(
-    stage: Stage, name: str, act: _Act, colours: MarginColours, drawn: dict[Visual, str]
+    stage: Stage, name: str, act: _Act, colours: MarginColours, rings: int
 ) -> dict[str, Any]:
     """Draw and move all that belongs to one motion; what the page must know of it."""
     root, motion, problem = f"{ROOT}/{name}", act.motion, act.motion.problem
     names = [node(name) for name in problem.model.body_names]
-    draw_robot(stage, f"{root}/{ROBOT}", names, act.look, drawn)
+    draw_robot(stage, f"{root}/{ROBOT}", names, act.look)
     for body, link in enumerate(names):
         turns = Rotation.from_matrix(act.poses.rotations[:, body]).as_quat()
         stage.move(f"{root}/{ROBOT}/{link}", act.times, act.poses.positions[:, body], turns)
     labels = draw_path(stage, root, problem)
-    trail = draw_trail(stage, root, motion, act.times, colours)
+    trail = draw_trail(stage, root, motion, act.times, colours, rings)
     if act.areas is not None:
         draw_areas(stage, root, problem, act.areas)
     labels += draw_centre(stage, root, problem) + draw_ending(stage, root, motion)

@@ -15,9 +15,7 @@ from freefloat.visuals import Look
 _SIGNS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
-def draw_robot(
-    stage: Stage, root: str, bodies: Sequence[str], look: Look, drawn: dict[Visual, str]
-) -> None:
+def draw_robot(stage: Stage, root: str, bodies: Sequence[str], look: Look) -> None:
     """Put a robot's shapes below a path.
 
     Args:
@@ -25,18 +23,12 @@ def draw_robot(
         root: The path.
         bodies: Nodes of the moving bodies, the spacecraft's first.
         look: What the robot looks like.
-        drawn: Shapes that were drawn before, and where: they are copied from there. Shapes drawn
-            now are added.
     """
     for visual in look.visuals:
         path = f"{root}/{bodies[visual.body]}/{node(visual.name)}"
         geometry, placement = _geometry(visual)
         stage.place(path, placement)
-        if visual in drawn:
-            stage.copy(drawn[visual], path)
-        else:
-            stage.mesh(path, geometry, visual.colour)
-            drawn[visual] = path
+        stage.mesh(path, geometry, visual.colour)
 
 
 def _geometry(visual: Visual) -> tuple[g.Geometry, Pose]:

@@ -38,7 +38,8 @@ _INSTANTS = 5
 _LIGHTEST = 0.72
 _PLACES = 301
 """Of the path, where it is drawn."""
-_AREA = "#D4D4D4"
+_AREA, _FREE_AREA = "#D0D0D0", "#E9F5EF"
+"""Where the arm can be singular, and where it cannot: apart in grey print, too."""
 _VIEWS = 3
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 """Corners of a box around its faces."""
@@ -68,8 +69,8 @@ def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
 def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
     """How far out the path leads, over the shells in which the arm can be singular."""
     s, _, tip = _along(problem, workspace)
-    for label, (low, high) in _named_areas(workspace):
-        axes.axhspan(low, high, color=_AREA, linewidth=0.0, zorder=0, label=label)
+    for label, (low, high), colour in _named_areas(workspace):
+        axes.axhspan(low, high, color=colour, linewidth=0.0, zorder=0, label=label)
     for radius in workspace.reach:
         axes.axhline(radius, color=GREY, linewidth=0.7)
     axes.plot(s, np.linalg.norm(tip, axis=1), color=BLUE, label=workspace.point)
@@ -87,11 +88,15 @@ def _along(problem: Problem, workspace: Workspace | None) -> tuple[Array, Array,
     return s, path, path + np.array([pose.rotation @ tip for pose in poses])
 
 
-def _named_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval]]:
-    """Path-dependent areas, the first with what a legend says."""
-    name = "path-dependent" if workspace.exact else "path-dependent, sampled"
-    for which, interval in enumerate(workspace.path_dependent or ()):
-        yield name if which == 0 else None, interval
+def _named_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
+    """Areas with their colours, the first of each kind with what a legend says."""
+    sampled = "" if workspace.exact else ", sampled"
+    for kind, intervals, colour in (
+        ("dependent", workspace.path_dependent, _AREA),
+        ("independent", workspace.path_independent, _FREE_AREA),
+    ):
+        for which, interval in enumerate(intervals or ()):
+            yield f"path-{kind}{sampled}" if which == 0 else None, interval, colour
 
 
 @styled
@@ -158,9 +163,9 @@ def _mark_singular(axes: Any, motion: Motion, dimensions: int) -> None:
 
 def draw_areas(axes: Any, workspace: Workspace) -> None:
     """Path-dependent areas grey, the reach outlined, the centre of mass marked."""
-    for label, (low, high) in _named_areas(workspace):
+    for label, (low, high), colour in _named_areas(workspace):
         ring = Wedge(
-            (0.0, 0.0), high, 0.0, 360.0, width=high - low, facecolor=_AREA, linewidth=0.0,
+            (0.0, 0.0), high, 0.0, 360.0, width=high - low, facecolor=colour, linewidth=0.0,
             zorder=0, label=label,
         )  # fmt: skip
         axes.add_patch(ring)

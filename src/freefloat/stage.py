@@ -6,6 +6,7 @@ Objects are collected apart from tracks because a viewer must know the former fi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ class Stage:
         self._objects: list[bytes] = []
         self._tracks: dict[str, list[dict[str, Any]]] = {}
         self._copies: list[tuple[str, str]] = []
-        self._named = 0
+        self._known: dict[str, str] = {}
 
     @property
     def objects(self) -> tuple[bytes, ...]:
@@ -41,7 +42,7 @@ class Stage:
 
     @property
     def copies(self) -> tuple[tuple[str, str], ...]:
-        """Paths whose object is that of another path: from, to."""
+        """Paths whose object is that of another path, told once: from, to."""
         return tuple(self._copies)
 
     def animation(self, duration: float) -> bytes:
@@ -58,27 +59,37 @@ class Stage:
         command = {"type": "set_animation", "path": "", "animations": clips, "options": options}
         return bytes(umsgpack.packb(command))
 
-    def mesh(self, path: str, geometry: Any, colour: Colour, *, shaded: bool = True) -> None:
-        """Put a surface at a path; a colour is red, green, blue and opacity, in [0, 1]."""
+    def mesh(
+        self, path: str, geometry: Any, colour: Colour, *, shaded: bool = True, hidden: bool = True
+    ) -> None:
+        """Put a surface at a path.
+
+        Args:
+            path: Where.
+            geometry: MeshCat's.
+            colour: Red, green, blue and opacity, in [0, 1].
+            shaded: Whether light matters.
+            hidden: Whether what stands before it hides it.
+        """
         red, green, blue, opacity = colour
         kind = g.MeshLambertMaterial if shaded else g.MeshBasicMaterial
         material = kind(
             color=_number(red, green, blue), opacity=float(opacity), depthWrite=opacity == 1.0,
-            **_UNSHADED,
+            **_UNSHADED, **_seen(hidden),
         )  # fmt: skip
+        if not hidden:
+            material.transparent = True  # these are drawn last
         self._put(path, g.Mesh(geometry, material))
 
     def coloured_mesh(
-        self, path: str, vertices: Array, faces: IntArray, colours: Array, *, shaded: bool = False
+        self, path: str, vertices: Array, faces: IntArray, colours: Array, *, hidden: bool = True
     ) -> None:
-        """Put triangles (F, 3) with a colour (V, 3) at every vertex (V, 3)."""
-        kind = g.MeshLambertMaterial if shaded else g.MeshBasicMaterial
+        """Put triangles (F, 3) with a colour (V, 3) at every vertex (V, 3), whatever the light."""
         geometry = g.TriangularMeshGeometry(vertices, faces, colours)
-        self._put(path, g.Mesh(geometry, kind(vertexColors=True, **_UNSHADED)))
-
-    def copy(self, source: str, path: str) -> None:
-        """Put at a path what another path has, without telling it twice."""
-        self._copies.append((source, path))
+        material = g.MeshBasicMaterial(
+            vertexColors=True, transparent=not hidden, **_UNSHADED, **_seen(hidden)
+        )
+        self._put(path, g.Mesh(geometry, material))
 
     def points(self, path: str, points: Array, colours: Array, size: float) -> None:
         """Put points (K, 3) with colours (K, 3), of a size in metres."""
@@ -113,11 +124,23 @@ class Stage:
         self._tracks.setdefault(_path(path).lower(), []).append(track)
 
     def _put(self, path: str, thing: Any) -> None:
-        """Numbered instead of MeshCat's random names: the same scene gives the same bytes."""
-        for part in (thing, thing.geometry, thing.material):
-            self._named += 1
-            part.uuid = f"freefloat-{self._named}"
+        """Tell an object, or that it is the same as one told before."""
+        parts = thing, thing.geometry, thing.material
+        for part in parts:
+            part.uuid = ""  # MeshCat's are random
+        content = sha256(umsgpack.packb(thing.lower())).hexdigest()
+        if content in self._known:
+            self._copies.append((self._known[content], path))
+            return
+        for number, part in enumerate(parts):
+            part.uuid = f"{len(self._known)}-{number}"
+        self._known[content] = path
         self._objects.append(umsgpack.packb(SetObject(thing, path=_path(path)).lower()))
+
+
+def _seen(hidden: bool) -> dict[str, Any]:
+    """Properties of a material that is seen through what stands before it, or not."""
+    return {} if hidden else {"depthTest": False}
 
 
 def cylinder(radius: float, length: float) -> tuple[Any, Pose]:

@@ -148,11 +148,12 @@ class View:
         if wishes.html is not None:
             document["html"] = str(self.playback.save(wishes.html))
         if wishes.snapshots is not None:
-            folder = wishes.folder or Path(f"{name}_snapshots")
+            shown = re.sub(r"[^\w.+-]+", "_", name)
+            folder = wishes.folder or Path(f"{shown}_snapshots")
             times = tuple(np.linspace(0.0, duration, wishes.snapshots).tolist())
             with bar(f"taking {len(times)} pictures") as progress:
                 pictures = self._pictures("snapshots", wishes, times, _SIZE, progress)
-                document["snapshots"] = _written(pictures, times, folder, name)
+                document["snapshots"] = _written(pictures, times, folder, shown)
         if wishes.video is not None:
             usual = _GIF_SIZE if wishes.video.suffix.lower() == ".gif" else _SIZE
             with bar(f"taking {len(shots.times)} pictures") as progress:
