@@ -21,6 +21,8 @@ TOLERANCE = 1e-4
 """By how much the true smallest distance may lie below the one found [m]."""
 _PARTS = 16
 """Of a panel, in each of which the joints' speeds are bounded."""
+_ROUNDING = 1e-9
+"""Of distances [m]."""
 _STARTS = 2
 """Intervals of a panel that the search begins with."""
 
@@ -112,7 +114,7 @@ class _Search:
         found = minimize_scalar(
             distance, bounds=self._around, method="bounded", options={"xatol": 1e-9}
         )
-        if found.fun < self.distance:
+        if found.fun < self.distance - _ROUNDING:
             self.distance, self.place = float(found.fun), float(found.x)
 
     def _joints(self, places: Array) -> Array:

@@ -85,10 +85,10 @@ class LimitChecker:
             yield partial(self._joint_rate, limits.joint_rate)
         if limits.base_rate is not None:
             yield partial(self._base_rate, limits.base_rate)
-        if limits.joint_torque is not None:
-            yield partial(self._joint_torque, limits.joint_torque)
         if limits.clearance is not None:
             yield partial(self._clearance, limits.clearance, hasty)
+        if limits.joint_torque is not None:
+            yield partial(self._joint_torque, limits.joint_torque)
 
     def _range(self, motion: Motion) -> LimitFinding:
         """The joint that is farthest out of its range, or nearest to an end of it."""

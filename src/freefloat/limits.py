@@ -22,8 +22,8 @@ class LimitKind(StrEnum):
     JOINT_RANGE = "joint_range"
     JOINT_RATE = "joint_rate"
     BASE_RATE = "base_rate"
-    JOINT_TORQUE = "joint_torque"
     CLEARANCE = "clearance"
+    JOINT_TORQUE = "joint_torque"
 
 
 @dataclass(frozen=True, eq=False)
