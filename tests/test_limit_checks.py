@@ -64,8 +64,8 @@ def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
 )
 def test_the_largest_force_is_that_of_the_time_law(law, peak, places):
     """Also where accelerations jump: inside the ramps of the trapezoid, at rest in the cubic."""
-    found = finding(sliding_motion(sliding_robot(), law=law),
-                    Limits(joint_torque=np.array([0.2, 1.0, 1.0])), LimitKind.JOINT_TORQUE)  # fmt: skip
+    motion = sliding_motion(sliding_robot(), law=law)
+    found = finding(motion, Limits(joint_torque=np.array([0.2, 1, 1])), LimitKind.JOINT_TORQUE)
     assert_close(abs(found.worst), HAND * LENGTH * peak / DURATION**2, atol=1e-9)
     assert found.where == "x"
     assert found.base_wrench < 1e-9

@@ -1,18 +1,19 @@
-"""The shapes by which a robot's bodies may touch: its URDF's, meshes as their convex hulls."""
+"""The shapes by which a robot's bodies may touch: its URDF's, meshes in convex parts."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import coal
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
+from freefloat.convex_parts import ConvexPart, convex_parts
 from freefloat.errors import ModelError
 from freefloat.mesh_files import MeshFileError, find_mesh, read_mesh
 from freefloat.model import FreeFloatingModel
@@ -26,7 +27,7 @@ _Solid = tuple[Any, Array]
 
 @dataclass(frozen=True, eq=False)
 class CollisionShape:
-    """One convex shape of one link.
+    """One convex shape of one link, or a part of one.
 
     Attributes:
         link: The link's name.
@@ -52,28 +53,26 @@ def collision_shapes(model: FreeFloatingModel) -> tuple[CollisionShape, ...]:
         ModelError: If a shape cannot be read.
     """
     robot = ET.fromstring(model.description.text)
-    hull = cache(partial(_mesh_hull, model.description.source))
-    return tuple(shape for link in robot.findall("link") for shape in _shapes_of(model, link, hull))
+    return tuple(shape for link in robot.findall("link") for shape in _shapes_of(model, link))
 
 
-def _shapes_of(
-    model: FreeFloatingModel, link: ET.Element, hull: Callable[..., _Solid]
-) -> Iterator[CollisionShape]:
-    name = str(link.get("name"))
+def _shapes_of(model: FreeFloatingModel, link: ET.Element) -> Iterator[CollisionShape]:
+    name, source = str(link.get("name")), model.description.source
     body, place = model.link_places[name]
     for element in link.findall("collision") or link.findall("visual"):
         try:
-            geometry, points = _solid(element.find("geometry"), hull)
+            solids = _solids(element.find("geometry"), source)
         except MeshFileError as error:
             raise ModelError(
                 f"link {name}: <{element.tag}>",
                 f"contacts cannot be looked for: {error}",
                 "a box, cylinder or sphere of positive size, or a mesh file that can be read",
-                model.description.source,
+                source,
             ) from None
         at = place @ _pose(element.find("origin"))
-        corners = points @ at.rotation.T + at.position
-        yield CollisionShape(name, body, at, geometry, corners)
+        for geometry, points in solids:
+            corners = points @ at.rotation.T + at.position
+            yield CollisionShape(name, body, at, geometry, corners)
 
 
 def _pose(origin: ET.Element | None) -> Pose:
@@ -82,13 +81,13 @@ def _pose(origin: ET.Element | None) -> Pose:
     return Pose(np.array(xyz), Rotation.from_euler("xyz", rpy).as_matrix())
 
 
-def _solid(geometry: ET.Element | None, hull: Callable[..., _Solid]) -> _Solid:
+def _solids(geometry: ET.Element | None, source: str) -> tuple[_Solid, ...]:
     shape = None if geometry is None else next(iter(geometry), None)
     if shape is None:
         raise MeshFileError("it has no geometry")
     if shape.tag == "mesh":
         scale = [float(word) for word in shape.get("scale", "1 1 1").split()]
-        return hull(shape.get("filename", ""), *scale)
+        return _mesh_solids(source, shape.get("filename", ""), *scale)
     names = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
     if shape.tag not in names or not set(names[shape.tag]) <= set(shape.attrib):
         raise MeshFileError(f"a <{shape.tag}> like this is not known")
@@ -96,31 +95,30 @@ def _solid(geometry: ET.Element | None, hull: Callable[..., _Solid]) -> _Solid:
     if min(sizes) <= 0.0:
         raise MeshFileError("it has no size")
     if shape.tag == "box":
-        return coal.Box(*sizes), _CORNERS * np.array(sizes) / 2.0
+        return ((coal.Box(*sizes), _CORNERS * np.array(sizes) / 2.0),)
     if shape.tag == "cylinder":
         radius, length = sizes
-        return coal.Cylinder(radius, length), _CORNERS * [radius, radius, length / 2.0]
-    return coal.Sphere(sizes[0]), _CORNERS * sizes[0]
+        return ((coal.Cylinder(radius, length), _CORNERS * [radius, radius, length / 2.0]),)
+    return ((coal.Sphere(sizes[0]), _CORNERS * sizes[0]),)
 
 
-def _mesh_hull(source: str, name: str, *scale: float) -> _Solid:
-    """The convex hull of a mesh file."""
-    parts = read_mesh(find_mesh(name, source), scale)
-    points = np.vstack([part.mesh.vertices for part in parts])
-    try:
-        found = ConvexHull(points)
-    except QhullError:  # all of it in one plane
-        found = ConvexHull(points, qhull_options="QJ")
-    kept = found.vertices
-    number = np.zeros(len(points), dtype=int)
-    number[kept] = np.arange(len(kept))
-    centre = points[kept].mean(axis=0)
-    vertices, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    for point in points[kept]:
-        vertices.append(point)
-    for corners in found.simplices:
-        a, b, c = points[corners]
-        outward = np.cross(b - a, c - a) @ (a - centre) >= 0.0
-        i, j, k = number[corners if outward else corners[::-1]].tolist()
-        triangles.append(coal.Triangle(i, j, k))
-    return coal.Convex(vertices, triangles), points[kept]
+def _mesh_solids(source: str, name: str, *scale: float) -> tuple[_Solid, ...]:
+    file = find_mesh(name, source)
+    return _read_solids(file, file.stat().st_mtime_ns, *scale)
+
+
+@lru_cache(maxsize=256)
+def _read_solids(file: Path, _: int, *scale: float) -> tuple[_Solid, ...]:
+    """The convex parts of a mesh file, remembered until it changes."""
+    meshes = [part.mesh for part in read_mesh(file, scale)]
+    triangles = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
+    return tuple((_polytope(part), part.points) for part in convex_parts(triangles))
+
+
+def _polytope(part: ConvexPart) -> Any:
+    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for point in part.points:
+        points.append(point)
+    for corners in part.faces.tolist():
+        faces.append(coal.Triangle(*corners))
+    return coal.Convex(points, faces)
