@@ -54,7 +54,11 @@ class CollisionPairs:
             if a.body != b.body and frozenset((a.link, b.link)) not in joined
         ]
         near = self._always_near(pairs, clearance)
-        self.left_out = tuple(sorted({f"{self._told(pair)}: always too near" for pair in near}))
+        apart = {self._told(pair) for pair in pairs if pair not in near}
+        self.left_out = tuple(sorted({
+            f"{name}: {'parts are ' if name in apart else ''}always too near"
+            for name in map(self._told, near)
+        }))  # fmt: skip
         self.pairs: IntArray = np.array(
             [pair for pair in pairs if pair not in near], dtype=np.int64
         ).reshape(-1, 2)
