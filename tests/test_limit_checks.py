@@ -14,7 +14,7 @@ from freefloat.motion import Ending, Motion
 from freefloat.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
 from freefloat.time_series import TimeSeries
-from freefloat.timing import TimedPath, TimeLaw, Timing
+from freefloat.timing import Stop, TimedPath, TimeLaw, Timing
 from tests.sliding import (
     DURATION,
     HAND,
@@ -22,6 +22,7 @@ from tests.sliding import (
     RELATIVE,
     shape_text,
     sliding_motion,
+    sliding_problem,
     sliding_robot,
 )
 
@@ -71,6 +72,19 @@ def test_the_largest_force_is_that_of_the_time_law(law, peak, places):
     assert found.base_wrench < 1e-9
     if places is not None:
         assert min(abs(found.time / DURATION - place) for place in places) < 1e-3
+
+
+def test_the_largest_force_just_before_it_jumps_is_found():
+    """Cubic to a stop, and from there on slowly: the hand brakes hardest as it arrives."""
+    start, half = 0.9, LENGTH / 2.0
+    problem = sliding_problem(sliding_robot(), start)
+    timing = Timing(DURATION, TimeLaw.CUBIC, (Stop(0.5, 5.0),))
+    problem = replace(problem, path=TimedPath(problem.path.path, timing))
+    joints = [(start + half / 2.0) * RELATIVE / LENGTH, 0.0, 0.0]
+    motion = integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints, start=2.5)
+    found = finding(motion, Limits(joint_torque=np.ones(3)), LimitKind.JOINT_TORQUE)
+    assert_close(found.worst, -6.0 * HAND * half / 25.0, atol=1e-9)
+    assert_close(found.time, 5.0, atol=1e-9)
 
 
 def test_joint_ranges_count_without_being_asked_for():
@@ -241,3 +255,8 @@ def test_findings_are_those_of_the_reversed_motion(spatial):
 def test_limits_that_are_none_are_refused(key, value):
     with pytest.raises(InputError, match=f"limits.{key}"):
         Limits(**{key: value})
+
+
+def test_limits_of_another_number_of_joints_are_refused(spatial):
+    with pytest.raises(InputError, match=r"limits\.joint_torque.*q1, q2"):
+        LimitChecker(spatial.problem, Limits(joint_torque=np.ones(5)))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from freefloat.dynamics import DriftEquation
+from freefloat.errors import InputError
 from freefloat.extremes import Largest, Quantities, at_nodes, largest
 from freefloat.joint_spans import joint_ranges, joint_spans
 from freefloat.limits import ROUNDING, LimitFinding, LimitKind, Limits
@@ -46,8 +47,14 @@ class LimitChecker:
             limits: What is allowed.
 
         Raises:
+            InputError: If there are not as many limits as joints.
             ModelError: If a clearance is asked for and the robot's shapes are of no use.
         """
+        for key in ("joint_rate", "joint_torque"):
+            given = getattr(limits, key)
+            if given is not None and given.shape != (problem.model.dof,):
+                names = ", ".join(problem.model.joint_names)
+                raise InputError(f"limits.{key}", f"shape {given.shape} was given", f"for {names}")
         self._limits = limits
         self._names = problem.model.joint_names
         self._dynamics = InverseDynamics(problem)
