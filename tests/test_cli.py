@@ -361,6 +361,52 @@ def test_an_attitude_that_leaves_the_plane_is_refused(folder: Path) -> None:
 # --- simulate: stopping at the margin -----------------------------------------------------------
 
 
+LIMITS = "limits: {joint_rate: 0.5, joint_torque: 5, base_rate: 0.02, clearance: 0.01}\n"
+
+
+def test_limits_of_the_followed_motion_are_told(folder: Path) -> None:
+    """All that the scenario asks for, worst value and verdict; the exit code is the path's."""
+    (folder / "limited.yaml").write_text(PLANAR + LIMITS)
+    found = answer("simulate", "limited.yaml", "--heading", "200", code=0)["limits"]
+    told = {one["limit"]: one for one in found}
+    assert told.keys() == {"joint_rate", "joint_torque", "base_rate", "clearance"}
+    for one in found:
+        assert one.keys() >= {"limit", "worst", "allowed", "time", "where", "kept"}
+        assert 0.0 <= one["time"] <= 100.0
+    assert (told["base_rate"]["allowed"], told["base_rate"]["kept"]) == (0.02, False)
+    assert told["base_rate"]["where"] == "spacecraft"
+    assert told["joint_rate"]["where"] in ("q1", "q2", "q3")
+    assert told["joint_rate"]["kept"] is True
+    assert told["joint_torque"]["base_wrench"] < 1e-6
+    assert " - " in told["clearance"]["where"]
+    text = run("simulate", "limited.yaml", "--heading", "200").stdout
+    assert "base rate" in text
+    assert text.count("broken") == sum(not one["kept"] for one in found)
+
+
+def test_joint_ranges_are_told_without_being_asked_for(folder: Path) -> None:
+    none = answer("simulate", *PLANAR_RUN, code=0)["limits"]
+    assert none == []
+    assert "allowed" not in run("simulate", *PLANAR_RUN).stdout
+    (found,) = answer("simulate", "ur5_servicer/arc", "--attitude", "0", "0", "0", "1")["limits"]
+    assert found["limit"] == "joint_range"
+
+
+def test_rates_without_bound_are_null(folder: Path) -> None:
+    """Of a motion that is singular where it ends, in JSON that every reader takes."""
+    (folder / "limited.yaml").write_text(PLANAR + LIMITS)
+    found = answer("simulate", "limited.yaml", *PLANAR_FAILS[1:], code=1)["limits"]
+    rate = next(one for one in found if one["limit"] == "joint_rate")
+    assert rate["kept"] is False
+    assert rate["worst"] is None or abs(rate["worst"]) > 10.0
+
+
+def test_limits_are_refused_before_anything_is_followed(folder: Path) -> None:
+    (folder / "limited.yaml").write_text(PLANAR + "limits: {joint_torque: urdf}\n")
+    told = refusal("simulate", "limited.yaml", "--heading", "200")
+    assert "limited.yaml: limits.joint_torque" in told
+
+
 @pytest.mark.parametrize("number", [0, 1])
 def test_stop_at_margin_ends_where_the_margin_is_used_up(number: int, folder: Path) -> None:
     words = ("simulate", "planar_3dof/parabola", "--heading", "140", "--branch", str(number))

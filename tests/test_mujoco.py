@@ -6,6 +6,7 @@ insists on. MuJoCo's free joint has its linear velocity in inertial axes, its an
 those of the body, and its quaternion in the order w, x, y, z.
 """
 
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from functools import partial
 
@@ -18,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.integration import integrate_motion
 from freefloat.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
+from freefloat.torques import InverseDynamics
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -30,7 +32,7 @@ class Engine:
     """A freefloat model in MuJoCo: free base, no gravity, no contacts, no joint limits."""
 
     def __init__(self, model):
-        spec = mujoco.MjSpec.from_string(model.description.text)
+        spec = mujoco.MjSpec.from_string(_bones(model))
         spec.compiler.balanceinertia = True
         spec.compiler.fusestatic = False
         root = spec.worldbody.first_body()
@@ -41,6 +43,8 @@ class Engine:
         self.data = mujoco.MjData(self.model)
         moved = [self.model.body(root.name).id]
         moved += [int(self.model.joint(name).bodyid[0]) for name in model.joint_names]
+        self.model.body_sameframe[:], self.model.body_simple[:] = 0, 0  # frames are shifted below
+        self.model.body_mass[:], self.model.body_inertia[:] = 0.0, 0.0
         for index, body in zip(moved, model.bodies, strict=True):
             moments, axes = np.linalg.eigh(body.inertia)
             axes[:, 0] *= np.linalg.det(axes)
@@ -73,6 +77,27 @@ class Engine:
         of = (self.data.subtree_com, self.data.subtree_linvel, self.data.subtree_angmom)
         centre, velocity, angular = (row[self.root].copy() for row in of)
         return centre, mass * velocity, angular
+
+
+def _bones(model):
+    """The URDF without shapes and friction, joints off the chain fixed at zero.
+
+    MuJoCo takes a link called world for the ground.
+    """
+    robot = ET.fromstring(model.description.text)
+    for element in robot.iter():
+        for key in ("name", "link"):
+            if element.get(key) == "world":
+                element.set(key, "not_the_ground")
+    for link in robot.findall("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(shape)
+    for joint in robot.findall("joint"):
+        for friction in joint.findall("dynamics"):
+            joint.remove(friction)
+        if joint.get("name") not in model.joint_names:
+            joint.set("type", "fixed")
+    return ET.tostring(robot, encoding="unicode")
 
 
 def _wxyz(quaternion):
@@ -223,3 +248,38 @@ def test_tampered_records_are_noticed_by_mujoco(motions, engines):
         wrench, _ = engines["spatial"].inverse(*differentiated(lagging, t))
         worst = max(worst, np.abs(wrench).max())
     assert worst > 1e-3
+
+
+@pytest.fixture(scope="module")
+def all_motions(motions):
+    """And a stock arm without a spherical wrist, and one with a joint to spare."""
+    stock = {
+        name: followed(load_scenario(name).problem(), [0, 0, 0, 1], branch)
+        for name, branch in (("ur5_servicer/arc", 7), ("panda_servicer/line", 0))
+    }
+    return {**motions, **stock}
+
+
+@pytest.mark.parametrize("name", ["spatial", "planar", "ur5_servicer/arc", "panda_servicer/line"])
+def test_mujoco_finds_the_same_joint_torques(all_motions, name):
+    """From accelerations solved at a state, and from differences of the recorded motion."""
+    motion = all_motions[name]
+    engine, dynamics = Engine(motion.problem.model), InverseDynamics(motion.problem)
+    solved, seen, recorded, wrenches = [], [], [], []
+    for t in np.linspace(0.06, 0.94, 23) * motion.problem.path.duration:
+        (state,) = motion.sample(t)
+        effort = dynamics.effort(t, state.attitude, state.joints)
+        R = Rotation.from_quat(state.attitude).as_matrix()
+        v, a = effort.rates, effort.accelerations
+        engine.data.qpos[:] = [*state.base_position, *_wxyz(state.attitude), *state.joints]
+        engine.data.qvel[:] = [*(R @ v[:3]), *v[3:]]
+        engine.data.qacc[:] = [*(R @ (a[:3] + np.cross(v[3:6], v[:3]))), *a[3:]]
+        mujoco.mj_inverse(engine.model, engine.data)
+        seen.append(engine.data.qfrc_inverse[6:].copy())
+        wrenches.append(engine.data.qfrc_inverse[:6].copy())
+        recorded.append(engine.inverse(*differentiated(motion, t))[1])
+        solved.append(effort.joint_torques)
+    largest = np.abs(solved).max()
+    assert_close(seen, solved, atol=1e-9 * largest)
+    assert_close(wrenches, 0.0, atol=1e-9 * largest)
+    assert_close(recorded, solved, atol=1e-3 * largest)

@@ -47,6 +47,15 @@ def test_the_tangent_is_the_twist_of_the_pose(s):
     assert_close(path.tangent(s), [*moved, *turned], atol=1e-8)
 
 
+@pytest.mark.parametrize("s", [0.0, 1e-4, 0.2, 0.55, 1.0])
+def test_the_bend_is_the_derivative_of_the_tangent(s):
+    """Also at the ends, where the attitude is not looked at beyond them."""
+    curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
+    path, h = EndEffectorPath(curve, follow_attitude(curve, "y", [0.4, 0.6, 0.8])), 1e-5
+    bend = (path.tangent(s + h) - path.tangent(s - h)) / (2 * h)
+    assert_close(path.bend(s), bend, atol=1e-8 if 0.1 < s < 0.9 else 1e-2)
+
+
 def test_a_pose_is_the_curve_and_the_attitude():
     """The path adds nothing of its own."""
     pose = EndEffectorPath(LINE, TURN).pose(0.3)

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.bundled import bundled_scenarios, models_folder
 from freefloat.dynamics import Task
 from freefloat.errors import InputError
+from freefloat.limits import Limits
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath
 from freefloat.problem import Problem
@@ -533,3 +534,57 @@ def test_an_end_effector_without_a_name_is_refused(folder: Path) -> None:
     with pytest.raises(InputError) as caught:
         scenario(folder, **{**PLANAR, "robot": "{urdf: planar_3dof, end_effector: ''}"}).problem()
     assert caught.value.key == "robot.end_effector"
+
+
+UR5 = "{urdf: example-robot-data:ur5, end_effector: tool0}"
+
+
+def limits(folder: Path, text: str, robot: str = UR5) -> Limits:
+    return scenario(folder, robot=robot, rest=f"limits: {text}").limits()
+
+
+def test_limits_are_nothing_unless_asked_for(folder: Path) -> None:
+    none = scenario(folder).limits()
+    assert (none.joint_rate, none.joint_torque, none.base_rate, none.clearance) == (None,) * 4
+
+
+def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(folder: Path) -> None:
+    """A map limits the joints it names; what the URDF rates is its <limit velocity effort>."""
+    one = limits(folder, "{joint_rate: 0.5, joint_torque: {elbow_joint: 7}, base_rate: 0.1}")
+    assert one.joint_rate is not None
+    assert one.joint_torque is not None
+    assert one.joint_rate.tolist() == [0.5] * 6
+    assert one.joint_torque.tolist() == [np.inf, np.inf, 7.0, np.inf, np.inf, np.inf]
+    assert (one.base_rate, one.clearance) == (0.1, None)
+    rated = limits(folder, "{joint_rate: urdf, joint_torque: urdf, clearance: 0}")
+    assert rated.joint_rate is not None
+    assert rated.joint_torque is not None
+    assert rated.joint_rate.tolist() == [3.15, 3.15, 3.15, 3.2, 3.2, 3.2]
+    assert rated.joint_torque.tolist() == [150.0, 150.0, 150.0, 28.0, 28.0, 28.0]
+    assert rated.clearance == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "accepted"),
+    [
+        ("{joint_rate: {elbow: 1}}", "limits.joint_rate.elbow", "elbow_joint"),
+        ("{joint_rate: 0}", "limits.joint_rate", "above 0"),
+        ("{joint_torque: urfd}", "limits.joint_torque", "urdf"),
+        ("{joint_torque: {elbow_joint: -1}}", "limits.joint_torque", "a map from joint"),
+        ("{base_rate: 0}", "limits.base_rate", "greater than 0"),
+        ("{clearance: -0.1}", "limits.clearance", "greater than or equal to 0"),
+        ("{torque: 3}", "limits.torque", "joint_torque"),
+    ],
+)
+def test_limits_that_are_none_are_refused(text: str, key: str, accepted: str, folder: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        limits(folder, text)
+    assert caught.value.key == key
+    assert accepted in caught.value.accepted
+    assert caught.value.source == str(folder / "wish.yaml")
+
+
+def test_a_urdf_that_rates_no_joint_is_told(folder: Path) -> None:
+    with pytest.raises(InputError, match="tells none for q1, q2") as caught:
+        limits(folder, "{joint_torque: urdf}", "{urdf: spatial_6dof, end_effector: end_effector}")
+    assert caught.value.key == "limits.joint_torque"

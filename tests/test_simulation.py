@@ -1,5 +1,6 @@
 """One attitude, every branch: what is followed, what is chosen, what is refused."""
 
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from functools import partial
 
@@ -12,6 +13,8 @@ from freefloat.closeness import least
 from freefloat.curve import PolynomialCurve
 from freefloat.dynamics import Task
 from freefloat.errors import InputError, UnreachableError
+from freefloat.joint_spans import joint_spans
+from freefloat.model import FreeFloatingModel
 from freefloat.motion import Ending
 from freefloat.path import EndEffectorPath
 from freefloat.problem import Margin
@@ -190,3 +193,27 @@ def test_a_redundant_arm_follows_a_set_of_configurations_and_any_given_one(spati
     assert_close(simulation.chosen.motion.initial.joints, given, atol=1e-6)
     for one in simulation.followed:
         assert one.motion.residuals().end_effector_position < 1e-7
+
+
+def test_joints_are_told_with_the_turns_that_keep_them_in_range():
+    """The start of one branch fits its range, the motion from there only a whole turn lower."""
+    whole = load_scenario("ur5_servicer/arc").problem()
+    robot = ET.fromstring(whole.model.description.text)
+    limit = robot.find("joint[@name='shoulder_pan_joint']/limit")
+    limit.set("lower", "-7.0")
+    limit.set("upper", "0.5")
+    model = FreeFloatingModel.from_urdf(ET.tostring(robot, encoding="unicode"), "tool0")
+    margin = Margin(measure(model, whole.task, "gjm"), 0.0)
+    problem = replace(whole, model=model, margin=margin)
+    (free,), (told,) = (
+        [one for one in simulate(of, [0, 0, 0, 1]).followed if one.branch.index == 7]
+        for of in (whole, problem)
+    )
+    span = joint_spans(free.motion)
+    assert span.low[0] > -0.3
+    assert span.high[0] > 0.6
+    assert_close(told.branch.joints - free.branch.joints, [-2 * np.pi, 0, 0, 0, 0, 0], atol=1e-6)
+    assert_close(told.motion.initial.joints, told.branch.joints, atol=0)
+    assert joint_spans(told.motion).high[0] < 0.5
+    chosen = simulate(problem, [0, 0, 0, 1], joints=free.branch.joints).chosen
+    assert chosen.branch.index == 7

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from freefloat.attitude_law import SlerpAttitude
+from freefloat.attitude_law import FixedAttitude, SlerpAttitude, follow_attitude
 from freefloat.curve import PolynomialCurve
 from freefloat.errors import InputError
 from freefloat.path import EndEffectorPath
@@ -214,3 +214,22 @@ def test_the_end_effector_stands_still_at_ends_and_stops():
     timed = TimedPath(path, Timing(100.0, TimeLaw.QUINTIC, EXAMPLE_1))
     for t in (0.0, 69.73, 100.0):
         assert_close(timed.twist(t), 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_twist_rate_is_the_derivative_of_the_twist(law):
+    """Of a path that bends, turns and turns faster on the way, away from jumps of the law."""
+    curve = PolynomialCurve([[2.0, 0.0, 0.0], [-3.0, 0.5, 0.3], [0.0, 1.5, -0.4]])
+    path = EndEffectorPath(curve, follow_attitude(curve, "x", [0.1, 0.2, 1.0]))
+    timed, h = TimedPath(path, Timing(20.0, law, (Stop(0.4, 9.0),))), 1e-3
+    for t in (0.01, 1.0, 4.5, 8.0, 12.0, 19.99):
+        rate = (timed.twist(t + h) - timed.twist(t - h)) / (2 * h)
+        assert_close(timed.twist_rate(t), rate, atol=1e-6)
+
+
+def test_the_twist_rate_of_a_piece_holds_beyond_its_end():
+    """Where a trapezoid's ramp ends the acceleration jumps; each piece tells its own."""
+    path = EndEffectorPath(PolynomialCurve.line([0, 0, 0], [3, 0, 0]), FixedAttitude(np.eye(3)))
+    timed = TimedPath(path, Timing(20.0, TimeLaw.TRAPEZOIDAL))
+    assert_close(timed.twist_rate(5.0, 0), [3 * 16 / 3 / 400, 0, 0, 0, 0, 0], atol=1e-12)
+    assert_close(timed.twist_rate(5.0, 1), 0.0, atol=1e-12)

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from freefloat.errors import FreeFloatError as FreeFloatError
     from freefloat.errors import InputError as InputError
     from freefloat.integration import integrate_motion as integrate_motion
+    from freefloat.limit_checks import LimitChecker as LimitChecker
+    from freefloat.limits import LimitFinding as LimitFinding
+    from freefloat.limits import Limits as Limits
     from freefloat.model import FreeFloatingModel as FreeFloatingModel
     from freefloat.motion import Ending as Ending
     from freefloat.motion import Motion as Motion
@@ -46,6 +49,9 @@ _ROOMS = {
     "FreeFloatError": "errors",
     "InputError": "errors",
     "integrate_motion": "integration",
+    "LimitChecker": "limit_checks",
+    "LimitFinding": "limits",
+    "Limits": "limits",
     "FreeFloatingModel": "model",
     "Ending": "motion",
     "Motion": "motion",

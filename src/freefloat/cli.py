@@ -106,12 +106,14 @@ def simulate(
 ) -> None:
     """Follow the path from one attitude; tell where it becomes singular if it does.
 
+    What the motion asks for is held against the joints' ranges and the scenario's limits.
     The file of -o holds the branch that was followed, the page of --html all of them. Exit code 0
     when the whole path was followed, 1 when not.
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
     with answering(as_json):
+        from freefloat.limit_checks import LimitChecker
         from freefloat.output_file import refuse_same_files
         from freefloat.plan_file import save_motion
         from freefloat.report import simulation_document
@@ -124,6 +126,8 @@ def simulate(
         loaded = load_scenario(scenario)
         refuse_same_files(scenario=loaded.source, output=output, html=html)
         problem = loaded.problem()
+        with loaded.told():
+            checker = LimitChecker(problem, loaded.limits(problem.model))
         start = start_attitude(problem, attitude, heading)
         warm_up_branches(problem)
         simulation = run(
@@ -133,9 +137,10 @@ def simulate(
             joints=joint_values(joints),
             stop_at_margin=stop_at_margin,
         )
-        document = simulation_document(simulation)
+        motion = simulation.chosen.motion
+        document = simulation_document(simulation, checker.findings(motion))
         if output is not None:
-            save_motion(output, simulation.chosen.motion, loaded, document)
+            save_motion(output, motion, loaded, document)
         if html is not None:
             save_page(html, simulation, scenario)
     answer(document, simulation_tables(document, scenario), as_json)

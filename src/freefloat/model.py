@@ -31,6 +31,8 @@ class Body:
         prismatic: Whether the joint slides along the axis instead of turning about it.
         lower: Joint range from the URDF [rad or m]; minus infinity for continuous joints.
         upper: Likewise.
+        rated_speed: From the URDF [rad/s or m/s]; infinite where it tells none.
+        rated_effort: From the URDF [N m or N]; infinite where it tells none.
         mass: [kg].
         centre: Centre of mass in the joint's frame [m], shape (3,).
         inertia: About the centre of mass, axes of the joint's frame [kg m²], shape (3, 3).
@@ -42,6 +44,8 @@ class Body:
     prismatic: bool
     lower: float
     upper: float
+    rated_speed: float
+    rated_effort: float
     mass: float
     centre: Array
     inertia: Array
@@ -315,11 +319,13 @@ def _body(model: Any, data: Any, index: int) -> Body:
         model.jointPlacements[index],
     )
     S = np.zeros((6, 1))
-    lower, upper = -np.inf, np.inf
+    lower, upper, speed, effort = -np.inf, np.inf, np.inf, np.inf
     if index > 1:
         S = pin.getJointJacobian(model, data, index, pin.LOCAL)[:, joint.idx_v : joint.idx_v + 1]
         lower = float(model.lowerPositionLimit[joint.idx_q])
         upper = float(model.upperPositionLimit[joint.idx_q])
+        speed = float(model.velocityLimit[joint.idx_v])
+        effort = float(model.effortLimit[joint.idx_v])
     prismatic = bool(np.linalg.norm(S[:3]) > 0.5)
     return Body(
         joint=model.names[index],
@@ -328,6 +334,8 @@ def _body(model: Any, data: Any, index: int) -> Body:
         prismatic=prismatic,
         lower=lower if lower > -UNLIMITED else -np.inf,
         upper=upper if upper < UNLIMITED else np.inf,
+        rated_speed=speed if 0.0 < speed < UNLIMITED else np.inf,
+        rated_effort=effort if 0.0 < effort < UNLIMITED else np.inf,
         mass=float(inertia.mass),
         centre=frozen(inertia.lever),
         inertia=frozen(inertia.inertia),

@@ -136,8 +136,11 @@ class Motion:
                      self.base_positions[index])  # fmt: skip
 
     @cached_property
-    def _coefficients(self) -> Array:
-        """Chebyshev coefficients of (time, attitude, joints), shape (panels, 9, 5 + n)."""
+    def coefficients(self) -> Array:
+        """Chebyshev coefficients of (time, attitude, joints), shape (panels, 9, 5 + n).
+
+        Of a panel's own parameter, which runs from -1 to 1.
+        """
         return np.asarray(_TO_COEFFICIENTS @ self._values)
 
     @property
@@ -168,7 +171,7 @@ class Motion:
             return self.times[alone], self.attitudes[alone], self.joints[alone]
         panel, x = self._inside(places)
         basis = chebyshev.chebvander(x, DEGREE)
-        values = np.einsum("ij,ijc->ic", basis, self._coefficients[panel])
+        values = np.einsum("ij,ijc->ic", basis, self.coefficients[panel])
         attitudes = values[:, 1:5] / np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
         return values[:, 0], attitudes, values[:, 5:]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from freefloat.areas import workspace_of
 from freefloat.closeness import Least
 from freefloat.dynamics import Task
+from freefloat.limits import LimitFinding
 from freefloat.model import FreeFloatingModel
 from freefloat.motion import Ending, Motion, State
 from freefloat.planar_ranges import BranchRanges, Limit
@@ -24,10 +26,11 @@ from freefloat.workspace import Interval, path_areas
 Document = dict[str, Any]
 
 
-def simulation_document(simulation: Simulation) -> Document:
-    """What ``simulate`` answers: the chosen motion, and every branch in brief."""
+def simulation_document(simulation: Simulation, findings: Iterable[LimitFinding] = ()) -> Document:
+    """What ``simulate`` answers: the chosen motion, its limits, and every branch in brief."""
     return {
         **_followed_document(simulation.chosen),
+        "limits": limits_document(findings),
         "branches": [_branch_document(one) for one in simulation.followed],
     }
 
@@ -49,6 +52,19 @@ def _followed_document(chosen: FollowedBranch) -> Document:
         "ended_at": motion.final.time,
         "residuals": asdict(motion.residuals()),
     }
+
+
+def limits_document(findings: Iterable[LimitFinding]) -> list[Document]:
+    """Limits along a motion; null stands for what has no bound."""
+    return [
+        {key: _bounded(value) for key, value in asdict(one).items()}
+        | {"limit": str(one.limit), "notes": list(one.notes)}
+        for one in findings
+    ]  # fmt: skip
+
+
+def _bounded(value: Any) -> Any:
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _branch_document(one: FollowedBranch) -> Document:

@@ -23,12 +23,14 @@ from freefloat.attitude_law import (
 from freefloat.bundled import find_robot, find_scenario
 from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.errors import InputError
+from freefloat.limits import Limits
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath, parse_samples, samples_text
 from freefloat.problem import Margin, Problem
 from freefloat.schema import (
     AttitudeSection,
     FollowSection,
+    JointLimits,
     OrientationSection,
     PayloadSection,
     PolynomialSection,
@@ -108,6 +110,29 @@ class Scenario:
             attitude = None if now is None else frozen(unit_quaternion("search.from_attitude", now))
             return Search(given.objective, attitude, given.samples, given.seed)
 
+    def limits(self, model: FreeFloatingModel | None = None) -> Limits:
+        """What motions may ask for.
+
+        Args:
+            model: The robot, where it is at hand already.
+
+        Raises:
+            InputError: If a joint is unknown, or the URDF does not tell a limit that is wanted of
+                it.
+        """
+        given, model = self.content.limits, model or self.model()
+        with self.told("limits."):
+            speeds, efforts = (
+                {body.joint: getattr(body, name) for body in model.bodies[1:]}
+                for name in ("rated_speed", "rated_effort")
+            )
+            return Limits(
+                _joint_limits("joint_rate", given.joint_rate, speeds),
+                _joint_limits("joint_torque", given.joint_torque, efforts),
+                given.base_rate,
+                given.clearance,
+            )
+
     def _curve_and_attitude(self) -> tuple[Curve, AttitudeLaw]:
         path, sampled = self.content.path, None
         curve: Curve
@@ -161,6 +186,27 @@ def _spacecraft(section: SpacecraftSection) -> Spacecraft:
 
 def _payload(section: PayloadSection) -> Payload:
     return Payload(section.mass, np.array(section.inertia), np.array(section.com))
+
+
+def _joint_limits(key: str, given: JointLimits | None, rated: dict[str, float]) -> Array | None:
+    """Limits joint by joint, infinite where a map leaves one out; None where none are given."""
+    if given is None:
+        return None
+    if given == "urdf":
+        untold = [joint for joint, value in rated.items() if not np.isfinite(value)]
+        if untold:
+            raise InputError(
+                key,
+                f"the URDF tells none for {', '.join(untold)}",
+                "a number, or a map from joint to number",
+            )
+        return np.array(list(rated.values()))
+    if isinstance(given, dict):
+        for joint in given:
+            if joint not in rated:
+                raise InputError(f"{key}.{joint}", "no such joint moves", ", ".join(rated))
+        return np.array([given.get(joint, np.inf) for joint in rated])
+    return np.full(len(rated), given)
 
 
 def _rotation(section: OrientationSection, key: str) -> Array:
@@ -267,8 +313,10 @@ def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) 
         accepted = f"{details['max_length']} entries at most"
     if kind == "too_short":
         accepted = f"{details['min_length']} entries or more"
-    if len(location) != len(steps):  # one factor, or a map
+    if len(location) != len(steps):  # one number, or a map
         accepted = "a number from 1e-06 to 1e+06, or a map from link to such a number"
+        if steps[0] == "limits":
+            accepted = "a number above 0, a map from joint to such a number, or urdf"
     accepted = accepted.removeprefix("Input should be ")
     return InputError(key, f"{_short(first['input'])} was given", accepted, str(source))
 

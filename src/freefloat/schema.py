@@ -266,6 +266,23 @@ class SearchSection(_Section):
     """Turns the grid of attitudes in space; in the plane nothing is drawn."""
 
 
+JointLimits = Positive | dict[str, Positive] | Literal["urdf"]
+
+
+class LimitsSection(_Section):
+    """What a motion may ask for, beside the joint ranges of the URDF."""
+
+    joint_rate: JointLimits | None = None
+    """Magnitudes of joint rates [rad/s, m/s]: one for all, a map from joint to number, or
+    ``urdf``."""
+    joint_torque: JointLimits | None = None
+    """Magnitudes of joint torques and forces [N m, N], written likewise."""
+    base_rate: Positive | None = None
+    """Magnitude of the spacecraft's angular velocity [rad/s]."""
+    clearance: Annotated[float, Field(strict=True, ge=0.0, le=_LARGEST)] | None = None
+    """Smallest distance [m] between bodies that no joint joins; 0: they may not touch."""
+
+
 class ScenarioFile(_Section):
     """A scenario: a robot, a path for its end-effector, and what it drifts with."""
 
@@ -278,3 +295,4 @@ class ScenarioFile(_Section):
     timing: TimingSection
     margin: MarginSection = MarginSection(measure="gjm", value=0.0)
     search: SearchSection = SearchSection()
+    limits: LimitsSection = LimitsSection()

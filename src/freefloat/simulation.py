@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ from freefloat.arm_branches import ArmBranch
 from freefloat.closeness import Least, least
 from freefloat.errors import InputError, UnreachableError
 from freefloat.integration import integrate_motion
+from freefloat.joint_spans import wound
 from freefloat.motion import Motion
 from freefloat.problem import Problem
 from freefloat.spatial import Array
@@ -56,6 +57,8 @@ def simulate(
 ) -> Simulation:
     """Follow the path from one attitude with every arm branch.
 
+    Joints are told with the whole turns that keep them inside their ranges, where any do.
+
     Args:
         problem: Robot, path and momentum.
         attitude: Of the spacecraft at the start, quaternion x, y, z, w.
@@ -86,12 +89,13 @@ def simulate(
             raise InputError("branch", f"there is no branch {branch} here", numbers)
     followed = []
     for one in branches:
-        motion = integrate_motion(
+        motion = wound(integrate_motion(
             problem, attitude, one.joints, stop_at_margin=stop_at_margin, tolerance=tolerance
-        )
-        followed.append(FollowedBranch(one, motion, least(motion, problem.margin.measure)))
+        ))  # fmt: skip
+        told = replace(one, joints=motion.initial.joints)
+        followed.append(FollowedBranch(told, motion, least(motion, problem.margin.measure)))
     if wanted is not None:
-        chosen = next(one for one in followed if one.branch is wanted)
+        chosen = followed[[one is wanted for one in branches].index(True)]
     else:
         chosen = max(followed, key=_merit)
     return Simulation(tuple(followed), chosen)

@@ -56,7 +56,39 @@ def simulation_tables(document: Document, name: str) -> list[RenderableType]:
             f"{one['min_margin']['sign'] * one['min_margin']['value']:.4g}",
             _verdict(one),
         )
-    return [title, table, *_chosen_lines(document)]
+    return [title, table, *_chosen_lines(document), *limit_tables(document["limits"])]
+
+
+_LIMITS = {
+    "joint_range": "joint range [rad, m]",
+    "joint_rate": "joint rate [rad/s, m/s]",
+    "base_rate": "base rate [rad/s]",
+    "joint_torque": "joint torque [N m, N]",
+    "clearance": "clearance [m]",
+}
+
+
+def limit_tables(findings: Sequence[Document]) -> list[RenderableType]:
+    """Limits along a motion, each where it is nearest to being broken; nothing where none are."""
+    if not findings:
+        return []
+    table = _table("limit", "worst", "allowed", "at [s]", "where", "verdict")
+    for one in findings:
+        table.add_row(
+            Text(_LIMITS[one["limit"]]),
+            "no bound" if one["worst"] is None else f"{one['worst']:.5g}",
+            "any" if one["allowed"] is None else f"{one['allowed']:.5g}",
+            f"{one['time']:.4f}",
+            one["where"],
+            Text("kept", "green") if one["kept"] else Text("broken", "red"),
+        )
+    lines = [f"  not looked at: {note}" for one in findings for note in one["notes"]]
+    lines += [
+        f"  inverse dynamics: a wrench of {one['base_wrench']:.1e} of the torques on the base"
+        for one in findings
+        if one["base_wrench"] is not None
+    ]
+    return [table, *(Text(line) for line in lines)]
 
 
 def _verdict(one: Document) -> Text:

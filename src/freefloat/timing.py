@@ -174,3 +174,13 @@ class TimedPath:
         """
         s, rate = self.timing.s(t, 0, piece), self.timing.s(t, 1, piece)
         return self.path.tangent(s) * rate
+
+    def twist_rate(self, t: float, piece: int | None = None) -> Array:
+        """Derivative of the twist by time, axes fixed [m/s²; rad/s²], shape (6,).
+
+        Args:
+            t: Time [s].
+            piece: As for :meth:`Timing.s`; where two pieces of the law meet it may jump.
+        """
+        s, rate, growth = (self.timing.s(t, order, piece) for order in range(3))
+        return self.path.bend(s) * rate**2 + self.path.tangent(s) * growth

@@ -1,0 +1,65 @@
+"""A spacecraft whose hand slides along three axes: motions known in closed form.
+
+The hand moves along the spacecraft's x axis, on the line through its centre of mass: nothing turns,
+and spacecraft and hand keep the centre of mass between them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from freefloat.attitude_law import FixedAttitude
+from freefloat.curve import PolynomialCurve
+from freefloat.dynamics import Task
+from freefloat.integration import integrate_motion
+from freefloat.model import FreeFloatingModel
+from freefloat.path import EndEffectorPath
+from freefloat.problem import Margin, Problem
+from freefloat.singularity import measure
+from freefloat.timing import TimedPath, TimeLaw, Timing
+from tests.robots import inertial_text, joint_text, link_text
+
+BUS, HAND = 90.0, 10.0
+"""Masses [kg]."""
+LENGTH, DURATION = 0.9, 20.0
+"""Of the hand's way from the centre of mass [m], and how long it takes [s]."""
+RELATIVE = LENGTH * (BUS + HAND) / BUS
+"""Way of the sliding joint [m]: the spacecraft draws back meanwhile."""
+
+
+def shape_text(geometry, xyz="0 0 0"):
+    """A ``<collision>``."""
+    return f'<collision><origin xyz="{xyz}"/><geometry>{geometry}</geometry></collision>'
+
+
+def sliding_robot(bus="", hand="", more="", limits=(-4.0, 4.0)):
+    """URDF text; collision shapes of bus and hand, and further links, may be added."""
+    parts = [
+        link_text("bus", inertial_text(BUS, 10.0 * np.eye(3)) + bus),
+        joint_text("x", "P", "bus", "a", axis="1 0 0", limits=limits),
+        link_text("a"),
+        joint_text("y", "P", "a", "b", axis="0 1 0"),
+        link_text("b"),
+        joint_text("z", "P", "b", "hand"),
+        link_text("hand", inertial_text(HAND, np.eye(3)) + hand),
+        more,
+    ]
+    return f'<robot name="sliding">{"".join(parts)}</robot>'
+
+
+def sliding_problem(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
+    """From a place on the x axis [m from the centre of mass] one length further."""
+    model = FreeFloatingModel.from_urdf(text, "hand")
+    curve = PolynomialCurve.line((start, 0.0, 0.0), (start + LENGTH, 0.0, 0.0))
+    path = EndEffectorPath(curve, FixedAttitude(np.eye(3)))
+    margin = Margin(measure(model, Task.POSITION, "gjm"), 0.0)
+    return Problem(
+        model, TimedPath(path, Timing(duration, law)), Task.POSITION, np.zeros(3), margin
+    )
+
+
+def sliding_motion(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
+    """The motion of :func:`sliding_problem`."""
+    problem = sliding_problem(text, start, law, duration)
+    joints = [start * (BUS + HAND) / BUS, 0.0, 0.0]
+    return integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints)
