@@ -144,13 +144,14 @@ def _joint_defects(urdf: UrdfText, joint: ET.Element) -> Iterator[Finding]:
     if kind in ("revolute", "prismatic"):
         missing = [n for n in ("effort", "velocity") if limit is None or n not in limit.attrib]
         if missing:
-            lacks = "a <limit>" if limit is None else f"{' and '.join(missing)} of its <limit>"
             written = {**_LIMIT, **({} if limit is None else limit.attrib)}
             numbers = " ".join(f'{name}="{value}"' for name, value in written.items())
             remedy = f"<limit {numbers}/> with the arm's numbers [rad or m, N m or N, per s]"
             remedy += ', or type="continuous" where it turns without end' * (kind == "revolute")
             at = joint if limit is None else limit
-            problem = f"a {kind} joint without a complete <limit>: it lacks {lacks}"
+            problem = f"a {kind} joint without a <limit>"
+            if limit is not None:
+                problem = f"a {kind} joint whose <limit> lacks {' and '.join(missing)}"
             yield urdf.defect(at, joint, problem, remedy)
     if kind != "fixed" and axis is not None and not plain_numbers(axis, "xyz", "1 0 0").any():
         problem = f'<axis xyz="{axis.get("xyz")}"> has no direction'

@@ -157,7 +157,9 @@ def _axis_doubts(urdf: UrdfText, joint: ET.Element) -> Iterator[Finding]:
     length = float(np.linalg.norm(axis))
     if element is not None and length > 0.0 and abs(length - 1.0) > ROUNDED:
         unit = " ".join(f"{value:.9g}" for value in axis / length + 0.0)
-        problem = f'<axis xyz="{element.get("xyz")}"> has length {length:.6g}; its direction counts'
+        problem = (
+            f'<axis xyz="{element.get("xyz")}"> has length {length:.6g}; only its direction counts'
+        )
         yield urdf.doubt(element, joint, problem, f'write <axis xyz="{unit}"/>, of length 1')
 
 
