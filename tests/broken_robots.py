@@ -313,6 +313,10 @@ PATIENTS = {
     "a negative mass": one(
         *('"10"', '"-10"', "link upper", "mass -10.0 kg", "zero or more"),
     ),
+    "a negative rate": one(
+        *('velocity="0.1"', 'velocity="-0.1"', "joint shoulder", '<limit velocity="-0.1">'),
+        "zero or more",
+    ),
     "a range turned round": one(
         *('lower="-2" upper="2"', 'lower="2" upper="-2"', "joint shoulder"),
         *("its range is 2 to -2", '<limit lower="-2" upper="2" .../>'),

@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
+import copy
+import re
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from freefloat.bundled import example_robots, models_folder
 from freefloat.errors import ModelError
 from freefloat.findings import Finding, Severity
 from freefloat.model import FreeFloatingModel
+from freefloat.urdf import read_urdf
 from freefloat.urdf_doctor import examine
 from freefloat.urdf_numbers import value_of
-from tests.broken_robots import PATIENTS, SOUND, Ill, Patient
+from tests.broken_robots import (
+    HAND,
+    PATIENTS,
+    SOUND,
+    UPPER,
+    WRIST,
+    Ill,
+    Patient,
+    joint,
+    link,
+)
 
+WELL = [patient for patient in PATIENTS.values() if len(patient.ills) > 1]
 ILLS = {
     f"{name}: {ill.element} {number}": (patient, ill)
     for name, patient in PATIENTS.items()
@@ -153,6 +171,33 @@ def test_drawn_shapes_count_for_the_size_of_a_link(tmp_path: Path) -> None:
     assert complaints(written(tmp_path, drawn)) == []
 
 
+@pytest.mark.parametrize(("moment", "count"), [("150", 0), ("170", 1)])
+def test_a_link_without_an_end_reaches_back_to_the_joint_before(
+    moment: str, count: int, tmp_path: Path
+) -> None:
+    """1.5 m from its centre of mass, 8 kg: three times that is a moment of 162 kg m²."""
+    text = SOUND.replace(WRIST, "").replace(HAND, "")
+    text = text.replace('izz="0.7"', f'izz="{moment}"').replace('iyy="0.7"', f'iyy="{moment}"')
+    told = complaints(written(tmp_path, text))
+    assert [one.element for one in told] == count * ["link lower"]
+
+
+@pytest.mark.parametrize(("offset", "count"), [("0.5 0.2 0", 0), ("0.01 0.2 0", 1)])
+def test_the_mass_of_a_long_link_may_be_in_a_part_fixed_to_it(
+    offset: str, count: int, tmp_path: Path
+) -> None:
+    """What is doubted is the place of the whole, told of the part that has the mass."""
+    part = link("part", "10", "0 0 0", "0.9 0.9 0.9").lstrip()
+    weld = joint("weld", "fixed", "upper part", offset).replace('rpy="0 0 0"', 'rpy="0 0 1.57"')
+    text = SOUND.replace(UPPER, f'{weld}\n  <link name="upper"/>\n  {part}')
+    told = complaints(written(tmp_path, text))
+    assert [one.element for one in told] == count * ["link part"]
+    for one in told:  # half a metre along the link, seen from the turned part
+        found = re.search(r'<origin xyz="([^"]*)"/>', one.remedy)
+        assert found is not None
+        assert np.allclose([float(word) for word in found[1].split()], [-0.2, -0.49, 0], atol=1e-3)
+
+
 @pytest.mark.parametrize("length", ["0.2", "0.6"])
 def test_a_centre_on_the_joint_is_doubted_for_long_links_alone(length: str, tmp_path: Path) -> None:
     """Shares of the arm: 0.2 of 1.2 m is a short link with a motor in its joint, 0.6 of 1.6 not."""
@@ -165,6 +210,46 @@ def test_a_centre_on_the_joint_is_doubted_for_long_links_alone(length: str, tmp_
     assert [one.element for one in told] == ([] if length == "0.2" else ["link upper"])
     if told:  # without an <origin> the <inertial> is where to write one
         assert told[0].line == text[: text.index('<link name="upper"')].count("\n") + 2
+
+
+@st.composite
+def spoilt(draw: st.DrawFn) -> str:
+    """A sound robot with a few elements or attributes lost, doubled or overwritten."""
+    root = ET.fromstring(draw(st.sampled_from([SOUND, *(p.mended(*p.ills) for p in WELL)])))
+    for _ in range(draw(st.integers(1, 3))):
+        parents = [element for element in root.iter() if len(element)]
+        parent = draw(st.sampled_from(parents))
+        element = draw(st.sampled_from(list(parent)))
+        deed = draw(st.sampled_from(["lose", "double", "overwrite", "forget"]))
+        if deed == "lose" and (len(parents) > 1 or len(parent) > 1):
+            parent.remove(element)
+        elif deed == "double":
+            parent.append(copy.deepcopy(element))
+        elif element.attrib:
+            key = draw(st.sampled_from(sorted(element.attrib)))
+            if deed == "forget":
+                del element.attrib[key]
+            else:
+                junk = ["", "0", "-1", "nan", "pi", "1 2 3", "bus", "upper", "revolute", "fixed"]
+                element.set(key, draw(st.sampled_from(junk)))
+    return ET.tostring(root, encoding="unicode")
+
+
+@given(text=spoilt())
+def test_any_spoilt_robot_is_told_of_or_can_be_built(text: str) -> None:
+    """Nothing that is broken makes the doctor stumble, and where no defect is told none is met."""
+    found = examine(text)
+    if any(one.severity == Severity.DEFECT for one in found):
+        with pytest.raises(ModelError) as caught:
+            read_urdf(text)
+        assert str(caught.value) == str(found[0].error())
+    else:
+        refusal = ""
+        try:
+            FreeFloatingModel.from_urdf(text)
+        except ModelError as error:  # no arm, or several
+            refusal = str(error)
+        assert refusal == "" or re.search("end_effector|no joint moves|same name", refusal)
 
 
 TRUE_DOUBTS = {

@@ -15,6 +15,8 @@ from freefloat.spatial import Array, Pose
 from freefloat.urdf_defects import MOVING, end_of, mass_of
 from freefloat.urdf_text import UrdfText, plain_number, plain_numbers
 
+_HERE = Pose(np.zeros(3), np.eye(3))
+
 
 @dataclass(frozen=True, eq=False)
 class Fixture:
@@ -72,7 +74,7 @@ class Anatomy:
         return {link: self._fixture(link) for link in (*self.roots, *moved) if link in self.links}
 
     def _fixture(self, first: str) -> Fixture:
-        places, ends = {first: Pose(np.zeros(3), np.eye(3))}, {}
+        places, ends = {first: _HERE}, {}
         todo = [first]
         for link in todo:
             for joint in self._joints_below.get(link, []):
@@ -129,9 +131,12 @@ class Anatomy:
 def placed(owner: ET.Element | None) -> Pose:
     """The ``<origin>`` of a joint, an inertial or a shape."""
     origin = None if owner is None else owner.find("origin")
-    turn = np.nan_to_num(plain_numbers(origin, "rpy", "0 0 0"))
-    position = np.nan_to_num(plain_numbers(origin, "xyz", "0 0 0"))
-    return Pose(position, Rotation.from_euler("xyz", turn).as_matrix())
+    if origin is None:
+        return _HERE
+    position, turn = (plain_numbers(origin, key, "0 0 0") for key in ("xyz", "rpy"))
+    position[np.isnan(position)] = 0.0
+    turned = np.isfinite(turn).all() and turn.any()
+    return Pose(position, Rotation.from_euler("xyz", turn).as_matrix() if turned else np.eye(3))
 
 
 def _corners(drawn: ET.Element) -> Iterator[Array]:

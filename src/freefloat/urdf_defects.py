@@ -153,6 +153,11 @@ def _joint_defects(urdf: UrdfText, joint: ET.Element) -> Iterator[Finding]:
             if limit is not None:
                 problem = f"a {kind} joint whose <limit> lacks {' and '.join(missing)}"
             yield urdf.defect(at, joint, problem, remedy)
+    negative = [n for n in ("effort", "velocity") if plain_number(limit, n) < 0.0]
+    if kind in MOVING and limit is not None and negative:
+        given = " ".join(f'{name}="{limit.get(name)}"' for name in negative)
+        problem = f"its <limit {given}> is negative"
+        yield urdf.defect(limit, joint, problem, "magnitudes of zero or more")
     if kind != "fixed" and axis is not None and not plain_numbers(axis, "xyz", "1 0 0").any():
         problem = f'<axis xyz="{axis.get("xyz")}"> has no direction'
         yield urdf.defect(axis, joint, problem, 'three numbers, not all zero, as in xyz="0 0 1"')

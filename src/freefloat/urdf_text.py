@@ -112,14 +112,14 @@ def _is_text(urdf: str | Path) -> bool:
 def _text(urdf: str | Path) -> str:
     if _is_text(urdf):
         return str(urdf)
-    path, source = Path(urdf), source_of(urdf)
+    path = Path(urdf)
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
         problem = "no such file" if isinstance(error, FileNotFoundError) else str(error.strerror)
-        raise ModelError("urdf", f"{path}: {problem}", "a readable URDF file", source) from None
+        raise ModelError("urdf", f"{path}: {problem}", "a readable URDF file") from None
     except UnicodeDecodeError:
-        raise ModelError("urdf", f"{path} is not UTF-8 text", "a URDF file", source) from None
+        raise ModelError("urdf", f"{path} is not UTF-8 text", "a URDF file") from None
 
 
 def _parse(text: str, source: str) -> tuple[ET.Element, dict[ET.Element, int]]:
