@@ -168,7 +168,7 @@ def _root_notes(
 ) -> Iterator[Finding]:
     """What becomes of a root link without mass, such as ``world``."""
     link, mass = anatomy.links[body.first], anatomy.mass(body)
-    if mass_of(link) != 0.0 or not anatomy.urdf.joints:
+    if mass_of(link) != 0.0 or not urdf.joints:
         return
     if carried:
         problem = "root link without mass: a mere frame, where the arm stands on the spacecraft"
