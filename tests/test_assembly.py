@@ -366,7 +366,14 @@ def test_info_tells_of_an_assembled_scenario(tmp_path: Path) -> None:
     document = json.loads(result.stdout)
     assert np.isclose(document["total_mass"], 200.0 + ARM_MASS, rtol=1e-12)
     assert (document["end_effector"], document["dof"]) == ("tool0", 6)
-    assert document["warnings"] == []
+    told = [(one["severity"], one["line"], one["element"]) for one in document["findings"]]
+    assert told == [
+        ("doubt", 155, "link wrist_1_link"),
+        ("doubt", 180, "link wrist_2_link"),
+        ("doubt", 205, "link wrist_3_link"),
+        ("note", 331, "link world"),
+    ]
+    assert all(Path(one["file"]).name == "ur5_robot.urdf" for one in document["findings"])
 
 
 def test_the_mount_of_a_scenario_turns_the_arm(tmp_path: Path) -> None:
@@ -431,7 +438,8 @@ def test_the_panda_moves_seven_joints_and_holds_its_fingers() -> None:
     assert np.isclose(model.bodies[0].mass, 150.0 + 0.629769, rtol=1e-12)
     assert np.isclose(model.bodies[-1].mass, 0.735522 + 0.73 + 2 * 0.015, rtol=1e-12)
     (doubt,) = model.doubts
-    assert "panda_finger_joint2 mimics" in doubt.problem
+    assert doubt.element == "joint panda_finger_joint2"
+    assert "it mimics panda_finger_joint1" in doubt.problem
 
 
 def test_the_panda_follows_its_line_from_the_identity_attitude() -> None:

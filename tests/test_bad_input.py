@@ -394,7 +394,7 @@ ROBOTS = {
         problem="'two'",
     ),
     "non-numeric mass": robot(
-        *("link link_1", "finite numbers", 'value="40"', 'value="heavy"'), problem="'heavy'"
+        *("link link_1", "finite numbers", 'value="40"', 'value="heavy"'), problem='"heavy"'
     ),
     "an expression as mass": robot(
         "link link_1", "expressions are not evaluated", 'value="40"', 'value="${2 * 20}"'
@@ -559,7 +559,7 @@ def test_bad_input_gets_one_json_document_with_the_same_words(case: Bad, folder:
     document = json.loads(stdout)
     assert document.keys() == {"error"}
     error = document["error"]
-    assert error.keys() == {"message", "key", "problem", "accepted", "file"}
+    assert error.keys() == {"message", "key", "problem", "accepted", "file", "line"}
     assert line == f"freefloat: {error['message']}"
     for told in (error["key"], error["problem"], error["accepted"]):
         assert told in error["message"]
@@ -631,15 +631,25 @@ def test_info_refuses_the_same_scenarios_in_the_same_line(case: Bad, folder: Pat
     assert refused(["info", WISH], folder) == ("", line)
 
 
-BROKEN = {name: case for name, case in ROBOTS.items() if URDF in case.beside}
+BROKEN = {name: case for name, case in ROBOTS.items() if isinstance(case.beside.get(URDF), str)}
 
 
 @pytest.mark.parametrize("case", BROKEN.values(), ids=BROKEN)
-def test_info_refuses_a_broken_urdf_in_one_line_that_names_it(case: Bad, folder: Path) -> None:
-    case.write(folder)
-    stdout, line = refused(["info", URDF], folder)
-    assert stdout == ""
-    assert URDF in line
+def test_info_refuses_a_broken_urdf_in_one_line_for_each_finding(case: Bad, folder: Path) -> None:
+    words = case.write(folder)
+    _, line = refused(words, folder)
+    result = CliRunner().invoke(app, ["info", URDF])
+    assert (result.exit_code, result.stdout) == (2, "")
+    told = result.stderr.splitlines()
+    assert told[0] == line
+    assert all(re.match(rf"freefloat: (\w+: )?{URDF}:\d+: ", one) for one in told)
+    document = json.loads(CliRunner().invoke(app, ["info", URDF, "--json"]).stdout)
+    assert document.keys() == {"findings", "error"}
+    assert f"freefloat: {document['error']['message']}" == line
+    assert len(document["findings"]) == len(told)
+    first = document["findings"][0]
+    assert first["severity"] == "defect"
+    assert (first["file"], first["line"]) == (URDF, document["error"]["line"])
 
 
 @pytest.mark.parametrize("frame", ["hand", "spacecraft"])

@@ -44,11 +44,12 @@ def test_every_bundled_robot_loads(name: str) -> None:
     assert FreeFloatingModel.from_urdf(urdf).dof > 0
 
 
-def test_the_papers_impossible_inertia_is_the_only_doubt_about_its_robots() -> None:
+def test_the_papers_impossible_inertias_are_the_only_doubts_about_its_robots() -> None:
     urdfs = [find_robot(name, Path("/")) for name in ("planar_3dof", "spatial_6dof")]
     planar, spatial = [FreeFloatingModel.from_urdf(urdf).doubts for urdf in urdfs]
-    assert planar == ()
-    assert [doubt.link for doubt in spatial] == ["link_3"]
+    assert [doubt.element for doubt in planar] == ["link link_3"]
+    assert "gyration radius is 1.22 m (largest moment 1.5 kg m² of 1 kg)" in planar[0].problem
+    assert [doubt.element for doubt in spatial] == ["link link_3"]
     assert "0.001, 1.7, 7.5" in spatial[0].problem
 
 

@@ -388,7 +388,7 @@ def test_doubts_travel_with_the_model() -> None:
     text = chain_of(a_link("arm"), joint_text("q", "C", "bus", "arm"), link_text("tip"),
                     joint_text("p", "C", "arm", "tip"))  # fmt: skip
     model = FreeFloatingModel.from_urdf(text)
-    assert [doubt.link for doubt in model.doubts] == ["tip"]
+    assert [doubt.element for doubt in model.doubts] == ["link tip"]
     assert model.dof == 2
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from freefloat.errors import InputError, ModelError
 from freefloat.spatial import Array, breaks_triangle, finite_vector, frozen
-from freefloat.urdf import checked_robot, source_of
+from freefloat.urdf import checked_robot
+from freefloat.urdf_text import source_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from freefloat.console import (
     answering,
     print_json,
     progress_bar,
+    unless_defect,
 )
 from freefloat.errors import InputError
 from freefloat.options import Json, Output, Page, Plots, ScenarioName, Threads
@@ -62,7 +63,11 @@ def info(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Tell what a robot is: bodies, joints, barycentric lengths, and doubts about its URDF."""
+    """Tell what a robot is: bodies, joints, barycentric lengths, and what is wrong in its URDF.
+
+    Every defect, doubt and note has file, line, link or joint, and a remedy. Exit code 2 when a
+    defect keeps the robot from being loaded.
+    """
     with answering(as_json):
         from freefloat.bundled import (
             EXAMPLE,
@@ -75,15 +80,22 @@ def info(
         from freefloat.model import FreeFloatingModel
         from freefloat.report import info_document, natural_task
         from freefloat.scenario import load_scenario
+        from freefloat.urdf_doctor import examine
 
         if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
             if end_effector is not None:
                 raise InputError("end_effector", "the scenario names it already", "a URDF with it")
-            problem = load_scenario(robot).problem()
-            document = info_document(problem.model, problem.task, problem.margin.measure)
+            loaded = load_scenario(robot)
+            carried = loaded.content.robot.spacecraft is not None
+            findings = unless_defect(examine(loaded.urdf(), carried), as_json)
+            problem = loaded.problem()
+            of = problem.margin.measure
+            document = info_document(problem.model, problem.task, findings, of)
         elif robot.startswith(EXAMPLE) or robot in bundled_robots() or is_file(Path(robot)):
-            model = FreeFloatingModel.from_urdf(find_robot(robot, Path()), end_effector)
-            document = info_document(model, natural_task(model))
+            urdf = find_robot(robot, Path())
+            findings = unless_defect(examine(urdf), as_json)
+            model = FreeFloatingModel.from_urdf(urdf, end_effector)
+            document = info_document(model, natural_task(model), findings)
         else:
             names = (*bundled_robots(), *bundled_scenarios())
             raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")

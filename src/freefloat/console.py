@@ -10,12 +10,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperGroup
 
 from freefloat.errors import FreeFloatError, InputError
+from freefloat.findings import Finding, Severity
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -86,10 +88,28 @@ def answering(as_json: bool) -> Iterator[None]:
 
 def _print_error(error: FreeFloatError, as_json: bool) -> None:
     if as_json:
-        fields = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source"}
-        details = {name: getattr(error, field, None) for name, field in fields.items()}
-        print_json({"error": {"message": str(error), **details}})
+        print_json({"error": _error_document(error)})
     typer.echo(f"freefloat: {error}", err=True)
+
+
+def _error_document(error: FreeFloatError) -> dict[str, Any]:
+    names = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source"}
+    details = {key: getattr(error, name, None) for key, name in (names | {"line": "line"}).items()}
+    return {"message": str(error), **details}
+
+
+def unless_defect(findings: Sequence[Finding], as_json: bool) -> Sequence[Finding]:
+    """What was found in a URDF; where it cannot be loaded, print all of it and exit with 2."""
+    defects = [one for one in findings if one.severity == Severity.DEFECT]
+    if not defects:
+        return findings
+    if as_json:
+        first = _error_document(defects[0].error())
+        print_json({"findings": [asdict(one) for one in findings], "error": first})
+    for one in findings:
+        told = one.error() if one in defects else f"{one.severity}: {one}"
+        typer.echo(f"freefloat: {told}", err=True)
+    raise typer.Exit(BAD_INPUT)
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -17,17 +17,27 @@ class InputError(FreeFloatError):
         problem: What is wrong with it, naming the value given.
         accepted: What would be accepted instead.
         source: The file it stands in, where it stands in one.
+        line: The line in that file, where it is known.
     """
 
-    def __init__(self, key: str, problem: str, accepted: str, source: str | None = None) -> None:
-        super().__init__(key, problem, accepted, source)
+    def __init__(
+        self,
+        key: str,
+        problem: str,
+        accepted: str,
+        source: str | None = None,
+        line: int | None = None,
+    ) -> None:
+        super().__init__(key, problem, accepted, source, line)
         self.key = _one_line(key)
         self.problem = _one_line(problem)
         self.accepted = _one_line(accepted)
         self.source = source
+        self.line = line
 
     def __str__(self) -> str:
-        place = f"{self.source}: {self.key}" if self.source else self.key
+        file = f"{self.source}:{self.line}" if self.line else self.source
+        place = f"{file}: {self.key}" if file else self.key
         return f"{place}: {self.problem}; accepted: {self.accepted}"
 
     def found_in(self, source: str, prefix: str = "") -> "InputError":
@@ -40,7 +50,8 @@ class InputError(FreeFloatError):
         Returns:
             A new error of the same class; where this one already names a file, that file is kept.
         """
-        return type(self)(prefix + self.key, self.problem, self.accepted, self.source or source)
+        file = self.source or source
+        return type(self)(prefix + self.key, self.problem, self.accepted, file, self.line)
 
 
 def _one_line(text: str) -> str:

@@ -14,8 +14,10 @@ import pinocchio as pin
 
 from freefloat.assembly import Payload, Spacecraft, assemble
 from freefloat.errors import InputError, ModelError
+from freefloat.findings import Finding
 from freefloat.spatial import Array, Pose, finite_vector, frozen
-from freefloat.urdf import UNLIMITED, Description, Doubt, read_urdf, source_of
+from freefloat.urdf import UNLIMITED, Description, read_urdf, told_of
+from freefloat.urdf_text import source_of
 
 _MOVING_JOINTS = ("JointModelR", "JointModelP")
 
@@ -94,10 +96,13 @@ class FreeFloatingModel:
         Raises:
             ModelError: If the URDF is unfit, or has no such frame, or no joint moves it.
         """
-        whole = urdf
-        if spacecraft is not None or payload is not None:
+        if spacecraft is None and payload is None:
+            description = read_urdf(urdf, scale_mass)
+        else:
             whole = assemble(urdf, spacecraft, payload, end_effector)
-        description = replace(read_urdf(whole, scale_mass), source=source_of(urdf))
+            told = told_of(urdf, carried=spacecraft is not None)  # with lines of the arm's file
+            description = read_urdf(whole, scale_mass)
+            description = replace(description, source=source_of(urdf), findings=told)
         model = cls(description, end_effector or _only_tip(description), dict(held or {}))
         _ = model.pin_model
         return model
@@ -121,7 +126,7 @@ class FreeFloatingModel:
         return _frame_id(self.pin_model, self.end_effector)
 
     @property
-    def doubts(self) -> tuple[Doubt, ...]:
+    def doubts(self) -> tuple[Finding, ...]:
         """What the URDF says that is probably not what was meant."""
         return self.description.doubts
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from freefloat.areas import workspace_of
 from freefloat.closeness import Least
 from freefloat.dynamics import Task
+from freefloat.findings import Finding, Severity
 from freefloat.limits import LimitFinding
 from freefloat.model import FreeFloatingModel
 from freefloat.motion import Ending, Motion, State
@@ -215,8 +216,13 @@ def natural_task(model: FreeFloatingModel) -> Task:
     return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)
 
 
-def info_document(model: FreeFloatingModel, task: Task, of: Measure | None = None) -> Document:
-    """What ``info`` answers: what the robot is, and every doubt about its URDF."""
+def info_document(
+    model: FreeFloatingModel,
+    task: Task,
+    findings: Sequence[Finding],
+    of: Measure | None = None,
+) -> Document:
+    """What ``info`` answers: what the robot is, and what was found in its URDF."""
     virtual = VirtualManipulator.of(model)
     of = of or measure(model, task, "gjm")
     extremes = joint_space_extremes(model, of)
@@ -246,5 +252,6 @@ def info_document(model: FreeFloatingModel, task: Task, of: Measure | None = Non
         "s_max": extremes.largest,
         "s_max_at": extremes.largest_at.tolist(),
         "s_min": extremes.smallest,
-        "warnings": [str(doubt) for doubt in model.doubts],
+        "warnings": [str(one) for one in findings if one.severity == Severity.DOUBT],
+        "findings": [asdict(one) for one in findings],
     }  # fmt: skip

@@ -60,12 +60,17 @@ class Scenario:
     content: ScenarioFile
     samples: str | None = None
 
+    def urdf(self) -> Path:
+        """The robot's file; of a robot put together in the scenario the arm's."""
+        with self.told("robot."):
+            return find_robot(self.content.robot.urdf, self.source.parent)
+
     def model(self) -> FreeFloatingModel:
         """Load the robot."""
         robot = self.content.robot
         with self.told("robot."):
             return FreeFloatingModel.from_urdf(
-                find_robot(robot.urdf, self.source.parent),
+                self.urdf(),
                 robot.end_effector,
                 scale_mass=robot.scale_mass,
                 spacecraft=None if robot.spacecraft is None else _spacecraft(robot.spacecraft),

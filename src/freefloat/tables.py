@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -312,7 +313,7 @@ def view_tables(document: Document) -> list[RenderableType]:
 
 
 def info_tables(document: Document) -> list[RenderableType]:
-    """A robot: its bodies, its joints, what it can reach, and doubts."""
+    """A robot: its bodies, its joints, what it can reach, and what was found in its file."""
     title = Text(f"{document['urdf']}: {document['total_mass']:.6g} kg")
     bodies = _table(
         "moved by", "mass [kg]", "range", "centre of mass [m]", "moments about it [kg m²]"
@@ -332,9 +333,27 @@ def info_tables(document: Document) -> list[RenderableType]:
         f"reach {document['reach']:.4f} m from the centre of mass",
         f"{of['name']}: {of['definition']}; over the joint space from {document['s_min']:.6g} to "
         f"{document['s_max']:.6g} {of['unit']}",
-        *(f"doubt: {warning}" for warning in document["warnings"]),
     ]
-    return [title, bodies, *(Text(line) for line in lines)]
+    return [title, bodies, *(Text(line) for line in lines), *_finding_lines(document["findings"])]
+
+
+def _finding_lines(findings: Sequence[Document]) -> Iterator[RenderableType]:
+    """What was found in a file; what several links or joints have in common is told once."""
+    alike: dict[tuple[str, str, str, str], list[Document]] = {}
+    for one in findings:
+        kind, _, _ = one["element"].partition(" ")
+        alike.setdefault((one["severity"], kind, one["problem"], one["remedy"]), []).append(one)
+    if findings:
+        counts = Counter(one["severity"] for one in findings)
+        told = ", ".join(f"{n} {word}{'s' * (n > 1)}" for word, n in counts.items())
+        yield Text(f"{findings[0]['file']}: {told}")
+    for (severity, kind, problem, remedy), ones in alike.items():
+        several = "s" * (len(ones) > 1)
+        where = f"line{several} {', '.join(str(one['line']) for one in ones)}"
+        names = ", ".join(one["element"].removeprefix(kind).strip() for one in ones)
+        style = "yellow" if severity == "doubt" else ""
+        yield Text(f"  {severity}, {where}, {kind}{several} {names}: {problem}", style)
+        yield Text(f"    {remedy}")
 
 
 def _range(joint: Document) -> str:
