@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.dynamics import DriftEquation
 from freefloat.errors import InputError
 from freefloat.extremes import Largest, Quantities, at_nodes, largest
 from freefloat.joint_spans import joint_ranges, joint_spans
@@ -58,7 +57,7 @@ class LimitChecker:
         self._limits = limits
         self._names = problem.model.joint_names
         self._dynamics = InverseDynamics(problem)
-        self._equation = DriftEquation(problem.model, problem.task, problem.momentum)
+        self._equation = problem.drift_equation()
         self._lower, self._upper = joint_ranges(problem.model)
         self._problem = problem
         if limits.clearance is not None:
@@ -196,7 +195,8 @@ class LimitChecker:
 
     def _rates(self, motion: Motion, panel: int, x: float) -> tuple[Array, Array]:
         t, attitude, joints, piece = _state(motion, panel, x)
-        return self._equation.rates(attitude, joints, self._problem.path.twist(t, piece))
+        wish = self._problem.path.twist_and_speed(t, piece)
+        return self._equation.rates(attitude, joints, *wish)
 
     def _effort(self, motion: Motion, panel: int, x: float) -> Effort:
         t, attitude, joints, piece = _state(motion, panel, x)

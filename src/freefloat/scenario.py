@@ -27,6 +27,7 @@ from freefloat.limits import Limits
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath, parse_samples, samples_text
 from freefloat.problem import Margin, Problem
+from freefloat.redundancy import Redundancy
 from freefloat.schema import (
     AttitudeSection,
     FollowSection,
@@ -34,6 +35,7 @@ from freefloat.schema import (
     OrientationSection,
     PayloadSection,
     PolynomialSection,
+    RedundancySection,
     ScenarioFile,
     SpacecraftSection,
 )
@@ -100,8 +102,9 @@ class Scenario:
             if margin.fraction is not None:
                 value = margin.fraction * joint_space_extremes(model, of).magnitude
             return Problem(
-                model, timed, content.task, np.array(content.momentum), Margin(of, value or 0.0)
-            )
+                model, timed, content.task, np.array(content.momentum), Margin(of, value or 0.0),
+                None if content.redundancy is None else _redundancy(content.redundancy),
+            )  # fmt: skip
 
     def search(self) -> Search:
         """What a plan should look for.
@@ -212,6 +215,11 @@ def _joint_limits(key: str, given: JointLimits | None, rated: dict[str, float]) 
                 raise InputError(f"{key}.{joint}", "no such joint moves", ", ".join(rated))
         return np.array([given.get(joint, np.inf) for joint in rated])
     return np.full(len(rated), given)
+
+
+def _redundancy(section: RedundancySection) -> Redundancy:
+    own = section.model_dump(exclude_none=True)
+    return Redundancy(**own)
 
 
 def _rotation(section: OrientationSection, key: str) -> Array:

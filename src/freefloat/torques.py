@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics import DriftEquation, end_effector_jacobian, momentum_map
+from freefloat.dynamics import end_effector_jacobian, momentum_map
 from freefloat.problem import Problem
 from freefloat.spatial import Array
 
@@ -49,7 +49,7 @@ class InverseDynamics:
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
-        self._equation = DriftEquation(problem.model, problem.task, problem.momentum)
+        self._equation = problem.drift_equation()
         self._weightless = problem.model.pin_model.copy()
         self._weightless.gravity = pin.Motion.Zero()
         self._scratch = self._weightless.createData()
@@ -68,8 +68,9 @@ class InverseDynamics:
             Everything nan where the arm is exactly singular: rates have no bound there.
         """
         path = self._problem.path
-        twist, change = path.twist(t, piece), path.twist_rate(t, piece)
-        omega, joint_rates = self._equation.rates(attitude, joints, twist)
+        twist, speed = path.twist_and_speed(t, piece)
+        change = path.twist_rate(t, piece)
+        omega, joint_rates = self._equation.rates(attitude, joints, twist, speed)
         count = 6 + len(joints)
         if not np.isfinite(joint_rates).all():
             unknown = np.full(count, np.nan)
@@ -88,24 +89,29 @@ class InverseDynamics:
             right = np.concatenate([-drift.vector, change[self._rows] - bias])
             a = np.linalg.solve(np.vstack([A, J]), right)
         else:
-            bend = self._differenced(attitude, joints, turning, twist, change)
+            wish = np.append(twist, speed), np.append(change, path.timing.s(t, 2, piece))
+            bend = self._differenced(attitude, joints, turning, *wish)
             base = -np.linalg.solve(A[:, :6], drift.vector + A[:, 6:] @ bend)
             a = np.concatenate([base, bend])
         forces = np.array(pin.rnea(model, scratch, q, v, a))
         return Effort(v, a, forces[:6], forces[6:])
 
     def _differenced(
-        self, attitude: Array, joints: Array, turning: Array, twist: Array, change: Array
+        self, attitude: Array, joints: Array, turning: Array, wish: Array, change: Array
     ) -> Array:
-        """Joint accelerations: joint rates differentiated along the tangent of the motion."""
-        speed = max(float(np.abs(turning).max()), _EXCURSION / self._problem.path.duration)
-        step, now = _EXCURSION / speed, Rotation.from_quat(attitude)
+        """Joint accelerations: joint rates differentiated along the tangent of the motion.
+
+        ``wish`` is the twist and ds/dt, ``change`` their derivatives by time, shape (7,) each.
+        """
+        pace = max(float(np.abs(turning).max()), _EXCURSION / self._problem.path.duration)
+        step, now = _EXCURSION / pace, Rotation.from_quat(attitude)
         total = np.zeros(len(joints))
         for side in (1.0, -1.0):
             for ahead, weight in zip(side * step * _STEPS, side * _WEIGHTS, strict=True):
                 turned = now * Rotation.from_rotvec(ahead * turning[:3])
+                soon = wish + ahead * change
                 rates = self._equation.rates(
-                    turned.as_quat(), joints + ahead * turning[3:], twist + ahead * change
+                    turned.as_quat(), joints + ahead * turning[3:], soon[:6], float(soon[6])
                 )[1]
                 total += weight * rates
         return np.asarray(total / step)
