@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from freefloat.assembly import Payload, Spacecraft, assemble
+from freefloat.assembly import Attachment, Payload, Spacecraft, assemble
 from freefloat.errors import InputError, ModelError
 from freefloat.spatial import Array, Pose, finite_vector, frozen
 from freefloat.urdf import UNLIMITED, Description, Doubt, read_urdf, source_of
@@ -75,6 +75,7 @@ class FreeFloatingModel:
         held: Mapping[str, float] | None = None,
         spacecraft: Spacecraft | None = None,
         payload: Payload | None = None,
+        attached: Sequence[Attachment] = (),
     ) -> FreeFloatingModel:
         """Load a robot whose root link is the spacecraft, or an arm to be mounted on one.
 
@@ -86,13 +87,14 @@ class FreeFloatingModel:
             held: Values [rad or m] of joints that do not move the end-effector.
             spacecraft: Put under the root link, see :func:`~freefloat.assembly.assemble`.
             payload: Held by the end-effector.
+            attached: Further URDFs, fixed to links.
 
         Raises:
             ModelError: If the URDF is unfit, or has no such frame, or no joint moves it.
         """
         whole = urdf
-        if spacecraft is not None or payload is not None:
-            whole = assemble(urdf, spacecraft, payload, end_effector)
+        if spacecraft is not None or payload is not None or attached:
+            whole = assemble(urdf, spacecraft, payload, end_effector, attached)
         description = replace(read_urdf(whole, scale_mass), source=source_of(urdf))
         model = cls(description, end_effector or _only_tip(description), dict(held or {}))
         _ = model.pin_model

@@ -74,7 +74,7 @@ def read_urdf(urdf: str | Path, scale_mass: float | Mapping[str, float] = 1.0) -
             without limits, negative masses or no mass at all.
     """
     robot = checked_robot(urdf)
-    _scale(robot, scale_mass)
+    scale_masses(robot, scale_mass)
     _write_plain_joints(robot)
     return Description(
         ET.tostring(robot, encoding="unicode"), source_of(urdf), tuple(_doubts(robot))
@@ -94,6 +94,25 @@ def checked_robot(urdf: str | Path) -> ET.Element:
     except InputError as error:
         raise error.found_in(source_of(urdf)) from None
     return robot
+
+
+def scale_masses(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> None:
+    """Multiply mass and inertia of every link by a factor, or of the links named in a map."""
+    links = {str(link.get("name")): link for link in robot.findall("link")}
+    if isinstance(scale_mass, Mapping):
+        factors = dict(scale_mass)
+    else:
+        factors = dict.fromkeys(links, float(scale_mass))
+    for name, factor in factors.items():
+        if name not in links:
+            raise ModelError(f"scale_mass.{name}", "the robot has no such link", ", ".join(links))
+        if not (math.isfinite(factor) and factor > 0.0):
+            raise ModelError(f"scale_mass.{name}", f"{factor} was given", "a positive number")
+        for tag in ("inertial/mass", "inertial/inertia"):
+            element = links[name].find(tag)
+            if element is not None and factor != 1.0:
+                for key in {"value", *_MOMENTS} & set(element.attrib):
+                    element.set(key, repr(float(element.attrib[key]) * factor))
 
 
 def source_of(urdf: str | Path) -> str:
@@ -228,24 +247,6 @@ def _check_joints(robot: ET.Element) -> None:
 
 def _is_finite_number(word: str) -> bool:
     return bool(_PLAIN_NUMBER.fullmatch(word)) and math.isfinite(float(word))
-
-
-def _scale(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> None:
-    links = {str(link.get("name")): link for link in robot.findall("link")}
-    if isinstance(scale_mass, Mapping):
-        factors = dict(scale_mass)
-    else:
-        factors = dict.fromkeys(links, float(scale_mass))
-    for name, factor in factors.items():
-        if name not in links:
-            raise ModelError(f"scale_mass.{name}", "the robot has no such link", ", ".join(links))
-        if not (math.isfinite(factor) and factor > 0.0):
-            raise ModelError(f"scale_mass.{name}", f"{factor} was given", "a positive number")
-        for tag in ("inertial/mass", "inertial/inertia"):
-            element = links[name].find(tag)
-            if element is not None and factor != 1.0:
-                for key in {"value", *_MOMENTS} & set(element.attrib):
-                    element.set(key, repr(float(element.attrib[key]) * factor))
 
 
 def _check_masses(robot: ET.Element) -> None:
