@@ -236,9 +236,7 @@ def test_two_arms_stand_on_one_spacecraft(tmp_path: Path) -> None:
     """The second arm's names are its own, its joints are held, its mass counts."""
     file = tmp_path / "two.urdf"
     second = ("--second-arm", UR5, "--second-mount", "0.5", "0", "0", "0", "1.5", "0")
-    document = run(
-        "assemble", UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT, *second
-    )
+    document = run("assemble", UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT, *second)
     moves = {joint["name"]: joint["moves"] for joint in document["joints"]}
     assert sum(moves.values()) == 6
     assert all(name.startswith("second_") != moving for name, moving in moves.items())
@@ -368,9 +366,9 @@ robot:
   spacecraft: {mass: 40, inertia: [7, 7, 7], mount: {xyz: [0, 0, 0]}}
 task: planar-position
 path:
-  line: {from: [1.2, 0.2, 0], to: [0.5, 1, 0]}
+  line: {from: [0.9, 0.1, 0], to: [0.7, 0.4, 0]}
 timing: {law: quintic, duration: 30}
-margin: {measure: system, value: 0.5}
+margin: {measure: system, fraction: 0.02}
 """
 PLANAR_CHANGES = {
     "another mount": ("xyz: [0, 0, 0]", "xyz: [0.2, 0.1, 0], rpy: [0, 0, 0.5]"),
@@ -381,7 +379,7 @@ PLANAR_CHANGES = {
 
 @pytest.mark.parametrize("name", PLANAR_CHANGES)
 def test_another_robot_is_planned_otherwise_and_proved(name: str, tmp_path: Path) -> None:
-    """Its feasible headings are others, and its motion is right, too."""
+    """Another start, another margin; and its motion is right, too."""
     found = []
     for text in (PLANAR, PLANAR.replace(*PLANAR_CHANGES[name])):
         file = tmp_path / "line.yaml"
@@ -390,10 +388,10 @@ def test_another_robot_is_planned_otherwise_and_proved(name: str, tmp_path: Path
         assert found[-1]["feasible"]
         assert found[-1]["residuals"]["end_effector_position"] < 1e-7
         assert found[-1]["residuals"]["momentum"] < 1e-6
-    ranges = [one["attitude_ranges_deg"] for one in found]
-    assert ranges[0] != ranges[1]
-    headings = [one["heading_deg"] for one in found]
-    assert abs(headings[0] - headings[1]) > 0.1
+    margins = [one["min_margin"]["value"] for one in found]
+    assert abs(margins[0] / margins[1] - 1.0) > 0.01
+    starts = [[one["heading_deg"], *one["initial"]["joints"]] for one in found]
+    assert np.abs(np.subtract(*starts)).max() > 0.01
 
 
 def test_a_copy_of_the_file_is_the_same_robot(tmp_path: Path) -> None:
