@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from freefloat.assembly import Mount, Payload, Spacecraft, assemble
+from freefloat.assembly import Attachment, Mount, Payload, Spacecraft, assemble
 from freefloat.bundled import EXAMPLE, find_robot
 from freefloat.cli import app
 from freefloat.closeness import least
@@ -23,6 +23,7 @@ from freefloat.dynamics import momentum_map
 from freefloat.errors import InputError, ModelError
 from freefloat.integration import integrate_motion
 from freefloat.model import FreeFloatingModel
+from freefloat.parts import roll_pitch_yaw
 from freefloat.scenario import load_scenario
 from tests.robots import Robot, inertial_text, joint_text, link_text, random_inertia, random_robot
 
@@ -333,6 +334,134 @@ def test_an_arm_that_is_unfit_is_refused_with_its_file(tmp_path: Path) -> None:
     assert "without <!...> parts" in caught.value.accepted
 
 
+# ------------------------------------------------------------------------------ what is attached
+
+
+@given(seed=seeds)
+def test_an_attached_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
+    """The same mass matrix as ``appendModel`` of a fixed-base arm to a link of the other."""
+    rng = np.random.default_rng(seed)
+    first, second = random_robot(rng, "RPR"), random_robot(rng, "CR")
+    mount, at = Mount(rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3)), first.joints[1]
+    whole = free_flyer(assemble(first.text, attached=[Attachment(second.text, at, mount, "b_")]))
+    place = pin.SE3(Rotation.from_euler("xyz", mount.rpy).as_matrix(), np.array(mount.xyz))
+    renamed = second.text.replace('name="', 'name="b_').replace('link="', 'link="b_')
+    base = free_flyer(first.text)
+    moved = base.frames[base.getFrameId(at)].parentJoint
+    frame = next(i for i, one in enumerate(base.frames)
+                 if one.type == pin.FrameType.BODY and one.parentJoint == moved)  # fmt: skip
+    wanted = pin.appendModel(base, pin.buildModelFromXML(renamed), frame, place)
+    q = {name: rng.uniform(-2, 2) for name in [*whole.names][2:]}
+    stance = [*rng.uniform(-1, 1, 3), *Rotation.random(rng=rng).as_quat()]
+    masses = []
+    for model in (whole, wanted):
+        values = pin.neutral(model)
+        values[:7] = stance
+        order = list(range(6))
+        for name in sorted(q):
+            joint = model.joints[model.getJointId(name)]
+            angle = [np.cos(q[name]), np.sin(q[name])] if joint.nq == 2 else [q[name]]
+            values[joint.idx_q : joint.idx_q + joint.nq] = angle
+            order.append(joint.idx_v)
+        M = pin.crba(model, model.createData(), values)
+        M = np.triu(M) + np.triu(M, 1).T
+        masses.append(M[np.ix_(order, order)])
+    assert np.allclose(*masses, rtol=0, atol=1e-12 * np.abs(masses[0]).max())
+
+
+def test_an_empty_root_gives_way_to_what_is_joined_to_it() -> None:
+    """Also where several joints leave it and one of them moves, under an awkward mount."""
+    arm = '<robot name="a">' + link_text("world")
+    arm += joint_text("left", "F", "world", "foot", "1 2 3", "0.3 -0.2 1")
+    arm += link_text("foot", inertial_text(3.0, np.eye(3), "0.2 0 0"))
+    arm += joint_text("rail", "P", "world", "cart", "0 1 0", "0 0 0.5", "1 0 0")
+    arm += link_text("cart", inertial_text(4.0, np.eye(3), "0 0.3 0")) + "</robot>"
+    mount = Mount([0.5, -0.4, 0.3], [0.7, np.pi / 2, -0.4])
+    text = assemble(arm, Spacecraft(65.0, CUBE, mount))
+    assert "world" not in text
+    model = free_flyer(text)
+    whole = pin.SE3(mount.pose.rotation, mount.pose.position)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, np.array([0, 0, 0, *IDENTITY, 0.0]))
+    for name, xyz, rpy in (("foot", [1, 2, 3], [0.3, -0.2, 1]), ("cart", [0, 1, 0], [0, 0, 0.5])):
+        wanted = whole * pin.SE3(Rotation.from_euler("xyz", rpy).as_matrix(), np.array(xyz, float))
+        found = data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
+        assert np.allclose(found.homogeneous, wanted.homogeneous, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-8, 1.0, np.pi / 2 + 1e-5])
+def test_roll_pitch_and_yaw_come_back_as_the_same_turn(pitch: float) -> None:
+    for roll, yaw in ((0.0, 0.0), (0.7, -0.4), (-3.0, 2.0)):
+        turn = Mount(rpy=np.array([roll, pitch, yaw])).pose.rotation
+        assert np.allclose(turn, Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix(),
+                           rtol=0, atol=1e-15)  # fmt: skip
+        again = Mount(rpy=roll_pitch_yaw(turn)).pose.rotation
+        assert np.allclose(again, turn, rtol=0, atol=1e-15)
+
+
+def test_names_that_are_taken_ask_for_a_prefix() -> None:
+    arm = random_robot(np.random.default_rng(3), "RR")
+    with pytest.raises(ModelError) as caught:
+        assemble(arm.text, attached=[Attachment(arm.text)])
+    assert caught.value.key == "attached.0.prefix"
+    assert arm.joints[0] in caught.value.problem
+    text = assemble(arm.text, attached=[Attachment(arm.text, prefix="left_")])
+    assert f'name="left_{arm.joints[0]}"' in text
+
+
+def test_a_colour_of_its_own_keeps_its_name_to_itself() -> None:
+    plain = '<robot name="{0}"><material name="m"><color rgba="{1} 0 0 1"/></material>'
+    plain += link_text("{0}", inertial_text(1.0, np.eye(3))) + "</robot>"
+    red, dark = plain.format("a", "1"), plain.format("b", "0")
+    with pytest.raises(ModelError) as caught:
+        assemble(red, attached=[Attachment(dark)])
+    assert caught.value.key == "attached.0.prefix"
+    assert assemble(red, attached=[Attachment(red.replace('"a"', '"b"'))]).count('"m"') == 2
+    assert '"x_m"' in assemble(red, attached=[Attachment(dark, prefix="x_")])
+
+
+def test_meshes_of_an_attached_robot_are_found_from_the_first(tmp_path: Path) -> None:
+    (tmp_path / "tool").mkdir()
+    (tmp_path / "tool" / "part.stl").write_bytes(b"")
+    shown = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
+    tool = tmp_path / "tool" / "tool.urdf"
+    tool.write_text(
+        '<robot name="t">' + link_text("t", inertial_text(1.0, np.eye(3)) + shown) + "</robot>"
+    )
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(random_robot(np.random.default_rng(4), "R").text)
+    text = assemble(arm, attached=[Attachment(tool)])
+    assert f'filename="{tmp_path / "tool" / "part.stl"}"' in text
+
+
+def test_a_link_that_is_not_there_and_a_bad_file_are_told() -> None:
+    arm = random_robot(np.random.default_rng(5), "R").text
+    with pytest.raises(ModelError) as caught:
+        assemble(arm, attached=[Attachment(arm, "elbow", prefix="b_")])
+    assert caught.value.key == "attached.0.link"
+    with pytest.raises(ModelError) as caught:
+        assemble(arm, attached=[Attachment("<robot/>")])
+    assert caught.value.source == "URDF text"
+
+
+@pytest.mark.parametrize(
+    "given_", [[4.0, 0.1, 0.2, 5.0, 0.3, 6.0], [4.0, 0.1, 0.2, 0.1, 5.0, 0.3, 0.2, 0.3, 6.0]]
+)
+def test_inertias_may_be_six_or_nine_numbers(given_: list[float]) -> None:
+    wanted = [[4.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]]
+    assert np.array_equal(Spacecraft(9.0, given_).inertia, wanted)
+
+
+def test_the_spacecrafts_centre_of_mass_need_not_be_its_origin() -> None:
+    arm = random_robot(np.random.default_rng(6), "R").text
+    craft = Spacecraft(1e6, CUBE, size=[1, 2, 3], com=[0.1, -0.2, 0.3])
+    text = assemble(arm, craft)
+    centre = centre_of_mass(free_flyer(text), np.zeros(1))
+    assert np.allclose(centre, [0.1, -0.2, 0.3], rtol=0, atol=1e-3)
+    (origin,) = ET.fromstring(text).findall("link[@name='spacecraft']/visual/origin")
+    assert origin.get("xyz") == "0.0 0.0 0.0"
+
+
 # ---------------------------------------------------------------------------------- scenarios
 
 
@@ -408,7 +537,12 @@ BAD = {
     "two moments": ("[35, 35, 35]", "[35, 35]", "spacecraft.inertia", "more entries"),
     "one moment": ("[35, 35, 35]", "35", "spacecraft.inertia", "a list"),
     "flat box": ("size: [1, 1, 1]", "size: [1, 1, 0]", "spacecraft.size.2", "greater than 0"),
-    "unknown key": ("mass: 200", "weight: 1, mass: 2", "spacecraft.weight", "mass, inertia, mount"),
+    "unknown key": (
+        "mass: 200",
+        "weight: 1, mass: 2",
+        "spacecraft.weight",
+        "mass, inertia, com, mount",
+    ),
     "unknown mount": ("xyz: [0", "zyx: [0", "spacecraft.mount.zyx", "xyz, rpy"),
     "unknown frame": ("tool0", "tool9", "end_effector", "tool0"),
     "unknown link": ("tool0", "tool0\n  scale_mass: {bus: 2}", "scale_mass.bus", "spacecraft"),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from freefloat import options
+from freefloat.assemble_command import assemble
 from freefloat.console import (
     DONE,
     NO,
@@ -102,6 +103,9 @@ def info(
     from freefloat.tables import info_tables
 
     answer(document, info_tables(document), as_json)
+
+
+app.command()(assemble)
 
 
 @app.command()

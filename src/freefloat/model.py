@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from freefloat.assembly import Payload, Spacecraft, assemble
+from freefloat.assembly import Attachment, Payload, Spacecraft, assemble
 from freefloat.errors import InputError, ModelError
 from freefloat.findings import Finding
 from freefloat.spatial import Array, Pose, finite_vector, frozen
@@ -81,6 +81,7 @@ class FreeFloatingModel:
         held: Mapping[str, float] | None = None,
         spacecraft: Spacecraft | None = None,
         payload: Payload | None = None,
+        attached: Sequence[Attachment] = (),
     ) -> FreeFloatingModel:
         """Load a robot whose root link is the spacecraft, or an arm to be mounted on one.
 
@@ -92,14 +93,15 @@ class FreeFloatingModel:
             held: Values [rad or m] of joints that do not move the end-effector.
             spacecraft: Put under the root link, see :func:`~freefloat.assembly.assemble`.
             payload: Held by the end-effector.
+            attached: Further URDFs, fixed to links.
 
         Raises:
             ModelError: If the URDF is unfit, or has no such frame, or no joint moves it.
         """
-        if spacecraft is None and payload is None:
+        if spacecraft is None and payload is None and not attached:
             description = read_urdf(urdf, scale_mass)
         else:
-            whole = assemble(urdf, spacecraft, payload, end_effector)
+            whole = assemble(urdf, spacecraft, payload, end_effector, attached)
             told = told_of(urdf, carried=spacecraft is not None)  # with lines of the arm's file
             description = read_urdf(whole, scale_mass)
             description = replace(description, source=source_of(urdf), findings=told)

@@ -135,3 +135,84 @@ Scene = Annotated[
         '"side by side".',
     ),
 ]
+
+# --- assemble -----------------------------------------------------------------------------------
+
+Robot = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="An arm: a URDF, a bundled name or example-robot-data:NAME. Or a scenario, or a YAML "
+        "file with its robot section alone: all parts are told there.",
+    ),
+]
+UrdfOutput = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FILE", help="The URDF to write.")
+]
+EndEffector = Annotated[
+    str | None,
+    typer.Option(metavar="LINK", help="Follows paths and holds; else the only last link."),
+]
+Mass = Annotated[float | None, typer.Option(metavar="KG", help="The spacecraft's mass.")]
+Inertia = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y,Z",
+        help="Its inertia about its centre of mass, kg m²: three principal moments, "
+        "ixx,ixy,ixz,iyy,iyz,izz, or nine numbers.",
+    ),
+]
+Centre = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(metavar="X Y Z", help="Its centre of mass in its frame, m; else the origin."),
+]
+Edges = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(metavar="X Y Z", help="Edges of the box that stands for it, m."),
+]
+MeshFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="A mesh that stands for it instead.")
+]
+Mounting = Annotated[
+    tuple[float, float, float, float, float, float] | None,
+    typer.Option(metavar="X Y Z R P Y", help="Where the arm stands on it, m, and how, rad."),
+]
+PayloadMass = Annotated[
+    float | None, typer.Option(metavar="KG", help="Of what the end-effector holds.")
+]
+PayloadInertia = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="As --inertia.")]
+PayloadCentre = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(metavar="X Y Z", help="Its centre of mass in the end-effector's frame, m."),
+]
+PayloadEdges = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(metavar="X Y Z", help="Edges of a box about its centre of mass, m."),
+]
+PayloadMesh = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="A mesh in the end-effector's frame instead.")
+]
+Tool = Annotated[
+    str | None,
+    typer.Option(metavar="URDF", help="Fixed to the end-effector; its names get tool_ in front."),
+]
+SecondArm = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URDF",
+        help="Fixed to the spacecraft; its names get second_ in front. Needs "
+        "--end-effector: the other arm is held still.",
+    ),
+]
+Standing = Annotated[
+    tuple[float, float, float, float, float, float] | None,
+    typer.Option(metavar="X Y Z R P Y", help="Where its root link stands, m, and how, rad."),
+]
+CopyMeshes = Annotated[
+    bool,
+    typer.Option(
+        "--copy-meshes",
+        help="Copy mesh files into a folder beside the URDF, to be moved with it; else they are "
+        "named by absolute paths.",
+    ),
+]

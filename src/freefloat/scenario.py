@@ -6,13 +6,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
 from scipy.spatial.transform import Rotation
 
-from freefloat.assembly import Mount, Payload, Spacecraft
 from freefloat.attitude_law import (
     AttitudeLaw,
     FixedAttitude,
@@ -28,16 +27,16 @@ from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath, parse_samples, samples_text
 from freefloat.problem import Margin, Problem
 from freefloat.redundancy import Redundancy
+from freefloat.robot_parts import RobotParts
 from freefloat.schema import (
     AttitudeSection,
     FollowSection,
     JointLimits,
     OrientationSection,
-    PayloadSection,
     PolynomialSection,
     RedundancySection,
+    RobotFile,
     ScenarioFile,
-    SpacecraftSection,
 )
 from freefloat.search import Search
 from freefloat.singularity import joint_space_extremes, measure
@@ -69,15 +68,8 @@ class Scenario:
 
     def model(self) -> FreeFloatingModel:
         """Load the robot."""
-        robot = self.content.robot
         with self.told("robot."):
-            return FreeFloatingModel.from_urdf(
-                self.urdf(),
-                robot.end_effector,
-                scale_mass=robot.scale_mass,
-                spacecraft=None if robot.spacecraft is None else _spacecraft(robot.spacecraft),
-                payload=None if robot.payload is None else _payload(robot.payload),
-            )
+            return RobotParts.of(self.content.robot, self.source.parent).model()
 
     def problem(self, model: FreeFloatingModel | None = None) -> Problem:
         """Build everything.
@@ -186,16 +178,6 @@ class Scenario:
             raise error.found_in(str(self.source), prefix) from None
 
 
-def _spacecraft(section: SpacecraftSection) -> Spacecraft:
-    mount = Mount(np.array(section.mount.xyz), np.array(section.mount.rpy))
-    size = None if section.size is None else np.array(section.size)
-    return Spacecraft(section.mass, np.array(section.inertia), mount, size)
-
-
-def _payload(section: PayloadSection) -> Payload:
-    return Payload(section.mass, np.array(section.inertia), np.array(section.com))
-
-
 def _joint_limits(key: str, given: JointLimits | None, rated: dict[str, float]) -> Array | None:
     """Limits joint by joint, infinite where a map leaves one out; None where none are given."""
     if given is None:
@@ -266,6 +248,27 @@ def load_scenario(name: str | Path) -> Scenario:
     return parse_scenario(read_text(source), source)
 
 
+def load_robot(name: str | Path) -> RobotParts:
+    """Read the robot of a scenario, or of a file that says nothing but ``robot``.
+
+    Args:
+        name: A file, or the name of a bundled scenario.
+
+    Raises:
+        InputError: As for :func:`load_scenario`.
+    """
+    source = find_scenario(str(name))
+    data = parse_yaml(read_text(source), source)
+    if isinstance(data, dict) and list(data) == ["robot"]:
+        section = _validated(RobotFile, data, source).robot
+    else:
+        section = _validated(ScenarioFile, data, source).robot
+    try:
+        return RobotParts.of(section, source.parent)
+    except InputError as error:
+        raise error.found_in(str(source), "robot.") from None
+
+
 def parse_scenario(text: str, source: Path, samples: str | None = None) -> Scenario:
     """A scenario from its text.
 
@@ -277,13 +280,20 @@ def parse_scenario(text: str, source: Path, samples: str | None = None) -> Scena
     Raises:
         InputError: As for :func:`load_scenario`.
     """
-    try:
-        content = ScenarioFile.model_validate(parse_yaml(text, source))
-    except ValidationError as error:
-        raise _first_error(error, ScenarioFile, source) from None
+    content = _validated(ScenarioFile, parse_yaml(text, source), source)
     if content.path.samples is not None and samples is None:
         samples = samples_text(source.parent / content.path.samples)
     return Scenario(source, text, content, samples)
+
+
+_File = TypeVar("_File", bound=BaseModel)
+
+
+def _validated(schema: type[_File], data: Any, source: Path) -> _File:
+    try:
+        return schema.model_validate(data)
+    except ValidationError as error:
+        raise _first_error(error, schema, source) from None
 
 
 _WORDS = {

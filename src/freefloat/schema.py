@@ -28,7 +28,9 @@ Number = Annotated[float, Field(strict=True, ge=-_LARGEST, le=_LARGEST)]
 Factor = Annotated[float, Field(strict=True, ge=1e-6, le=1e6)]
 Positive = Annotated[float, Field(strict=True, gt=0.0, le=_LARGEST)]
 Vector = tuple[Number, Number, Number]
-Inertia = Vector | tuple[Vector, Vector, Vector]
+Moments = tuple[Number, Number, Number, Number, Number, Number]
+Inertia = Vector | Moments | tuple[Vector, Vector, Vector]
+Size = tuple[Positive, Positive, Positive]
 Quaternion = tuple[Number, Number, Number, Number]
 Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]
 
@@ -48,24 +50,30 @@ def _one_of(section: BaseModel, *names: str) -> None:
 
 
 class MountSection(_Section):
-    """Where the arm's root link stands on the spacecraft."""
+    """Where a root link stands on what carries it."""
 
     xyz: Vector = (0.0, 0.0, 0.0)
-    """Its origin in the spacecraft's frame [m]."""
+    """Its origin in the carrier's frame [m]."""
     rpy: Vector = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw about the spacecraft's x, y, z axes in this order [rad]."""
+    """Roll, pitch, yaw about the carrier's x, y, z axes in this order [rad]."""
 
 
 class SpacecraftSection(_Section):
-    """A spacecraft to put under a bare arm; its origin is its own centre of mass."""
+    """A spacecraft to put under a bare arm."""
 
     mass: Positive
     """Without the arm [kg]."""
     inertia: Inertia
-    """About its centre of mass [kg m²]: three principal moments, or the rows of a matrix."""
+    """About its centre of mass, axes of its frame [kg m²]: three principal moments, the six moments
+    xx, xy, xz, yy, yz, zz, or the rows of a matrix."""
+    com: Vector = (0.0, 0.0, 0.0)
+    """Its centre of mass in its frame [m]."""
     mount: MountSection = MountSection()
-    size: tuple[Positive, Positive, Positive] | None = None
-    """Edges of the box that stands for it [m]."""
+    """Where the arm's root link stands in its frame."""
+    size: Size | None = None
+    """Edges of the box that stands for it, centred on its frame's origin [m]."""
+    mesh: Name | None = None
+    """A mesh file that stands for it instead, relative to the scenario file."""
 
 
 class PayloadSection(_Section):
@@ -77,6 +85,23 @@ class PayloadSection(_Section):
     """About its centre of mass, axes of the end-effector [kg m²]; written as the spacecraft's."""
     com: Vector = (0.0, 0.0, 0.0)
     """Its centre of mass in the end-effector's frame [m]."""
+    size: Size | None = None
+    """Edges of the box that stands for it, centred on its centre of mass [m]."""
+    mesh: Name | None = None
+    """A mesh file that stands for it instead, relative to the scenario file."""
+
+
+class AttachedSection(_Section):
+    """Another URDF, fixed to a link: a tool, a second arm, an antenna."""
+
+    urdf: Name
+    """Written as the robot's."""
+    link: Name | None = None
+    """The link that carries it; the spacecraft when left out."""
+    mount: MountSection = MountSection()
+    """Where its root link stands on that link."""
+    prefix: str = ""
+    """Put before the names of its links and joints, where they are taken."""
 
 
 class RobotSection(_Section):
@@ -93,6 +118,16 @@ class RobotSection(_Section):
     """Carries the arm, where the URDF is a bare arm's."""
     payload: PayloadSection | None = None
     """Held by the end-effector."""
+    attached: Annotated[list[AttachedSection], Field(max_length=100)] = []
+    """Further URDFs, fixed to links, one after the other."""
+    held: dict[Name, Number] = {}
+    """Values [rad, m] of joints that do not move the end-effector; zero for those not named."""
+
+
+class RobotFile(_Section):
+    """A robot without a task."""
+
+    robot: RobotSection
 
 
 class LineSection(_Section):

@@ -51,7 +51,7 @@ def read_urdf(urdf: str | Path, scale_mass: float | Mapping[str, float] = 1.0) -
     """
     text = _fit(urdf)
     findings = by_severity(doubts(text, carried=False))
-    _scale(text.robot, scale_mass)
+    scale_masses(text.robot, scale_mass)
     _write_plain_joints(text.robot)
     return Description(ET.tostring(text.robot, encoding="unicode"), text.source, findings)
 
@@ -78,7 +78,8 @@ def _fit(urdf: str | Path) -> UrdfText:
     return text
 
 
-def _scale(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> None:
+def scale_masses(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> None:
+    """Multiply mass and inertia of every link by a factor, or of the links named in a map."""
     links = {str(link.get("name")): link for link in robot.findall("link")}
     if isinstance(scale_mass, Mapping):
         factors = dict(scale_mass)

@@ -1,0 +1,117 @@
+"""A robot as it is asked for: an arm's URDF, and all that is put together with it."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from freefloat.assembly import assemble
+from freefloat.bundled import find_robot
+from freefloat.errors import InputError
+from freefloat.model import FreeFloatingModel
+from freefloat.parts import Attachment, Mount, Payload, Spacecraft
+from freefloat.schema import MountSection, PayloadSection, RobotSection, SpacecraftSection
+from freefloat.urdf import scale_masses
+
+
+@dataclass(frozen=True, eq=False)
+class RobotParts:
+    """An arm and what it is put together with.
+
+    Attributes:
+        urdf: The arm.
+        end_effector: The link that follows the path; may be left out where there is a single last
+            one.
+        scale_mass: Factor on mass and inertia of every link, or a map from link to factor.
+        held: Values [rad or m] of joints that do not move the end-effector.
+        spacecraft: Carries the arm's root link.
+        payload: Held by the end-effector.
+        attached: Further URDFs, fixed to links.
+    """
+
+    urdf: Path
+    end_effector: str | None = None
+    scale_mass: float | Mapping[str, float] = 1.0
+    held: Mapping[str, float] = field(default_factory=dict)
+    spacecraft: Spacecraft | None = None
+    payload: Payload | None = None
+    attached: tuple[Attachment, ...] = ()
+
+    @classmethod
+    def of(cls, section: RobotSection, folder: Path) -> RobotParts:
+        """What a scenario says, its files relative to a folder.
+
+        Raises:
+            InputError: Naming the key under ``robot``.
+        """
+        return cls(
+            urdf=find_robot(section.urdf, folder),
+            end_effector=section.end_effector,
+            scale_mass=section.scale_mass,
+            held=section.held,
+            spacecraft=_spacecraft(section.spacecraft, folder) if section.spacecraft else None,
+            payload=_payload(section.payload, folder) if section.payload else None,
+            attached=tuple(_attachment(section, index, folder)
+                           for index in range(len(section.attached))),
+        )  # fmt: skip
+
+    def model(self) -> FreeFloatingModel:
+        """The robot.
+
+        Raises:
+            ModelError: If a URDF is unfit, or the parts do not fit together.
+        """
+        return FreeFloatingModel.from_urdf(
+            self.urdf, self.end_effector, scale_mass=self.scale_mass, held=self.held,
+            spacecraft=self.spacecraft, payload=self.payload, attached=self.attached,
+        )  # fmt: skip
+
+    def robot(self) -> ET.Element:
+        """The ``<robot>``, put together and its masses scaled, all else as the URDFs say.
+
+        Raises:
+            ModelError: If a URDF is unfit, or the parts do not fit together.
+        """
+        text = assemble(self.urdf, self.spacecraft, self.payload, self.end_effector, self.attached)
+        robot = ET.fromstring(text)
+        scale_masses(robot, self.scale_mass)
+        return robot
+
+
+def _spacecraft(section: SpacecraftSection, folder: Path) -> Spacecraft:
+    return Spacecraft(
+        mass=section.mass,
+        inertia=np.array(section.inertia),
+        mount=_mount(section.mount),
+        size=None if section.size is None else np.array(section.size),
+        mesh=None if section.mesh is None else folder / section.mesh,
+        com=np.array(section.com),
+    )
+
+
+def _payload(section: PayloadSection, folder: Path) -> Payload:
+    return Payload(
+        mass=section.mass,
+        inertia=np.array(section.inertia),
+        com=np.array(section.com),
+        size=None if section.size is None else np.array(section.size),
+        mesh=None if section.mesh is None else folder / section.mesh,
+    )
+
+
+def _attachment(section: RobotSection, index: int, folder: Path) -> Attachment:
+    one = section.attached[index]
+    try:
+        urdf = find_robot(one.urdf, folder)
+    except InputError as error:
+        key = f"attached.{index}.{error.key}"
+        raise type(error)(key, error.problem, error.accepted, error.source) from None
+    return Attachment(urdf, one.link, _mount(one.mount), one.prefix)
+
+
+def _mount(section: MountSection) -> Mount:
+    return Mount(np.array(section.xyz), np.array(section.rpy))

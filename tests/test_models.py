@@ -1,0 +1,197 @@
+"""The bundled models: what they are made of, and published numbers where there are some."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+import yourdfpy
+from scipy.integrate import quad
+from typer.testing import CliRunner
+
+from freefloat.areas import workspace_of
+from freefloat.bundled import bundled_robots, bundled_scenarios, find_robot
+from freefloat.cli import app
+from freefloat.closeness import least
+from freefloat.dynamics import Task, generalized_jacobian, inertia_matrices, momentum_map
+from freefloat.integration import integrate_motion
+from freefloat.model import FreeFloatingModel
+from freefloat.scenario import load_scenario
+from freefloat.singularity import measure
+from freefloat.virtual_manipulator import VirtualManipulator
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+NEW = ("ets_vii", "planar_2dof", "ssrms")
+
+
+def urdf(name: str) -> Path:
+    return find_robot(name, Path("/"))
+
+
+def model(name: str) -> FreeFloatingModel:
+    return FreeFloatingModel.from_urdf(urdf(name))
+
+
+# ----------------------------------------------------------------------------------- every model
+
+
+@pytest.mark.parametrize("name", NEW)
+def test_nothing_about_a_model_is_doubtful(name: str) -> None:
+    assert model(name).doubts == ()
+
+
+@pytest.mark.parametrize("name", bundled_robots())
+def test_a_model_tells_where_its_numbers_are_from(name: str) -> None:
+    head = urdf(name).read_text()[:1200]
+    assert "Papadopoulos" in head or "Yoshida" in head or "Hughes" in head
+
+
+def _corners(robot: Any, shapes: list[Any]) -> np.ndarray:
+    """Lowest and highest corner of some shapes, in the link's frame."""
+    bounds = []
+    for shape in shapes:
+        box, cylinder = shape.geometry.box, shape.geometry.cylinder
+        body = (trimesh.creation.box(box.size) if box is not None
+                else trimesh.creation.cylinder(cylinder.radius, cylinder.length))  # fmt: skip
+        if shape.origin is not None:
+            body.apply_transform(shape.origin)
+        bounds.append(body.bounds)
+    return np.array([np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]])
+
+
+@pytest.mark.parametrize("name", bundled_robots())
+def test_every_body_can_be_hit_where_it_is_seen(name: str) -> None:
+    """Links with a mass worth the name have collision shapes, no larger than what is drawn."""
+    robot = yourdfpy.URDF.load(str(urdf(name)), load_meshes=False)
+    for link in robot.robot.links:
+        if link.inertial is None or link.inertial.mass < 1e-3:
+            continue
+        assert link.collisions, link.name
+        seen, hit = _corners(robot, link.visuals), _corners(robot, link.collisions)
+        assert (hit[0] >= seen[0] - 1e-9).all()
+        assert (hit[1] <= seen[1] + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", ["ets_vii", "ssrms"])
+def test_every_joint_of_a_real_arm_has_a_range_a_rate_and_a_torque(name: str) -> None:
+    joints = [joint for joint in ET.parse(urdf(name)).getroot().findall("joint")
+              if joint.get("type") != "fixed"]  # fmt: skip
+    assert len(joints) == model(name).dof
+    for joint in joints:
+        limit = {key: float(value) for key, value in joint.find("limit").attrib.items()}  # type: ignore[union-attr]
+        assert -2 * np.pi < limit["lower"] < 0.0 < limit["upper"] < 2 * np.pi
+        assert 0.0 < limit["velocity"] < 0.2
+        assert limit["effort"] > 0.0
+
+
+def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:
+    etsvii, ssrms = model("ets_vii"), model("ssrms")
+    assert [body.mass for body in etsvii.bodies] == [2550, 35, 22.5, 21.9, 16.5, 26, 18.5]
+    assert np.isclose(ssrms.total_mass, 1e5 + 2 * 243.66 + 4 * 105.98 + 314.88 + 279.2, rtol=1e-12)
+    straight = etsvii.body_poses(IDENTITY, np.zeros(6))
+    shoulder = straight[2].position
+    tip = etsvii.end_effector_pose(IDENTITY, np.zeros(6)).position
+    assert np.isclose(np.linalg.norm(tip - shoulder), np.hypot(0.87 + 0.63 + 0.53, np.hypot(
+        0.26, 0.28)), rtol=1e-12)  # fmt: skip
+    upright = ssrms.end_effector_pose(IDENTITY, np.zeros(7)).position
+    foot = ssrms.body_poses(IDENTITY, np.zeros(7))[0].position[2] + 2.2
+    assert np.isclose(upright[2] - foot, 2 * (1.3589 + 7.11), rtol=1e-12)
+
+
+# --------------------------------------------------------------------- the planar arm of 40, 4, 3
+
+
+Q = np.array([0.3, 0.7])
+
+
+def test_the_planar_arm_has_the_known_barycentric_lengths() -> None:
+    virtual = VirtualManipulator.of(model("planar_2dof"))
+    assert np.allclose(virtual.lengths, [20 / 47, 42 / 47, 45.5 / 47], rtol=0, atol=1e-12)
+
+
+def test_the_planar_arm_has_the_known_inertia_and_determinants() -> None:
+    """D, det S* and S = D det S*; worked out in closed form and by two other programs."""
+    arm = model("planar_2dof")
+    D = inertia_matrices(arm, Q)[0][2, 2]
+    S_star = generalized_jacobian(arm, Q, Task.PLANAR_POSITION)
+    assert np.isclose(D, 19.715011740, rtol=0, atol=1e-9)
+    assert np.isclose(np.linalg.det(S_star), 0.190412571, rtol=0, atol=1e-9)
+    system = measure(arm, Task.PLANAR_POSITION, "system").value(Q)
+    assert np.isclose(system, 3.753986067, rtol=0, atol=1e-9)
+
+
+def test_the_planar_arm_can_be_singular_in_the_known_rings() -> None:
+    workspace = workspace_of(load_scenario("planar_2dof/line").problem())
+    wanted = [[0.35106, 0.55368], [1.43617, 2.28723]]
+    assert np.allclose(workspace.path_dependent, wanted, rtol=0, atol=5e-6)
+
+
+def test_a_closed_loop_of_the_joints_turns_the_spacecraft_as_known() -> None:
+    """Once round (0.3 + 0.6 cos, 0.7 + 0.6 sin): -2.35462974398 degrees."""
+    arm = model("planar_2dof")
+
+    def rate(phase: float) -> float:
+        joints = np.array([0.3 + 0.6 * np.cos(phase), 0.7 + 0.6 * np.sin(phase)])
+        A = momentum_map(arm, joints)
+        change = 0.6 * np.array([-np.sin(phase), np.cos(phase)])
+        return float(np.linalg.solve(A[:, :6], -A[:, 6:] @ change)[5])
+
+    turn = quad(rate, 0.0, 2.0 * np.pi, epsabs=1e-13, epsrel=1e-13)[0]
+    assert np.isclose(np.degrees(turn), -2.35462974398, rtol=0, atol=1e-9)
+
+
+# ------------------------------------------------------------------------------------- scenarios
+
+ATTITUDES = {"planar_2dof/line": 0.45, "planar_2dof/arc": 0.77}
+"""Headings from which planar ones succeed [rad]; the others from the identity attitude."""
+FOLLOWED = tuple(
+    name for name in bundled_scenarios()
+    if name.split("/")[0] in NEW or name in ("ur5_servicer/inspect", "panda_servicer/arc")
+)  # fmt: skip
+
+
+def test_scenarios_of_every_kind_are_bundled() -> None:
+    problems = {name: load_scenario(name).problem() for name in FOLLOWED}
+    redundant = {name for name, problem in problems.items()
+                 if problem.model.dof > len(problem.task.rows)}  # fmt: skip
+    assert {"ssrms/transfer", "ets_vii/reach", "panda_servicer/arc"} <= redundant
+    assert problems["ets_vii/reach"].task is Task.POSITION
+    assert sum(bool(problem.momentum.any()) for problem in problems.values()) >= 4
+    laws = [load_scenario(name).content.path.attitude or {} for name in FOLLOWED]
+    kinds = {kind for law in laws for kind, value in law if value}
+    assert {"point_at", "follow"} <= kinds
+
+
+@pytest.mark.parametrize("name", FOLLOWED)
+def test_a_scenario_can_be_followed_with_its_margin_kept(name: str) -> None:
+    """With some arm branch, from the attitude the spacecraft has; and the motion is right."""
+    problem = load_scenario(name).problem()
+    half = ATTITUDES.get(name, 0.0) / 2.0
+    attitude = np.array([0.0, 0.0, np.sin(half), np.cos(half)])
+    kept = []
+    for branch in problem.branches(attitude)[:4]:
+        motion = integrate_motion(problem, attitude, branch.joints)
+        if motion.completed:
+            kept.append(least(motion, problem.margin.measure).keeps(problem.margin.value))
+            residuals = motion.residuals()
+            assert residuals.end_effector_position < 1e-7
+            assert residuals.momentum < 1e-5 * max(1.0, motion.problem.model.total_mass / 1e3)
+    assert any(kept)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FOLLOWED)
+def test_a_scenario_plans_out_of_the_box(name: str) -> None:
+    result = CliRunner().invoke(app, ["plan", name, "--json"])
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    assert document["feasible"]
+    assert document["min_margin"]["kept"]
+    assert document["disagreements"] == []
