@@ -183,6 +183,7 @@ def plan(
     output: Output = None,
     html: Page = None,
     plots: Plots = None,
+    stretch: options.Stretch = False,
     threads: Threads = None,
     as_json: Json = False,
 ) -> None:
@@ -190,7 +191,8 @@ def plan(
 
     For planar tasks every initial heading is told; in space a grid over all attitudes is followed
     (search.samples in the scenario, 4,096 when left out) and the choice refined between its points.
-    Exit code 0 when there is one, 1 when there is none (and no page of --html then).
+    The motion keeps the joints' ranges and the scenario's limits, too. Exit code 0 when there is
+    one, 1 when there is none (and no page of --html then).
 
     Example: freefloat plan planar_3dof/parabola -o plan.h5
 
@@ -200,8 +202,7 @@ def plan(
         from freefloat.drawing import draw_plan, refuse_bad_folder
         from freefloat.output_file import refuse_same_files
         from freefloat.plan_file import save_plan
-        from freefloat.planner import plan as make_plan
-        from freefloat.planning import page_lines, save_page
+        from freefloat.planning import page_lines, save_page, search_plan
         from freefloat.report import plan_document
         from freefloat.scenario import load_scenario
         from freefloat.tables import plan_tables, plot_lines
@@ -212,8 +213,9 @@ def plan(
         problem, search = loaded.problem(), loaded.search()
         refuse_bad_folder(plots)
         warm_up(problem, threads)
-        with loaded.told(), progress_bar(_searching(problem, search)) as progress:
-            found = make_plan(problem, search, progress, threads=threads)
+        loaded.limits(problem.model)  # refused, if so, before the work
+        with progress_bar(_searching(problem, search)) as progress:
+            loaded, found = search_plan(loaded, progress, threads, stretch)
         document = plan_document(found)
         if output is not None:
             save_plan(output, found, loaded, document)

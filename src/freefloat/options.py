@@ -22,6 +22,10 @@ Plots = Annotated[
     Path | None,
     typer.Option(metavar="DIR", help="Draw figures into this folder, as PDF and PNG."),
 ]
+Stretch = Annotated[
+    bool,
+    typer.Option("--stretch", help="Take more time where rates or torques ask for it."),
+]
 Threads = Annotated[
     int | None, typer.Option(min=1, metavar="T", help="How many cores to use; all when left out.")
 ]

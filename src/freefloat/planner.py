@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from freefloat.limits import Limits
 from freefloat.plans import Plan
 from freefloat.problem import Problem
 from freefloat.search import Progress, Search
@@ -13,6 +14,7 @@ def plan(
     progress: Progress | None = None,
     *,
     threads: int | None = None,
+    limits: Limits | None = None,
 ) -> Plan:
     """Find the initial attitudes from which the path can be followed, and choose one.
 
@@ -24,6 +26,8 @@ def plan(
         search: What to choose; the largest margin when left out.
         progress: Called with the share done, in [0, 1].
         threads: How many cores a search may use; all this process may when left out.
+        limits: To be kept beside the margin, and joint ranges with them; not looked at when left
+            out.
 
     Returns:
         The plan; an infeasible one says why.
@@ -38,7 +42,13 @@ def plan(
     if problem.task.planar:
         from freefloat.planar_planner import plan_in_plane
 
-        return plan_in_plane(problem, search, progress, threads)
-    from freefloat.spatial_planner import plan_in_space
+        found = plan_in_plane(problem, search, progress, threads)
+    else:
+        from freefloat.spatial_planner import plan_in_space
 
-    return plan_in_space(problem, search, progress, threads)
+        found = plan_in_space(problem, search, progress, threads)
+    if limits is None:
+        return found
+    from freefloat.limited_planner import keep_limits
+
+    return keep_limits(found, limits, progress, threads)

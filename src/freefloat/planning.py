@@ -1,4 +1,4 @@
-"""The work of ``plan --html``: a page with the motion that was chosen."""
+"""The work of ``plan``: the search, with more time if that helps, and the page of its motion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,40 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from freefloat.planner import plan
 from freefloat.plans import Plan
+from freefloat.scenario import Scenario
+from freefloat.search import Progress
+
+_STRETCHES = 6
+"""How often the duration is made longer; without momentum once is enough."""
+_OVER = 1.0 + 1e-5
+"""A little more than what just keeps a limit."""
+
+
+def search_plan(
+    loaded: Scenario, progress: Progress, threads: int | None, stretch: bool
+) -> tuple[Scenario, Plan]:
+    """Plan a scenario within its limits.
+
+    Args:
+        loaded: The scenario.
+        progress: Called with the share done, in [0, 1].
+        threads: How many cores to use.
+        stretch: Whether the duration may grow until rates and torques are kept.
+
+    Returns:
+        The scenario, its times as they were planned, and the plan.
+    """
+    for _ in range(_STRETCHES):
+        problem = loaded.problem()
+        with loaded.told():
+            limits = loaded.limits(problem.model)
+            found = plan(problem, loaded.search(), progress, threads=threads, limits=limits)
+        if not stretch or found.stretch is None:
+            break
+        loaded = loaded.stretched(_OVER * found.stretch)
+    return loaded, found
 
 
 def save_page(file: Path | None, plan: Plan, scenario: str) -> dict[str, Any]:

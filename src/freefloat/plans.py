@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from freefloat.errors import InputError
+from freefloat.limits import LimitFinding
 from freefloat.planar_ranges import BranchRanges, Limit, Span
 from freefloat.problem import Problem
 from freefloat.search import Search
@@ -54,6 +56,10 @@ class Plan:
         map: Spatial: the sampled attitudes that the search began with.
         tolerance: Spatial: what momentum and durations the chosen motion bears.
         disagreements: Candidates that a precise motion did not confirm, in words.
+        findings: Limits along the chosen motion or, where none keeps them, along the best one.
+        excluded: How many candidates broke which limit first.
+        stretch: Factor on the duration with which some candidate would keep the limits, where only
+            too little time stands against it.
     """
 
     problem: Problem
@@ -67,6 +73,9 @@ class Plan:
     map: AttitudeMap | None = None
     tolerance: Tolerance | None = None
     disagreements: tuple[str, ...] = ()
+    findings: tuple[LimitFinding, ...] = ()
+    excluded: Mapping[str, int] = field(default_factory=dict)
+    stretch: float | None = None
 
     def show(self, height: int = 600) -> None:
         """Play the chosen motion in a notebook, elsewhere in a browser.

@@ -123,6 +123,12 @@ def plan_document(plan: Plan) -> Document:
         "segments": [_segment_document(segment) for segment in plan.segments],
         "tolerance": None if plan.tolerance is None else asdict(plan.tolerance),
         "disagreements": list(plan.disagreements),
+        "duration": plan.problem.path.duration,
+        "limits": limits_document(plan.findings),
+        "excluded": {str(limit): count for limit, count in plan.excluded.items()},
+        "stretched_duration": None
+        if plan.stretch is None
+        else plan.stretch * plan.problem.path.duration,
         **_sampled_document(plan),
     }
     if plan.chosen is None:

@@ -8,21 +8,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
+
+from freefloat.limit_tables import limit_tables, plain_table
 
 Document = dict[str, Any]
 _REGIONS = 12
 """The largest, told to people; machines are told all."""
-
-
-def _table(*columns: str) -> Table:
-    table = Table(box=SIMPLE_HEAD, show_edge=False)
-    for column in columns:
-        table.add_column(column)
-    return table
 
 
 def _terse(label: str) -> str:
@@ -47,7 +40,7 @@ def simulation_tables(document: Document, name: str) -> list[RenderableType]:
     chosen = document["branch"]
     title = Text(f"{name}: arm branches from this attitude")
     margin = document["min_margin"]
-    table = _table(
+    table = plain_table(
         "branch", "joints at the start [rad, m]", f"least {margin['measure']}", "verdict"
     )
     for one in document["branches"]:
@@ -58,38 +51,6 @@ def simulation_tables(document: Document, name: str) -> list[RenderableType]:
             _verdict(one),
         )
     return [title, table, *_chosen_lines(document), *limit_tables(document["limits"])]
-
-
-_LIMITS = {
-    "joint_range": "joint range [rad, m]",
-    "joint_rate": "joint rate [rad/s, m/s]",
-    "base_rate": "base rate [rad/s]",
-    "joint_torque": "joint torque [N m, N]",
-    "clearance": "clearance [m]",
-}
-
-
-def limit_tables(findings: Sequence[Document]) -> list[RenderableType]:
-    """Limits along a motion, each where it is nearest to being broken; nothing where none are."""
-    if not findings:
-        return []
-    table = _table("limit", "worst", "allowed", "at [s]", "where", "verdict")
-    for one in findings:
-        table.add_row(
-            Text(_LIMITS[one["limit"]]),
-            "no bound" if one["worst"] is None else f"{one['worst']:.5g}",
-            "any" if one["allowed"] is None else f"{one['allowed']:.5g}",
-            f"{one['time']:.4f}",
-            one["where"],
-            Text("kept", "green") if one["kept"] else Text("broken", "red"),
-        )
-    lines = [f"  not looked at: {note}" for one in findings for note in one["notes"]]
-    lines += [
-        f"  inverse dynamics: a wrench of {one['base_wrench']:.1e} of the torques on the base"
-        for one in findings
-        if one["base_wrench"] is not None
-    ]
-    return [table, *(Text(line) for line in lines)]
 
 
 def _verdict(one: Document) -> Text:
@@ -134,7 +95,8 @@ def plan_tables(document: Document, name: str) -> list[RenderableType]:
     above = _heading_ranges(document, name) if planar else [_sampled_line(document, name)]
     above += [Text(f"not confirmed: {words}", "yellow") for words in document["disagreements"]]
     if not document["feasible"]:
-        return [*above, Text(f"Not feasible: {document['reason']}.", "red")]
+        told = Text(f"Not feasible: {document['reason']}.", "red")
+        return [*above, told, *limit_tables(document["limits"])]
     deviation, bears = document["deviation_deg"], document["tolerance"]
     what = f"heading {document['heading_deg']:.4f} deg, " if planar else ""
     lines = [
@@ -148,6 +110,9 @@ def plan_tables(document: Document, name: str) -> list[RenderableType]:
             f"  it bears momentum off by {bears['momentum']:.4g} N m s{beyond} in any direction, "
             f"durations from {bears['shortest']:.5g} to {bears['longest']:.5g} s"
         )
+    if document["excluded"]:
+        counts = ", ".join(f"{limit} {count}" for limit, count in document["excluded"].items())
+        lines.append(f"  better candidates broke: {counts}")
     for segment in document["segments"]:
         lines.append(f"  from {segment['from']:g} to {segment['to']:g} s, at its end:")
         lines += [
@@ -155,11 +120,12 @@ def plan_tables(document: Document, name: str) -> list[RenderableType]:
             for words, key in (("alone", "ranges_at_end_deg"), ("and onward", "joined_at_end_deg"))
             for entry in segment[key]
         ]
-    return [*above, *(Text(line) for line in lines), *_chosen_lines(document)]
+    chosen = [*(Text(line) for line in lines), *_chosen_lines(document)]
+    return [*above, *chosen, *limit_tables(document["limits"])]
 
 
 def _heading_ranges(document: Document, name: str) -> list[RenderableType]:
-    table = _table("branch", "ranges [deg]")
+    table = plain_table("branch", "ranges [deg]")
     for entry in document["attitude_ranges_deg"]:
         table.add_row(f"{entry['branch']} {_terse(entry['label'])}", _ranges(entry) or "none")
     return [Text(f"{name}: initial headings that keep the margin"), table]
@@ -183,7 +149,7 @@ def _ranges(entry: Document) -> str:
 def workspace_tables(document: Document, name: str) -> list[RenderableType]:
     """Reach and areas of an arm."""
     title = Text(f"{name}: distance of the {document['point']} from the centre of mass")
-    table = _table("area", "from [m]", "to [m]")
+    table = plain_table("area", "from [m]", "to [m]")
     rows = [("reach", document["reach"])]
     rows += [("path-dependent", interval) for interval in document["pdw"] or ()]
     rows += [("path-independent", interval) for interval in document["piw"] or ()]
@@ -218,7 +184,7 @@ def _area_notes(document: Document) -> list[RenderableType]:
 def map_tables(document: Document, name: str) -> list[RenderableType]:
     """A map over heading in brief."""
     title = Text(f"{name}: headings that keep the margin, of {document['samples']}")
-    table = _table("branch", "size [deg]", "centre [deg]")
+    table = plain_table("branch", "size [deg]", "centre [deg]")
     for region in document["regions"]:
         table.add_row(
             str(region["branch"]), f"{region['size_deg']:.3f}", f"{region['centre_deg']:.3f}"
@@ -239,14 +205,14 @@ def map_tables(document: Document, name: str) -> list[RenderableType]:
 
 def attitude_map_tables(document: Document, name: str) -> list[RenderableType]:
     """A map over SO(3): each arm branch, the largest regions, and the attitudes to know."""
-    branches = _table("branch", "exists [%]", "keeps the margin [%]")
+    branches = plain_table("branch", "exists [%]", "keeps the margin [%]")
     for one in document["branches"]:
         branches.add_row(
             f"{_number(one)} {_terse(one['label'])}",
             f"{100.0 * one['reached_fraction']:.2f}",
             f"{100.0 * one['fraction']:.2f}",
         )
-    regions = _table("region", "branch", "share [%]", "centre x y z w", "depth [deg]")
+    regions = plain_table("region", "branch", "share [%]", "centre x y z w", "depth [deg]")
     for number, region in enumerate(document["regions"][:_REGIONS]):
         regions.add_row(
             str(number + 1),
@@ -315,7 +281,7 @@ def view_tables(document: Document) -> list[RenderableType]:
 def info_tables(document: Document) -> list[RenderableType]:
     """A robot: its bodies, its joints, what it can reach, and what was found in its file."""
     title = Text(f"{document['urdf']}: {document['total_mass']:.6g} kg")
-    bodies = _table(
+    bodies = plain_table(
         "moved by", "mass [kg]", "range", "centre of mass [m]", "moments about it [kg m²]"
     )
     ranges = {joint["name"]: _range(joint) for joint in document["joints"]}

@@ -1,0 +1,221 @@
+"""Plans that keep limits, too: candidates are tried, the best first, until one keeps them all."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from freefloat.attitude_depth import safe_radius
+from freefloat.closeness import least
+from freefloat.integration import integrate_motion
+from freefloat.joint_spans import wound
+from freefloat.limit_checks import LimitChecker
+from freefloat.limit_screen import Screened, screened
+from freefloat.limits import LimitFinding, LimitKind, Limits, needed_stretch
+from freefloat.outlook import Outlook
+from freefloat.planar_search import attitudes_at
+from freefloat.plans import Plan
+from freefloat.problem import Problem
+from freefloat.search import Objective, Progress
+from freefloat.simulation import FollowedBranch
+from freefloat.spatial import Array, angle_between, grid_spacing, heading_of
+from freefloat.tolerance import tolerance
+
+_HEADINGS = 720
+"""Looked at in the plane."""
+_MOST = 150
+"""Candidates followed precisely before giving up."""
+_HASTY = 8
+"""Candidates that only rates sent away and that are looked at for the duration they would need."""
+_BISECTIONS = 10
+_TIMED = (LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE)
+"""Limits that a longer duration helps to keep."""
+
+
+@dataclass(eq=False)
+class _Search:
+    """A search under way."""
+
+    outlook: Outlook
+    checker: LimitChecker
+    excluded: Counter[str] = field(default_factory=Counter)
+    followed: int = 0
+    stretch: float = np.inf
+    nearest: tuple[LimitFinding, ...] = ()
+
+    @property
+    def problem(self) -> Problem:
+        return self.outlook.problem
+
+    def passes(self, chosen: FollowedBranch) -> tuple[LimitFinding, ...] | None:
+        """The findings of a motion that keeps margin and limits; what breaks is counted."""
+        self.followed += 1
+        if not (chosen.motion.completed and chosen.least.keeps(self.problem.margin.value)):
+            self.excluded["margin"] += 1
+            return None
+        broken = self.checker.first_broken(chosen.motion)
+        if broken is None:
+            return self.checker.findings(chosen.motion)
+        self.excluded[broken.limit] += 1
+        findings: tuple[LimitFinding, ...] = (broken,)
+        if broken.limit in _TIMED:
+            findings = self.checker.findings(chosen.motion)
+        if not self.nearest or _excess(findings) < _excess(self.nearest):
+            self.nearest = findings
+        if all(one.kept or one.limit in _TIMED for one in findings):
+            self.stretch = min(self.stretch, needed_stretch(findings))
+        return None
+
+
+def _excess(findings: tuple[LimitFinding, ...]) -> float:
+    return max(one.ratio for one in findings)
+
+
+def keep_limits(
+    found: Plan, limits: Limits, progress: Progress | None = None, threads: int | None = None
+) -> Plan:
+    """The plan, if its motion keeps the limits, or the best other candidate that does.
+
+    Candidates are the samples that keep the margin (in the plane 720 headings), in the order of
+    the search's objective; of the nearest one, the part of the way to ``from_attitude`` that keeps
+    everything is gone as well.
+
+    Args:
+        found: A plan that minds the margin alone.
+        limits: What is allowed beside the joint ranges.
+        progress: Called with the share done, in [0, 1].
+        threads: How many cores to use; all this process may when left out.
+    """
+    if found.chosen is None:
+        return found
+    search = _Search(Outlook(found.problem, threads), LimitChecker(found.problem, limits))
+    chosen = _wound(found.chosen)
+    findings = search.passes(chosen)
+    if findings is not None:
+        return replace(found, chosen=chosen, findings=findings)
+    attitudes, margins = _samples(found, search.outlook)
+    hasty: list[Screened] = []
+    for candidate in screened(search.outlook, attitudes, margins, found.search, limits):
+        if candidate.broken is not None:
+            search.excluded[candidate.broken] += 1
+            if candidate.broken is LimitKind.JOINT_RATE:
+                hasty.append(candidate)
+            continue
+        if progress is not None:
+            progress(search.followed / _MOST)
+        chosen = _precisely(search.problem, candidate.attitude, candidate.branch)
+        findings = search.passes(chosen)
+        if findings is not None:
+            return _chosen(found, search, candidate, chosen, findings)
+        if search.followed >= _MOST:
+            break
+    for candidate in sorted(hasty, key=lambda one: one.haste)[:_HASTY]:
+        search.passes(_precisely(search.problem, candidate.attitude, candidate.branch))
+    return _refused(found, search)
+
+
+def _samples(found: Plan, outlook: Outlook) -> tuple[Array, Array]:
+    """Attitudes and the margins that arm branches keep from them: (N, 4) and (N, B)."""
+    if found.map is not None:
+        return found.map.attitudes, found.map.margins
+    attitudes = attitudes_at(np.arange(_HEADINGS) * (2.0 * np.pi / _HEADINGS))
+    return attitudes, outlook.prospects(attitudes).margins
+
+
+def _precisely(problem: Problem, attitude: Array, branch: int) -> FollowedBranch:
+    """A branch's motion, integrated through Pinocchio, its joints inside their ranges if so."""
+    own = next(one for one in problem.branches(attitude) if one.index == branch)
+    motion = integrate_motion(problem, attitude, own.joints)
+    return _wound(FollowedBranch(own, motion, least(motion, problem.margin.measure)))
+
+
+def _wound(one: FollowedBranch) -> FollowedBranch:
+    motion = wound(one.motion)
+    return replace(one, branch=replace(one.branch, joints=motion.joints[0]), motion=motion)
+
+
+def _chosen(
+    found: Plan,
+    search: _Search,
+    candidate: Screened,
+    chosen: FollowedBranch,
+    findings: tuple[LimitFinding, ...],
+) -> Plan:
+    """The plan with another candidate, and what it bears."""
+    wish = found.search
+    if wish.objective is Objective.NEAREST and wish.from_attitude is not None:
+        chosen, findings = _drawn_nearer(search, wish.from_attitude, chosen, findings)
+    attitude = chosen.motion.initial.attitude
+    radius, bears = _depth(found, attitude, candidate.branch), None
+    if found.map is not None:
+        spacing = grid_spacing(len(found.map.attitudes))
+        radius = safe_radius(search.outlook, attitude, candidate.branch, spacing)
+        bears = tolerance(search.outlook.roller, attitude, chosen.branch.joints)
+    return replace(
+        found, chosen=chosen, findings=findings, excluded=dict(search.excluded),
+        robust_radius=radius, tolerance=bears, reason=_reason(found, chosen, attitude),
+    )  # fmt: skip
+
+
+def _drawn_nearer(
+    search: _Search, now: Array, chosen: FollowedBranch, findings: tuple[LimitFinding, ...]
+) -> tuple[FollowedBranch, tuple[LimitFinding, ...]]:
+    """The motion from the attitude on the way to another one that just keeps everything."""
+    start = chosen.motion.initial.attitude
+    way = Slerp([0.0, 1.0], Rotation.from_quat([start, now]))
+    low, high = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2.0
+        attitude = way(middle).as_quat()
+        passed = None
+        if any(one.index == chosen.branch.index for one in search.problem.branches(attitude)):
+            tried = _precisely(search.problem, attitude, chosen.branch.index)
+            passed = search.passes(tried)
+        if passed is None:
+            high = middle
+        else:
+            low, chosen, findings = middle, tried, passed
+    return chosen, findings
+
+
+def _depth(found: Plan, attitude: Array, branch: int) -> float | None:
+    """In the plane: how far inside its range of headings an attitude lies [rad]."""
+    heading = heading_of(attitude)
+    own = [entry for entry in found.ranges if entry.branch == branch or entry.label == "any"]
+    inside = [one.depth(heading) for entry in own for one in entry.ranges]
+    return max(0.0, *inside) if inside else None
+
+
+def _reason(found: Plan, chosen: FollowedBranch, attitude: Array) -> str:
+    objective = found.search.objective
+    if objective is Objective.NEAREST and found.search.from_attitude is not None:
+        away = np.degrees(angle_between(attitude, found.search.from_attitude))
+        return f"the nearest found that keeps the limits, {away:.4g} degrees away"
+    words = "deepest inside" if objective is Objective.ROBUST else "largest margin"
+    return (
+        f"the {words} among the samples that keep the limits, "
+        f"{chosen.least.measure} {chosen.least.value:.6g}"
+    )
+
+
+def _refused(found: Plan, search: _Search) -> Plan:
+    """No candidate keeps the limits: which of them, how often, and how near it came."""
+    counted = ", ".join(f"{name} {count}" for name, count in search.excluded.most_common())
+    told = f"attitudes keep the margin, but every candidate breaks a limit: {counted}"
+    broken = [one for one in search.nearest if not one.kept]
+    if broken:
+        worst = max(broken, key=lambda one: one.ratio)
+        told += (
+            f"; the best of {search.followed} followed precisely reaches {worst.limit} "
+            f"{worst.worst:.4g} of {worst.allowed:.4g} allowed, at {worst.where}"
+        )
+    factor = search.stretch if np.isfinite(search.stretch) else None
+    if factor is not None:
+        told += f"; {factor:.4g} times the duration would do"
+    return replace(
+        found, feasible=False, reason=told, chosen=None, robust_radius=None, tolerance=None,
+        findings=search.nearest, excluded=dict(search.excluded), stretch=factor,
+    )  # fmt: skip

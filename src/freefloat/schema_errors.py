@@ -1,0 +1,94 @@
+"""What a schema finds wrong in a file, in our words: the key, what was given, what is accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from freefloat.errors import InputError
+
+_File = TypeVar("_File", bound=BaseModel)
+
+
+def validated(schema: type[_File], data: Any, source: Path) -> _File:
+    """Data as a schema has it.
+
+    Raises:
+        InputError: Naming the file, the key, what was given and what is accepted.
+    """
+    try:
+        return schema.model_validate(data)
+    except ValidationError as error:
+        raise _first_error(error, schema, source) from None
+
+
+_WORDS = {
+    "float_type": "a number",
+    "int_type": "an integer",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "finite_number": "a finite number",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "keys and values",
+    "model_type": "keys and values",
+    "model_attributes_type": "keys and values",
+    "string_too_short": "a name",
+}
+"""What is accepted, for the kinds of pydantic's errors whose own words are Python's."""
+
+
+def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) -> InputError:
+    """Pydantic's first error in our words; unknown and missing keys before wrong values."""
+    order = {"extra_forbidden": 0, "missing": 1}
+    found = sorted(error.errors(), key=lambda e: order.get(e["type"], 2))
+    first = found[0]
+    location = [str(part) for part in first["loc"] if "[" not in str(part)]
+    steps = [part for part in location if part not in ("constrained-float", "float")]
+    key = ".".join(steps) or "file"
+    kind, details = first["type"], first.get("ctx", {})
+    if kind == "extra_forbidden":
+        keys = _keys_at(schema, first["loc"][:-1])
+        return InputError(key, "there is no such key", ", ".join(keys), str(source))
+    if kind == "missing":
+        if len(first["loc"]) > 1 and isinstance(first["loc"][-1], int):
+            short = ".".join(steps[:-1])
+            return InputError(
+                short, "it is too short", "more entries, see freefloat schema", str(source)
+            )
+        return InputError(key, "it is missing", "a value, see freefloat schema", str(source))
+    accepted = _WORDS.get(kind) or str(first["msg"]).removeprefix("Value error, ")
+    if kind == "too_long":
+        accepted = f"{details['max_length']} entries at most"
+    if kind == "too_short":
+        accepted = f"{details['min_length']} entries or more"
+    if len(location) != len(steps):  # one number, or a map
+        accepted = "a number from 1e-06 to 1e+06, or a map from link to such a number"
+        if steps[0] == "limits":
+            accepted = "a number above 0, a map from joint to such a number, or urdf"
+    accepted = accepted.removeprefix("Input should be ")
+    return InputError(key, f"{_short(first['input'])} was given", accepted, str(source))
+
+
+def _short(given: Any) -> str:
+    text = "nothing" if given is None else repr(given)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _keys_at(schema: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    """The keys that the section at a location knows."""
+    for part in location:
+        for name, info in schema.model_fields.items():
+            if part in (name, info.alias):
+                schema = next(_sections_in(info.annotation), schema)
+    return [info.alias or name for name, info in schema.model_fields.items()]
+
+
+def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in getattr(annotation, "__args__", ()):
+        yield from _sections_in(part)
