@@ -9,13 +9,17 @@ plain arrays, few of them, because every array that changes hands costs as much 
     OFFSET FIXED SINE COSINE AXIS   the joint; it turns by fixed + sin(q) sine + (1 - cos(q)) cosine
     SLIDES                          1 where it slides
     MASS CENTRE INERTIA             of the body; inertia xx yy zz xy xz yz about the centre
+    WEIGHT MIDDLE                   of the joint's rate in the metric; of its range, nan for none
 
-and ``facts`` the numbers of the whole. ``w`` is the work of one configuration: a row for each body,
+and ``facts`` the numbers of the whole, those of a redundancy last. ``w`` is the work of one
+configuration: a row for each body,
 
     ROT PLACE                       its axes; its centre of mass from the spacecraft's origin
     POINT LINE DQ JAC X             its joint, the joint's axis, columns of Dq, J and inverse(D) Dq
+    MOMENTUM                        linear, of all that the joint moves, for kinetic energies alone
 
-where row 0 keeps D, its inverse, the end-effector from the centre of mass, and the turn rate.
+where row 0 keeps D, its inverse, the end-effector from the centre of mass, the turn rate, and the
+centre of mass.
 """
 
 from __future__ import annotations
@@ -26,10 +30,11 @@ from freefloat.compiled import compiled
 from freefloat.spatial import Array, IntArray
 
 OFFSET, FIXED, SINE, COSINE, AXIS, SLIDES, MASS, CENTRE, INERTIA = 0, 3, 12, 21, 30, 33, 34, 35, 38
-BODY_COLUMNS = 44
-TOTAL, REACH, PLANAR, TOOL, LEVEL, FACTS = 0, 1, 2, 3, 6, 15
-ROT, PLACE, POINT, LINE, DQ, JAC, X, WORK_COLUMNS = 0, 9, 12, 15, 18, 21, 27, 30
-D, INVERSE, HAND, OMEGA = 12, 18, 24, 27
+WEIGHT, MIDDLE, BODY_COLUMNS = 44, 45, 46
+TOTAL, REACH, PLANAR, TOOL, LEVEL = 0, 1, 2, 3, 6
+METRIC, TOWARD, GAIN, BOUND, FACTS = 15, 16, 17, 18, 19
+ROT, PLACE, POINT, LINE, DQ, JAC, X, MOMENTUM, WORK_COLUMNS = 0, 9, 12, 15, 18, 21, 27, 30, 33
+D, INVERSE, HAND, OMEGA, CENTRE_OF = 12, 18, 24, 27, 30
 """In row 0 of the work."""
 
 

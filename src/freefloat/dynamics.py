@@ -15,6 +15,8 @@ from scipy.linalg.lapack import dgesv, dgetrf, dtrtrs
 
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
+from freefloat.null_space import NullSpaceMotion
+from freefloat.redundancy import Redundancy
 from freefloat.spatial import Array, finite_vector
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -170,20 +172,29 @@ def _determinant(M: Array) -> float:
 class DriftEquation:
     """Equation (4): the rates that give the end-effector its twist and keep the momentum.
 
-    With as many joints as task rows the solution is unique; with more, the joint rates of least
-    Euclidean norm are taken [rad/s, m/s].
+    With as many joints as task rows the solution is unique; with more, the joint rates are taken
+    that :mod:`freefloat.redundancy` describes.
     """
 
-    def __init__(self, model: FreeFloatingModel, task: Task, momentum: npt.ArrayLike) -> None:
+    def __init__(
+        self,
+        model: FreeFloatingModel,
+        task: Task,
+        momentum: npt.ArrayLike,
+        redundancy: Redundancy | None = None,
+    ) -> None:
         """Prepare the equation.
 
         Args:
             model: Robot.
             task: What of the end-effector is prescribed.
             momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
+            redundancy: What a redundant arm does with its freedom; when left out, the joint rates
+                of least Euclidean norm are taken [rad/s, m/s].
 
         Raises:
-            InputError: If the task has more rows than the arm has joints.
+            InputError: If the task has more rows than the arm has joints, or the arm cannot do
+                what is asked of its redundancy.
         """
         m, n = len(task.rows), model.dof
         refuse_too_few_joints(model, task)
@@ -193,14 +204,22 @@ class DriftEquation:
         self._matrix = np.zeros((6 + m, 6 + n), order="F")
         self._right = np.zeros(6 + m)
         self._right[3:6] = finite_vector("momentum", momentum, 3)
+        self._free = None
+        if redundancy is not None:
+            free = NullSpaceMotion(model, task.rows, redundancy)
+            self._free = None if redundancy.plain else free
 
-    def rates(self, attitude: Array, joints: Array, twist: Array) -> tuple[Array, Array]:
+    def rates(
+        self, attitude: Array, joints: Array, twist: Array, speed: float = 0.0
+    ) -> tuple[Array, Array]:
         """Solve (4) at a configuration.
 
         Args:
             attitude: Unit quaternion x, y, z, w.
             joints: Joint values, shape (n,).
             twist: End-effector twist, inertial axes, shape (6,).
+            speed: Of the path, ds/dt [1/s], in proportion to which a redundant arm is drawn toward
+                what it is asked to.
 
         Returns:
             Spacecraft angular velocity in the spacecraft frame [rad/s], shape (3,), and joint
@@ -214,7 +233,7 @@ class DriftEquation:
             if singular:
                 v = np.full(len(v), np.inf)
             return v[3:6], v[6:]
-        return self._least_norm()
+        return self._one_of_many(speed)
 
     def determinant(self, joints: Array) -> float:
         """Of the matrix of (4): a positive multiple of det S*, where that is square."""
@@ -229,7 +248,7 @@ class DriftEquation:
             model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
         )[self._rows]
 
-    def _least_norm(self) -> tuple[Array, Array]:
+    def _one_of_many(self, speed: float) -> tuple[Array, Array]:
         Ab, Am = self._matrix[:6, :6], self._matrix[:6, 6:]
         Jb, Jm = self._matrix[6:, :6], self._matrix[6:, 6:]
         B = np.linalg.solve(Ab, np.column_stack([Am, self._right[:6]]))
@@ -239,5 +258,9 @@ class DriftEquation:
         if singular:
             return np.full(3, np.inf), np.full(S.shape[1], np.inf)
         joint_rates = Q @ through
+        if self._free is not None:
+            joint_rates = joint_rates + self._free.addition(
+                self._q, self._matrix, joint_rates, speed
+            )
         base_twist = B[:, -1] - B[:, :-1] @ joint_rates
         return base_twist[3:], joint_rates

@@ -6,7 +6,8 @@ import math
 from typing import NamedTuple
 
 from freefloat.compiled import compiled
-from freefloat.drift_kernels import OMEGA, configure, solve_rates
+from freefloat.drift_kernels import METRIC, OMEGA, configure, solve_rates
+from freefloat.redundancy_kernels import choose_rates
 from freefloat.spatial import Array, IntArray
 
 
@@ -30,8 +31,8 @@ class Robot(NamedTuple):
 @compiled
 def twist_at(
     t: float, piece: int, origins: Array, spans: Array, law: Array, tangents: Array, twist: Array
-) -> None:
-    """The end-effector's twist in inertial axes at a time [s]."""
+) -> float:
+    """The end-effector's twist in inertial axes at a time [s]; returns the path's speed [1/s]."""
     tau = (t - origins[piece]) / spans[piece]
     s, rate = 0.0, 0.0
     for k in range(law.shape[2]):
@@ -46,6 +47,7 @@ def twist_at(
         for k in range(1, 4):
             value = value * u + tangents[cell, i, k]
         twist[i] = rate * value
+    return rate
 
 
 @compiled
@@ -64,7 +66,7 @@ def flow(
     a, b, c, e = norm * y[0], norm * y[1], norm * y[2], norm * y[3]
     for j in range(n):
         q[j] = y[4 + j]
-    twist_at(t * duration, piece, origins, spans, law, tangents, demand)
+    speed = twist_at(t * duration, piece, origins, spans, law, tangents, demand)
     R00, R01, R02 = 1 - 2 * (b * b + c * c), 2 * (a * b - c * e), 2 * (a * c + b * e)
     R10, R11, R12 = 2 * (a * b + c * e), 1 - 2 * (a * a + c * c), 2 * (b * c - a * e)
     R20, R21, R22 = 2 * (a * c - b * e), 2 * (b * c + a * e), 1 - 2 * (a * a + b * b)
@@ -74,8 +76,11 @@ def flow(
         demand[j] = R00 * x + R10 * y_ + R20 * z
         demand[j + 1] = R01 * x + R11 * y_ + R21 * z
         demand[j + 2] = R02 * x + R12 * y_ + R22 * z
-    configure(bodies, facts, q, w)
-    determinant = solve_rates(facts, rows, demand, w, S, L, rates)
+    if facts[METRIC] != 0.0:
+        determinant = choose_rates(bodies, facts, rows, q, speed, demand, w, S, L, rates)
+    else:
+        configure(bodies, facts, q, w)
+        determinant = solve_rates(facts, rows, demand, w, S, L, rates)
     x, y_, z = w[0, OMEGA] * duration, w[0, OMEGA + 1] * duration, w[0, OMEGA + 2] * duration
     f[0] = 0.5 * (e * x + b * z - c * y_)
     f[1] = 0.5 * (e * y_ + c * x - a * z)

@@ -17,7 +17,7 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from freefloat.closeness import first_place_below
-from freefloat.dynamics import DriftEquation, generalized_jacobian
+from freefloat.dynamics import generalized_jacobian
 from freefloat.errors import InputError, IntegrationError
 from freefloat.motion import NODES, Ending, Motion
 from freefloat.problem import Problem
@@ -79,7 +79,7 @@ def integrate_motion(
     rows, ending = _follow(problem, np.concatenate([[start], attitude, joints]), end, tolerance)
     motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
     if len(problem.task.rows) == problem.model.dof:
-        determinant = DriftEquation(problem.model, problem.task, problem.momentum).determinant
+        determinant = problem.drift_equation().determinant
         motion = _cut(motion, first_place_below(motion, determinant, 0.0), Ending.SINGULAR)
     margin = problem.margin
     if stop_at_margin and margin.value > 0.0:
@@ -115,7 +115,7 @@ class _Flow:
 
     def __init__(self, problem: Problem, direction: float) -> None:
         self._path = problem.path
-        self._equation = DriftEquation(problem.model, problem.task, problem.momentum)
+        self._equation = problem.drift_equation()
         self.unit = problem.path.duration / _TIME_UNITS
         self.stalled = _STALLED if problem.model.dof > len(problem.task.rows) else 0.0
         self.piece = 0
@@ -124,8 +124,8 @@ class _Flow:
 
     def __call__(self, _: float, y: Array) -> Array:
         attitude = y[1:5] / math.sqrt(y[1:5] @ y[1:5])
-        twist = self._path.twist(y[0] * self.unit, self.piece)
-        omega, rates = self._equation.rates(attitude, y[5:], twist)
+        twist, speed = self._path.twist_and_speed(y[0] * self.unit, self.piece)
+        omega, rates = self._equation.rates(attitude, y[5:], twist, speed)
         tangent = np.empty_like(y)
         tangent[0] = 1.0 / self.unit
         tangent[1:5] = _quaternion_rate(attitude, omega)

@@ -20,6 +20,7 @@ from freefloat.arm_branches import (
 from freefloat.dynamics import DriftEquation, Task, momentum_map
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
+from freefloat.redundancy import Redundancy
 from freefloat.singularity import Measure
 from freefloat.spatial import (
     Array,
@@ -63,6 +64,8 @@ class Problem:
         task: What of the path counts.
         momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
         margin: Distance to keep from dynamic singularities.
+        redundancy: What an arm with more joints than the task has rows does with its freedom; when
+            left out, it moves with the joint rates of least Euclidean norm.
     """
 
     model: FreeFloatingModel
@@ -70,17 +73,23 @@ class Problem:
     task: Task
     momentum: Array
     margin: Margin
+    redundancy: Redundancy | None = None
 
     def __post_init__(self) -> None:
         momentum = finite_vector("momentum", self.momentum, 3)
         object.__setattr__(self, "momentum", frozen(momentum))
-        DriftEquation(self.model, self.task, momentum)
+        self.drift_equation()
         if self.task.planar:
             self._refuse_what_is_not_planar()
 
     def __reduce__(self) -> tuple[type[Problem], tuple[Any, ...]]:
         """Made anew on unpickling, so that its arrays are read-only there, too."""
-        return Problem, (self.model, self.path, self.task, self.momentum, self.margin)
+        given = (self.model, self.path, self.task, self.momentum, self.margin, self.redundancy)
+        return Problem, given
+
+    def drift_equation(self) -> DriftEquation:
+        """Equation (4) of this problem, ready to be solved."""
+        return DriftEquation(self.model, self.task, self.momentum, self.redundancy)
 
     def _refuse_what_is_not_planar(self) -> None:
         virtual = VirtualManipulator.of(self.model)

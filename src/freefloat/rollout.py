@@ -16,11 +16,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from freefloat.drift_kernels import FACTS, LEVEL
+from freefloat.drift_kernels import FACTS, LEVEL, METRIC, MIDDLE, WEIGHT
 from freefloat.errors import InputError
 from freefloat.flow_kernels import Robot
-from freefloat.model import Body
+from freefloat.model import Body, FreeFloatingModel
+from freefloat.null_space import middles, weights
 from freefloat.problem import Problem
+from freefloat.redundancy import Metric, Redundancy, Toward
+from freefloat.redundancy_kernels import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
 from freefloat.rollout_kernels import (
     COMPLETED,
     Outcomes,
@@ -195,7 +198,10 @@ def _robot(problem: Problem) -> Robot:
         model.total_mass, VirtualManipulator.of(model).reach, task.planar, *model.tool.position,
     ]  # fmt: skip
     if name == "arm":
-        facts[LEVEL:] = arm_axes(model, task).ravel()
+        facts[LEVEL:METRIC] = arm_axes(model, task).ravel()
+    bodies = np.array([_row(body) for body in model.bodies])
+    if problem.redundancy is not None and not problem.redundancy.plain:
+        _choose(problem.redundancy, model, bodies, facts)
     s = np.linspace(0.0, 1.0, _CELLS + 1)
     cubics = CubicSpline(s, [path.path.tangent(float(place)) for place in s]).c
     pieces = path.timing.pieces
@@ -205,7 +211,7 @@ def _robot(problem: Problem) -> Robot:
             coefficients = piece.orders[order]
             law[number, order, law.shape[2] - len(coefficients) :] = coefficients
     return Robot(
-        bodies=np.array([_row(body) for body in model.bodies]),
+        bodies=bodies,
         facts=facts,
         rows=np.array(task.rows, dtype=np.int64),
         measure=NAMES.index(name),
@@ -226,5 +232,14 @@ def _row(body: Body) -> Array:
     return np.concatenate([
         body.placement.position, P.ravel(), (P @ hat).ravel(), (P @ hat @ hat).ravel(), body.axis,
         [body.prismatic, body.mass], body.centre,
-        inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+        inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], [1.0, np.nan],
     ])  # fmt: skip
+
+
+def _choose(redundancy: Redundancy, model: FreeFloatingModel, bodies: Array, facts: Array) -> None:
+    """Tell the kernels what a redundant arm does with its freedom."""
+    bodies[1:, WEIGHT], bodies[1:, MIDDLE] = weights(model, redundancy), middles(model)
+    metric = ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED
+    codes = {Toward.NONE: 0, Toward.SIGMA: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
+    toward = codes[redundancy.toward]
+    facts[METRIC:] = metric, toward, redundancy.gain, redundancy.bound

@@ -47,9 +47,10 @@ class Room(NamedTuple):
 
 def make_room(n: int, m: int) -> Room:
     """Room for a robot of n joints and a task of m rows."""
+    equations = (m, m + 1) if n == m else (n + m, n + m + 2)  # with the choice of a redundant arm
     return Room(
         last=np.zeros(4 + n), extent=np.zeros((3, n)), w=np.zeros((n + 1, WORK_COLUMNS)),
-        S=np.zeros((m, n)), L=np.zeros((m, m + 1)), stages=np.zeros((2, 7, 4 + n)),
+        S=np.zeros((m, n)), L=np.zeros(equations), stages=np.zeros((2, 7, 4 + n)),
         states=np.zeros((3, 4 + n)), vectors=np.zeros((4, 9)),
     )  # fmt: skip
 

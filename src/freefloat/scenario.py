@@ -26,12 +26,14 @@ from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath, parse_samples, samples_text
 from freefloat.problem import Margin, Problem
+from freefloat.redundancy import Redundancy
 from freefloat.schema import (
     AttitudeSection,
     FollowSection,
     OrientationSection,
     PayloadSection,
     PolynomialSection,
+    RedundancySection,
     ScenarioFile,
     SpacecraftSection,
 )
@@ -93,8 +95,9 @@ class Scenario:
             if margin.fraction is not None:
                 value = margin.fraction * joint_space_extremes(model, of).magnitude
             return Problem(
-                model, timed, content.task, np.array(content.momentum), Margin(of, value or 0.0)
-            )
+                model, timed, content.task, np.array(content.momentum), Margin(of, value or 0.0),
+                None if content.redundancy is None else _redundancy(content.redundancy),
+            )  # fmt: skip
 
     def search(self) -> Search:
         """What a plan should look for.
@@ -161,6 +164,11 @@ def _spacecraft(section: SpacecraftSection) -> Spacecraft:
 
 def _payload(section: PayloadSection) -> Payload:
     return Payload(section.mass, np.array(section.inertia), np.array(section.com))
+
+
+def _redundancy(section: RedundancySection) -> Redundancy:
+    own = section.model_dump(exclude_none=True)
+    return Redundancy(**own)
 
 
 def _rotation(section: OrientationSection, key: str) -> Array:

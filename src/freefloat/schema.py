@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    model_validator,
+)
 
 from freefloat.dynamics import Task
+from freefloat.redundancy import Metric, Toward
 from freefloat.search import Objective
 from freefloat.timing import TimeLaw
 
@@ -252,6 +262,39 @@ class MarginSection(_Section):
         return self
 
 
+def _word(given: object) -> object:
+    if given not in tuple(Metric):
+        raise ValueError("joints, energy, or a map from joint to weight")
+    return given
+
+
+Weighing = Annotated[
+    Annotated[Metric, BeforeValidator(_word), Tag("[word]")]
+    | Annotated[dict[str, Factor], Tag("[map]")],
+    Discriminator(lambda given: "[map]" if isinstance(given, dict) else "[word]"),
+]
+
+
+class RedundancySection(_Section):
+    """What an arm with more joints than the task needs does with its freedom."""
+
+    metric: Weighing = Metric.JOINTS
+    """What of the joint rates is least: their norm, the kinetic energy that they make, or, with
+    a map from joint to weight, the norm of weighted rates; joints not named weigh 1."""
+    toward: Toward = Toward.NONE
+    """Null-space motion toward a larger manipulability, or toward the middle of joint ranges."""
+    gain: Annotated[float, Field(strict=True, ge=0.0, le=1e6)] | None = None
+    """How strongly, per path; 1 when left out."""
+    bound: Annotated[float, Field(strict=True, gt=0.0, le=1e6)] | None = None
+    """Largest null-space motion toward it, per path [rad, m]; 3 when left out."""
+
+    @model_validator(mode="after")
+    def _drawn(self) -> RedundancySection:
+        if self.toward is Toward.NONE and (self.gain, self.bound) != (None, None):
+            raise ValueError("toward: sigma or middle, where gain or bound is given")
+        return self
+
+
 class SearchSection(_Section):
     """Which of the feasible attitudes a plan should choose."""
 
@@ -277,4 +320,7 @@ class ScenarioFile(_Section):
     path: PathSection
     timing: TimingSection
     margin: MarginSection = MarginSection(measure="gjm", value=0.0)
+    redundancy: RedundancySection | None = None
+    """For arms with more joints than the task needs alone; left out, the norm of the joint rates is
+    least."""
     search: SearchSection = SearchSection()

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics import DriftEquation
 from freefloat.problem import Problem
 from freefloat.spatial import Array, low_discrepancy
 from freefloat.virtual_manipulator import VirtualManipulator
@@ -52,7 +51,7 @@ class StatesOnPath:
         self.splits = problem.margin.measure.name == "arm"
         self.drifts = bool(problem.momentum.any())
         self._gradient = lru_cache(1024)(partial(_gradient_in_plane, self.of))
-        self._drift = DriftEquation(problem.model, problem.task, problem.momentum)
+        self._drift = problem.drift_equation()
         self._fix_arm(VirtualManipulator.of(problem.model))
         self.times = np.linspace(0.0, problem.path.duration, _TIMES)
         self.point_3 = self.travel(self.times)[0]

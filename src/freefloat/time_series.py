@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics import DriftEquation
 from freefloat.motion import Motion
 from freefloat.spatial import Array, frozen
 
@@ -65,9 +64,9 @@ class TimeSeries:
         _, attitudes, joints = motion.at_place(place)
         problem = motion.problem
         model, measure = problem.model, problem.margin.measure
-        equation = DriftEquation(model, problem.task, problem.momentum)
+        equation = problem.drift_equation()
         states = list(zip(wanted.tolist(), attitudes, joints, strict=True))
-        rates = [equation.rates(a, q, problem.path.twist(t)) for t, a, q in states]
+        rates = [equation.rates(a, q, *problem.path.twist_and_speed(t)) for t, a, q in states]
         turning = np.array([omega for omega, _ in rates])
         with np.errstate(invalid="ignore"):  # infinite where the arm is exactly singular
             inertial = np.einsum("kij,kj->ki", Rotation.from_quat(attitudes).as_matrix(), turning)

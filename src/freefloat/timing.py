@@ -172,5 +172,9 @@ class TimedPath:
             t: Time [s].
             piece: As for :meth:`Timing.s`.
         """
-        s, rate = self.timing.s(t, 0, piece), self.timing.s(t, 1, piece)
-        return self.path.tangent(s) * rate
+        return self.twist_and_speed(t, piece)[0]
+
+    def twist_and_speed(self, t: float, piece: int | None = None) -> tuple[Array, float]:
+        """The twist as in :meth:`twist`, and the speed ds/dt along the path [1/s]."""
+        s, speed = self.timing.s(t, 0, piece), self.timing.s(t, 1, piece)
+        return self.path.tangent(s) * speed, speed
