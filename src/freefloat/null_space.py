@@ -123,12 +123,14 @@ class NullSpaceMotion:
 
         A column of the pseudoinverse is a motion of the whole robot without momentum that moves the
         end-effector along one row alone; how S* changes along it follows from how momentum and
-        twist of that motion do, the base taking up the momentum.
+        twist of that motion do, the base taking up the momentum. Pinocchio's derivative of the twist
+        is that at a point fixed in space; the end-effector's own adds how that point moves.
         """
         model, data, frame = self._model.pin_model, self._model.scratch, self._model.frame_id
         columns = np.linalg.pinv(S)
         motions = np.vstack([-base @ columns, columns])
         taken_up = np.linalg.solve(matrix[:6, :6].T, matrix[6:, :6].T).T
+        J = np.array(pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED))
         gradient, still = np.zeros(len(columns)), np.zeros(len(motions))
         for i, row in enumerate(self._rows):
             momentum = pin.computeCentroidalDynamicsDerivatives(
@@ -136,4 +138,6 @@ class NullSpaceMotion:
             )[0]
             twist = pin.getFrameVelocityDerivatives(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[0]
             gradient += twist[row, 6:] - taken_up[i] @ momentum[:, 6:]
+            if row < 3:
+                gradient += np.cross(J[3:] @ motions[:, i], J[:3, 6:].T)[:, row]
         return gradient

@@ -78,6 +78,9 @@ class Redundancy:
     def __post_init__(self) -> None:
         if not isinstance(self.metric, Metric):
             object.__setattr__(self, "metric", self._checked_metric(self.metric))
+        if self.toward not in tuple(Toward):
+            raise InputError("redundancy.toward", f"{self.toward!r} was given", ", ".join(Toward))
+        object.__setattr__(self, "toward", Toward(self.toward))
         if not (np.isfinite(self.gain) and self.gain >= 0.0):
             raise InputError("redundancy.gain", f"{self.gain} was given", "0 or more, per path")
         if not (np.isfinite(self.bound) and self.bound > 0.0):

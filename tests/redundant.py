@@ -1,0 +1,84 @@
+"""Problems of arms with joints to spare: random robots, random paths that they can begin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.attitude_law import SlerpAttitude
+from freefloat.curve import PolynomialCurve
+from freefloat.dynamics import Task
+from freefloat.model import FreeFloatingModel
+from freefloat.path import EndEffectorPath
+from freefloat.problem import Margin, Problem
+from freefloat.redundancy import Metric, Redundancy, Toward
+from freefloat.singularity import measure
+from freefloat.spatial import heading_quaternion
+from freefloat.timing import Stop, TimedPath, Timing
+from tests.robots import planar_robot, random_robot
+
+ARMS = [
+    ("RRRRRRR", Task.POSE), ("RRRPRRRR", Task.POSE), ("RRRRRR", Task.POSITION),
+    ("RPRR", Task.POSITION), ("PRFRPRR", Task.POSITION), ("3", Task.PLANAR_POSITION),
+    ("5", Task.PLANAR_POSITION), ("4", Task.PLANAR_POSE),
+]  # fmt: skip
+"""Structures, or the number of planar joints, and tasks that leave some of them free."""
+
+RANGE = '<limit lower="-1" upper="2.5" effort="9" velocity="9"/>'
+"""Of the second joint of planar arms; the others turn without end."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A problem and a state at which its path begins."""
+
+    problem: Problem
+    attitude: np.ndarray
+    joints: np.ndarray
+
+
+def redundant(
+    structure: str,
+    task: Task,
+    redundancy: Redundancy | None,
+    seed: int = 0,
+    *,
+    momentum: bool = True,
+    timing: Timing | None = None,
+) -> Start:
+    """A random robot somewhere, its end-effector to move some way along a line and turn."""
+    rng = np.random.default_rng([seed, *structure.encode()])
+    if task.planar:
+        m = [60.0, 9.0, 7.0, 5.0, 3.0, 2.0][: int(structure) + 1]
+        size = [0.4] * len(m)
+        text = planar_robot(m, [0.2 * one for one in m], size[1:], size)
+        text = text.replace('"q2" type="continuous"', '"q2" type="revolute"')
+        child = '<child link="link_2"/>'
+        text = text.replace(child, child + RANGE)
+        model = FreeFloatingModel.from_urdf(text, "end_effector")
+        attitude = heading_quaternion(float(rng.uniform(0.0, 6.0)))
+        across = np.array([1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    else:
+        robot = random_robot(rng, structure)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+        attitude, across = Rotation.random(rng=rng).as_quat(), (np.ones(3), np.ones(3))
+    joints = rng.uniform(-1.5, 1.5, model.dof)
+    pose = model.end_effector_pose(attitude, joints)
+    p, R = np.array(pose.position), np.array(pose.rotation)
+    line = PolynomialCurve.line(p, p + across[0] * rng.uniform(-0.15, 0.15, 3))
+    turn = Rotation.from_rotvec(across[1] * rng.uniform(-0.2, 0.2, 3)).as_matrix()
+    path = EndEffectorPath(line, SlerpAttitude(R, turn @ R))
+    h = across[1] * rng.normal(size=3) * model.total_mass / 500.0 * momentum
+    timed = TimedPath(path, timing or Timing(20.0, stops=(Stop(0.4, 9.0),)))
+    margin = Margin(measure(model, task, "gjm"), 0.0)
+    return Start(Problem(model, timed, task, h, margin, redundancy), attitude, joints)
+
+
+def choices(structure: str, task: Task, seed: int = 0) -> list[Redundancy]:
+    """Every metric with every attraction, for the arm that has this structure."""
+    names = redundant(structure, task, None, seed).problem.model.joint_names
+    heavy = {names[0]: 5.0, names[-1]: 0.2}
+    metrics = (Metric.JOINTS, Metric.ENERGY, heavy)
+    return [Redundancy(metric, toward, 0.8, 2.0) for metric in metrics for toward in Toward]
