@@ -123,8 +123,8 @@ class NullSpaceMotion:
 
         A column of the pseudoinverse is a motion of the whole robot without momentum that moves the
         end-effector along one row alone; how S* changes along it follows from how momentum and
-        twist of that motion do, the base taking up the momentum. Pinocchio's derivative of the twist
-        is that at a point fixed in space; the end-effector's own adds how that point moves.
+        twist of that motion do, the base taking up the momentum. Pinocchio's derivative of the
+        twist is that at a point fixed in space; the end-effector's adds how that point moves.
         """
         model, data, frame = self._model.pin_model, self._model.scratch, self._model.frame_id
         columns = np.linalg.pinv(S)
