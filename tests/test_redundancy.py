@@ -10,6 +10,7 @@ import pytest
 from freefloat.bundled import models_folder
 from freefloat.errors import InputError
 from freefloat.redundancy import Metric, Redundancy, Toward
+from freefloat.report import _redundancy_document
 from freefloat.scenario import load_scenario, parse_scenario
 
 PANDA = (models_folder() / "panda_servicer" / "line.yaml").read_text(encoding="utf-8")
@@ -120,3 +121,15 @@ def test_scenarios_of_other_arms_must_not_ask():
         parse_scenario(text, source).problem()
     assert caught.value.key == "redundancy"
     assert caught.value.source == str(source)
+
+
+def test_documents_tell_it():
+    """How the arm chose, and how many joints it has to spare."""
+    problem = load_scenario("panda_servicer/line").problem()
+    given = Redundancy({"panda_joint2": 3.0}, "middle", 0.5)
+    told = [_redundancy_document(replace(problem, redundancy=one)) for one in (None, given)]
+    assert told[0] == {"metric": "joints", "toward": "none", "gain": 1.0, "bound": 3.0}
+    assert told[1] == {
+        "metric": {"panda_joint2": 3.0}, "toward": "middle", "gain": 0.5, "bound": 3.0,
+    }  # fmt: skip
+    assert _redundancy_document(load_scenario("spatial_6dof/line").problem()) is None

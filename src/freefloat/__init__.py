@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from freefloat.playback import play as play
     from freefloat.problem import Margin as Margin
     from freefloat.problem import Problem as Problem
+    from freefloat.redundancy import Redundancy as Redundancy
     from freefloat.scenario import load_scenario as load_scenario
     from freefloat.search import Objective as Objective
     from freefloat.search import Search as Search
@@ -65,6 +66,7 @@ _ROOMS = {
     "play": "playback",
     "Margin": "problem",
     "Problem": "problem",
+    "Redundancy": "redundancy",
     "load_scenario": "scenario",
     "simulate": "simulation",
     "measure": "singularity",

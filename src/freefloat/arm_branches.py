@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from freefloat.chain_kernels import Chain
 
 _STARTS = 512
-_REDUNDANT_STARTS = 256
+_REDUNDANT_STARTS = 64
 _SLICE = 16
 """Fewest targets worth a thread's attention."""
 _ELBOWS = ("elbow+", "elbow-")

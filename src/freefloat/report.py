@@ -18,6 +18,7 @@ from freefloat.motion import Ending, Motion, State
 from freefloat.planar_ranges import BranchRanges, Limit
 from freefloat.plans import Plan, Segment
 from freefloat.problem import Problem
+from freefloat.redundancy import Redundancy
 from freefloat.simulation import FollowedBranch, Simulation
 from freefloat.singularity import Measure, joint_space_extremes, measure
 from freefloat.spatial import heading_of
@@ -52,6 +53,20 @@ def _followed_document(chosen: FollowedBranch) -> Document:
         "duration": problem.path.duration,
         "ended_at": motion.final.time,
         "residuals": asdict(motion.residuals()),
+        "redundancy": _redundancy_document(problem),
+    }
+
+
+def _redundancy_document(problem: Problem) -> Document | None:
+    """How the arm chose among its motions, or None where there is one alone."""
+    if problem.model.dof == len(problem.task.rows):
+        return None
+    chosen = problem.redundancy or Redundancy()
+    return {
+        "metric": dict(chosen.weights) or str(chosen.metric),
+        "toward": str(chosen.toward),
+        "gain": chosen.gain,
+        "bound": chosen.bound,
     }
 
 
@@ -132,7 +147,7 @@ def plan_document(plan: Plan) -> Document:
         **_sampled_document(plan),
     }
     if plan.chosen is None:
-        empty = ("singular", "min_margin", "branch", "initial", "final", "residuals")
+        empty = ("singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy")
         return {**document, "completed": False, **dict.fromkeys(empty), "heading_deg": None}
     heading = None
     if plan.problem.task.planar:
@@ -238,6 +253,7 @@ def info_document(
         "total_mass": model.total_mass,
         "dof": model.dof,
         "task": str(task),
+        "spare_joints": model.dof - len(task.rows),
         "joints": [
             {
                 "name": body.joint,

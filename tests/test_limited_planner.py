@@ -1,0 +1,129 @@
+"""Plans within limits: what is chosen keeps them, what is refused says why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from freefloat.limit_checks import LimitChecker
+from freefloat.limits import LimitKind, Limits
+from freefloat.planner import plan
+from freefloat.problem import Problem
+from freefloat.scenario import load_scenario, parse_scenario
+from freefloat.search import Objective, Search
+from freefloat.spatial import heading_quaternion
+
+PLANAR = load_scenario("planar_3dof/parabola")
+LINE = load_scenario("spatial_6dof/line")
+
+
+@pytest.fixture(scope="module")
+def planar() -> Problem:
+    return PLANAR.problem()
+
+
+@pytest.fixture(scope="module")
+def line() -> Problem:
+    return LINE.problem()
+
+
+def kept(problem: Problem, limits: Limits, objective: Search | None = None) -> None:
+    """Plan, and look at the chosen motion's limits again."""
+    found = plan(problem, objective or Search(samples=512), limits=limits)
+    assert found.feasible, found.reason
+    assert found.chosen is not None
+    assert found.chosen.least.keeps(problem.margin.value)
+    again = LimitChecker(problem, limits).findings(found.chosen.motion)
+    assert all(one.kept for one in again)
+    assert [one.limit for one in again] == [one.limit for one in found.findings]
+
+
+def free_rates(problem: Problem, search: Search) -> np.ndarray:
+    """Largest magnitudes of the joint rates of the plan without limits."""
+    free = plan(problem, search)
+    assert free.chosen is not None
+    found = LimitChecker(problem, Limits(joint_rate=np.full(problem.model.dof, 1.0))).findings(
+        free.chosen.motion
+    )
+    return np.full(problem.model.dof, found[-1].worst if len(found) else 1.0)
+
+
+def test_a_limit_that_the_best_breaks_leads_to_another_that_keeps_it(line: Problem) -> None:
+    search = Search(samples=512)
+    allowed = 0.9 * np.abs(free_rates(line, search))
+    kept(line, Limits(joint_rate=allowed), search)
+    found = plan(line, search, limits=Limits(joint_rate=allowed))
+    assert found.excluded[LimitKind.JOINT_RATE] > 0
+    assert found.tolerance is not None
+
+
+@pytest.mark.parametrize(
+    ("limits", "name"),
+    [
+        (Limits(joint_rate=np.full(3, 0.02)), "joint_rate"),
+        (Limits(base_rate=0.002), "base_rate"),
+        (Limits(joint_torque=np.full(3, 1e-3)), "joint_torque"),
+        (Limits(clearance=5.0), None),
+    ],
+)
+def test_each_limit_alone_can_make_a_plan_infeasible(
+    planar: Problem, limits: Limits, name: str | None
+) -> None:
+    if name is None:
+        pytest.importorskip("coal")
+        return
+    found = plan(planar, Search(), limits=limits)
+    assert not found.feasible
+    assert found.chosen is None
+    assert name in found.reason
+    assert set(found.excluded) == {LimitKind(name)}
+    assert found.stretch is not None
+    assert f"{found.stretch:.4g} times the duration would do" in found.reason
+
+
+def test_joint_ranges_count_without_any_other_limit(planar: Problem, tmp_path: Path) -> None:
+    text = planar.model.description.text.replace('lower="-1000000000.0"', 'lower="-0.01"').replace(
+        'upper="1000000000.0"', 'upper="0.01"'
+    )
+    (tmp_path / "narrow.urdf").write_text(text)
+    scenario = parse_scenario(
+        PLANAR.text.replace("planar_3dof.urdf", "narrow.urdf"), tmp_path / "s.yaml"
+    )
+    found = plan(scenario.problem(), Search(), limits=Limits())
+    assert not found.feasible
+    assert set(found.excluded) == {LimitKind.JOINT_RANGE}
+    assert found.stretch is None
+
+
+def test_the_stretched_scenario_keeps_what_was_too_fast() -> None:
+    limits = Limits(joint_rate=np.full(3, 0.05))
+    calm = replace(PLANAR, content=PLANAR.content.model_copy(update={"momentum": (0.0, 0.0, 0.0)}))
+    problem = calm.problem()
+    found = plan(problem, Search(), limits=limits)
+    assert found.stretch is not None
+    slower = PLANAR.stretched(1.00001 * found.stretch)
+    assert slower.content.timing.duration == pytest.approx(100.0 * 1.00001 * found.stretch)
+    assert slower.content.timing.stops[0].t == pytest.approx(69.73 * 1.00001 * found.stretch)
+    path = replace(problem, path=slower.problem().path)
+    kept(path, limits, Search())
+
+
+def test_the_nearest_is_drawn_toward_the_present_attitude(planar: Problem) -> None:
+    now = heading_quaternion(np.deg2rad(250.0))
+    search = Search(Objective.NEAREST, from_attitude=now)
+    free = plan(planar, search)
+    assert free.chosen is not None
+    checker = LimitChecker(planar, Limits(base_rate=10.0))
+    worst = checker.findings(free.chosen.motion)[-1].worst
+    limits = Limits(base_rate=0.98 * worst)
+    found = plan(planar, search, limits=limits)
+    assert found.feasible, found.reason
+    assert found.chosen is not None
+    base = LimitChecker(planar, limits).findings(found.chosen.motion)[-1]
+    assert base.kept
+    assert found.deviation is not None
+    assert found.deviation > 0.0
+    assert base.ratio > 0.97  # on the limit: nearer would break it
