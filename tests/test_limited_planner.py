@@ -11,6 +11,7 @@ import pytest
 from freefloat.limit_checks import LimitChecker
 from freefloat.limits import LimitKind, Limits
 from freefloat.planner import plan
+from freefloat.plans import Plan
 from freefloat.problem import Problem
 from freefloat.scenario import load_scenario, parse_scenario
 from freefloat.search import Objective, Search
@@ -30,15 +31,16 @@ def line() -> Problem:
     return LINE.problem()
 
 
-def kept(problem: Problem, limits: Limits, objective: Search | None = None) -> None:
+def kept(problem: Problem, limits: Limits, search: Search) -> Plan:
     """Plan, and look at the chosen motion's limits again."""
-    found = plan(problem, objective or Search(samples=512), limits=limits)
+    found = plan(problem, search, limits=limits)
     assert found.feasible, found.reason
     assert found.chosen is not None
     assert found.chosen.least.keeps(problem.margin.value)
     again = LimitChecker(problem, limits).findings(found.chosen.motion)
     assert all(one.kept for one in again)
     assert [one.limit for one in again] == [one.limit for one in found.findings]
+    return found
 
 
 def free_rates(problem: Problem, search: Search) -> np.ndarray:
@@ -52,12 +54,20 @@ def free_rates(problem: Problem, search: Search) -> np.ndarray:
 
 
 def test_a_limit_that_the_best_breaks_leads_to_another_that_keeps_it(line: Problem) -> None:
-    search = Search(samples=512)
+    search = Search(samples=256)
     allowed = 0.9 * np.abs(free_rates(line, search))
-    kept(line, Limits(joint_rate=allowed), search)
-    found = plan(line, search, limits=Limits(joint_rate=allowed))
+    found = kept(line, Limits(joint_rate=allowed), search)
     assert found.excluded[LimitKind.JOINT_RATE] > 0
     assert found.tolerance is not None
+
+
+def test_what_collides_everywhere_is_refused_by_name(line: Problem) -> None:
+    """The path of Example 2 leads through its own spacecraft."""
+    found = plan(line, Search(samples=256), limits=Limits(clearance=0.0))
+    assert not found.feasible
+    assert set(found.excluded) == {LimitKind.CLEARANCE}
+    assert "at spacecraft - " in found.reason
+    assert found.stretch is None
 
 
 @pytest.mark.parametrize(
@@ -66,15 +76,11 @@ def test_a_limit_that_the_best_breaks_leads_to_another_that_keeps_it(line: Probl
         (Limits(joint_rate=np.full(3, 0.02)), "joint_rate"),
         (Limits(base_rate=0.002), "base_rate"),
         (Limits(joint_torque=np.full(3, 1e-3)), "joint_torque"),
-        (Limits(clearance=5.0), None),
     ],
 )
 def test_each_limit_alone_can_make_a_plan_infeasible(
-    planar: Problem, limits: Limits, name: str | None
+    planar: Problem, limits: Limits, name: str
 ) -> None:
-    if name is None:
-        pytest.importorskip("coal")
-        return
     found = plan(planar, Search(), limits=limits)
     assert not found.feasible
     assert found.chosen is None

@@ -26,8 +26,10 @@ from freefloat.tolerance import tolerance
 
 _HEADINGS = 720
 """Looked at in the plane."""
-_MOST = 150
+_MOST = 120
 """Candidates followed precisely before giving up."""
+_APART_IN_PLANE = np.radians(5.0)
+"""Headings nearer than this to one that broke a limit are passed over; in space the spacing."""
 _HASTY = 8
 """Candidates that only rates sent away and that are looked at for the duration they would need."""
 _BISECTIONS = 10
@@ -80,8 +82,8 @@ def keep_limits(
     """The plan, if its motion keeps the limits, or the best other candidate that does.
 
     Candidates are the samples that keep the margin (in the plane 720 headings), in the order of
-    the search's objective; of the nearest one, the part of the way to ``from_attitude`` that keeps
-    everything is gone as well.
+    the search's objective; those next to one that broke a limit are passed over. Of the nearest
+    one, the part of the way to ``from_attitude`` that keeps everything is gone as well.
 
     Args:
         found: A plan that minds the margin alone.
@@ -97,12 +99,16 @@ def keep_limits(
     if findings is not None:
         return replace(found, chosen=chosen, findings=findings)
     attitudes, margins = _samples(found, search.outlook)
+    apart = _APART_IN_PLANE if found.map is None else grid_spacing(len(attitudes))
     hasty: list[Screened] = []
+    refused: list[Screened] = []
     for candidate in screened(search.outlook, attitudes, margins, found.search, limits):
         if candidate.broken is not None:
             search.excluded[candidate.broken] += 1
             if candidate.broken is LimitKind.JOINT_RATE:
                 hasty.append(candidate)
+            continue
+        if _beside(candidate, refused, apart):
             continue
         if progress is not None:
             progress(search.followed / _MOST)
@@ -110,11 +116,18 @@ def keep_limits(
         findings = search.passes(chosen)
         if findings is not None:
             return _chosen(found, search, candidate, chosen, findings)
+        refused.append(candidate)
         if search.followed >= _MOST:
             break
     for candidate in sorted(hasty, key=lambda one: one.haste)[:_HASTY]:
         search.passes(_precisely(search.problem, candidate.attitude, candidate.branch))
     return _refused(found, search)
+
+
+def _beside(candidate: Screened, refused: list[Screened], apart: float) -> bool:
+    """Whether a candidate is next to one of the same branch that broke a limit: so will it."""
+    own = [one.attitude for one in refused if one.branch == candidate.branch]
+    return bool(own) and bool(angle_between(np.array(own), candidate.attitude).min() < apart)
 
 
 def _samples(found: Plan, outlook: Outlook) -> tuple[Array, Array]:
