@@ -30,8 +30,8 @@ def assemble(
 ) -> None:
     """Mount an arm on a spacecraft, give it a tool, a second arm, a payload; write one URDF.
 
-    Example: freefloat assemble example-robot-data:ur5 -o servicer.urdf --mass 200
-    --inertia 35,35,35 --size 1 1 1 --mount 0 0 0.5 0 0 0
+    Example: freefloat assemble example-robot-data:ur5 -o servicer.urdf
+    --end-effector tool0 --mass 200 --inertia 35,35,35 --size 1 1 1 --mount 0 0 0.5 0 0 0
 
     Example: freefloat assemble ur5_servicer/arc -o servicer.urdf
     """
