@@ -172,6 +172,15 @@ def test_a_file_may_say_nothing_but_its_robot(tmp_path: Path) -> None:
     assert (error["key"], error["file"]) == ("robot.weight", str(alone))
 
 
+def test_what_does_not_fit_together_is_told_with_its_scenario(tmp_path: Path) -> None:
+    section = yaml.safe_load(find_robot_scenario().read_text())["robot"]
+    section["attached"] = [{"urdf": "planar_2dof", "link": "no_such"}]
+    alone = tmp_path / "robot.yaml"
+    alone.write_text(yaml.safe_dump({"robot": section}))
+    error = refused("assemble", str(alone), "-o", str(tmp_path / "out.urdf"))
+    assert (error["key"], error["file"]) == ("robot.attached.0.link", str(alone))
+
+
 def find_robot_scenario() -> Path:
     return load_scenario("ur5_servicer/arc").source
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,6 +32,7 @@ class RobotParts:
         spacecraft: Carries the arm's root link.
         payload: Held by the end-effector.
         attached: Further URDFs, fixed to links.
+        scenario: The file that says so, where one does; named in errors.
     """
 
     urdf: Path
@@ -40,24 +42,28 @@ class RobotParts:
     spacecraft: Spacecraft | None = None
     payload: Payload | None = None
     attached: tuple[Attachment, ...] = ()
+    scenario: Path | None = None
 
     @classmethod
-    def of(cls, section: RobotSection, folder: Path) -> RobotParts:
-        """What a scenario says, its files relative to a folder.
+    def of(cls, section: RobotSection, scenario: Path) -> RobotParts:
+        """What a scenario says, its files relative to its folder.
 
         Raises:
-            InputError: Naming the key under ``robot``.
+            InputError: Naming the scenario and the key.
         """
-        return cls(
-            urdf=find_robot(section.urdf, folder),
-            end_effector=section.end_effector,
-            scale_mass=section.scale_mass,
-            held=section.held,
-            spacecraft=_spacecraft(section.spacecraft, folder) if section.spacecraft else None,
-            payload=_payload(section.payload, folder) if section.payload else None,
-            attached=tuple(_attachment(section, index, folder)
-                           for index in range(len(section.attached))),
-        )  # fmt: skip
+        folder = scenario.parent
+        with _told(scenario):
+            return cls(
+                urdf=find_robot(section.urdf, folder),
+                end_effector=section.end_effector,
+                scale_mass=section.scale_mass,
+                held=section.held,
+                spacecraft=_spacecraft(section.spacecraft, folder) if section.spacecraft else None,
+                payload=_payload(section.payload, folder) if section.payload else None,
+                attached=tuple(_attachment(section, index, folder)
+                               for index in range(len(section.attached))),
+                scenario=scenario,
+            )  # fmt: skip
 
     def model(self) -> FreeFloatingModel:
         """The robot.
@@ -65,10 +71,11 @@ class RobotParts:
         Raises:
             ModelError: If a URDF is unfit, or the parts do not fit together.
         """
-        return FreeFloatingModel.from_urdf(
-            self.urdf, self.end_effector, scale_mass=self.scale_mass, held=self.held,
-            spacecraft=self.spacecraft, payload=self.payload, attached=self.attached,
-        )  # fmt: skip
+        with _told(self.scenario):
+            return FreeFloatingModel.from_urdf(
+                self.urdf, self.end_effector, scale_mass=self.scale_mass, held=self.held,
+                spacecraft=self.spacecraft, payload=self.payload, attached=self.attached,
+            )  # fmt: skip
 
     def robot(self) -> ET.Element:
         """The ``<robot>``, put together and its masses scaled, all else as the URDFs say.
@@ -76,10 +83,23 @@ class RobotParts:
         Raises:
             ModelError: If a URDF is unfit, or the parts do not fit together.
         """
-        text = assemble(self.urdf, self.spacecraft, self.payload, self.end_effector, self.attached)
-        robot = ET.fromstring(text)
-        scale_masses(robot, self.scale_mass)
-        return robot
+        with _told(self.scenario):
+            robot = ET.fromstring(
+                assemble(self.urdf, self.spacecraft, self.payload, self.end_effector, self.attached)
+            )
+            scale_masses(robot, self.scale_mass)
+            return robot
+
+
+@contextmanager
+def _told(scenario: Path | None) -> Iterator[None]:
+    """Tell errors with the scenario and the key in it, unless they name another file."""
+    try:
+        yield
+    except InputError as error:
+        if scenario is None or error.source is not None:
+            raise
+        raise error.found_in(str(scenario), "robot.") from None
 
 
 def _spacecraft(section: SpacecraftSection, folder: Path) -> Spacecraft:

@@ -68,8 +68,7 @@ class Scenario:
 
     def model(self) -> FreeFloatingModel:
         """Load the robot."""
-        with self.told("robot."):
-            return RobotParts.of(self.content.robot, self.source.parent).model()
+        return RobotParts.of(self.content.robot, self.source).model()
 
     def problem(self, model: FreeFloatingModel | None = None) -> Problem:
         """Build everything.
@@ -273,10 +272,7 @@ def load_robot(name: str | Path) -> RobotParts:
         section = validated(RobotFile, data, source).robot
     else:
         section = validated(ScenarioFile, data, source).robot
-    try:
-        return RobotParts.of(section, source.parent)
-    except InputError as error:
-        raise error.found_in(str(source), "robot.") from None
+    return RobotParts.of(section, source)
 
 
 def parse_scenario(text: str, source: Path, samples: str | None = None) -> Scenario:
