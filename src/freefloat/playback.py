@@ -67,7 +67,7 @@ class Playback:
         if _in_notebook():
             from IPython.display import HTML, display
 
-            display(HTML(self._cell(height)))  # type: ignore[no-untyped-call]
+            display(HTML(self._cell(height)))  # type: ignore[no-untyped-call] # IPython has no types
             return
         folder = Path(tempfile.mkdtemp(prefix="freefloat-"))
         webbrowser.open(self.save(folder / "playback.html").as_uri())

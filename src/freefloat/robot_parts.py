@@ -15,7 +15,7 @@ from freefloat.bundled import find_robot
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
 from freefloat.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.schema import MountSection, PayloadSection, RobotSection, SpacecraftSection
+from freefloat.robot_schema import MountSection, PayloadSection, RobotSection, SpacecraftSection
 from freefloat.urdf import scale_masses
 
 

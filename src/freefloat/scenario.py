@@ -27,6 +27,7 @@ from freefloat.path import EndEffectorPath, parse_samples, samples_text
 from freefloat.problem import Margin, Problem
 from freefloat.redundancy import Redundancy
 from freefloat.robot_parts import RobotParts
+from freefloat.robot_schema import RobotFile
 from freefloat.schema import (
     AttitudeSection,
     FollowSection,
@@ -34,7 +35,6 @@ from freefloat.schema import (
     OrientationSection,
     PolynomialSection,
     RedundancySection,
-    RobotFile,
     ScenarioFile,
 )
 from freefloat.schema_errors import validated

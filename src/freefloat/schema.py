@@ -6,9 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Discriminator,
     Field,
     Tag,
@@ -17,120 +15,23 @@ from pydantic import (
 
 from freefloat.dynamics import Task
 from freefloat.redundancy import Metric, Toward
+from freefloat.robot_schema import RobotSection
+from freefloat.schema_types import (
+    Coefficients,
+    Factor,
+    NotNegative,
+    Number,
+    Positive,
+    Quaternion,
+    Section,
+    Vector,
+    one_of,
+)
 from freefloat.search import Objective
 from freefloat.timing import TimeLaw
 
-_LARGEST = 1e9
-"""No length, time or momentum of a spacecraft comes near; beyond it squares leave the numbers."""
 
-Name = Annotated[str, Field(min_length=1)]
-Number = Annotated[float, Field(strict=True, ge=-_LARGEST, le=_LARGEST)]
-Factor = Annotated[float, Field(strict=True, ge=1e-6, le=1e6)]
-Positive = Annotated[float, Field(strict=True, gt=0.0, le=_LARGEST)]
-Vector = tuple[Number, Number, Number]
-Moments = tuple[Number, Number, Number, Number, Number, Number]
-Inertia = Vector | Moments | tuple[Vector, Vector, Vector]
-Size = tuple[Positive, Positive, Positive]
-Quaternion = tuple[Number, Number, Number, Number]
-Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]
-
-
-class _Section(BaseModel):
-    """A mapping of a scenario file: unknown keys refused, numbers finite."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
-
-
-def _one_of(section: BaseModel, *names: str) -> None:
-    given = [name for name in names if getattr(section, name) is not None]
-    if len(given) != 1:
-        raise ValueError(f"exactly one of {', '.join(names)}")
-
-
-class MountSection(_Section):
-    """Where a root link stands on what carries it."""
-
-    xyz: Vector = (0.0, 0.0, 0.0)
-    """Its origin in the carrier's frame [m]."""
-    rpy: Vector = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw about the carrier's x, y, z axes in this order [rad]."""
-
-
-class SpacecraftSection(_Section):
-    """A spacecraft to put under a bare arm."""
-
-    mass: Positive
-    """Without the arm [kg]."""
-    inertia: Inertia
-    """About its centre of mass, axes of its frame [kg m²]: three principal moments, the six moments
-    xx, xy, xz, yy, yz, zz, or the rows of a matrix."""
-    com: Vector = (0.0, 0.0, 0.0)
-    """Its centre of mass in its frame [m]."""
-    mount: MountSection = MountSection()
-    """Where the arm's root link stands in its frame."""
-    size: Size | None = None
-    """Edges of the box that stands for it, centred on its frame's origin [m]."""
-    mesh: Name | None = None
-    """A mesh file that stands for it instead, relative to the scenario file."""
-
-
-class PayloadSection(_Section):
-    """Something that the end-effector holds rigidly."""
-
-    mass: Positive
-    """[kg]"""
-    inertia: Inertia
-    """About its centre of mass, axes of the end-effector [kg m²]; written as the spacecraft's."""
-    com: Vector = (0.0, 0.0, 0.0)
-    """Its centre of mass in the end-effector's frame [m]."""
-    size: Size | None = None
-    """Edges of the box that stands for it, centred on its centre of mass [m]."""
-    mesh: Name | None = None
-    """A mesh file that stands for it instead, relative to the scenario file."""
-
-
-class AttachedSection(_Section):
-    """Another URDF, fixed to a link: a tool, a second arm, an antenna."""
-
-    urdf: Name
-    """Written as the robot's."""
-    link: Name | None = None
-    """The link that carries it; the spacecraft when left out."""
-    mount: MountSection = MountSection()
-    """Where its root link stands on that link."""
-    prefix: str = ""
-    """Put before the names of its links and joints, where they are taken."""
-
-
-class RobotSection(_Section):
-    """Which robot."""
-
-    urdf: Name
-    """A URDF file, relative to the scenario file, the name of a bundled robot, or
-    ``example-robot-data:NAME`` for one of that package's."""
-    end_effector: Name
-    """The link that follows the path."""
-    scale_mass: Factor | dict[str, Factor] = 1.0
-    """Factor on mass and inertia of every link, or a map from link to factor."""
-    spacecraft: SpacecraftSection | None = None
-    """Carries the arm, where the URDF is a bare arm's."""
-    payload: PayloadSection | None = None
-    """Held by the end-effector."""
-    attached: Annotated[list[AttachedSection], Field(max_length=100)] = []
-    """Further URDFs, fixed to links, one after the other."""
-    held: dict[Name, Number] = {}
-    """Values [rad, m] of joints that do not move the end-effector; zero for those not named."""
-
-
-class RobotFile(_Section):
-    """A robot without a task."""
-
-    robot: RobotSection
-
-
-class LineSection(_Section):
+class LineSection(Section):
     """A straight line."""
 
     start: Vector = Field(alias="from")
@@ -139,7 +40,7 @@ class LineSection(_Section):
     """Where it ends [m]."""
 
 
-class PolynomialSection(_Section):
+class PolynomialSection(Section):
     """Polynomials in s, coefficients [m] from the lowest power up."""
 
     x: Coefficients
@@ -150,7 +51,7 @@ class PolynomialSection(_Section):
     """Of the z coordinate."""
 
 
-class ArcSection(_Section):
+class ArcSection(Section):
     """A circular arc."""
 
     center: Vector
@@ -176,7 +77,7 @@ Axes = Annotated[
 ]
 
 
-class OrientationSection(_Section):
+class OrientationSection(Section):
     """An attitude, written in one of three ways."""
 
     quaternion: Quaternion | None = None
@@ -188,7 +89,7 @@ class OrientationSection(_Section):
 
     @model_validator(mode="after")
     def _one(self) -> OrientationSection:
-        _one_of(self, "quaternion", "rpy", "axes")
+        one_of(self, "quaternion", "rpy", "axes")
         return self
 
 
@@ -201,7 +102,7 @@ Orientation = Annotated[
 ]
 
 
-class SlerpSection(_Section):
+class SlerpSection(Section):
     """The shortest turn between two attitudes; a plain list is a quaternion x, y, z, w."""
 
     start: Orientation = Field(alias="from")
@@ -210,7 +111,7 @@ class SlerpSection(_Section):
     """At its end."""
 
 
-class FollowSection(_Section):
+class FollowSection(Section):
     """An axis along the direction of travel."""
 
     axis: Literal["x", "-x", "y", "-y"]
@@ -219,7 +120,7 @@ class FollowSection(_Section):
     """Direction that its z axis keeps to."""
 
 
-class PointAtSection(_Section):
+class PointAtSection(Section):
     """An axis toward a point."""
 
     target: Vector
@@ -228,7 +129,7 @@ class PointAtSection(_Section):
     """The end-effector's axis."""
 
 
-class AttitudeSection(_Section):
+class AttitudeSection(Section):
     """How the end-effector stands, in one of four ways."""
 
     fixed: Orientation | None = None
@@ -238,11 +139,11 @@ class AttitudeSection(_Section):
 
     @model_validator(mode="after")
     def _one(self) -> AttitudeSection:
-        _one_of(self, "fixed", "slerp", "follow", "point_at")
+        one_of(self, "fixed", "slerp", "follow", "point_at")
         return self
 
 
-class PathSection(_Section):
+class PathSection(Section):
     """Where the end-effector goes, in one of five ways, and how it stands."""
 
     line: LineSection | None = None
@@ -257,11 +158,11 @@ class PathSection(_Section):
 
     @model_validator(mode="after")
     def _one(self) -> PathSection:
-        _one_of(self, "line", "polynomial", "arc", "waypoints", "samples")
+        one_of(self, "line", "polynomial", "arc", "waypoints", "samples")
         return self
 
 
-class StopSection(_Section):
+class StopSection(Section):
     """A rest on the way."""
 
     s: Number
@@ -270,18 +171,18 @@ class StopSection(_Section):
     """When [s]."""
 
 
-class TimingSection(_Section):
+class TimingSection(Section):
     """When the end-effector is where."""
 
     duration: Number
     """Of the whole motion [s]."""
     law: TimeLaw = TimeLaw.QUINTIC
     """How each segment between rests is travelled."""
-    stops: list[StopSection] = []
+    stops: list[StopSection] = Field(default=[])
     """Rests on the way."""
 
 
-class MarginSection(_Section):
+class MarginSection(Section):
     """How far from dynamic singularities to stay."""
 
     measure: Literal["gjm", "system", "arm", "sigma"] = "gjm"
@@ -293,7 +194,7 @@ class MarginSection(_Section):
 
     @model_validator(mode="after")
     def _one(self) -> MarginSection:
-        _one_of(self, "value", "fraction")
+        one_of(self, "value", "fraction")
         return self
 
 
@@ -310,7 +211,7 @@ Weighing = Annotated[
 ]
 
 
-class RedundancySection(_Section):
+class RedundancySection(Section):
     """What an arm with more joints than the task needs does with its freedom."""
 
     metric: Weighing = Metric.JOINTS
@@ -330,7 +231,7 @@ class RedundancySection(_Section):
         return self
 
 
-class SearchSection(_Section):
+class SearchSection(Section):
     """Which of the feasible attitudes a plan should choose."""
 
     objective: Objective = Objective.MARGIN
@@ -347,7 +248,7 @@ class SearchSection(_Section):
 JointLimits = Positive | dict[str, Positive] | Literal["urdf"]
 
 
-class LimitsSection(_Section):
+class LimitsSection(Section):
     """What a motion may ask for, beside the joint ranges of the URDF."""
 
     joint_rate: JointLimits | None = None
@@ -357,11 +258,11 @@ class LimitsSection(_Section):
     """Magnitudes of joint torques and forces [N m, N], written likewise."""
     base_rate: Positive | None = None
     """Magnitude of the spacecraft's angular velocity [rad/s]."""
-    clearance: Annotated[float, Field(strict=True, ge=0.0, le=_LARGEST)] | None = None
+    clearance: NotNegative | None = None
     """Smallest distance [m] between bodies that no joint joins; 0: they may not touch."""
 
 
-class ScenarioFile(_Section):
+class ScenarioFile(Section):
     """A scenario: a robot, a path for its end-effector, and what it drifts with."""
 
     robot: RobotSection

@@ -81,8 +81,12 @@ def value_of(expression: str) -> float | None:
 
 
 def _value(node: ast.AST) -> float:
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        return float(node.value)  # type: ignore[arg-type]
+    if (
+        isinstance(node, ast.Constant)
+        and isinstance(node.value, int | float)
+        and not isinstance(node.value, bool)
+    ):
+        return float(node.value)
     if isinstance(node, ast.Name) and node.id in ("pi", "M_PI"):
         return math.pi
     if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:

@@ -103,7 +103,7 @@ def _without_nonsense(root: ET.Element) -> tuple[Any, list[tuple[str, str]]]:
             ET.SubElement(alone, "link", name="link").append(shown)
             try:
                 _parsed(alone)
-            except Exception:
+            except Exception:  # likewise
                 link.remove(shown)
                 missing.append((str(link.get("name")), f"its <visual> {number} cannot be read"))
     for material in root.findall("material"):
@@ -111,7 +111,7 @@ def _without_nonsense(root: ET.Element) -> tuple[Any, list[tuple[str, str]]]:
         alone.append(material)
         try:
             _parsed(alone)
-        except Exception:
+        except Exception:  # likewise
             root.remove(material)
     return _parsed(root), missing
 
