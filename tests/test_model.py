@@ -203,12 +203,35 @@ def test_joints_not_named_are_held_at_zero(data: st.DataObject, robot: Robot) ->
     np.testing.assert_array_equal(momentum_map(silent, q), momentum_map(told, q))
 
 
-@pytest.mark.parametrize("name", ["shoulder", "hing", "root_joint"])
-def test_only_joints_off_the_chain_can_be_held(name: str) -> None:
-    """A moving joint, a misspelt one and the drift itself are refused, the others listed."""
+def test_a_stuck_joint_of_the_arm_is_as_if_glued() -> None:
+    """Held by name it moves no more, and the bodies beyond it stand as if it had never moved."""
+    stuck = FreeFloatingModel.from_urdf(ELBOW, "fore", held={"shoulder": 0.4})
+    free = FreeFloatingModel.from_urdf(ELBOW, "fore")
+    (left,) = stuck.joint_names
+    assert {left, "shoulder"} == set(free.joint_names)
+    q = np.zeros(free.dof)
+    q[free.joint_names.index("shoulder")], q[free.joint_names.index(left)] = 0.4, -0.7
+    attitude = [0.1, -0.2, 0.3, np.sqrt(0.86)]
+    found, expected = (m.end_effector_pose(attitude, j) for m, j in ((stuck, [-0.7]), (free, q)))
+    np.testing.assert_allclose(found.position, expected.position, atol=1e-12)
+    kept = [*range(6), 6 + free.joint_names.index(left)]
+    np.testing.assert_allclose(
+        momentum_map(stuck, [-0.7]), momentum_map(free, q)[:, kept], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("name", ["hing", "root_joint"])
+def test_only_joints_of_the_robot_can_be_held(name: str) -> None:
+    """A misspelt one and the drift itself are refused, the others listed."""
     with pytest.raises(ModelError) as caught:
         FreeFloatingModel.from_urdf(ELBOW, "fore", held={name: 0.1})
-    assert (caught.value.key, caught.value.accepted) == (f"held.{name}", "hinge")
+    assert caught.value.key == f"held.{name}"
+    assert set(caught.value.accepted.split(", ")) == {"shoulder", "elbow", "hinge"}
+
+
+def test_an_arm_of_which_every_joint_is_held_is_refused() -> None:
+    with pytest.raises(ModelError, match="all joints that move"):
+        FreeFloatingModel.from_urdf(ELBOW, "fore", held={"shoulder": 0.1, "elbow": 0.2})
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])

@@ -1,7 +1,8 @@
-"""Which of many candidates may keep joint ranges and rates: told from compiled motions, quickly.
+"""Which of many candidates may keep limits: told from compiled motions, quickly.
 
-What a compiled motion shows at its steps it really does, so a candidate that is sent away breaks
-the limit; one that is let through may still break it between two steps.
+Joint ranges and rates are known at their steps, clearances at some instants. What a compiled motion
+shows there it really does, so a candidate that is sent away breaks
+the limit; one that is let through may still break it in between.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.attitude_map import depths
+from freefloat.clearance_screen import shortfalls
+from freefloat.collision_pairs import CollisionPairs
 from freefloat.joint_spans import joint_ranges
 from freefloat.limits import LimitKind, Limits
 from freefloat.outlook import Outlook
@@ -20,8 +23,8 @@ from freefloat.rollout import kept
 from freefloat.search import Objective, Search
 from freefloat.spatial import Array, IntArray, angle_between
 
-_BATCH = 256
-"""Candidates followed at once."""
+_FIRST_BATCH, _BATCH = 16, 256
+"""Candidates followed at once: few at first, for the best may do."""
 _SLACK = 1e-4
 """Of compiled motions: they break a limit when they exceed it by more [rad, m; share of a rate]."""
 _TURN = 2.0 * np.pi
@@ -37,6 +40,7 @@ class Screened:
         merit: What it is ranked by: a margin, or an angle [rad].
         broken: The limit that it breaks, if that shows already.
         haste: Largest ratio of a rate to its limit, as far as it shows; zero without limits.
+        shortfall: By how much the clearance is missed [m], as far as it shows; zero without one.
     """
 
     attitude: Array
@@ -44,10 +48,16 @@ class Screened:
     merit: float
     broken: LimitKind | None
     haste: float
+    shortfall: float
 
 
 def screened(
-    outlook: Outlook, attitudes: Array, margins: Array, search: Search, limits: Limits
+    outlook: Outlook,
+    attitudes: Array,
+    margins: Array,
+    search: Search,
+    limits: Limits,
+    pairs: CollisionPairs | None,
 ) -> Iterator[Screened]:
     """Candidates that keep the margin, the best by the objective first.
 
@@ -57,26 +67,52 @@ def screened(
         margins: Kept by every arm branch, zero for motions that do not complete, shape (N, B).
         search: Its objective ranks.
         limits: Beside the joint ranges.
+        pairs: Of bodies whose clearance is limited; None where it is not.
     """
     samples, branches, merits = _ranked(attitudes, margins, search, outlook.problem.margin.value)
-    for first in range(0, len(samples), _BATCH):
-        batch = slice(first, first + _BATCH)
-        own, inverse = np.unique(samples[batch], return_inverse=True)
-        found = outlook.prospects(attitudes[own])
-        rows = inverse.ravel(), branches[batch]
-        rollout = found.rollout
-        low, high = (found.spread(values)[rows] for values in (rollout.lower, rollout.upper))
-        outside = _out_of_range(outlook, low, high)
-        haste = np.zeros(len(low))
-        if limits.joint_rate is not None:
-            haste = (found.spread(rollout.rates)[rows] / limits.joint_rate).max(axis=1)
-        for k, (sample, branch, merit) in enumerate(
-            zip(samples[batch], branches[batch], merits[batch], strict=True)
+    first, size = 0, _FIRST_BATCH
+    while first < len(samples):
+        batch = slice(first, first + size)
+        first, size = first + size, min(2 * size, _BATCH)
+        own = attitudes[samples[batch]]
+        looks = _looked_at(outlook, own, branches[batch], limits, pairs)
+        for attitude, branch, merit, look in zip(
+            own, branches[batch], merits[batch], looks, strict=True
         ):
-            broken = LimitKind.JOINT_RANGE if outside[k] else None
-            if broken is None and haste[k] > 1.0 + _SLACK:
-                broken = LimitKind.JOINT_RATE
-            yield Screened(attitudes[sample], int(branch), float(merit), broken, float(haste[k]))
+            yield Screened(attitude, int(branch), float(merit), *look)
+
+
+def _looked_at(
+    outlook: Outlook,
+    attitudes: Array,
+    branches: IntArray,
+    limits: Limits,
+    pairs: CollisionPairs | None,
+) -> list[tuple[LimitKind | None, float, float]]:
+    """What each of some candidates breaks, its haste and what its clearance lacks."""
+    own, inverse = np.unique(attitudes, axis=0, return_inverse=True)
+    found = outlook.prospects(own)
+    rollout, rows = found.rollout, (inverse.ravel(), branches)
+    low, high, ends = (
+        found.spread(values)[rows] for values in (rollout.lower, rollout.upper, rollout.joints)
+    )
+    outside = _out_of_range(outlook, low, high)
+    haste, shortfall = np.zeros((2, len(attitudes)))
+    if limits.joint_rate is not None:
+        haste = (found.spread(rollout.rates)[rows] / limits.joint_rate).max(axis=1)
+    fast = haste > 1.0 + _SLACK
+    if limits.clearance is not None and pairs is not None:
+        left = np.flatnonzero(~outside & ~fast)
+        joints = found.joints[rows]
+        shortfall[left] = shortfalls(
+            outlook, pairs, limits.clearance, attitudes[left], joints[left], ends[left]
+        )
+    shown = {
+        LimitKind.JOINT_RANGE: outside, LimitKind.JOINT_RATE: fast,
+        LimitKind.CLEARANCE: shortfall > 0.0,
+    }  # fmt: skip
+    broken = [next((kind for kind in shown if shown[kind][k]), None) for k in range(len(outside))]
+    return list(zip(broken, haste.tolist(), shortfall.tolist(), strict=True))
 
 
 def _ranked(

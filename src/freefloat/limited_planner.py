@@ -15,10 +15,12 @@ from freefloat.joint_spans import wound
 from freefloat.limit_checks import LimitChecker
 from freefloat.limit_screen import Screened, screened
 from freefloat.limits import LimitFinding, LimitKind, Limits, needed_stretch
+from freefloat.motion import Motion
 from freefloat.outlook import Outlook
 from freefloat.planar_search import attitudes_at
 from freefloat.plans import Plan
 from freefloat.problem import Problem
+from freefloat.rollout import kept
 from freefloat.search import Objective, Progress
 from freefloat.simulation import FollowedBranch
 from freefloat.spatial import Array, angle_between, grid_spacing, heading_of
@@ -30,8 +32,8 @@ _MOST = 120
 """Candidates followed precisely before giving up."""
 _APART_IN_PLANE = np.radians(5.0)
 """Headings nearer than this to one that broke a limit are passed over; in space the spacing."""
-_HASTY = 8
-"""Candidates that only rates sent away and that are looked at for the duration they would need."""
+_NEAREST = 16
+"""Candidates sent away by one limit that are followed after all, to tell how near they came."""
 _BISECTIONS = 10
 _TIMED = (LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE)
 """Limits that a longer duration helps to keep."""
@@ -47,6 +49,7 @@ class _Search:
     followed: int = 0
     stretch: float = np.inf
     nearest: tuple[LimitFinding, ...] = ()
+    nearest_motion: Motion | None = None
 
     @property
     def problem(self) -> Problem:
@@ -62,18 +65,30 @@ class _Search:
         if broken is None:
             return self.checker.findings(chosen.motion)
         self.excluded[broken.limit] += 1
+        self._note(chosen, broken)
+        return None
+
+    def note(self, chosen: FollowedBranch) -> None:
+        """Remember how near a motion that was sent away, and counted, comes to keeping limits."""
+        self.followed += 1
+        broken = self.checker.first_broken(chosen.motion)
+        if broken is not None:
+            self._note(chosen, broken)
+
+    def _note(self, chosen: FollowedBranch, broken: LimitFinding) -> None:
         findings: tuple[LimitFinding, ...] = (broken,)
         if broken.limit in _TIMED:
             findings = self.checker.findings(chosen.motion)
         if not self.nearest or _excess(findings) < _excess(self.nearest):
-            self.nearest = findings
+            self.nearest, self.nearest_motion = findings, chosen.motion
         if all(one.kept or one.limit in _TIMED for one in findings):
             self.stretch = min(self.stretch, needed_stretch(findings))
-        return None
 
 
-def _excess(findings: tuple[LimitFinding, ...]) -> float:
-    return max(one.ratio for one in findings)
+def _excess(findings: tuple[LimitFinding, ...]) -> tuple[float, float]:
+    """How far limits are broken: the largest ratio, and how deep bodies are in each other [m]."""
+    depth = max((-one.worst for one in findings if one.limit is LimitKind.CLEARANCE), default=0.0)
+    return max(one.ratio for one in findings), depth
 
 
 def keep_limits(
@@ -100,18 +115,20 @@ def keep_limits(
         return replace(found, chosen=chosen, findings=findings)
     attitudes, margins = _samples(found, search.outlook)
     apart = _APART_IN_PLANE if found.map is None else grid_spacing(len(attitudes))
-    hasty: list[Screened] = []
+    sent_away: list[Screened] = []
     refused: list[Screened] = []
-    for candidate in screened(search.outlook, attitudes, margins, found.search, limits):
+    seen, total = 0, int(kept(margins, found.problem.margin.value).sum())
+    pairs = None if limits.clearance is None else search.checker.pairs
+    for candidate in screened(search.outlook, attitudes, margins, found.search, limits, pairs):
+        seen += 1
+        if progress is not None:
+            progress(max(search.followed / _MOST, seen / total))
         if candidate.broken is not None:
             search.excluded[candidate.broken] += 1
-            if candidate.broken is LimitKind.JOINT_RATE:
-                hasty.append(candidate)
+            sent_away.append(candidate)
             continue
         if _beside(candidate, refused, apart):
             continue
-        if progress is not None:
-            progress(search.followed / _MOST)
         chosen = _precisely(search.problem, candidate.attitude, candidate.branch)
         findings = search.passes(chosen)
         if findings is not None:
@@ -119,9 +136,19 @@ def keep_limits(
         refused.append(candidate)
         if search.followed >= _MOST:
             break
-    for candidate in sorted(hasty, key=lambda one: one.haste)[:_HASTY]:
-        search.passes(_precisely(search.problem, candidate.attitude, candidate.branch))
+    for candidate in _least_broken(sent_away):
+        search.note(_precisely(search.problem, candidate.attitude, candidate.branch))
     return _refused(found, search)
+
+
+def _least_broken(sent_away: list[Screened]) -> list[Screened]:
+    """Those that come nearest to keeping the rates, and those nearest to keeping the clearance."""
+    hasty = [one for one in sent_away if one.broken is LimitKind.JOINT_RATE]
+    near = [one for one in sent_away if one.broken is LimitKind.CLEARANCE]
+    return [
+        *sorted(hasty, key=lambda one: one.haste)[:_NEAREST],
+        *sorted(near, key=lambda one: one.shortfall)[:_NEAREST],
+    ]
 
 
 def _beside(candidate: Screened, refused: list[Screened], apart: float) -> bool:
@@ -218,7 +245,10 @@ def _refused(found: Plan, search: _Search) -> Plan:
     """No candidate keeps the limits: which of them, how often, and how near it came."""
     counted = ", ".join(f"{name} {count}" for name, count in search.excluded.most_common())
     told = f"attitudes keep the margin, but every candidate breaks a limit: {counted}"
-    broken = [one for one in search.nearest if not one.kept]
+    findings = search.nearest
+    if search.nearest_motion is not None:
+        findings = search.checker.findings(search.nearest_motion)  # the worst places, not the first
+    broken = [one for one in findings if not one.kept]
     if broken:
         worst = max(broken, key=lambda one: one.ratio)
         told += (
@@ -230,5 +260,5 @@ def _refused(found: Plan, search: _Search) -> Plan:
         told += f"; {factor:.4g} times the duration would do"
     return replace(
         found, feasible=False, reason=told, chosen=None, robust_radius=None, tolerance=None,
-        findings=search.nearest, excluded=dict(search.excluded), stretch=factor,
+        findings=findings, excluded=dict(search.excluded), stretch=factor,
     )  # fmt: skip

@@ -57,14 +57,15 @@ class Body:
 class FreeFloatingModel:
     """A spacecraft with an arm, drifting: no external force, its base not actuated.
 
-    The joints between the spacecraft and the end-effector move; every other joint of the robot is
-    held. Joint vectors list the moving joints from the spacecraft to the end-effector, see
+    The joints between the spacecraft and the end-effector move, but for those that are held by
+    name, such as one that is stuck; every other joint of the robot is held. Joint vectors list the
+    moving joints from the spacecraft to the end-effector, see
     :attr:`joint_names`.
 
     Attributes:
         description: The checked URDF.
         end_effector: Name of the link (or other frame) that follows the path.
-        held: Joint name to value [rad or m] for joints off the chain; zero for those not named.
+        held: Joint name to value [rad or m]; joints off the chain that are not named are at zero.
     """
 
     description: Description
@@ -90,7 +91,8 @@ class FreeFloatingModel:
             end_effector: Frame that follows the path; may be left out where the robot has a
                 single last link.
             scale_mass: Factor on every mass and inertia, or a map from link to factor.
-            held: Values [rad or m] of joints that do not move the end-effector.
+            held: Values [rad or m] of joints that do not move: off the way to the end-effector all
+                of them, zero when not named; on the way those that are named, stuck ones say.
             spacecraft: Put under the root link, see :func:`~freefloat.assembly.assemble`.
             payload: Held by the end-effector.
             attached: Further URDFs, fixed to links.
@@ -300,23 +302,27 @@ def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:
                 f"joint {whole.names[index]}", f"its type {kind} is not supported",
                 "revolute, continuous, prismatic or fixed",
             )  # fmt: skip
-    others = [index for index in range(2, whole.njoints) if index not in chain]
-    for name in sorted({whole.names[index] for index in others} & set(_links(whole))):
-        raise ModelError(
-            f"joint {name}", "a link has the same name, so it cannot be held",
-            "a name of its own for every joint off the chain to the end-effector",
-        )  # fmt: skip
+    names = {whole.names[index]: index for index in range(2, whole.njoints)}
     q = pin.neutral(whole)
     for name, value in held.items():
-        if name not in [whole.names[index] for index in others]:
-            raise ModelError(
-                f"held.{name}", "not a joint that can be held",
-                ", ".join(whole.names[index] for index in others) or "no joint: all of them move",
-            )  # fmt: skip
+        if name not in names:
+            raise ModelError(f"held.{name}", "the robot has no such joint", ", ".join(names))
         if not np.isfinite(value):
             raise ModelError(f"held.{name}", f"{value} was given", "a finite number [rad, m]")
-        q[whole.joints[whole.getJointId(name)].idx_q] = value
-    return pin.buildReducedModel(whole, others, q) if others else whole
+        q[whole.joints[names[name]].idx_q] = value
+    if all(whole.names[index] in held for index in chain):
+        raise ModelError(
+            "held",
+            f"all joints that move {end_effector!r} are held",
+            "one joint or more that moves",
+        )
+    others = {name: index for name, index in names.items() if index not in chain or name in held}
+    for name in sorted(others.keys() & set(_links(whole))):
+        raise ModelError(
+            f"joint {name}", "a link has the same name, so it cannot be held",
+            "a name of its own for every joint that is held",
+        )  # fmt: skip
+    return pin.buildReducedModel(whole, list(others.values()), q) if others else whole
 
 
 def _body(model: Any, data: Any, index: int) -> Body:

@@ -47,7 +47,7 @@ class Origin:
         robot: Text of the URDF, masses scaled, spacecraft and payload mounted.
         robot_file: The file it came from; its meshes lie beside that.
         end_effector: Name of the link that follows the path.
-        held: Joint name to value [rad or m] of joints off the chain.
+        held: Joint name to value [rad or m] of joints that do not move.
         software: Package to version.
     """
 

@@ -28,7 +28,7 @@ class RobotParts:
         end_effector: The link that follows the path; may be left out where there is a single last
             one.
         scale_mass: Factor on mass and inertia of every link, or a map from link to factor.
-        held: Values [rad or m] of joints that do not move the end-effector.
+        held: Values [rad or m] of joints that do not move.
         spacecraft: Carries the arm's root link.
         payload: Held by the end-effector.
         attached: Further URDFs, fixed to links.

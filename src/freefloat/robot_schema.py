@@ -79,7 +79,7 @@ class RobotSection(Section):
     attached: list[AttachedSection] = Field(default=[], max_length=100)
     """Further URDFs, fixed to links, one after the other."""
     held: dict[Name, Number] = Field(default={})
-    """Values [rad, m] of joints that do not move the end-effector; zero for those not named."""
+    """Values [rad, m] of joints that do not move; those off the way to the tool never do."""
 
 
 class RobotFile(Section):
