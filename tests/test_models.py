@@ -155,6 +155,8 @@ FOLLOWED = tuple(
     name for name in bundled_scenarios()
     if name.split("/")[0] in NEW or name in ("ur5_servicer/inspect", "panda_servicer/arc")
 )  # fmt: skip
+OF_THE_PAPER = ("planar_3dof/parabola", "planar_3dof/parabola_nonstop", "spatial_6dof/line")
+LIMITED = tuple(name for name in bundled_scenarios() if name not in OF_THE_PAPER)
 
 
 def test_scenarios_of_every_kind_are_bundled() -> None:
@@ -187,11 +189,15 @@ def test_a_scenario_can_be_followed_with_its_margin_kept(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FOLLOWED)
-def test_a_scenario_plans_out_of_the_box(name: str) -> None:
+@pytest.mark.parametrize("name", LIMITED)
+def test_a_scenario_plans_out_of_the_box_within_its_limits(name: str) -> None:
     result = CliRunner().invoke(app, ["plan", name, "--json"])
     assert result.exit_code == 0, result.output
     document = json.loads(result.stdout)
     assert document["feasible"]
     assert document["min_margin"]["kept"]
     assert document["disagreements"] == []
+    findings = {finding["limit"]: finding for finding in document["limits"]}
+    assert {"joint_rate", "joint_torque", "base_rate", "clearance"} <= findings.keys()
+    assert all(finding["kept"] for finding in findings.values())
+    assert findings["joint_torque"]["base_wrench"] < 1e-6

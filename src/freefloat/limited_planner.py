@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from freefloat.attitude_depth import safe_radius
 from freefloat.closeness import least
 from freefloat.integration import integrate_motion
 from freefloat.joint_spans import wound
@@ -24,7 +23,6 @@ from freefloat.rollout import kept
 from freefloat.search import Objective, Progress
 from freefloat.simulation import FollowedBranch
 from freefloat.spatial import Array, angle_between, grid_spacing, heading_of
-from freefloat.tolerance import tolerance
 
 _HEADINGS = 720
 """Looked at in the plane."""
@@ -184,19 +182,15 @@ def _chosen(
     chosen: FollowedBranch,
     findings: tuple[LimitFinding, ...],
 ) -> Plan:
-    """The plan with another candidate, and what it bears."""
+    """The plan with another candidate."""
     wish = found.search
     if wish.objective is Objective.NEAREST and wish.from_attitude is not None:
         chosen, findings = _drawn_nearer(search, wish.from_attitude, chosen, findings)
     attitude = chosen.motion.initial.attitude
-    radius, bears = _depth(found, attitude, candidate.branch), None
-    if found.map is not None:
-        spacing = grid_spacing(len(found.map.attitudes))
-        radius = safe_radius(search.outlook, attitude, candidate.branch, spacing)
-        bears = tolerance(search.outlook.roller, attitude, chosen.branch.joints)
     return replace(
         found, chosen=chosen, findings=findings, excluded=dict(search.excluded),
-        robust_radius=radius, tolerance=bears, reason=_reason(found, chosen, attitude),
+        robust_radius=_depth(found, attitude, candidate.branch),
+        reason=_reason(found, chosen, attitude),
     )  # fmt: skip
 
 
@@ -223,6 +217,8 @@ def _drawn_nearer(
 
 def _depth(found: Plan, attitude: Array, branch: int) -> float | None:
     """In the plane: how far inside its range of headings an attitude lies [rad]."""
+    if found.map is not None:
+        return None
     heading = heading_of(attitude)
     own = [entry for entry in found.ranges if entry.branch == branch or entry.label == "any"]
     inside = [one.depth(heading) for entry in own for one in entry.ranges]
@@ -259,6 +255,6 @@ def _refused(found: Plan, search: _Search) -> Plan:
     if factor is not None:
         told += f"; {factor:.4g} times the duration would do"
     return replace(
-        found, feasible=False, reason=told, chosen=None, robust_radius=None, tolerance=None,
+        found, feasible=False, reason=told, chosen=None, robust_radius=None,
         findings=findings, excluded=dict(search.excluded), stretch=factor,
     )  # fmt: skip

@@ -47,8 +47,12 @@ def plan(
         from freefloat.spatial_planner import plan_in_space
 
         found = plan_in_space(problem, search, progress, threads)
-    if limits is None:
-        return found
-    from freefloat.limited_planner import keep_limits
+    if limits is not None:
+        from freefloat.limited_planner import keep_limits
 
-    return keep_limits(found, limits, progress, threads)
+        found = keep_limits(found, limits, progress, threads)
+    if problem.task.planar:
+        return found
+    from freefloat.robustness import with_robustness
+
+    return with_robustness(found, threads)

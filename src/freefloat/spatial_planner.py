@@ -20,7 +20,6 @@ from freefloat.rollout import kept
 from freefloat.search import Objective, Progress, Search
 from freefloat.simulation import FollowedBranch, simulate
 from freefloat.spatial import angle_between, grid_spacing
-from freefloat.tolerance import tolerance
 
 ATTITUDES = 4096
 """Followed when a search names no number."""
@@ -36,7 +35,11 @@ def plan_in_space(
     progress: Progress | None = None,
     threads: int | None = None,
 ) -> Plan:
-    """Map SO(3) and choose an attitude; see :func:`planner.plan`."""
+    """Map SO(3) and choose an attitude; see :func:`planner.plan`.
+
+    The plan tells its robust radius only where that is what was searched for; what else it bears is
+    left to :mod:`freefloat.robustness`.
+    """
     outlook = Outlook(problem, threads)
 
     def report(share: float) -> None:
@@ -59,18 +62,12 @@ def plan_in_space(
     else:
         reason = _nearest_miss(outlook, found)
         return Plan(problem, search, False, reason, map=found, disagreements=tuple(disagreements))
-    attitude = chosen.motion.initial.attitude
-    if search.objective is Objective.ROBUST:
-        radius = candidate.merit
-    else:
-        spacing = grid_spacing(len(found.attitudes))
-        radius = safe_radius(outlook, attitude, candidate.branch, spacing)
-    bears = tolerance(outlook.roller, attitude, chosen.branch.joints)
     if progress is not None:
         progress(1.0)
     return Plan(
         problem, search, True, _reason(search.objective, candidate, problem), chosen=chosen,
-        robust_radius=radius, map=found, tolerance=bears, disagreements=tuple(disagreements),
+        robust_radius=candidate.merit if search.objective is Objective.ROBUST else None,
+        map=found, disagreements=tuple(disagreements),
     )  # fmt: skip
 
 
