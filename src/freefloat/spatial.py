@@ -182,8 +182,11 @@ def low_discrepancy(count: int, dimension: int) -> Array:
 
 
 def turn_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
-    """The rotation vector [rad] that turns one rotation (3, 3) into another, shape (3,)."""
-    turn = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).T)
+    """The rotation vector [rad] that turns one rotation (3, 3) into another, shape (3,).
+
+    Of many pairs at once, shapes (K, 3, 3), there are as many, shape (K, 3).
+    """
+    turn = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).swapaxes(-1, -2))
     return np.asarray(turn.as_rotvec())
 
 
