@@ -13,6 +13,7 @@ import numpy as np
 
 from freefloat.dynamics import (
     Task,
+    determinant,
     generalized_determinant,
     generalized_jacobian,
     inertia_matrices,
@@ -96,7 +97,7 @@ def _gjm(model: FreeFloatingModel, task: Task, joints: Array) -> float:
 def _system(model: FreeFloatingModel, task: Task, joints: Array) -> float:
     A = system_matrix(model, joints, task)
     if A.shape[0] == A.shape[1]:
-        return float(np.linalg.det(A))
+        return determinant(A)
     D, _ = inertia_matrices(model, joints)
     return float(np.linalg.det(D[2:, 2:] if task.planar else D)) * _gjm(model, task, joints)
 
