@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Generator, Iterator
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; read with numpy
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings

@@ -15,7 +15,13 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics import Task, generalized_jacobian, inertia_matrices, system_matrix
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
-from freefloat.singularity import NAMES, joint_box, joint_space_extremes, measure
+from freefloat.singularity import (
+    NAMES,
+    joint_box,
+    joint_space_extremes,
+    largest_magnitude,
+    measure,
+)
 from freefloat.virtual_manipulator import VirtualManipulator
 from tests.robots import (
     in_units,
@@ -336,6 +342,21 @@ def test_extremes_of_the_spatial_arm_beat_every_sample(
     assert extremes.smallest < min(values) < max(values) < extremes.largest
     again = joint_space_extremes(spatial_6dof, of)
     assert (again.largest, again.smallest) == (extremes.largest, extremes.smallest)
+
+
+@pytest.mark.parametrize(
+    ("structure", "task", "name"),
+    [("RRRRRR", Task.POSE, "gjm"), ("RRRRRRR", Task.POSE, "gjm"), ("RRRRRR", Task.POSE, "sigma"),
+     ("RRPR", Task.POSITION, "system")],
+)  # fmt: skip
+def test_the_largest_magnitude_is_that_of_the_extremes(
+    structure: str, task: Task, name: str, rng: np.random.Generator
+) -> None:
+    """With a sign and without one, where only one end of the joint space is looked at."""
+    model = model_of(structure, rng)
+    of = measure(model, task, name)
+    extremes = joint_space_extremes(model, of, samples=512)
+    assert largest_magnitude(model, of, samples=512) == extremes.magnitude
 
 
 def test_sliding_joints_are_searched_within_their_range() -> None:

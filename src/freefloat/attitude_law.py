@@ -28,6 +28,10 @@ _GAP = 1e-6
 """Share of its usual length below which a direction counts as none."""
 
 
+_Vector = tuple[float, float, float]
+"""Integrators ask for rates by the hundred thousand: of three numbers tuples are the fastest."""
+
+
 class AttitudeLaw(Protocol):
     """An end-effector attitude as a function of s."""
 
@@ -106,28 +110,30 @@ class DirectedAttitude:
     reference: Array
     direction: Callable[[float], tuple[Array, Array]]
 
-    def _axes(self, s: float) -> tuple[Array, Array]:
-        """The two named axes and their derivatives by s, shapes (2, 3)."""
-        d, d1 = self.direction(s)
-        r, sign = self.reference, -1.0 if self.axis.startswith("-") else 1.0
-        first, first1 = _unit_and_rate(sign * d, sign * d1)
-        across = r - (r @ first) * first
-        across1 = -(r @ first1) * first - (r @ first) * first1
-        second, second1 = _unit_and_rate(across, across1)
-        return np.array([first, second]), np.array([first1, second1])
+    def _axes(self, s: float) -> tuple[_Vector, _Vector, _Vector, _Vector]:
+        """The two named axes, and their derivatives by s."""
+        sign = -1.0 if self.axis.startswith("-") else 1.0
+        d, d1 = (_scaled(sign, vector.tolist()) for vector in self.direction(s))
+        r: _Vector = self.reference.tolist()
+        first, first1 = _unit_and_rate(d, d1)
+        along, along1 = _dot(r, first), _dot(r, first1)
+        across = _minus(r, _scaled(along, first))
+        across1 = _minus(_scaled(-along1, first), _scaled(along, first1))
+        return first, *_unit_and_rate(across, across1), first1
 
     def rotation(self, s: float) -> Array:
         """See :class:`AttitudeLaw`."""
-        (first, second), _ = self._axes(s)
+        first, second, _, _ = self._axes(s)
         return axes_rotation("attitude", (self.axis[-1], first), (self.second, second))
 
     def rate(self, s: float) -> Array:
         """See :class:`AttitudeLaw`: each component is one axis' drift towards another."""
-        (first, second), (first1, second1) = self._axes(s)
-        third = cross(first, second)
-        return np.asarray(
-            (second1 @ third) * first - (first1 @ third) * second + (first1 @ second) * third
-        )
+        first, second, second1, first1 = self._axes(s)
+        (a, b, c), (x, y, z) = first, second
+        third = (b * z - c * y, c * x - a * z, a * y - b * x)
+        p, q, r = _dot(second1, third), _dot(first1, third), _dot(first1, second)
+        u, v, w = third
+        return np.array([p * a - q * x + r * u, p * b - q * y + r * v, p * c - q * z + r * w])
 
     def refuse_gaps(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""
@@ -164,10 +170,22 @@ def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
     return s, value
 
 
-def _unit_and_rate(vector: Array, rate: Array) -> tuple[Array, Array]:
-    length = np.sqrt(vector @ vector)
-    unit = vector / length
-    return unit, (rate - unit * (unit @ rate)) / length
+def _dot(u: _Vector, v: _Vector) -> float:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def _scaled(factor: float, v: _Vector) -> _Vector:
+    return factor * v[0], factor * v[1], factor * v[2]
+
+
+def _minus(u: _Vector, v: _Vector) -> _Vector:
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+def _unit_and_rate(vector: _Vector, rate: _Vector) -> tuple[_Vector, _Vector]:
+    length = math.sqrt(_dot(vector, vector))
+    unit = _scaled(1.0 / length, vector)
+    return unit, _scaled(1.0 / length, _minus(rate, _scaled(_dot(unit, rate), unit)))
 
 
 def follow_attitude(curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedAttitude:

@@ -38,10 +38,12 @@ class PolynomialCurve:
         object.__setattr__(self, "coefficients", frozen(self.coefficients))
 
     @cached_property
-    def _orders(self) -> tuple[Array, Array, Array]:
+    def _orders(self) -> tuple[list[list[float]], ...]:
+        """Coefficients of the position and its two derivatives, highest power first."""
         powers = np.arange(1.0, len(self.coefficients))[:, None]
         first = powers * self.coefficients[1:]
-        return self.coefficients, first, powers[:-1] * first[1:]
+        orders = (self.coefficients, first, powers[:-1] * first[1:])
+        return tuple(order[::-1].tolist() for order in orders)
 
     @classmethod
     def line(cls, start: npt.ArrayLike, end: npt.ArrayLike) -> PolynomialCurve:
@@ -51,11 +53,10 @@ class PolynomialCurve:
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
-        coefficients = self._orders[order]
-        value = coefficients[-1] if len(coefficients) else np.zeros(3)
-        for coefficient in coefficients[-2::-1]:
-            value = value * s + coefficient
-        return value
+        s, x, y, z = float(s), 0.0, 0.0, 0.0
+        for a, b, c in self._orders[order]:
+            x, y, z = x * s + a, y * s + b, z * s + c
+        return np.array([x, y, z])
 
 
 @dataclass(frozen=True, eq=False)

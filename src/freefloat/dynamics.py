@@ -125,9 +125,9 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     Returns:
         Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n).
     """
-    A = momentum_map(model, joints)
-    J = end_effector_jacobian(model, joints)[task.rows]
-    J = J[:, 3:] - J[:, :3] @ np.linalg.solve(A[:3, :3], A[:3, 3:])
+    A, J = _maps(model, joints)
+    J = J[task.rows]
+    J = J[:, 3:] - J[:, :3] @ (A[:3, 3:] / model.total_mass)
     D = A[3:, 3:]
     if task.planar:
         return np.vstack([D[2:], J])[:, 2:]
@@ -157,11 +157,22 @@ def generalized_determinant(
     The determinant of all the base and joint rates have to satisfy, over that of the momentum's
     share of it, which is the total mass cubed times det D.
     """
-    M = np.vstack([momentum_map(model, joints), end_effector_jacobian(model, joints)[task.rows]])
-    return _determinant(M) / float(model.total_mass**3 * np.linalg.det(M[3:6, 3:6]))
+    A, J = _maps(model, joints)
+    M = np.vstack([A, J[task.rows]])
+    return determinant(M) / float(model.total_mass**3 * np.linalg.det(M[3:6, 3:6]))
 
 
-def _determinant(M: Array) -> float:
+def _maps(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array]:
+    """The momentum map and the end-effector's Jacobian in spacecraft axes, found together."""
+    q = np.concatenate([np.zeros(3), _IDENTITY, joints])
+    A = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
+    J = pin.getFrameJacobian(
+        model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
+    )
+    return A, J
+
+
+def determinant(M: Array) -> float:
     """As ``np.linalg.det``, in a third of the time."""
     LU, pivots, _ = dgetrf(M)
     swaps = sum(pivot != i for i, pivot in enumerate(pivots.tolist()))
@@ -238,7 +249,7 @@ class DriftEquation:
     def determinant(self, joints: Array) -> float:
         """Of the matrix of (4): a positive multiple of det S*, where that is square."""
         self._assemble(_IDENTITY, joints)
-        return _determinant(self._matrix)
+        return determinant(self._matrix)
 
     def _assemble(self, attitude: Array, joints: Array) -> None:
         model, q = self._model, self._q

@@ -19,7 +19,7 @@ from numpy.polynomial import chebyshev
 from freefloat.dynamics import momentum_map
 from freefloat.errors import InputError
 from freefloat.problem import Problem
-from freefloat.spatial import Array, IntArray, frozen, rotation_matrix, turn_between
+from freefloat.spatial import Array, IntArray, cross, frozen, rotation_matrix, turn_between
 
 DEGREE = 8
 """Of the polynomials inside a panel; one above the integrator's dense output."""
@@ -244,17 +244,15 @@ class Motion:
 
         Only what the task prescribes counts.
         """
-        nodes = zip(self.times, self.attitudes, self.joints, strict=True)
-        return frozen([self._pose_error(t, a, q) for t, a, q in nodes])
-
-    def _pose_error(self, t: float, attitude: Array, joints: Array) -> tuple[float, float]:
-        task, wanted = self.problem.task, self.problem.path.pose(t)
-        is_ = self.problem.model.end_effector_pose(attitude, joints)
-        off = (is_.position - wanted.position)[[row for row in task.rows if row < 3]]
-        turn = turn_between(is_.rotation, wanted.rotation)[
-            [row - 3 for row in task.rows if row > 2]
-        ]
-        return float(np.linalg.norm(off)), float(np.linalg.norm(turn))
+        task, model, path = self.problem.task, self.problem.model, self.problem.path
+        nodes = zip(self.attitudes, self.joints, strict=True)
+        found = [model.end_effector_pose(attitude, joints) for attitude, joints in nodes]
+        wanted = [path.pose(float(t)) for t in self.times]
+        off = np.array([a.position - b.position for a, b in zip(found, wanted, strict=True)])
+        turn = turn_between([one.rotation for one in found], [one.rotation for one in wanted])
+        errors = [off[:, [row for row in task.rows if row < 3]],
+                  turn[:, [row - 3 for row in task.rows if row > 2]]]  # fmt: skip
+        return frozen(np.column_stack([np.linalg.norm(error, axis=1) for error in errors]))
 
     def momentum_errors(self, place: npt.ArrayLike) -> Array:
         """Deviation of the angular momentum from the one given, recomputed from what is recorded.
@@ -275,18 +273,20 @@ class Motion:
         errors = np.full(len(x), np.nan)
         scale = np.ones(self.joints.shape[1] + 5)
         scale[0] = self.problem.path.duration
+        all_values = self._values
         for k in np.unique(panel):
-            values = self._values[k]
+            values = all_values[k]
             if (np.ptp(values, axis=0) / scale).max() < _UNRESOLVED:
                 continue
             nodes = slice(DEGREE * k, DEGREE * k + DEGREE + 1)
             c = _TO_COEFFICIENTS @ np.column_stack([values, self.base_positions[nodes]])
             slope = chebyshev.chebder(c)
             still = _NEARLY_STILL * np.abs(chebyshev.chebval(NODES, slope[:, 0])).max()
-            for i in np.flatnonzero(panel == k):
-                rates = chebyshev.chebval(x[i], slope)
-                if abs(rates[0]) > still:
-                    errors[i] = self._momentum_error(chebyshev.chebval(x[i], c), rates)
+            mine = np.flatnonzero(panel == k)
+            known, rates = (chebyshev.chebval(x[mine], series).T for series in (c, slope))
+            for i, value, rate in zip(mine, known, rates, strict=True):
+                if abs(rate[0]) > still:
+                    errors[i] = self._momentum_error(value, rate)
         return errors
 
     def _momentum_error(self, values: Array, rates: Array) -> float:
@@ -303,4 +303,4 @@ class Motion:
 def _angular_velocity(attitude: Array, rate: Array) -> Array:
     """Spacecraft-frame angular velocity from a unit quaternion's derivative: (8c) inverted."""
     x, w = attitude[:3], attitude[3]
-    return np.asarray(2.0 * (w * rate[:3] - rate[3] * x - np.cross(x, rate[:3])))
+    return np.asarray(2.0 * (w * rate[:3] - rate[3] * x - cross(x, rate[:3])))

@@ -20,7 +20,7 @@ from freefloat.motion import Motion
 from freefloat.planar_arm import PlanarArm
 from freefloat.planar_touch import TouchPoint, touch_points
 from freefloat.problem import Problem
-from freefloat.singularity import joint_space_extremes
+from freefloat.singularity import largest_magnitude
 from freefloat.spatial import Array, heading_of, heading_quaternion
 from freefloat.workspace import point_3_on_path
 
@@ -115,7 +115,7 @@ def margin_level(problem: Problem) -> float:
     """S0 > 0 for which limits are computed: the margin, or nearly zero where that is zero."""
     if problem.margin.value > 0.0:
         return problem.margin.value
-    return _SMALLEST_LEVEL * joint_space_extremes(problem.model, problem.margin.measure).magnitude
+    return _SMALLEST_LEVEL * largest_magnitude(problem.model, problem.margin.measure)
 
 
 def keeps_margin(problem: Problem, motion: Motion, level: float) -> bool:

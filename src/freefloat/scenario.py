@@ -39,7 +39,7 @@ from freefloat.schema import (
 )
 from freefloat.schema_errors import validated
 from freefloat.search import Search
-from freefloat.singularity import joint_space_extremes, measure
+from freefloat.singularity import largest_magnitude, measure
 from freefloat.spatial import Array, axes_rotation, frozen, rotation_matrix, unit_quaternion
 from freefloat.timing import Stop, TimedPath, Timing
 from freefloat.yaml_file import parse_yaml, read_text
@@ -91,7 +91,7 @@ class Scenario:
             of = measure(model, content.task, margin.measure)
             value = margin.value
             if margin.fraction is not None:
-                value = margin.fraction * joint_space_extremes(model, of).magnitude
+                value = margin.fraction * largest_magnitude(model, of)
             return Problem(
                 model, timed, content.task, np.array(content.momentum), Margin(of, value or 0.0),
                 None if content.redundancy is None else _redundancy(content.redundancy),

@@ -13,6 +13,7 @@ r"""The conventions, stated once, and the few attitude helpers that follow from 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -181,8 +182,11 @@ def low_discrepancy(count: int, dimension: int) -> Array:
 
 
 def turn_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
-    """The rotation vector [rad] that turns one rotation (3, 3) into another, shape (3,)."""
-    turn = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).T)
+    """The rotation vector [rad] that turns one rotation (3, 3) into another, shape (3,).
+
+    Of many pairs at once, shapes (K, 3, 3), there are as many, shape (K, 3).
+    """
+    turn = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).swapaxes(-1, -2))
     return np.asarray(turn.as_rotvec())
 
 
@@ -230,15 +234,23 @@ def attitudes_within(center: npt.ArrayLike, radius: float, count: int, seed: int
     Returns:
         Unit quaternions x, y, z, w, shape (count, 4).
     """
-    shift = np.random.default_rng(seed).random(3)
-    share, height, around = ((low_discrepancy(count, 3) + shift) % 1.0).T
+    share, axes = _ball(count, seed)
     angles = np.linspace(0.0, radius, 257)
     volume = angles - np.sin(angles)  # of the ball with that angle, but for a factor
-    angle = np.interp(share * volume[-1], volume, angles)
+    half = np.interp(share * volume[-1], volume, angles)[:, None] / 2.0
+    x, y, z, w = (np.asarray(center) / np.linalg.norm(center)).tolist()
+    by_center = np.array([[w, -z, y, -x], [z, w, -x, -y], [-y, x, w, -z], [x, y, z, w]])
+    return np.asarray(np.hstack([np.sin(half) * axes, np.cos(half)]) @ by_center)
+
+
+@lru_cache(maxsize=256)
+def _ball(count: int, seed: int) -> tuple[Array, Array]:
+    """Shares of a ball's volume, shape (count,), and directions from its center, (count, 3)."""
+    shift = np.random.default_rng(seed).random(3)
+    share, height, around = ((low_discrepancy(count, 3) + shift) % 1.0).T
     z, azimuth = 2.0 * height - 1.0, 2.0 * np.pi * around
     ring = np.sqrt(np.maximum(0.0, 1.0 - z * z))
-    axis = np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
-    return turned(center, angle[:, None] * axis)
+    return share, np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
 
 
 def turned(attitudes: npt.ArrayLike, turns: npt.ArrayLike) -> Array:

@@ -7,7 +7,7 @@ the barycentric vectors (17). So what is known of fixed-base arms holds at a giv
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +46,7 @@ class VirtualManipulator:
     reach: float
 
     @classmethod
+    @lru_cache(maxsize=16)
     def of(cls, model: FreeFloatingModel) -> VirtualManipulator:
         """The virtual manipulator of a robot."""
         bodies, arm = model.bodies, model.bodies[1:]
