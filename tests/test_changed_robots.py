@@ -18,10 +18,10 @@ pytestmark = pytest.mark.usefixtures("kernels")
 
 
 def changed(name: str, samples: int, **robot: Any) -> Scenario:
-    """A bundled scenario, searched for the largest margin, with other keys under ``robot``."""
+    """A bundled scenario, searched with fewer samples, with other keys under ``robot``."""
     file = models_folder() / f"{name}.yaml"
     content = yaml.safe_load(file.read_text())
-    content["search"] = {"samples": samples}
+    content["search"]["samples"] = samples
     content["robot"].update(robot)
     return parse_scenario(yaml.safe_dump(content), file)
 
@@ -31,7 +31,7 @@ def planned(scenario: Scenario) -> Plan:
 
 
 SPACECRAFT = {"mass": 200, "inertia": [35, 35, 35], "size": [1, 1, 1]}
-SAMPLES = 128
+SAMPLES = 32
 USUAL: dict[str, Plan] = {}
 
 
@@ -60,6 +60,9 @@ def test_another_robot_gets_another_plan_that_holds(
     """Its motion is another one, drifts right, follows the path and keeps margin and limits."""
     scenario, before = changed(name, SAMPLES, **robot), usual(name)
     found = planned(scenario)
+    if found.stretch is not None:  # a heavy hand turns the spacecraft faster than it may
+        scenario = scenario.stretched(1.01 * found.stretch)
+        found = planned(scenario)
     assert found.feasible, found.reason
     assert found.chosen is not None
     assert before.chosen is not None
