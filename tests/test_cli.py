@@ -388,7 +388,10 @@ def test_joint_ranges_are_told_without_being_asked_for(folder: Path) -> None:
     none = answer("simulate", *PLANAR_RUN, code=0)["limits"]
     assert none == []
     assert "allowed" not in run("simulate", *PLANAR_RUN).stdout
-    (found,) = answer("simulate", "ur5_servicer/arc", "--attitude", "0", "0", "0", "1")["limits"]
+    text = yaml.safe_load((models_folder() / "ur5_servicer/arc.yaml").read_text())
+    del text["limits"]
+    (folder / "arc.yaml").write_text(yaml.safe_dump(text))
+    (found,) = answer("simulate", "arc.yaml", "--attitude", "0", "0", "0", "1")["limits"]
     assert found["limit"] == "joint_range"
 
 

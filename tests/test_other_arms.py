@@ -237,7 +237,7 @@ def test_a_result_file_remembers_what_was_held(slide: Path, tmp_path: Path) -> N
     ("held", "key", "accepted"),
     [
         ("{flap: 1}", "robot.held.flap", "hinge"),
-        ("{q1: 1}", "robot.held.q1", "hinge"),
+        ("{hing: 1}", "robot.held.hing", "hinge"),
         ("{hinge: up}", "robot.held.hinge", "a number"),
         ("[1]", "robot.held", "keys and values"),
     ],
