@@ -22,6 +22,7 @@ from freefloat.console import (
     unless_defect,
 )
 from freefloat.errors import InputError
+from freefloat.export_command import export
 from freefloat.options import Json, Output, Page, Plots, ScenarioName, Threads
 
 if TYPE_CHECKING:
@@ -318,6 +319,9 @@ def view(
             tell(shown.write(wishes, name, progress_bar))
         else:
             shown.serve(port, tell, opens=not (no_open or as_json))
+
+
+app.command()(export)
 
 
 @app.command()
