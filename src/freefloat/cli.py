@@ -11,6 +11,7 @@ import typer
 
 from freefloat import options
 from freefloat.assemble_command import assemble
+from freefloat.check_command import check
 from freefloat.console import (
     DONE,
     NO,
@@ -321,6 +322,7 @@ def view(
             shown.serve(port, tell, opens=not (no_open or as_json))
 
 
+app.command()(check)
 app.command()(export)
 
 
