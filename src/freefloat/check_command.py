@@ -33,10 +33,9 @@ def check(plan: File, engine: EngineName = None, as_json: Json = False) -> None:
     with answering(as_json):
         from freefloat.check_tables import check_tables
         from freefloat.checking import check_plan
-        from freefloat.console import compiling
+        from freefloat.warm_up import warm_up
 
-        with compiling():
-            verdict = check_plan(plan, engine)
+        verdict = check_plan(plan, engine, warm_up)
     document = verdict.document()
     answer(document, check_tables(document), as_json)
     raise typer.Exit(DONE if verdict.proved else NO)

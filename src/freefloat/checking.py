@@ -17,6 +17,7 @@ from freefloat.limit_checks import LimitChecker
 from freefloat.limits import LimitFinding, LimitKind
 from freefloat.motion import Motion
 from freefloat.plan_file import StoredPlan, load_plan
+from freefloat.problem import Problem
 from freefloat.report import limits_document
 from freefloat.result_file import MOTION, PLAN, opened_result
 from freefloat.scenario import Scenario
@@ -88,7 +89,11 @@ def _finite(document: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def check_plan(path: str | Path, engine: str | None = None) -> Verdict:
+def check_plan(
+    path: str | Path,
+    engine: str | None = None,
+    prepare: Callable[[Problem], None] | None = None,
+) -> Verdict:
     """Prove a saved plan or motion again.
 
     Its configurations are held against its scenario and its robot; the motion is followed again by
@@ -97,6 +102,7 @@ def check_plan(path: str | Path, engine: str | None = None) -> Verdict:
     Args:
         path: The file.
         engine: Another engine to repeat it with: ``"mujoco"``, or None.
+        prepare: Called with the problem before kernels are used on it, which may take long.
 
     Raises:
         InputError: If it is no plan or motion file at all, or the engine is unknown or missing.
@@ -119,6 +125,8 @@ def check_plan(path: str | Path, engine: str | None = None) -> Verdict:
     if motion is None:
         told = f"it has no motion to prove: {stored.document.get('reason')}"
         return Verdict(str(path), kind, (sealed, Check("motion", False, told)))
+    if prepare is not None and stored.kind == PLAN and stored.feasible:
+        prepare(motion.problem)
     return _verdict(stored, wish, motion, sealed, engine)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.certificate import Certificate
+from freefloat.certificate import Certificate, Proven
 from freefloat.closeness import Least
 from freefloat.motion import Ending, Motion
 from freefloat.singularity import measure
@@ -111,30 +111,34 @@ def _again(certificate: Certificate) -> list[Check]:
 
 
 def _singularities(certificate: Certificate, motion: Motion, promised: bool) -> list[Check]:
-    problem = motion.problem
-    checks = []
-    for one in certificate.least:
-        of = measure(problem.model, problem.task, one.measure)
-        name = "|det S*|" if one.measure == "gjm" else one.measure
-        required, is_margin = 0.0, one.measure == problem.margin.measure.name
-        if is_margin and promised:
-            required = problem.margin.value
-        words, passed = f"proven between all points: {one.bound:.6g} or more", True
-        if promised or motion.completed:
-            passed = one.bound > 0.0
-            if not passed:
-                words = (
-                    f"nothing is proven about what lies between the points, near {one.time:.6g} s"
-                )
-        if promised and not Least(one.measure, one.value, 1, one.time).keeps(required):
-            passed, words = False, f"{one.value:.6g} is less than the margin {required:.6g}"
-            words += f" at t = {one.time:.6g} s"
-        checks.append(Check(name, passed, words, one.value, required, of.unit, one.time))
+    checks = [_kept(one, motion, promised) for one in certificate.least]
     if motion.ending is Ending.SINGULAR:
         checks.append(_singular_end(motion))
     if promised and not motion.completed:
         checks.append(Check("whole path", False, motion.ending.value, time=motion.final.time))
     return checks
+
+
+def _kept(one: Proven, motion: Motion, promised: bool) -> Check:
+    """The least value of a measure: it must not vanish; the margin's must keep the margin."""
+    problem = motion.problem
+    unit = measure(problem.model, problem.task, one.measure).unit
+    name = "|det S*|" if one.measure == "gjm" else one.measure
+    required = None
+    if promised and one.measure == problem.margin.measure.name:
+        required = problem.margin.value
+    words, passed = f"proven: {one.bound:.4g} or more everywhere", True
+    if promised and not Least(one.measure, one.value, 1, one.time).keeps(required or 0.0):
+        passed = False
+        words = (
+            f"{one.value:.6g} at t = {one.time:.6g} s is less than the margin {required or 0.0:.6g}"
+        )
+    elif not one.bound and motion.completed:
+        passed = not promised
+        words = f"nothing is proven about what lies between points near t = {one.time:.6g} s"
+    elif not one.bound:
+        words = "the motion ends where it vanishes"
+    return Check(name, passed, words, one.value, required, unit, one.time)
 
 
 def _singular_end(motion: Motion) -> Check:

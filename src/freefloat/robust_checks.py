@@ -9,7 +9,6 @@ import numpy as np
 
 from freefloat.checks import Check
 from freefloat.claims import same_number
-from freefloat.closeness import least
 from freefloat.integration import integrate_motion
 from freefloat.motion import Motion
 from freefloat.outlook import Outlook
@@ -27,6 +26,8 @@ from freefloat.spatial import (
 
 _BESIDE = 5e-4
 """How far inside and outside the ends of ranges headings are tried [rad]."""
+_PRECISE = 1e-8
+"""Tolerance of the motions that try them."""
 _TRIED, _SEED = 1024, 8128
 """Attitudes tried in a ball, others than those that made the plan sure of it."""
 _MAY_FAIL = 1e-3
@@ -102,10 +103,9 @@ def _serves(problem: Problem, heading: float, branch: int) -> bool:
 
 
 def _keeps(problem: Problem, attitude: Array, joints: Array) -> bool:
-    motion = integrate_motion(problem, attitude, joints, stop_at_margin=True)
-    if not motion.completed:
-        return False
-    return least(motion, problem.margin.measure).keeps(problem.margin.value)
+    return integrate_motion(
+        problem, attitude, joints, stop_at_margin=True, tolerance=_PRECISE
+    ).completed
 
 
 def _depth(stored: StoredPlan, motion: Motion, told: float | None) -> Check:
