@@ -1,12 +1,8 @@
 """MuJoCo as a second opinion: its dynamics, its kinematics, our motions.
 
-The robot reaches MuJoCo through its own URDF reader. Inertias are overwritten with those of the
-bodies, because link 3 of the paper's spatial arm breaks the triangle inequality that the reader
-insists on. MuJoCo's free joint has its linear velocity in inertial axes, its angular velocity in
-those of the body, and its quaternion in the order w, x, y, z.
+How the robot reaches MuJoCo and what MuJoCo's free joint means is told in `mujoco_engine`.
 """
 
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from functools import partial
 
@@ -17,6 +13,7 @@ from numpy.polynomial import chebyshev
 from scipy.spatial.transform import Rotation
 
 from freefloat.integration import integrate_motion
+from freefloat.mujoco_engine import Engine, wxyz
 from freefloat.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
 from freefloat.torques import InverseDynamics
@@ -26,87 +23,6 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 WINDOW = 0.5
 """Half the time over which a motion is differentiated [s]."""
-
-
-class Engine:
-    """A freefloat model in MuJoCo: free base, no gravity, no contacts, no joint limits."""
-
-    def __init__(self, model):
-        spec = mujoco.MjSpec.from_string(_bones(model))
-        spec.compiler.balanceinertia = True
-        spec.compiler.fusestatic = False
-        root = spec.worldbody.first_body()
-        root.add_freejoint()
-        self.model = spec.compile()
-        self.model.opt.gravity[:] = 0.0
-        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        self.data = mujoco.MjData(self.model)
-        moved = [self.model.body(root.name).id]
-        moved += [int(self.model.joint(name).bodyid[0]) for name in model.joint_names]
-        self.model.body_sameframe[:], self.model.body_simple[:] = 0, 0  # frames are shifted below
-        self.model.body_mass[:], self.model.body_inertia[:] = 0.0, 0.0
-        for index, body in zip(moved, model.bodies, strict=True):
-            moments, axes = np.linalg.eigh(body.inertia)
-            axes[:, 0] *= np.linalg.det(axes)
-            self.model.body_mass[index] = body.mass
-            self.model.body_inertia[index] = moments
-            self.model.body_ipos[index] = body.centre
-            self.model.body_iquat[index] = _wxyz(Rotation.from_matrix(axes).as_quat())
-        mujoco.mj_setConst(self.model, self.data)
-        self.root, self.tool = moved[0], self.model.body(model.end_effector).id
-
-    def place(self, value, rate, bend):
-        """Set [position, quaternion x y z w, joints] and its first two derivatives by time."""
-        a = value[3:7]
-        self.data.qpos[:] = [*value[:3], *_wxyz(a), *value[7:]]
-        self.data.qvel[:] = [*rate[:3], *_turning(a, rate[3:7]), *rate[7:]]
-        self.data.qacc[:] = [*bend[:3], *_turning(a, bend[3:7]), *bend[7:]]
-
-    def inverse(self, *motion):
-        """Forces that make a motion happen: wrench on the base (6,), joint torques (n,)."""
-        self.place(*motion)
-        mujoco.mj_inverse(self.model, self.data)
-        return self.data.qfrc_inverse[:6].copy(), self.data.qfrc_inverse[6:].copy()
-
-    def momentum(self, *motion):
-        """Centre of mass, linear momentum, angular momentum about it."""
-        self.place(*motion)
-        mujoco.mj_forward(self.model, self.data)
-        mujoco.mj_subtreeVel(self.model, self.data)
-        mass = self.model.body_subtreemass[self.root]
-        of = (self.data.subtree_com, self.data.subtree_linvel, self.data.subtree_angmom)
-        centre, velocity, angular = (row[self.root].copy() for row in of)
-        return centre, mass * velocity, angular
-
-
-def _bones(model):
-    """The URDF without shapes and friction, joints off the chain fixed at zero.
-
-    MuJoCo takes a link called world for the ground.
-    """
-    robot = ET.fromstring(model.description.text)
-    for element in robot.iter():
-        for key in ("name", "link"):
-            if element.get(key) == "world":
-                element.set(key, "not_the_ground")
-    for link in robot.findall("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            link.remove(shape)
-    for joint in robot.findall("joint"):
-        for friction in joint.findall("dynamics"):
-            joint.remove(friction)
-        if joint.get("name") not in model.joint_names:
-            joint.set("type", "fixed")
-    return ET.tostring(robot, encoding="unicode")
-
-
-def _wxyz(quaternion):
-    return np.roll(quaternion, 1)
-
-
-def _turning(a, change):
-    """Vector part of 2 conj(a) a' or 2 conj(a) a'': body-frame angular rate or acceleration."""
-    return 2.0 * (a[3] * change[:3] - change[3] * a[:3] - np.cross(a[:3], change[:3]))
 
 
 def differentiated(motion, t):
@@ -271,7 +187,7 @@ def test_mujoco_finds_the_same_joint_torques(all_motions, name):
         effort = dynamics.effort(t, state.attitude, state.joints)
         R = Rotation.from_quat(state.attitude).as_matrix()
         v, a = effort.rates, effort.accelerations
-        engine.data.qpos[:] = [*state.base_position, *_wxyz(state.attitude), *state.joints]
+        engine.data.qpos[:] = [*state.base_position, *wxyz(state.attitude), *state.joints]
         engine.data.qvel[:] = [*(R @ v[:3]), *v[3:]]
         engine.data.qacc[:] = [*(R @ (a[:3] + np.cross(v[3:6], v[:3]))), *a[3:]]
         mujoco.mj_inverse(engine.model, engine.data)

@@ -11,6 +11,7 @@ import typer
 
 from freefloat import options
 from freefloat.assemble_command import assemble
+from freefloat.check_command import check
 from freefloat.console import (
     DONE,
     NO,
@@ -22,6 +23,7 @@ from freefloat.console import (
     unless_defect,
 )
 from freefloat.errors import InputError
+from freefloat.export_command import export
 from freefloat.options import Json, Output, Page, Plots, ScenarioName, Threads
 
 if TYPE_CHECKING:
@@ -318,6 +320,10 @@ def view(
             tell(shown.write(wishes, name, progress_bar))
         else:
             shown.serve(port, tell, opens=not (no_open or as_json))
+
+
+app.command()(check)
+app.command()(export)
 
 
 @app.command()

@@ -117,6 +117,11 @@ def print_json(document: dict[str, Any]) -> None:
     typer.echo(json.dumps(document, indent=2, allow_nan=False))
 
 
+def print_text(text: str) -> None:
+    """Print a text on stdout as it is."""
+    typer.echo(text, nl=False)
+
+
 def answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: bool) -> None:
     """Print a document for a machine or its tables for people."""
     if as_json:

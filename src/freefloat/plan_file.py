@@ -27,6 +27,7 @@ from freefloat.result_file import (
     write_document,
 )
 from freefloat.scenario import Scenario
+from freefloat.seal import broken_seals, seal
 from freefloat.spatial import Array, frozen
 
 _UNIT_LENGTH = 1e-9
@@ -58,6 +59,7 @@ def save_plan(
             group.attrs["label"], group.attrs["unit"] = entry.label, "rad"
         if plan.chosen is not None:
             _write_motion(file, plan.chosen.motion)
+        seal(file)
 
 
 def save_motion(
@@ -68,6 +70,7 @@ def save_motion(
         write_document(file, document)
         file.attrs["feasible"] = bool(document["min_margin"]["kept"])
         _write_motion(file, motion)
+        seal(file)
 
 
 def _write_motion(file: Any, motion: Motion) -> None:
@@ -98,6 +101,9 @@ class StoredPlan:
         times: Of the motion's nodes [s], shape (N,).
         attitudes: Unit quaternions x, y, z, w, shape (N, 4).
         joints: Shape (N, n).
+        base_positions: Of the spacecraft's root link from the centre of mass [m], shape (N, 3).
+        altered: What in the file is not as it was written, see :mod:`freefloat.seal`; None where
+            the file does not tell.
     """
 
     source: str
@@ -110,6 +116,8 @@ class StoredPlan:
     times: Array
     attitudes: Array
     joints: Array
+    base_positions: Array
+    altered: tuple[str, ...] | None
 
     def problem(self) -> Problem:
         """What was asked, built again from the texts in the file.
@@ -142,12 +150,14 @@ def load_plan(path: str | Path) -> StoredPlan:
         InputError: If it is none, or of another version, or broken.
     """
     with opened_result(path, PLAN, MOTION) as (file, kind):
-        ending, nodes = None, (np.empty(0), np.empty((0, 4)), np.empty((0, 0)))
+        nodes = [np.empty(0), np.empty((0, 4)), np.empty((0, 0)), np.empty((0, 3))]
+        ending, altered = None, broken_seals(file)
         if kind == MOTION or "motion" in file:
             group = file["motion"]
             ending = Ending[group.attrs["ending"]]
-            nodes = group["time"][()], group["attitude"][()], group["joints"][()]
+            nodes = [group[name][()] for name in _NODES]
             _refuse_what_is_no_motion(*nodes)
+        times, attitudes, joints, places = map(frozen, nodes)
         ranges = file.get("ranges", {})
         return StoredPlan(
             str(path),
@@ -157,19 +167,35 @@ def load_plan(path: str | Path) -> StoredPlan:
             read_document(file),
             {int(name.removeprefix("branch_")): frozen(ranges[name][()]) for name in ranges},
             ending,
-            *map(frozen, nodes),
+            times,
+            attitudes,
+            joints,
+            places,
+            None if altered is None else tuple(altered),
         )
 
 
-def _refuse_what_is_no_motion(times: Array, attitudes: Array, joints: Array) -> None:
+_NODES = ("time", "attitude", "joints", "base_position")
+
+
+def _refuse_what_is_no_motion(times: Array, attitudes: Array, joints: Array, places: Array) -> None:
     """Raise ValueError unless these are the nodes of whole panels."""
     count = len(times)
     shaped = times.shape == (count,) and attitudes.shape == (count, 4) and joints.ndim == 2
+    shaped = shaped and places.shape == (count, 3)
     if not (shaped and len(joints) == count and count % DEGREE == 1):
         raise ValueError("its arrays are not those of a motion")
-    if not all(np.isfinite(values).all() for values in (times, attitudes, joints)):
+    if not all(np.isfinite(values).all() for values in (times, attitudes, joints, places)):
         raise ValueError("its motion holds numbers that are not finite")
-    if np.abs(np.linalg.norm(attitudes, axis=1) - 1.0).max() > _UNIT_LENGTH:
-        raise ValueError("its attitudes are no unit quaternions")
+    off = np.abs(np.linalg.norm(attitudes, axis=1) - 1.0)
+    if off.max() > _UNIT_LENGTH:
+        at = int(off.argmax())
+        raise ValueError(f"its attitude at t = {times[at]:.6g} s, node {at}, is no unit quaternion")
     if not (np.diff(times) >= 0.0).all() and not (np.diff(times) <= 0.0).all():
-        raise ValueError("its times go back and forth")
+        raise ValueError(f"its times go back and forth{_where(times)}")
+
+
+def _where(times: Array) -> str:
+    """The first time that does not go on as most of them do."""
+    steps = np.diff(times) * np.sign(times[-1] - times[0] or 1.0)
+    return f" at t = {times[int(np.flatnonzero(steps < 0.0)[0]) + 1]:.6g} s"

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
+from freefloat.certificate import Certificate, certify
 from freefloat.errors import InputError
 from freefloat.limits import LimitFinding
 from freefloat.planar_ranges import BranchRanges, Limit, Span
@@ -91,6 +93,11 @@ class Plan:
         if self.chosen is None:
             raise InputError("plan", f"it has no motion to show: {self.reason}", "a feasible plan")
         play({self.chosen.branch.label: self.chosen.motion}).show(height)
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """What can be told of the chosen motion from what is recorded of it; None without one."""
+        return None if self.chosen is None else certify(self.chosen.motion)
 
     @property
     def deviation(self) -> float | None:

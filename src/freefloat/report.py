@@ -45,7 +45,7 @@ def _followed_document(chosen: FollowedBranch) -> Document:
         "completed": motion.completed,
         "ending": motion.ending.value,
         "singular": singular_document(motion),
-        "min_margin": _margin_document(motion, chosen.least),
+        "min_margin": margin_document(motion, chosen.least),
         "branch": chosen.branch.index,
         "joint_names": list(problem.model.joint_names),
         "initial": state_document(motion.initial),
@@ -91,7 +91,7 @@ def _branch_document(one: FollowedBranch) -> Document:
         "completed": one.motion.completed,
         "ended_at": one.motion.final.time,
         "singular": singular_document(one.motion),
-        "min_margin": _margin_document(one.motion, one.least),
+        "min_margin": margin_document(one.motion, one.least),
     }
 
 
@@ -109,7 +109,8 @@ def singular_document(motion: Motion) -> Document | None:
     }
 
 
-def _margin_document(motion: Motion, found: Least) -> Document:
+def margin_document(motion: Motion, found: Least) -> Document:
+    """How near a motion came to a singularity, and whether that is as asked."""
     required = motion.problem.margin.value
     kept = motion.completed and found.keeps(required)
     return {**asdict(found), "required": required, "kept": kept}
@@ -147,12 +148,15 @@ def plan_document(plan: Plan) -> Document:
         **_sampled_document(plan),
     }
     if plan.chosen is None:
-        empty = ("singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy")
+        empty = ("singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy",
+                 "certificate")  # fmt: skip
         return {**document, "completed": False, **dict.fromkeys(empty), "heading_deg": None}
     heading = None
     if plan.problem.task.planar:
         heading = float(np.degrees(heading_of(plan.chosen.motion.initial.attitude)))
-    return {**document, **_followed_document(plan.chosen), "heading_deg": heading}
+    proof = None if plan.certificate is None else plan.certificate.document()
+    told = {"heading_deg": heading, "certificate": proof}
+    return {**document, **_followed_document(plan.chosen), **told}
 
 
 def _sampled_document(plan: Plan) -> Document:

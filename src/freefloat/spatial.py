@@ -272,6 +272,13 @@ def angle_between(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
     return np.asarray(4.0 * np.arcsin(np.minimum(sine, 1.0)))
 
 
+def without_jumps(attitudes: Array) -> Array:
+    """The signs of unit quaternions (K, 4) chosen so that neighbours are near."""
+    along = (attitudes[1:] * attitudes[:-1]).sum(axis=1)
+    signs = np.cumprod(np.append(1.0, np.where(along < 0.0, -1.0, 1.0)))
+    return np.asarray(signs[:, None] * attitudes)
+
+
 def breaks_triangle(moments: npt.ArrayLike) -> bool:
     """Whether no rigid body has these principal moments, ascending, shape (3,)."""
     least, middle, most = np.asarray(moments, dtype=float).tolist()

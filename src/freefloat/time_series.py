@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.motion import Motion
-from freefloat.spatial import Array, frozen
+from freefloat.spatial import Array, frozen, without_jumps
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class TimeSeries:
             times=wanted,
             joints=joints,
             joint_rates=np.array([rate for _, rate in rates]),
-            attitudes=_without_jumps(attitudes),
+            attitudes=without_jumps(attitudes),
             euler_angles=euler_angles(attitudes),
             angular_velocities=inertial,
             base_positions=np.array([model.base_position(a, q) for _, a, q in states]),
@@ -104,10 +104,3 @@ def euler_angles(attitudes: Array) -> Array:
     y = np.arctan2(R[:, 0, 2], np.hypot(R[:, 0, 0], R[:, 0, 1]))
     z = np.arctan2(-R[:, 0, 1], R[:, 0, 0])
     return np.column_stack([np.unwrap(x), y, np.unwrap(z)])
-
-
-def _without_jumps(attitudes: Array) -> Array:
-    """The signs of unit quaternions (K, 4) chosen so that neighbours are near."""
-    along = (attitudes[1:] * attitudes[:-1]).sum(axis=1)
-    signs = np.cumprod(np.append(1.0, np.where(along < 0.0, -1.0, 1.0)))
-    return np.asarray(signs[:, None] * attitudes)
