@@ -26,7 +26,7 @@ _SOFTWARE = ("freefloat", "pin", "numpy", "scipy", "numba")
 
 def asked(study: Study, files: StudyFiles) -> dict[str, Any]:
     """All that the results of a study depend on, as plain data."""
-    content = study.content.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    content = study.content.model_dump(mode="json", by_alias=True, exclude_none=True)
     del content["base"]
     document = {"study": content, "base": study.base, "files": files.digests()}
     return dict(json.loads(json.dumps(document), parse_constant=str))  # NaN equals itself then
