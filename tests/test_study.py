@@ -105,7 +105,7 @@ LISTED = {"momentum.2": {"list": [0, 1]}}
         ({"timing.length": {"list": [1]}}, {}, "vary.timing.length", "duration"),
         ({"momentum.2": {"unifrom": [0, 1]}}, {}, "vary.momentum.2.unifrom", "uniform"),
         ({"momentum.2": {"uniform": [1, 0]}}, {"cases": 2}, "vary.momentum.2", "lowest"),
-        ({"momentum.2": {"uniform": [0, "a"]}}, {"cases": 2}, "vary.momentum.2.uniform.1", "number"),
+        ({"momentum.2": {"uniform": [0, "a"]}}, {}, "vary.momentum.2.uniform.1", "number"),
         ({"momentum.2": {"uniform": [0, [1]]}}, {"cases": 2}, "vary.momentum.2", "equal length"),
         ({"momentum.2": {"list": []}}, {}, "vary.momentum.2.list", "1 entries or more"),
         ({"momentum.2": {"range": [0, 1, 0]}}, {}, "vary.momentum.2", "step"),

@@ -183,7 +183,7 @@ def test_a_full_disk_is_one_clear_error_and_the_folder_goes_on(
     (line,) = done.stdout.splitlines()
     assert "journal.jsonl: File too large" in line
     assert "room" in line
-    assert missing(study, tmp_path / "out") == [2, 3]
+    assert missing(study, tmp_path / "out") == [1, 2, 3]
 
 
 def test_the_folder_says_what_was_asked_with_which_software(study: Study, half: Path) -> None:

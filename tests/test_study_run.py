@@ -45,7 +45,9 @@ def scheduler() -> Iterator[str]:
     main = subprocess.Popen([*words, "scheduler", *ports, "--no-dashboard"], **quiet)
     assert main.stderr is not None
     address = next(
-        found[1] for line in main.stderr if (found := re.search(r"Scheduler at: +(tcp://\S+)", line))
+        found[1]
+        for line in main.stderr
+        if (found := re.search(r"Scheduler at: +(tcp://\S+)", line))
     )
     one = [*words, "worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
     workers = [subprocess.Popen(one, **quiet) for _ in range(2)]

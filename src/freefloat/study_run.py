@@ -13,6 +13,7 @@ from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import dask
@@ -22,7 +23,6 @@ from distributed import (
     KilledWorker,
     LocalCluster,
     WorkerPlugin,
-    as_completed,
     get_worker,
 )
 
@@ -37,6 +37,8 @@ _PATIENCE = 10.0
 """Seconds to wait for a scheduler, and for the first of its workers."""
 _FRESH = 5.0
 """Seconds for which the number of workers is believed."""
+_DEAD = 300.0
+"""Seconds without any worker after which none is waited for any more."""
 _QUIET = logging.CRITICAL + 1
 _CONFIG: dict[str, Any] = {
     "distributed.scheduler.allowed-failures": RETRIES,
@@ -48,7 +50,7 @@ _CONFIG: dict[str, Any] = {
     "distributed.nanny.pre-spawn-environ.OPENBLAS_NUM_THREADS": "1",
     "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": "1",
     "distributed.nanny.pre-spawn-environ.MKL_NUM_THREADS": "1",
-    "distributed.comm.timeouts.connect": _PATIENCE,
+    "distributed.deploy.lost-worker-timeout": "1 day",  # it is replaced, however busy the machine
     "logging.distributed": "critical",
 }
 
@@ -125,8 +127,8 @@ def run_cases(
 
 
 def _finished(client: Client, name: str, numbers: Sequence[int]) -> Iterator[CaseResult]:
-    """Results as they come, a new case sent for each before it is looked at."""
-    waiting, flying, done = iter(numbers), dict[Future[Any], int](), as_completed(loop=client.loop)
+    """Results as they come, a new case sent for each before it is written."""
+    waiting, flying, ended = iter(numbers), dict[int, Future[Any]](), SimpleQueue[int]()
     threads = _Threads(client)
 
     def send() -> None:
@@ -135,33 +137,61 @@ def _finished(client: Client, name: str, numbers: Sequence[int]) -> Iterator[Cas
             if number is None:
                 return
             future = client.submit(_run_case, name, number, key=f"{name}-{number}", pure=False)
-            flying[future] = number
-            done.add(future)
+            flying[number] = future
+            await_end(number)
+
+    def await_end(number: int) -> None:
+        flying[number].add_done_callback(lambda _: ended.put(number))
 
     send()
-    for future in done:
-        number = flying.pop(future)
+    while flying:
+        try:
+            number = ended.get(timeout=_FRESH)
+        except Empty:
+            threads.refuse_none()
+            continue
+        result = _result(flying[number], number)
+        if result is None:
+            await_end(number)
+            continue
+        del flying[number]  # its worker may forget it now
         send()
-        yield _result(future, number)
+        yield result
 
 
 class _Threads:
     """How many cases can run at once."""
 
     def __init__(self, client: Client) -> None:
-        self._client, self._count, self._asked = client, 1, -_FRESH
+        self._client, self._count = client, 1
+        self._asked, self._alive = -_FRESH, time.monotonic()
 
     def count(self) -> int:
-        if time.monotonic() - self._asked > _FRESH:
+        """The number of threads, 1 at least."""
+        now = time.monotonic()
+        if now - self._asked > _FRESH:
             with suppress(OSError):  # a scheduler that is gone is told of with the results
-                self._count = max(1, sum(self._client.nthreads().values()))
-            self._asked = time.monotonic()
-        return self._count
+                self._count = sum(self._client.nthreads().values())
+            self._asked = now
+            self._alive = now if self._count else self._alive
+        return max(1, self._count)
+
+    def refuse_none(self) -> None:
+        """Give up where there has been no worker for long."""
+        self.count()
+        if time.monotonic() - self._alive > _DEAD:
+            raise InputError(
+                "workers", f"there has been none for {_DEAD:.0f} s",
+                "workers that stay; the same command goes on where this one ended",
+            )  # fmt: skip
 
 
-def _result(future: Future[Any], number: int) -> CaseResult:
+def _result(future: Future[Any], number: int) -> CaseResult | None:
+    """What became of a case; None where its worker died with it, and it is run again."""
     try:
-        found = future.result()
+        found: CaseResult = future.result(timeout=_FRESH)
+    except TimeoutError:
+        return None
     except KilledWorker:
         cause = f"worker died, also when the case was tried {RETRIES} times more"
         return CaseResult(error_row(number, cause))
@@ -172,8 +202,7 @@ def _result(future: Future[Any], number: int) -> CaseResult:
         ) from None  # fmt: skip
     except Exception as error:  # what the worker could not even begin
         return CaseResult(error_row(number, f"{type(error).__name__}: {error}"))
-    assert_result: CaseResult = found
-    return assert_result
+    return found
 
 
 @contextmanager
