@@ -37,7 +37,12 @@ def batch(
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
         wishes = Wishes(output, workers, scheduler, report)
         loaded = load_study(study)
-        document = (dry_run_document if dry_run else run_study)(loaded, wishes)
+        try:
+            document = (dry_run_document if dry_run else run_study)(loaded, wishes)
+        except KeyboardInterrupt:
+            if not dry_run:
+                typer.echo("freefloat: the same command goes on where this one ended", err=True)
+            raise
     if dry_run:
         answer(document, dry_run_tables(document), as_json)
         raise typer.Exit(DONE)
