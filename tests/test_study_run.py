@@ -8,11 +8,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
 from freefloat.case import CaseRunner
@@ -87,21 +85,6 @@ def test_a_case_that_kills_its_worker_is_retried_and_told(tmp_path: Path) -> Non
         "feasible", "error", "feasible", "feasible",
     ]  # fmt: skip
     assert rows[1]["error"] == f"worker died, also when the case was tried {RETRIES} times more"
-
-
-def test_closing_early_leaves_nobody_at_work(tmp_path: Path) -> None:
-    study = a_study(tmp_path, VARY, base=SHORT, cases=50, files=False)
-    with closing(run_cases(study, StudyFiles.of(study), range(50), workers=1)) as results:
-        next(results)
-        spawned = [one for one in psutil.Process().children(recursive=True) if is_worker(one)]
-        assert spawned
-    gone, alive = psutil.wait_procs(spawned, timeout=5)
-    assert not alive
-    assert len(gone) == len(spawned)
-
-
-def is_worker(process: psutil.Process) -> bool:
-    return any("spawn_main" in word for word in process.cmdline())
 
 
 def test_nothing_to_do_starts_nobody(tmp_path: Path) -> None:
