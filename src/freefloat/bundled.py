@@ -29,6 +29,12 @@ def bundled_scenarios() -> tuple[str, ...]:
     return tuple(sorted(f"{path.parent.name}/{path.stem}" for path in folder.glob("*/*.yaml")))
 
 
+def bundled_studies() -> tuple[str, ...]:
+    """Names of the bundled studies, such as ``spatial_6dof/montecarlo``."""
+    files = models_folder().glob("*/studies/*.yaml")
+    return tuple(sorted(f"{path.parents[1].name}/{path.stem}" for path in files))
+
+
 def bundled_robots() -> tuple[str, ...]:
     """Names of the bundled robots, such as ``spatial_6dof``."""
     return tuple(sorted(path.stem for path in models_folder().glob("*/*.urdf")))
@@ -46,6 +52,21 @@ def find_scenario(name: str) -> Path:
     if name in bundled_scenarios():
         return models_folder() / f"{name}.yaml"
     raise unknown("scenario", name, bundled_scenarios(), "a scenario file, or one of")
+
+
+def find_study(name: str) -> Path:
+    """The study file of a path or a bundled name.
+
+    Raises:
+        InputError: Listing the bundled names when there is neither.
+    """
+    path = Path(name)
+    if is_file(path):
+        return path
+    if name in bundled_studies():
+        robot, _, study = name.partition("/")
+        return models_folder() / robot / "studies" / f"{study}.yaml"
+    raise unknown("study", name, bundled_studies(), "a study file, or one of")
 
 
 def find_robot(name: str, folder: Path) -> Path:

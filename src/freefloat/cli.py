@@ -11,6 +11,7 @@ import typer
 
 from freefloat import options
 from freefloat.assemble_command import assemble
+from freefloat.batch_command import batch
 from freefloat.check_command import check
 from freefloat.console import (
     DONE,
@@ -322,18 +323,24 @@ def view(
             shown.serve(port, tell, opens=not (no_open or as_json))
 
 
+app.command()(batch)
 app.command()(check)
 app.command()(export)
 
 
 @app.command()
 def schema(as_json: Json = False) -> None:
-    """Print the JSON schema of scenario files, for editors and checkers."""
+    """Print the JSON schemas of scenario and study files, for editors and checkers."""
     with answering(as_json):
         from freefloat.schema import ScenarioFile
+        from freefloat.study_schema import StudyFile
 
-        document = {"$id": "urn:freefloat:scenario", **ScenarioFile.model_json_schema()}
-    print_json({"scenario": document})
+        schemas = {
+            "scenario": ScenarioFile.model_json_schema(),
+            "study": StudyFile.model_json_schema(),
+        }
+        document = {name: {"$id": f"urn:freefloat:{name}", **one} for name, one in schemas.items()}
+    print_json(document)
 
 
 def main() -> NoReturn:

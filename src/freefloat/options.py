@@ -220,3 +220,37 @@ CopyMeshes = Annotated[
         "named by absolute paths.",
     ),
 ]
+
+# --- batch --------------------------------------------------------------------------------------
+
+StudyName = Annotated[
+    str,
+    typer.Argument(metavar="STUDY", help="A file or a bundled name: spatial_6dof/montecarlo"),
+]
+StudyOutput = Annotated[
+    Path | None,
+    typer.Option(
+        *("--output", "-o"),
+        metavar="DIR",
+        help="Where results go; in a folder of the same study the rest of it is done.",
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        min=1, metavar="N", help="Processes to start, a core each; all cores when left out."
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help="Use the workers of this Dask scheduler instead: tcp://host:8786"
+    ),
+]
+DryRun = Annotated[
+    bool,
+    typer.Option("--dry-run", help="List the cases and estimate the time, run no more than one."),
+]
+Report = Annotated[
+    bool, typer.Option("--report", help="Also write report.html, one page with figure and cases.")
+]
