@@ -10,9 +10,10 @@ import yaml
 
 from freefloat.bundled import models_folder
 from freefloat.limit_checks import LimitChecker
-from freefloat.planner import plan
+from freefloat.limited_planner import keep_limits
 from freefloat.plans import Plan
 from freefloat.scenario import Scenario, parse_scenario
+from freefloat.spatial_planner import plan_in_space
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -27,7 +28,10 @@ def changed(name: str, samples: int, **robot: Any) -> Scenario:
 
 
 def planned(scenario: Scenario) -> Plan:
-    return plan(scenario.problem(), scenario.search(), limits=scenario.limits())
+    """The plan, but for what it bears of other attitudes, momenta and durations."""
+    limits = scenario.limits()
+    assert limits is not None
+    return keep_limits(plan_in_space(scenario.problem(), scenario.search()), limits)
 
 
 SPACECRAFT = {"mass": 200, "inertia": [35, 35, 35], "size": [1, 1, 1]}

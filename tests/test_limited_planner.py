@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from freefloat.limit_checks import LimitChecker
+from freefloat.limited_planner import keep_limits
 from freefloat.limits import LimitKind, Limits
 from freefloat.planner import plan
 from freefloat.plans import Plan
@@ -24,6 +25,12 @@ LINE = load_scenario("spatial_6dof/line")
 @pytest.fixture(scope="module")
 def planar() -> Problem:
     return PLANAR.problem()
+
+
+@pytest.fixture(scope="module")
+def headings(planar: Problem) -> Plan:
+    """The plan that minds the margin alone."""
+    return plan(planar, Search())
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +86,9 @@ def test_what_collides_everywhere_is_refused_by_name(line: Problem) -> None:
     ],
 )
 def test_each_limit_alone_can_make_a_plan_infeasible(
-    planar: Problem, limits: Limits, name: str
+    headings: Plan, limits: Limits, name: str
 ) -> None:
-    found = plan(planar, Search(), limits=limits)
+    found = keep_limits(headings, limits)
     assert not found.feasible
     assert found.chosen is None
     assert name in found.reason

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -74,14 +74,20 @@ class LimitChecker:
         """What a motion does to every limit that is asked for, the cheapest to find out first."""
         return tuple(check(motion) for check in self._checks())
 
-    def first_broken(self, motion: Motion) -> LimitFinding | None:
-        """The first limit that a motion breaks; None where it keeps all.
+    def in_turn(self, motion: Motion) -> Iterator[LimitFinding]:
+        """The findings one by one, so that whoever has seen a broken one may leave the rest.
 
-        Cheaper than :meth:`findings`: what comes later is not looked at, and of a broken clearance
-        not the worst place is told but some place.
+        Cheaper than :meth:`findings` also in that the clearance is not the smallest, but any that
+        tells whether it is kept; see :meth:`settled`.
         """
-        found = (check(motion) for check in self._checks(hasty=True))
-        return next((one for one in found if not one.kept), None)
+        return (check(motion) for check in self._checks(hasty=True))
+
+    def settled(self, findings: Sequence[LimitFinding], motion: Motion) -> tuple[LimitFinding, ...]:
+        """Findings of :meth:`in_turn` with the smallest clearance in place of any."""
+        return tuple(
+            self._clearance(one.allowed, False, motion) if one.limit is LimitKind.CLEARANCE else one
+            for one in findings
+        )
 
     def _checks(self, hasty: bool = False) -> Iterator[Callable[[Motion], LimitFinding]]:
         limits = self._limits

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -59,28 +60,45 @@ class _Search:
         if not (chosen.motion.completed and chosen.least.keeps(self.problem.margin.value)):
             self.excluded["margin"] += 1
             return None
-        broken = self.checker.first_broken(chosen.motion)
-        if broken is None:
-            return self.checker.findings(chosen.motion)
-        self.excluded[broken.limit] += 1
-        self._note(chosen, broken)
+        found = _Findings(self.checker.in_turn(chosen.motion))
+        if found.broken is None:
+            return self.checker.settled(found.seen, chosen.motion)
+        self.excluded[found.broken] += 1
+        self._note(chosen.motion, found)
         return None
 
     def note(self, chosen: FollowedBranch) -> None:
         """Remember how near a motion that was sent away, and counted, comes to keeping limits."""
         self.followed += 1
-        broken = self.checker.first_broken(chosen.motion)
-        if broken is not None:
-            self._note(chosen, broken)
+        found = _Findings(self.checker.in_turn(chosen.motion))
+        if found.broken is not None:
+            self._note(chosen.motion, found)
 
-    def _note(self, chosen: FollowedBranch, broken: LimitFinding) -> None:
-        findings: tuple[LimitFinding, ...] = (broken,)
-        if broken.limit in _TIMED:
-            findings = self.checker.findings(chosen.motion)
+    def _note(self, motion: Motion, found: _Findings) -> None:
+        findings = found.all() if found.broken in _TIMED else found.seen
         if not self.nearest or _excess(findings) < _excess(self.nearest):
-            self.nearest, self.nearest_motion = findings, chosen.motion
+            self.nearest, self.nearest_motion = findings, motion
         if all(one.kept or one.limit in _TIMED for one in findings):
             self.stretch = min(self.stretch, needed_stretch(findings))
+
+
+class _Findings:
+    """What a motion does to the limits, found out as far as the first that it breaks."""
+
+    def __init__(self, in_turn: Iterator[LimitFinding]) -> None:
+        self._rest = in_turn
+        self.broken: LimitKind | None = None
+        seen = []
+        for one in in_turn:
+            seen.append(one)
+            if not one.kept:
+                self.broken = one.limit
+                break
+        self.seen = tuple(seen)
+
+    def all(self) -> tuple[LimitFinding, ...]:
+        """Those beyond the broken one as well."""
+        return self.seen + tuple(self._rest)
 
 
 def _excess(findings: tuple[LimitFinding, ...]) -> tuple[float, float]:
