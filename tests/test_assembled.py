@@ -284,6 +284,8 @@ def test_a_tool_is_fixed_to_the_hand(tmp_path: Path) -> None:
         ((UR5, "--end-effector", "tool9"), "end_effector"),
         ((UR5, "--mass", "3", "--inertia", "1,1,1"), "end_effector"),
         ((UR5, "--end-effector", "tool0", "--tool", "no_such"), "tool"),
+        ((UR5, "--end-effector", "tool0", "--tool-mount", *"100000"), "tool"),
+        ((UR5, "--end-effector", "tool0", "--second-mount", *"100000"), "second_arm"),
         (("ur55",), "urdf"),
         (("no/such.yaml",), "scenario"),
         ((UR5, "--end-effector", "tool0", "--payload-mass", "1", "--payload-inertia", "1,1,1",

@@ -124,6 +124,16 @@ def test_the_stretched_scenario_keeps_what_was_too_fast() -> None:
     kept(path, limits, Search())
 
 
+def test_the_duration_told_is_enough_where_only_a_few_headings_keep_the_rates() -> None:
+    """Then a heading next to one that just breaks them is the answer."""
+    line = load_scenario("planar_2dof/line")
+    limits = Limits(joint_rate=np.full(2, 0.001))
+    found = plan(line.problem(), Search(), limits=limits)
+    assert found.stretch is not None
+    for factor in (1.00001, 1.001):
+        kept(line.stretched(factor * found.stretch).problem(), limits, Search())
+
+
 def test_the_nearest_is_drawn_toward_the_present_attitude(planar: Problem) -> None:
     """From 40 degrees the spacecraft turns at up to 0.114 rad/s, from smaller headings slower."""
     search = Search(Objective.NEAREST, from_attitude=heading_quaternion(np.deg2rad(40.0)))

@@ -120,6 +120,9 @@ def robot_parts(name: str, wishes: Wishes) -> RobotParts:
 
 def _parts(urdf: Path, wishes: Wishes) -> RobotParts:
     attached = []
+    for key, (name, place) in (("tool", wishes.tool), ("second_arm", wishes.second_arm)):
+        if name is None and place is not None:
+            raise InputError(key, "it is missing, only where it stands was given", "a URDF")
     second, where = wishes.second_arm
     if second is not None:
         attached.append(_attachment("second_arm", second, None, where, "second_"))

@@ -32,7 +32,7 @@ _MOST = 120
 _APART_IN_PLANE = np.radians(5.0)
 """Headings nearer than this to one that broke a limit are passed over; in space the spacing."""
 _NEAREST = 16
-"""Candidates sent away by one limit that are followed after all, to tell how near they came."""
+"""Candidates sent away by one limit, or passed over, that are followed after all."""
 _BISECTIONS = 10
 _TIMED = (LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE)
 """Limits that a longer duration helps to keep."""
@@ -113,8 +113,9 @@ def keep_limits(
     """The plan, if its motion keeps the limits, or the best other candidate that does.
 
     Candidates are the samples that keep the margin (in the plane 720 headings), in the order of
-    the search's objective; those next to one that broke a limit are passed over. Of the nearest
-    one, the part of the way to ``from_attitude`` that keeps everything is gone as well.
+    the search's objective; those next to one that broke a limit are passed over, and the slowest of
+    them followed in the end. Of the nearest one, the part of the way to ``from_attitude`` that
+    keeps everything is gone as well.
 
     Args:
         found: A plan that minds the margin alone.
@@ -133,6 +134,7 @@ def keep_limits(
     apart = _APART_IN_PLANE if found.map is None else grid_spacing(len(attitudes))
     sent_away: list[Screened] = []
     refused: list[Screened] = []
+    passed_over: list[Screened] = []
     seen, total = 0, int(kept(margins, found.problem.margin.value).sum())
     pairs = None if limits.clearance is None else search.checker.pairs
     for candidate in screened(search.outlook, attitudes, margins, found.search, limits, pairs):
@@ -144,6 +146,7 @@ def keep_limits(
             sent_away.append(candidate)
             continue
         if _beside(candidate, refused, apart):
+            passed_over.append(candidate)
             continue
         chosen = _precisely(search.problem, candidate.attitude, candidate.branch)
         findings = search.passes(chosen)
@@ -152,9 +155,21 @@ def keep_limits(
         refused.append(candidate)
         if search.followed >= _MOST:
             break
+    for candidate in _slowest(passed_over, limits):
+        chosen = _precisely(search.problem, candidate.attitude, candidate.branch)
+        findings = search.passes(chosen)
+        if findings is not None:
+            return _chosen(found, search, candidate, chosen, findings)
     for candidate in _least_broken(sent_away):
         search.note(_precisely(search.problem, candidate.attitude, candidate.branch))
     return _refused(found, search)
+
+
+def _slowest(passed_over: list[Screened], limits: Limits) -> list[Screened]:
+    """Those of the candidates passed over that come nearest to keeping the joint rates."""
+    if limits.joint_rate is None:
+        return []
+    return sorted(passed_over, key=lambda one: one.haste)[:_NEAREST]
 
 
 def _least_broken(sent_away: list[Screened]) -> list[Screened]:
