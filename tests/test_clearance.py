@@ -150,6 +150,11 @@ def test_robots_without_shapes_are_refused():
         CollisionPairs(FreeFloatingModel.from_urdf(sliding_robot(), "hand"))
 
 
+def test_a_clearance_that_no_pair_can_have_is_refused():
+    with pytest.raises(ModelError, match="ever are farther than 100 m apart"):
+        CollisionPairs(FreeFloatingModel.from_urdf(sliding_robot(CUBE, BALL), "hand"), 100.0)
+
+
 def test_visuals_stand_in_for_missing_collision_shapes():
     """Bus by its visual, hand by its collision shape although it has a visual, too."""
     looks = CUBE.replace("collision", "visual")

@@ -63,12 +63,14 @@ class CollisionPairs:
             [pair for pair in pairs if pair not in near], dtype=np.int64
         ).reshape(-1, 2)
         if not len(self.pairs):
+            told, way_out = "that could touch", "a URDF with <collision> or <visual> shapes"
+            if near:
+                told = f"that ever are farther than {clearance:g} m apart"
+                way_out = "a smaller distance"
             raise ModelError(
-                "limits.clearance",
-                "the robot has no two shapes that could touch",
-                "a URDF with <collision> or <visual> shapes",
+                "limits.clearance", f"the robot has no two shapes {told}", way_out,
                 model.description.source,
-            )
+            )  # fmt: skip
         self._prepared = self._geometry(self.pairs.tolist())
 
     def name(self, pair: int) -> str:

@@ -99,15 +99,16 @@ def plan_tables(document: Document, name: str) -> list[RenderableType]:
         return [*above, told, *limit_tables(document["limits"])]
     deviation, bears = document["deviation_deg"], document["tolerance"]
     what = f"heading {document['heading_deg']:.4f} deg, " if planar else ""
+    of_margin = "by its margin " if document["limits"] else ""  # limits may be nearer
     lines = [
         f"Chosen: {what}{document['reason']}.",
-        f"  it may be off by {document['robust_radius_deg']:.4f} deg"
+        f"  {of_margin}it may be off by {document['robust_radius_deg']:.4f} deg"
         + ("" if deviation is None else f"; {deviation:.4f} deg from the present attitude"),
     ]
     if bears is not None:
         beyond = " or more" if bears["momentum"] >= bears["momentum_limit"] else ""
         lines.append(
-            f"  it bears momentum off by {bears['momentum']:.4g} N m s{beyond} in any direction, "
+            f"  {of_margin}it bears momentum off by {bears['momentum']:.4g} N m s{beyond} in any direction, "
             f"durations from {bears['shortest']:.5g} to {bears['longest']:.5g} s"
         )
     if document["excluded"]:
