@@ -108,8 +108,8 @@ def plan_tables(document: Document, name: str) -> list[RenderableType]:
     if bears is not None:
         beyond = " or more" if bears["momentum"] >= bears["momentum_limit"] else ""
         lines.append(
-            f"  {of_margin}it bears momentum off by {bears['momentum']:.4g} N m s{beyond} in any direction, "
-            f"durations from {bears['shortest']:.5g} to {bears['longest']:.5g} s"
+            f"  {of_margin}it bears momentum off by {bears['momentum']:.4g} N m s{beyond}"
+            f" in any direction, durations from {bears['shortest']:.5g} to {bears['longest']:.5g} s"
         )
     if document["excluded"]:
         counts = ", ".join(f"{limit} {count}" for limit, count in document["excluded"].items())
