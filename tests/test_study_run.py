@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 from distributed import KilledWorker
-from distributed.comm import CommClosedError
+from distributed.comm.core import CommClosedError
 
 from freefloat import study_run
 from freefloat.case import CaseRunner
@@ -132,6 +132,25 @@ def test_a_worker_that_dies_when_it_is_sent_the_study_stops_nobody(
         study_run._send(Losing(full), plugin)
     with pytest.raises(InputError, match="the connection to it was lost"), study_run._loss_told():
         study_run._send(Losing(*[lost] * 9), plugin)
+
+
+def test_a_worker_that_dies_before_it_is_ready_is_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = []
+
+    def fails(**keys: object) -> str:
+        tried.append(keys)
+        if len(tried) < patience:
+            raise RuntimeError("Nanny failed to start.")
+        return "cluster"
+
+    monkeypatch.setattr("freefloat.study_run.LocalCluster", fails)
+    patience = RETRIES + 1
+    assert study_run._started(2) == "cluster"
+    patience = 99
+    with pytest.raises(InputError, match=r"workers: they cannot be started \(Nanny failed"):
+        study_run._started(2)
 
 
 def test_workers_without_this_freefloat_are_refused_and_those_that_are_gone_are_not() -> None:

@@ -26,7 +26,7 @@ from distributed import (
     get_worker,
 )
 from distributed.client import ClosedClientError
-from distributed.comm import CommClosedError
+from distributed.comm.core import CommClosedError
 
 from freefloat.case_result import CaseResult, error_row
 from freefloat.errors import InputError
@@ -237,15 +237,31 @@ def _result(future: Future[Any], number: int) -> CaseResult | None:
 @contextmanager
 def _own_cluster(workers: int) -> Iterator[Client]:
     """Processes on this machine with one thread each, reachable from this machine alone."""
-    with dask.config.set(_CONFIG), _silent(), LocalCluster(
-        n_workers=workers, threads_per_worker=1, host="127.0.0.1", silence_logs=_QUIET,
-        dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
-    ) as cluster, Client(cluster, set_as_default=False) as client:  # fmt: skip
+    with (
+        dask.config.set(_CONFIG),
+        _silent(),
+        _started(workers) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
         cluster.scheduler.http_server.stop()
         try:
             yield client
         finally:
             _kill(cluster)
+
+
+def _started(workers: int, more: int = RETRIES) -> LocalCluster:
+    """Such processes; once more from the beginning where one of them dies before it is ready."""
+    try:
+        return LocalCluster(
+            n_workers=workers, threads_per_worker=1, host="127.0.0.1", silence_logs=_QUIET,
+            dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+        )  # fmt: skip
+    except (OSError, RuntimeError) as error:
+        if more == 0:
+            problem = f"they cannot be started ({error.__cause__ or error})"
+            raise InputError("workers", problem, "a machine with room for them") from None
+    return _started(workers, more - 1)
 
 
 def _kill(cluster: LocalCluster) -> None:
