@@ -96,7 +96,7 @@ def test_numbers_of_a_study(vary: dict[str, Any], tmp_path: Path) -> None:
 def test_the_share_of_a_random_sample_has_an_error(tmp_path: Path) -> None:
     study = a_study(tmp_path, {"momentum.2": {"uniform": [0, 1]}}, cases=2)
     summary = study_summary(study, {k: rows()[k] for k in (0, 1)})
-    assert summary["feasible_fraction_error"] == pytest.approx(math.sqrt(0.25 / 2))
+    assert summary["feasible_fraction_error"] == pytest.approx(math.sqrt(4 / 5) / 4)
     assert failure_line(summary) is None
     assert study_summary(study, {})["feasible_fraction"] is None
 
