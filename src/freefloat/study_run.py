@@ -261,6 +261,10 @@ def _started(workers: int, more: int = RETRIES) -> LocalCluster:
         if more == 0:
             problem = f"they cannot be started ({error.__cause__ or error})"
             raise InputError("workers", problem, "a machine with room for them") from None
+    except KeyboardInterrupt:  # of half a cluster Dask would take leave with a traceback
+        for cluster in list(LocalCluster._instances):
+            cluster.shutdown_on_close = False
+        raise
     return _started(workers, more - 1)
 
 
