@@ -218,6 +218,19 @@ def test_whoever_is_killed_no_case_is_lost_or_run_twice(
     assert len(list((out / "cases").iterdir())) == count
 
 
+def test_an_interruption_while_workers_start_is_no_other(folder: Path) -> None:
+    write_study(folder, RANDOM, base=SHORT, cases=5, files=False)
+    running = start("study.yaml", "-o", "out", "--workers", "1")
+    wait(lambda: bool(workers(running)), running)
+    begin, at_work = time.monotonic(), workers(running)
+    os.killpg(running.pid, signal.SIGINT)
+    _, errors = running.communicate(timeout=30)
+    assert time.monotonic() - begin < 5.0
+    assert (running.returncode, len(errors.splitlines())) == (130, 2), errors
+    _, alive = psutil.wait_procs(at_work, timeout=5)
+    assert alive == []
+
+
 def test_an_interruption_ends_soon_and_can_be_gone_on_from(folder: Path) -> None:
     """Ctrl-C reaches the workers, too: the whole group gets it."""
     write_study(folder, RANDOM, base=SHORT, cases=500, files=False)

@@ -137,6 +137,7 @@ def test_a_worker_that_dies_when_it_is_sent_the_study_stops_nobody(
 def test_a_worker_that_dies_before_it_is_ready_is_started_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    loop: Any = None
     tried = []
 
     def fails(**keys: object) -> str:
@@ -147,10 +148,10 @@ def test_a_worker_that_dies_before_it_is_ready_is_started_again(
 
     monkeypatch.setattr("freefloat.study_run.LocalCluster", fails)
     patience = RETRIES + 1
-    assert study_run._started(2) == "cluster"
+    assert study_run._started(2, loop) == "cluster"
     patience = 99
     with pytest.raises(InputError, match=r"workers: they cannot be started \(Nanny failed"):
-        study_run._started(2)
+        study_run._started(2, loop)
 
 
 def test_workers_without_this_freefloat_are_refused_and_those_that_are_gone_are_not() -> None:

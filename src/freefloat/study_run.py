@@ -12,6 +12,7 @@ from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from importlib import metadata
+from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -27,6 +28,8 @@ from distributed import (
 )
 from distributed.client import ClosedClientError
 from distributed.comm.core import CommClosedError
+from distributed.utils import LoopRunner
+from tornado.ioloop import IOLoop
 
 from freefloat.case_result import CaseResult, error_row
 from freefloat.errors import InputError
@@ -240,7 +243,8 @@ def _own_cluster(workers: int) -> Iterator[Client]:
     with (
         dask.config.set(_CONFIG),
         _silent(),
-        _started(workers) as cluster,
+        _deaf_loop() as loop,
+        _started(workers, loop) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
         cluster.scheduler.http_server.stop()
@@ -250,22 +254,39 @@ def _own_cluster(workers: int) -> Iterator[Client]:
             _kill(cluster)
 
 
-def _started(workers: int, more: int = RETRIES) -> LocalCluster:
+@contextmanager
+def _deaf_loop() -> Iterator[IOLoop]:
+    """A loop whose thread, and the processes that it starts, do not hear Ctrl-C: we do."""
+    resource_tracker.ensure_running()  # started later it would open that thread's ears
+    heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        runner = LoopRunner()
+        runner.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, heard)
+    try:
+        yield runner.loop
+    finally:
+        runner.stop()
+
+
+def _started(workers: int, loop: IOLoop, more: int = RETRIES) -> LocalCluster:
     """Such processes; once more from the beginning where one of them dies before it is ready."""
     try:
         return LocalCluster(
             n_workers=workers, threads_per_worker=1, host="127.0.0.1", silence_logs=_QUIET,
-            dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+            loop=loop, dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
         )  # fmt: skip
     except (OSError, RuntimeError) as error:
         if more == 0:
             problem = f"they cannot be started ({error.__cause__ or error})"
             raise InputError("workers", problem, "a machine with room for them") from None
-    except KeyboardInterrupt:  # of half a cluster Dask would take leave with a traceback
+    except KeyboardInterrupt:  # of half a cluster Dask would take leave with tracebacks
+        logging.getLogger("asyncio").setLevel(_QUIET)
         for cluster in list(LocalCluster._instances):
             cluster.shutdown_on_close = False
         raise
-    return _started(workers, more - 1)
+    return _started(workers, loop, more - 1)
 
 
 def _kill(cluster: LocalCluster) -> None:
