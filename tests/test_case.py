@@ -84,8 +84,15 @@ def test_a_planned_case_tells_what_plan_tells(tmp_path: Path) -> None:
     assert motion is not None
     found = least(motion, stored.problem().margin.measure)
     assert row["margin"] == pytest.approx(found.value, abs=1e-9)
-    for key in ("robust_radius_deg", "heading_deg", "branch", "reason", "feasible_fraction"):
+    for key in ("robust_radius_deg", "heading_deg", "branch", "reason"):
         assert row[key] == document[key]
+    ranges = {str(one["branch"]): one["ranges"] for one in document["attitude_ranges_deg"]}
+    assert row["attitude_ranges_deg"] == ranges
+    spans = [span for found in ranges.values() for span in found]
+    inside = [any(low <= heading <= high for low, high in spans)
+              for heading in np.linspace(0.0, 360.0, 3601)]  # fmt: skip
+    assert 0.5 < np.mean(inside) < 1.0
+    assert row["feasible_fraction"] == pytest.approx(np.mean(inside), abs=2e-3)
     assert row["robust_radius_deg"] > 30.0
 
 

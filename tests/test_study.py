@@ -173,6 +173,14 @@ def test_a_base_of_which_no_case_is_a_scenario_is_told_with_its_key(tmp_path: Pa
     assert completed.count == 2
 
 
+def test_values_of_which_none_will_do_are_told_with_the_study(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        a_study(tmp_path, {"momentum": {"ball": {"center": [0, 0], "radius": 1}}}, cases=2)
+    assert caught.value.source == str(tmp_path / "study.yaml")
+    assert caught.value.key == "vary.momentum"
+    assert "case 0: it is too short" in caught.value.problem
+
+
 def test_one_good_case_is_enough_to_begin(tmp_path: Path) -> None:
     study = a_study(tmp_path, {"momentum.2": {"list": [float("nan"), "much", 0.5]}})
     assert study.count == 3

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import errno
+import logging
 import os
 import re
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import pytest
+from distributed import KilledWorker
+from distributed.comm.core import CommClosedError
 
+from freefloat import study_run
 from freefloat.case import CaseRunner
 from freefloat.errors import InputError
 from freefloat.study import Study
@@ -90,6 +96,90 @@ def test_a_case_that_kills_its_worker_is_retried_and_told(tmp_path: Path) -> Non
 def test_nothing_to_do_starts_nobody(tmp_path: Path) -> None:
     study = a_study(tmp_path)
     assert list(run_cases(study, StudyFiles.of(study), [], workers=2)) == []
+
+
+class Losing:
+    """A client some of whose workers die while they are sent something."""
+
+    def __init__(self, *answers: Exception | None) -> None:
+        self._answers = list(answers)
+
+    def register_plugin(self, *_: object, **__: object) -> None:
+        answer = self._answers.pop(0)
+        if answer is not None:
+            raise answer
+
+
+class Telling:
+    """A client whose workers answer so when they are asked for their freefloat."""
+
+    def __init__(self, *answers: str | Exception) -> None:
+        self._answers = answers
+
+    def run(self, *_: object, **__: object) -> dict[str, object]:
+        return {f"tcp://{number}": answer for number, answer in enumerate(self._answers)}
+
+
+def test_a_worker_that_dies_when_it_is_sent_the_study_stops_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("freefloat.study_run.time.sleep", lambda _: None)
+    study = a_study(tmp_path)
+    plugin = study_run._StudyPlugin("name", study, StudyFiles.of(study), own=True)
+    lost, full = CommClosedError("Stream is closed"), OSError(errno.ENOSPC, "No space left")
+    study_run._send(Losing(lost, lost, None), plugin)
+    with pytest.raises(InputError, match=r"workers: one cannot keep .* No space left"):
+        study_run._send(Losing(full), plugin)
+    with pytest.raises(InputError, match="the connection to it was lost"), study_run._loss_told():
+        study_run._send(Losing(*[lost] * 9), plugin)
+
+
+def test_a_worker_that_dies_before_it_is_ready_is_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop: Any = None
+    tried = []
+
+    def fails(**keys: object) -> str:
+        tried.append(keys)
+        if len(tried) < patience:
+            raise RuntimeError("Nanny failed to start.")
+        return "cluster"
+
+    monkeypatch.setattr("freefloat.study_run.LocalCluster", fails)
+    patience = RETRIES + 1
+    assert study_run._started(2, loop) == "cluster"
+    patience = 99
+    with pytest.raises(InputError, match=r"workers: they cannot be started \(Nanny failed"):
+        study_run._started(2, loop)
+
+
+def test_workers_without_this_freefloat_are_refused_and_those_that_are_gone_are_not() -> None:
+    own, lost = metadata.version("freefloat"), CommClosedError("Stream is closed")
+    study_run._refuse_other_versions(Telling(own, lost))
+    with pytest.raises(InputError, match="tcp://1 has no freefloat"):
+        study_run._refuse_other_versions(Telling(own, metadata.PackageNotFoundError()))
+    with pytest.raises(InputError, match=r"tcp://0 has freefloat 0\.0"):
+        study_run._refuse_other_versions(Telling("0.0"))
+
+
+def test_a_scheduler_of_others_says_how_often_it_tried(tmp_path: Path) -> None:
+    class Ended:
+        def result(self, timeout: float) -> None:
+            raise KilledWorker("key", None, 7)
+
+    found = study_run._result(Ended(), 3)
+    assert found is not None
+    assert found.row["error"] == "worker died, also when the case was tried 7 times more"
+
+
+def test_what_dask_has_to_say_stays_with_it() -> None:
+    """Some of its loggers have levels of their own."""
+    client = logging.getLogger("distributed.client")
+    client.setLevel(logging.WARNING)
+    with study_run._silent():
+        assert not client.isEnabledFor(logging.CRITICAL)
+    assert client.level == logging.WARNING
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://a", "tcp://no.such.host:1"])

@@ -19,7 +19,8 @@ ANSWERED: dict[str, Any] = {
     "verdict": "feasible", "error": None, "reason": "", "completed": True, "measure": "system",
     "margin": 7.5, "margin_time": 3.0, "margin_required": 5.0, "singular_time": None, "branch": 1,
     "attitude": [0.0, 0.0, 0.6, 0.8], "heading_deg": 73.7, "joints": [0.1, 0.2, 0.3],
-    "residuals": {"momentum": 1e-9}, "limits_kept": True, "limits": {"base_rate": 0.25},
+    "residuals": {"momentum": 1e-9}, "attitude_ranges_deg": {"1": [[0.0, 9.5]]},
+    "limits_kept": True, "limits": {"base_rate": 0.25},
     "seconds": 0.5, "began": "2026-01-01T00:00:00.000+00:00", "file": "cases/00000.h5", "bytes": 9,
 }  # fmt: skip
 REFUSED = {"verdict": "error", "error": 'wish.yaml: "x", <y>', "seconds": 0.1}
@@ -58,6 +59,7 @@ def test_a_table_has_parameters_and_answers_in_the_order_of_the_cases(
     assert table["attitude.w"] == [0.8, 0.8, None]
     assert table["limits.base_rate"] == [0.25, 0.25, None]
     assert table["residuals.momentum"] == [1e-9, 1e-9, None]
+    assert table["attitude_ranges_deg.1"] == ["[[0.0, 9.5]]", "[[0.0, 9.5]]", None]
     assert table["joints.2"] == [0.3, 0.3, None]
     assert table["error"] == [None, None, REFUSED["error"]]
     with files[1].open(newline="") as stream:
@@ -94,7 +96,7 @@ def test_numbers_of_a_study(vary: dict[str, Any], tmp_path: Path) -> None:
 def test_the_share_of_a_random_sample_has_an_error(tmp_path: Path) -> None:
     study = a_study(tmp_path, {"momentum.2": {"uniform": [0, 1]}}, cases=2)
     summary = study_summary(study, {k: rows()[k] for k in (0, 1)})
-    assert summary["feasible_fraction_error"] == pytest.approx(math.sqrt(0.25 / 2))
+    assert summary["feasible_fraction_error"] == pytest.approx(math.sqrt(4 / 5) / 4)
     assert failure_line(summary) is None
     assert study_summary(study, {})["feasible_fraction"] is None
 

@@ -33,15 +33,15 @@ def dry_run_tables(document: Document) -> list[RenderableType]:
         )
     elif left:
         lines.append(f"{left:,} to run; no estimate: {document['timed']}")
-    title = f"{document['study']}: {document['count']:,} cases, task {document['task']}"
+    title = f"{document['study']}: {_counted(document['count'])}, task {document['task']}"
     return [Text(title), table, *(Text(line) for line in lines)]
 
 
 def batch_tables(document: Document) -> list[RenderableType]:
     """What a study found, in brief."""
     counts = ", ".join(f"{count:,} {word}" for word, count in document["verdicts"].items())
-    title = f"{document['study']}: {document['done']:,} cases of task {document['task']}: {counts}"
-    return [Text(title), *(Text(line) for line in _lines(document))]
+    title = f"{document['study']}: {_counted(document['done'])} of task {document['task']}"
+    return [Text(f"{title}: {counts}"), *(Text(line) for line in _lines(document))]
 
 
 def _lines(document: Document) -> Iterator[str]:
@@ -60,7 +60,7 @@ def _lines(document: Document) -> Iterator[str]:
     if hidden > 0:
         yield f"  and {hidden:,} more errors"
     yield (
-        f"{document['computed']:,} cases computed, {document['reused']:,} found done, in "
+        f"{_counted(document['computed'])} computed, {document['reused']:,} found done, in "
         f"{duration(document['seconds'])}; the cases took {duration(document['case_seconds'])}"
     )
     files = document["files"]
@@ -76,6 +76,10 @@ def duration(seconds: float) -> str:
     if minutes < 120:
         return f"{minutes} min {rest} s"
     return f"{minutes // 60} h {minutes % 60} min"
+
+
+def _counted(count: int) -> str:
+    return f"{count:,} case{'' if count == 1 else 's'}"
 
 
 def _short(value: Any) -> str:

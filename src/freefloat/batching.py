@@ -177,8 +177,12 @@ def _timed(study: Study, files: StudyFiles, missing: Sequence[int]) -> tuple[flo
         _warm(study, problem)
     with tempfile.TemporaryDirectory(prefix="freefloat-") as place:
         runner = CaseRunner(study, files.unpack(Path(place)))
+        tried = []
         for number in missing[:_TRIED]:
             row = runner.run(number).row
             if row["verdict"] != ERROR:
                 return row["seconds"], f"case {number}"
-    return None, "none of the first cases can be answered"
+            tried.append(row)
+    first = tried[0]
+    told = f"none of the first cases can be answered, case {first['case']}: {first['error']}"
+    return None, told

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -88,6 +88,7 @@ def row_of(number: int, task: Case, document: Mapping[str, Any]) -> Row:
     if task is Case.PLAN:
         for key in ("robust_radius_deg", "deviation_deg", "feasible_fraction"):
             row[key] = document[key]
+        row |= _ranges_row(document["attitude_ranges_deg"])
         row["verdict"] = FEASIBLE if document["feasible"] else INFEASIBLE
         return row
     broken = [one["limit"] for one in findings if not one["kept"]]
@@ -121,6 +122,19 @@ def _motion_row(document: Mapping[str, Any]) -> Row:
     row["joints"] = initial and initial["joints"]
     row["residuals"] = document["residuals"]
     return row
+
+
+def _ranges_row(entries: Sequence[Mapping[str, Any]]) -> Row:
+    """Of the headings that serve, by arm branch, and the share of those that any branch serves."""
+    if not entries:
+        return {}
+    ends = sorted(span for entry in entries for span in entry["ranges"])
+    share, reached = 0.0, 0.0
+    for low, high in ends:
+        share += max(0.0, high - max(low, reached))
+        reached = max(reached, high)
+    ranges = {str(entry["branch"]): entry["ranges"] for entry in entries}
+    return {"attitude_ranges_deg": ranges, "feasible_fraction": share / 360.0}
 
 
 def _map_row(number: int, document: Mapping[str, Any]) -> Row:

@@ -183,7 +183,10 @@ def _refuse_bad_start(study: Study) -> None:
 
 
 def _refuse_without_any_scenario(study: Study) -> None:
-    """Refuse a study none of whose cases passes the schema, with what is wrong in the first."""
+    """Refuse a study none of whose cases passes the schema, with what is wrong in the first.
+
+    Where that is what was varied, the study is told and not the scenario.
+    """
     first: InputError | None = None
     for number in range(study.count):
         try:
@@ -191,5 +194,9 @@ def _refuse_without_any_scenario(study: Study) -> None:
             return
         except InputError as error:
             first = first or error
-    if first is not None:
-        raise first
+    if first is None:
+        return
+    if any(f"{first.key}.".startswith(f"{key}.") for key in study.content.vary):
+        own = InputError(f"vary.{first.key}", f"case 0: {first.problem}", first.accepted)
+        raise own.found_in(study.source)
+    raise first

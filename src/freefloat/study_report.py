@@ -35,7 +35,8 @@ pre { background: #f4f4f4; padding: .8rem; overflow-x: auto; }
 .wide { overflow-x: auto; max-height: 40rem; overflow-y: auto; }
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
 th, td { padding: .2rem .6rem; text-align: right; border-bottom: 1px solid #e4e4e4; }
-th { position: sticky; top: 0; background: #fff; } td.words { text-align: left; }
+th { position: sticky; top: 0; background: #fff; } .words { text-align: left; }
+#cases td { white-space: nowrap; }
 tr.error td { color: #a33c00; } .quiet { color: #666; }
 """
 _LISTED = ("verdict", "margin", "singular_time", "branch", "heading_deg", "robust_radius_deg",
@@ -131,12 +132,14 @@ def _html_table(
     header: Sequence[str], rows: Sequence[Sequence[Any]], name: str = ""
 ) -> Iterator[str]:
     yield f'<div class="wide"><table id="{escape(name)}"><thead><tr>'
-    yield "".join(f"<th>{escape(word)}</th>" for word in header) + "</tr></thead><tbody>"
+    worded = {index for row in rows for index, value in enumerate(row) if isinstance(value, str)}
+    classes = [" class=words" if index in worded else "" for index in range(len(header))]
+    heads = zip(classes, header, strict=True)
+    yield "".join(f"<th{style}>{escape(word)}</th>" for style, word in heads)
+    yield "</tr></thead><tbody>"
     for row in rows:
-        cells = "".join(
-            f"<td{' class=words' if isinstance(value, str) else ''}>{escape(_cell(value))}</td>"
-            for value in row
-        )
+        told = zip(classes, row, strict=True)
+        cells = "".join(f"<td{style}>{escape(_cell(value))}</td>" for style, value in told)
         yield f"<tr{' class=error' if ERROR in row else ''}>{cells}</tr>"
     yield "</tbody></table></div>"
 

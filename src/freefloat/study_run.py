@@ -12,6 +12,7 @@ from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from importlib import metadata
+from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -25,6 +26,10 @@ from distributed import (
     WorkerPlugin,
     get_worker,
 )
+from distributed.client import ClosedClientError
+from distributed.comm.core import CommClosedError
+from distributed.utils import LoopRunner
+from tornado.ioloop import IOLoop
 
 from freefloat.case_result import CaseResult, error_row
 from freefloat.errors import InputError
@@ -39,7 +44,10 @@ _FRESH = 5.0
 """Seconds for which the number of workers is believed."""
 _DEAD = 300.0
 """Seconds without any worker after which none is waited for any more."""
+_ATTEMPTS = 5
+"""How often the study is sent while workers come and go."""
 _QUIET = logging.CRITICAL + 1
+_LOGGER = "distributed"
 _CONFIG: dict[str, Any] = {
     "distributed.scheduler.allowed-failures": RETRIES,
     "distributed.worker.memory.target": False,  # cases keep nothing that could be put on disk
@@ -116,14 +124,41 @@ def run_cases(
     name = f"freefloat-{uuid.uuid4().hex}"
     count = min(workers or cores(), len(numbers))
     here = _own_cluster(count) if scheduler is None else _cluster_at(scheduler)
-    with here as client:
-        client.register_plugin(_StudyPlugin(name, study, files, scheduler is None), name=name)
+    with _loss_told(), here as client:
+        _send(client, _StudyPlugin(name, study, files, scheduler is None))
         try:
             yield from _finished(client, name, numbers)
         finally:
             if scheduler is not None:
                 with suppress(Exception):  # a scheduler that is gone needs no farewell
                     client.unregister_worker_plugin(name)
+
+
+def _send(client: Client, plugin: _StudyPlugin) -> None:
+    """Give the study to all workers; those that join later get it from the scheduler."""
+    for _ in range(_ATTEMPTS):
+        try:
+            client.register_plugin(plugin, name=plugin.name)
+            return
+        except CommClosedError:  # a worker died with it in its hands
+            time.sleep(0.2)
+        except OSError as error:
+            problem = f"one cannot keep the files of the study: {error.strerror}"
+            accepted = "workers whose temporary folder may be written to and has room"
+            raise InputError("workers", problem, accepted) from None
+    raise CommClosedError("the study cannot be sent")
+
+
+@contextmanager
+def _loss_told() -> Iterator[None]:
+    """Tell of a scheduler that is gone in our own words."""
+    try:
+        yield
+    except (CommClosedError, ClosedClientError, CancelledError):
+        raise InputError(
+            "scheduler", "the connection to it was lost",
+            "a scheduler that stays; the same command goes on where this one ended",
+        ) from None  # fmt: skip
 
 
 def _finished(client: Client, name: str, numbers: Sequence[int]) -> Iterator[CaseResult]:
@@ -192,14 +227,11 @@ def _result(future: Future[Any], number: int) -> CaseResult | None:
         found: CaseResult = future.result(timeout=_FRESH)
     except TimeoutError:
         return None
-    except KilledWorker:
-        cause = f"worker died, also when the case was tried {RETRIES} times more"
+    except KilledWorker as error:  # its number is the scheduler's, which may be somebody else's
+        cause = f"worker died, also when the case was tried {error.allowed_failures} times more"
         return CaseResult(error_row(number, cause))
-    except CancelledError:
-        raise InputError(
-            "scheduler", "the connection to it was lost",
-            "a scheduler that stays; the same command goes on where this one ended",
-        ) from None  # fmt: skip
+    except (CommClosedError, ClosedClientError, CancelledError):
+        raise
     except Exception as error:  # what the worker could not even begin
         return CaseResult(error_row(number, f"{type(error).__name__}: {error}"))
     return found
@@ -208,15 +240,53 @@ def _result(future: Future[Any], number: int) -> CaseResult | None:
 @contextmanager
 def _own_cluster(workers: int) -> Iterator[Client]:
     """Processes on this machine with one thread each, reachable from this machine alone."""
-    with dask.config.set(_CONFIG), _silent(), LocalCluster(
-        n_workers=workers, threads_per_worker=1, host="127.0.0.1", silence_logs=_QUIET,
-        dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
-    ) as cluster, Client(cluster, set_as_default=False) as client:  # fmt: skip
+    with (
+        dask.config.set(_CONFIG),
+        _silent(),
+        _deaf_loop() as loop,
+        _started(workers, loop) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
         cluster.scheduler.http_server.stop()
         try:
             yield client
         finally:
             _kill(cluster)
+
+
+@contextmanager
+def _deaf_loop() -> Iterator[IOLoop]:
+    """A loop whose thread, and the processes that it starts, do not hear Ctrl-C: we do."""
+    resource_tracker.ensure_running()  # started later it would open that thread's ears
+    heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        runner = LoopRunner()
+        runner.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, heard)
+    try:
+        yield runner.loop
+    finally:
+        runner.stop()
+
+
+def _started(workers: int, loop: IOLoop, more: int = RETRIES) -> LocalCluster:
+    """Such processes; once more from the beginning where one of them dies before it is ready."""
+    try:
+        return LocalCluster(
+            n_workers=workers, threads_per_worker=1, host="127.0.0.1", silence_logs=_QUIET,
+            loop=loop, dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},
+        )  # fmt: skip
+    except (OSError, RuntimeError) as error:
+        if more == 0:
+            problem = f"they cannot be started ({error.__cause__ or error})"
+            raise InputError("workers", problem, "a machine with room for them") from None
+    except KeyboardInterrupt:  # of half a cluster Dask would take leave with tracebacks
+        logging.getLogger("asyncio").setLevel(_QUIET)
+        for cluster in list(LocalCluster._instances):
+            cluster.shutdown_on_close = False
+        raise
+    return _started(workers, loop, more - 1)
 
 
 def _kill(cluster: LocalCluster) -> None:
@@ -253,6 +323,8 @@ def _refuse_other_versions(client: Client) -> None:
     own = metadata.version("freefloat")
     found = client.run(metadata.version, "freefloat", on_error="return")
     for worker, theirs in found.items():
+        if isinstance(theirs, OSError):  # it is gone
+            continue
         if theirs != own:
             told = f"freefloat {theirs}" if isinstance(theirs, str) else "no freefloat"
             problem = f"worker {worker} has {told}"
@@ -262,10 +334,13 @@ def _refuse_other_versions(client: Client) -> None:
 @contextmanager
 def _silent() -> Iterator[None]:
     """Keep Dask's own log to itself: what matters is told in rows and errors."""
-    logger = logging.getLogger("distributed")
-    level = logger.level
-    logger.setLevel(_QUIET)
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == _LOGGER]
+    loggers = [logging.getLogger(name) for name in (_LOGGER, *names)]  # some have their own levels
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(_QUIET)
     try:
         yield
     finally:
-        logger.setLevel(level)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

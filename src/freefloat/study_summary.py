@@ -20,7 +20,7 @@ def study_summary(study: Study, rows: Mapping[int, Row]) -> dict[str, Any]:
     """What a study found, as plain data.
 
     The share of feasible cases is of those that were answered; its error is that of a random
-    sample, and there where something is drawn at random.
+    sample, and there where something is drawn at random. It is no zero where all cases serve.
     """
     verdicts = Counter(row["verdict"] for row in rows.values())
     answered = verdicts[FEASIBLE] + verdicts[INFEASIBLE]
@@ -36,7 +36,7 @@ def study_summary(study: Study, rows: Mapping[int, Row]) -> dict[str, Any]:
         "done": len(rows),
         "verdicts": {verdict: verdicts[verdict] for verdict in (FEASIBLE, INFEASIBLE, ERROR)},
         "feasible_fraction": share,
-        "feasible_fraction_error": _error_of(share, answered) if random else None,
+        "feasible_fraction_error": _error_of(verdicts) if random and answered else None,
         "margin": _spread([row.get("margin") for row in rows.values()]),
         "reasons": dict(Counter(row["reason"] for _, row in sorted(rows.items())
                                 if row["verdict"] == INFEASIBLE).most_common(_MOST)),
@@ -45,8 +45,11 @@ def study_summary(study: Study, rows: Mapping[int, Row]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _error_of(share: float | None, count: int) -> float | None:
-    return None if share is None else math.sqrt(share * (1.0 - share) / count)
+def _error_of(verdicts: Mapping[str, int]) -> float:
+    """Standard deviation of a share of which nothing else is known (a beta distribution)."""
+    served, failed = verdicts[FEASIBLE] + 1, verdicts[INFEASIBLE] + 1
+    count = served + failed
+    return math.sqrt(served * failed / (count + 1)) / count
 
 
 def _spread(given: Sequence[float | None]) -> dict[str, float] | None:

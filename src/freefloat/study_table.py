@@ -17,6 +17,8 @@ from freefloat.study import Study
 
 PARQUET, CSV = "cases.parquet", "cases.csv"
 _TEXT = ("verdict", "reason", "error", "measure", "file", "began")
+_RANGES = "attitude_ranges_deg."
+"""Of planar plans: a column for each arm branch, [[low, high], ...]."""
 _WHOLE = ("case", "branch", "bytes")
 _TRUTH = ("completed", "limits_kept")
 _COLUMNS = (
@@ -95,9 +97,14 @@ def _flat(row: Row) -> Iterator[tuple[str, Any]]:
         elif isinstance(value, list):
             yield from ((f"{key}.{index}", one) for index, one in enumerate(value))
         elif isinstance(value, dict):
-            yield from ((f"{key}.{name}", one) for name, one in value.items())
+            yield from ((f"{key}.{name}", _plain(one)) for name, one in value.items())
         elif key not in ("attitude", "joints", "residuals", "limits"):
             yield key, value
+
+
+def _plain(value: Any) -> Any:
+    """Lists as JSON."""
+    return json.dumps(value) if isinstance(value, list) else value
 
 
 def _keys(rows: Iterable[Mapping[str, Any]]) -> list[str]:
@@ -105,7 +112,7 @@ def _keys(rows: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def _type(key: str) -> pa.DataType:
-    if key in _TEXT:
+    if key in _TEXT or key.startswith(_RANGES):
         return pa.string()
     if key in _WHOLE:
         return pa.int64()
