@@ -149,10 +149,11 @@ def generalized_jacobian(
         A = system_matrix(model, joints, task)
         return np.asarray(A[1:, 1:] - A[1:, :1] * (A[:1, 1:] / A[0, 0]))
     A, J = _maps(model, joints)
-    _, _, base, singular = dgesv(A[:, :6], A[:, 6:])
+    A = np.asfortranarray(A)  # solved in place
+    _, _, base, singular = dgesv(A[:, :6], A[:, 6:], 1, 1)
     if singular:
         raise np.linalg.LinAlgError("the momentum does not determine the spacecraft's rates")
-    S: Array = J[:, 6:] - J[:, :6] @ base
+    S: Array = J[:, 6:] - J[:, :6].dot(base)
     return S if task is Task.POSE else S[task.rows]
 
 
