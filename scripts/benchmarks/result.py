@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -79,18 +80,22 @@ def load(file: Path) -> tuple[str, list[Result]]:
 
 def told(seconds: float) -> str:
     """Three digits and a unit."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= size or unit == "µs":
-            digits = f"{seconds / size:#.3g}".rstrip(".")
-            return f"{float(digits):,.0f} {unit}" if "e" in digits else f"{digits} {unit}"
-    raise AssertionError
+    rounded = float(f"{seconds:.3g}")
+    unit, size = next(
+        (unit, size) for unit, size in (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
+        if rounded * size >= 1.0 or unit == "µs"
+    )  # fmt: skip
+    value = rounded * size
+    decimals = max(0, 2 - math.floor(math.log10(value)))
+    return f"{value:,.{decimals}f} {unit}"
 
 
 def told_ratio(ratio: float | None) -> str:
     """Two digits and a cross."""
     if ratio is None:
         return ""
-    return f"{float(f'{ratio:.2g}'):.0f} ×" if ratio >= 10.0 else f"{ratio:.1f} ×"
+    rounded = float(f"{ratio:.2g}")
+    return f"{rounded:.0f} ×" if rounded >= 10.0 else f"{rounded:.1f} ×"
 
 
 def markdown(machine: str, results: Sequence[Result]) -> str:
