@@ -59,6 +59,13 @@ def test_pictures_and_files_that_are_named_exist() -> None:
         assert (ROOT / (picture or file)).is_file()
 
 
+def test_every_room_has_one_place_in_the_design() -> None:
+    design = README[README.index("## Design") : README.index("Rooms whose names end in")]
+    rooms = sorted(path.stem for path in (ROOT / "src" / "freefloat").glob("[!_]*.py"))
+    named = re.findall(r"`(\w+)`", design[design.index("|---|") :])
+    assert sorted(named) == rooms
+
+
 def test_the_speeds_shown_are_those_measured(benchmark: ModuleType) -> None:
     from benchmarks.result import load, markdown
 
