@@ -56,7 +56,10 @@ def main(given: list[str] | None = None) -> int:
     else:
         groups = arguments.group or list(GROUPS)
         measured_on = machine()
-        results = [result for group in groups for result in GROUPS[group](arguments.quick)]
+        results = []
+        for group in groups:
+            print(f"measuring {group}", file=sys.stderr)
+            results += GROUPS[group](arguments.quick)
     Console(width=160).print(table(results))
     if arguments.json:
         save(results, arguments.json)
