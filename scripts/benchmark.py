@@ -25,7 +25,7 @@ from benchmarks.scaling import scaling_results
 from rich.console import Console
 
 README = Path(__file__).resolve().parents[1] / "README.md"
-BEGIN, END = "<!-- speed: scripts/benchmark.py -->\n", "\n<!-- /speed -->"
+BEGIN, END = "<!-- speed: scripts/benchmark.py -->", "<!-- /speed -->"
 GROUPS: dict[str, Callable[[bool], list[Result]]] = {
     "jacobians": jacobian_results,
     "motions": motion_results,
@@ -37,7 +37,7 @@ GROUPS: dict[str, Callable[[bool], list[Result]]] = {
 def with_table(text: str, made: str) -> str:
     """A text with the table between its two marks replaced."""
     before, rest = text.split(BEGIN)
-    return before + BEGIN + made + END + rest.split(END)[1]
+    return f"{before}{BEGIN}\n{made}\n{END}{rest.split(END)[1]}"
 
 
 def main(given: list[str] | None = None) -> int:
