@@ -6,7 +6,7 @@ Run it with ``python scripts/make_pictures.py``, or with the names of some pictu
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ from freefloat.problem import Problem
 from freefloat.scene_plots import draw_snapshots
 from freefloat.spatial import heading_quaternion
 from freefloat.stills import take_pictures
+from freefloat.video import save_video
 from freefloat.workspace import planar_workspace
 
 DOTS = 120
@@ -44,6 +45,8 @@ def example_1() -> tuple[Problem, list[Motion]]:
 SINGULAR = [0.1, 0.5, 0.2, -0.8367]
 """That of Fig. 9, from which half of the arm branches meet a singularity."""
 SIZE = (1200, 560)
+SMALL, MOVES, RATE = (720, 336), 40, 8.0
+"""Of the moving picture: pixels, pictures, pictures a second."""
 
 
 @styled
@@ -74,24 +77,40 @@ def motion() -> Figure:
     return motion_figures(chosen.motion, chosen.least)["motion"]
 
 
-def playback() -> bytes:
-    """A look at the page: Example 2 from the attitudes of Figs. 10 and 9."""
+def taken(times: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
+    """Looks at the page: Example 2 from the attitudes of Figs. 10 and 9."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
     shown = {
         "from 0.46 0.09 0.74 -0.49": ff.simulate(problem, TOUCHING, branch=2).chosen.motion,
         "from 0.1 0.5 0.2 -0.84": ff.simulate(problem, SINGULAR, branch=2).chosen.motion,
     }
     scene = ff.play(shown)
-    times = (problem.path.duration,)
 
     def page(address: str) -> str:
-        return scene.html(Capture(times, *SIZE, address, "side by side"))
+        return scene.html(Capture(tuple(times), *size, address, "side by side"))
 
-    (picture,) = take_pictures(page, len(times), SIZE)
-    return picture
+    return take_pictures(page, len(times), size)
 
 
-PICTURES: dict[str, Callable[[], Figure | bytes]] = {
+def playback() -> Path:
+    """The last of them."""
+    file = FOLDER / "playback.png"
+    (picture,) = taken([100.0], SIZE)
+    with written_beside(file) as temporary:
+        temporary.write_bytes(picture)
+    return file
+
+
+def door() -> Path:
+    """All of it, small: README's first picture."""
+    file = FOLDER / "door.gif"
+    times = np.concatenate([np.linspace(0.0, 100.0, MOVES), np.full(MOVES // 4, 100.0)])
+    save_video(file, taken(times.tolist(), SMALL), RATE)
+    return file
+
+
+PICTURES: dict[str, Callable[[], Figure | Path]] = {
+    "door": door,
     "playback": playback,
     "snapshots": snapshots,
     "joint_space": joint_space,
@@ -106,11 +125,8 @@ def main(names: list[str]) -> int:
         return 2
     for name in names or PICTURES:
         made = PICTURES[name]()
-        if isinstance(made, bytes):
-            file = FOLDER / f"{name}.png"
-            with written_beside(file) as temporary:
-                temporary.write_bytes(made)
-        else:
+        file = made
+        if isinstance(made, Figure):
             (file,) = save_figures(FOLDER, {name: made}, ("png",), DOTS)
         print(f"{file}: {file.stat().st_size / 1000:.0f} kB")
     return 0

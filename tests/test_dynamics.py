@@ -370,14 +370,12 @@ def test_rates_give_the_twist_and_keep_the_momentum(
 
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
 def test_determinants_need_no_jacobian(data: st.DataObject, robot: Robot) -> None:
-    """det S*, with its sign, and a positive multiple of it: det D times the total mass cubed."""
+    """det S*, with its sign, whatever its size."""
     model = loaded(robot)
     q = data.draw(joint_values(6))
-    S, (D, _) = generalized_jacobian(model, q), inertia_matrices(model, q)
-    size, share = np.prod(np.linalg.norm(S, axis=1)), model.total_mass**3 * np.linalg.det(D)
-    expected = pytest.approx(np.linalg.det(S), abs=1e-11 * size)
-    assert generalized_determinant(model, q) == expected
-    assert DriftEquation(model, Task.POSE, [1.0, 2.0, 3.0]).determinant(q) / share == expected
+    S = generalized_jacobian(model, q)
+    size = np.prod(np.linalg.norm(S, axis=1))
+    assert generalized_determinant(model, q) == pytest.approx(np.linalg.det(S), abs=1e-11 * size)
 
 
 def test_planar_determinants_need_no_jacobian(planar_3dof: FreeFloatingModel) -> None:

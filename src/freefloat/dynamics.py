@@ -20,6 +20,8 @@ from freefloat.redundancy import Redundancy
 from freefloat.spatial import Array, finite_vector
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+_BASE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+"""Position and attitude of a spacecraft whose axes are the inertial ones."""
 
 
 class Task(StrEnum):
@@ -143,10 +145,16 @@ def generalized_jacobian(
         Shape (m, n): the task's rows of the end-effector twist [m/s; rad/s], in the spacecraft
         frame, per joint rate, while the momentum is zero.
     """
-    A = system_matrix(model, joints, task)
-    k = 1 if task.planar else 3
-    D, Dq, J11, J12 = A[:k, :k], A[:k, k:], A[k:, :k], A[k:, k:]
-    return np.asarray(J12 - J11 @ np.linalg.solve(D, Dq))
+    if task is not Task.POSE and task.planar:
+        A = system_matrix(model, joints, task)
+        return np.asarray(A[1:, 1:] - A[1:, :1] * (A[:1, 1:] / A[0, 0]))
+    A, J = _maps(model, joints)
+    A = np.asfortranarray(A)  # solved in place
+    _, _, base, singular = dgesv(A[:, :6], A[:, 6:], 1, 1)
+    if singular:
+        raise np.linalg.LinAlgError("the momentum does not determine the spacecraft's rates")
+    S: Array = J[:, 6:] - J[:, :6].dot(base)
+    return S if task is Task.POSE else S[task.rows]
 
 
 def generalized_determinant(
@@ -164,7 +172,7 @@ def generalized_determinant(
 
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array]:
     """The momentum map and the end-effector's Jacobian in spacecraft axes, found together."""
-    q = np.concatenate([np.zeros(3), _IDENTITY, joints])
+    q = np.concatenate((_BASE, joints))
     A = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
     J = pin.getFrameJacobian(
         model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
@@ -245,11 +253,6 @@ class DriftEquation:
                 v = np.full(len(v), np.inf)
             return v[3:6], v[6:]
         return self._one_of_many(speed)
-
-    def determinant(self, joints: Array) -> float:
-        """Of the matrix of (4): a positive multiple of det S*, where that is square."""
-        self._assemble(_IDENTITY, joints)
-        return determinant(self._matrix)
 
     def _assemble(self, attitude: Array, joints: Array) -> None:
         model, q = self._model, self._q

@@ -7,7 +7,6 @@ along its arc length it is an ordinary curve, and the singularity is the point o
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from functools import partial
 
@@ -16,6 +15,7 @@ import numpy.typing as npt
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
+from freefloat.arc_flow import ArcFlow, arc_flow
 from freefloat.closeness import first_place_below
 from freefloat.dynamics import generalized_jacobian
 from freefloat.errors import InputError, IntegrationError
@@ -23,13 +23,8 @@ from freefloat.motion import NODES, Ending, Motion
 from freefloat.problem import Problem
 from freefloat.spatial import Array, turn_between
 
-_TIME_UNITS = 10.0
-"""The duration counts as this much arc length beside the joints' radians and metres."""
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
-_STALLED = 5e-5
-"""A redundant arm may creep along a singularity instead of turning back in time there. When time
-passes slower than this per arc length, it stands still: rates have no bound."""
 _RANK_LOST = 1e-9
 """A start is singular when S*'s smallest singular value is below this share of its largest."""
 _MEETS = 1e-6
@@ -76,11 +71,12 @@ def integrate_motion(
         if not 0.0 <= time <= duration:
             raise InputError(key, f"{time} was given", f"a time from 0 to {duration:g} s")
     _refuse_off_path(problem, attitude, joints, start)
-    rows, ending = _follow(problem, np.concatenate([[start], attitude, joints]), end, tolerance)
+    flow = arc_flow(problem, 1.0 if end >= start else -1.0)
+    first = np.concatenate([[start], attitude, joints])
+    rows, ending = _follow(problem, flow, first, end, tolerance)
     motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
-    if len(problem.task.rows) == problem.model.dof:
-        determinant = problem.drift_equation().determinant
-        motion = _cut(motion, first_place_below(motion, determinant, 0.0), Ending.SINGULAR)
+    if flow.determinant is not None:
+        motion = _cut(motion, first_place_below(motion, flow.determinant, 0.0), Ending.SINGULAR)
     margin = problem.margin
     if stop_at_margin and margin.value > 0.0:
         place = first_place_below(motion, margin.measure.value, margin.value)
@@ -106,61 +102,13 @@ def _refuse_off_path(problem: Problem, attitude: Array, joints: Array, start: fl
         )
 
 
-class _Flow:
-    """The unit tangent of the curve (time, attitude, joints) along which (8) moves the system.
-
-    The tangent keeps to the side of ``reference``, the tangent last accepted: so it stays
-    continuous across a singularity, where time turns back.
-    """
-
-    def __init__(self, problem: Problem, direction: float) -> None:
-        self._path = problem.path
-        self._equation = problem.drift_equation()
-        self.unit = problem.path.duration / _TIME_UNITS
-        self.stalled = _STALLED if problem.model.dof > len(problem.task.rows) else 0.0
-        self.piece = 0
-        self.reference = np.zeros(5 + problem.model.dof)
-        self.reference[0] = direction
-
-    def __call__(self, _: float, y: Array) -> Array:
-        attitude = y[1:5] / math.sqrt(y[1:5] @ y[1:5])
-        twist, speed = self._path.twist_and_speed(y[0] * self.unit, self.piece)
-        omega, rates = self._equation.rates(attitude, y[5:], twist, speed)
-        tangent = np.empty_like(y)
-        tangent[0] = 1.0 / self.unit
-        tangent[1:5] = _quaternion_rate(attitude, omega)
-        tangent[5:] = rates
-        square = tangent @ tangent
-        if not math.isfinite(square):
-            return self._standing_still_in_time()
-        tangent /= math.sqrt(square)
-        return tangent if tangent @ self.reference >= 0.0 else -tangent
-
-    def _standing_still_in_time(self) -> Array:
-        """The tangent where (4) is singular to the last digit: in the limit no time passes."""
-        tangent = self.reference.copy()
-        tangent[0] = 0.0
-        return tangent
-
-
-def _quaternion_rate(attitude: Array, omega: Array) -> tuple[float, float, float, float]:
-    """(8c), written out."""
-    x, y, z, w = attitude.tolist()
-    p, q, r = omega.tolist()
-    return (
-        0.5 * (w * p + y * r - z * q),
-        0.5 * (w * q + z * p - x * r),
-        0.5 * (w * r + x * q - y * p),
-        -0.5 * (x * p + y * q + z * r),
-    )
-
-
-def _follow(problem: Problem, row: Array, end: float, tolerance: float) -> tuple[Array, Ending]:
+def _follow(
+    problem: Problem, flow: ArcFlow, row: Array, end: float, tolerance: float
+) -> tuple[Array, Ending]:
     """Nodes (time, attitude, joints) of the motion from a first one to a time or a singularity."""
     rows = row[None]
     if _is_singular(problem, row[5:]):
         return rows, Ending.SINGULAR
-    flow = _Flow(problem, 1.0 if end >= row[0] else -1.0)
     for piece, leg_end in _legs(problem, float(row[0]), end):
         flow.piece = piece
         for panel, turned in _panels(flow, rows[-1], leg_end, tolerance):
@@ -192,7 +140,9 @@ def _legs(problem: Problem, start: float, end: float) -> Iterator[tuple[int, flo
                 yield piece, max(low, end)
 
 
-def _panels(flow: _Flow, row: Array, end: float, tolerance: float) -> Iterator[tuple[Array, bool]]:
+def _panels(
+    flow: ArcFlow, row: Array, end: float, tolerance: float
+) -> Iterator[tuple[Array, bool]]:
     """Panels up to a time, each with whether time turned back at its end."""
     direction = np.sign(flow.reference[0])
     goal = end / flow.unit
@@ -221,7 +171,7 @@ def _panels(flow: _Flow, row: Array, end: float, tolerance: float) -> Iterator[t
     raise IntegrationError(float(solver.y[0] * flow.unit), f"{_MAX_STEPS} steps were not enough")
 
 
-def _pace(flow: _Flow, dense: Callable[[float], Array], along: float) -> float:
+def _pace(flow: ArcFlow, dense: Callable[[float], Array], along: float) -> float:
     return float(flow(along, dense(along))[0])
 
 
@@ -229,7 +179,7 @@ def _lateness(dense: Callable[[float], Array], goal: float, along: float) -> flo
     return float(dense(along)[0] - goal)
 
 
-def _nodes(flow: _Flow, dense: Callable[[Array], Array], start: float, stop: float) -> Array:
+def _nodes(flow: ArcFlow, dense: Callable[[Array], Array], start: float, stop: float) -> Array:
     values = dense(start + (stop - start) * (NODES + 1.0) / 2.0).T
     values[:, 0] *= flow.unit
     values[:, 1:5] /= np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)

@@ -16,14 +16,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from freefloat.drift_kernels import FACTS, LEVEL, METRIC, MIDDLE, WEIGHT
+from freefloat.drift_kernels import LEVEL, METRIC, MIDDLE, WEIGHT
 from freefloat.errors import InputError
 from freefloat.flow_kernels import Robot
-from freefloat.model import Body, FreeFloatingModel
+from freefloat.model import FreeFloatingModel
 from freefloat.null_space import middles, weights
 from freefloat.problem import Problem
 from freefloat.redundancy import Metric, Redundancy, Toward
 from freefloat.redundancy_kernels import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
+from freefloat.robot_numbers import robot_facts, robot_rows
 from freefloat.rollout_kernels import (
     COMPLETED,
     Outcomes,
@@ -34,7 +35,6 @@ from freefloat.search import Progress
 from freefloat.singularity import NAMES, arm_axes
 from freefloat.spatial import Array
 from freefloat.step_kernels import TABLEAU
-from freefloat.virtual_manipulator import VirtualManipulator
 
 TOLERANCE = 1e-6
 _CELLS = 512
@@ -193,13 +193,9 @@ def _robot(problem: Problem) -> Robot:
     """A problem as the kernels want it."""
     model, task, path = problem.model, problem.task, problem.path
     name = problem.margin.measure.name
-    facts = np.zeros(FACTS)
-    facts[:LEVEL] = [
-        model.total_mass, VirtualManipulator.of(model).reach, task.planar, *model.tool.position,
-    ]  # fmt: skip
+    facts, bodies = robot_facts(model, task), robot_rows(model)
     if name == "arm":
         facts[LEVEL:METRIC] = arm_axes(model, task).ravel()
-    bodies = np.array([_row(body) for body in model.bodies])
     if problem.redundancy is not None and not problem.redundancy.plain:
         _choose(problem.redundancy, model, bodies, facts)
     s = np.linspace(0.0, 1.0, _CELLS + 1)
@@ -222,18 +218,6 @@ def _robot(problem: Problem) -> Robot:
         tangents=np.ascontiguousarray(cubics.transpose(1, 2, 0)),
         duration=path.duration,
     )
-
-
-def _row(body: Body) -> Array:
-    """A body's row for the kernels; its joint turns by Rodrigues' formula."""
-    x, y, z = body.axis
-    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    P, inertia = body.placement.rotation, body.inertia
-    return np.concatenate([
-        body.placement.position, P.ravel(), (P @ hat).ravel(), (P @ hat @ hat).ravel(), body.axis,
-        [body.prismatic, body.mass], body.centre,
-        inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], [1.0, np.nan],
-    ])  # fmt: skip
 
 
 def _choose(redundancy: Redundancy, model: FreeFloatingModel, bodies: Array, facts: Array) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from freefloat.arc_flow import arc_flow
 from freefloat.console import compiling
 from freefloat.problem import Problem
 from freefloat.spatial import Array, attitude_grid, heading_quaternion
@@ -15,6 +16,7 @@ def warm_up(problem: Problem, threads: int | None = None) -> None:
         from freefloat.outlook import Outlook
 
         Outlook(problem, threads).prospects(_some_attitudes(problem))
+        _follow_nothing(problem)
 
 
 def _some_attitudes(problem: Problem, count: int = 8) -> Array:
@@ -24,6 +26,15 @@ def _some_attitudes(problem: Problem, count: int = 8) -> Array:
 
 
 def warm_up_branches(problem: Problem) -> None:
-    """Likewise those that find arm branches: all that a simulation uses."""
+    """Likewise those that find arm branches and follow one motion: all that a simulation uses."""
     with compiling():
         problem.branches([0.0, 0.0, 0.0, 1.0])
+        _follow_nothing(problem)
+
+
+def _follow_nothing(problem: Problem) -> None:
+    """Use what follows a single motion, where it is compiled, without following one."""
+    flow, joints = arc_flow(problem, 1.0), np.zeros(problem.model.dof)
+    if flow.determinant is not None:
+        flow.determinant(joints)
+        flow(0.0, np.concatenate([[0.0, 0.0, 0.0, 0.0, 1.0], joints]))

@@ -1,0 +1,134 @@
+"""The paper's two examples: one motion, ranges of headings, maps, plans."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+import freefloat as ff
+from benchmarks.plain import PlainMotion
+from benchmarks.result import Result, race
+from freefloat.attitude_map import map_attitudes
+from freefloat.motion import Motion
+from freefloat.outlook import Outlook
+from freefloat.planar_ranges import BranchRanges, find_limits, heading_ranges
+from freefloat.spatial import attitude_grid, heading_quaternion, unit_quaternion
+
+ATTITUDE = unit_quaternion("attitude", (0.46008, 0.09337, 0.73519, -0.48898))
+TOLERANCE = 1e-8
+
+
+def one_motion(quick: bool) -> list[Result]:
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    joints = problem.branches(ATTITUDE)[0].joints
+    plain = PlainMotion(problem)
+
+    def ours(tolerance: float = TOLERANCE) -> Motion:
+        return ff.integrate_motion(problem, ATTITUDE, joints, tolerance=tolerance)
+
+    def theirs() -> np.ndarray:
+        return plain.final(ATTITUDE, joints, TOLERANCE)
+
+    exact = ours(1e-13).final.attitude
+    errors = [np.linalg.norm(q - exact) for q in (ours().final.attitude, theirs()[:4])]
+    seconds, baseline = race(ours, theirs, rounds=2 if quick else 25)
+    return [
+        Result(
+            "one motion of Example 2, tolerance 1e-8", seconds,
+            "plain loop: Pinocchio, numpy, `solve_ivp`", baseline, wanted=3.0,
+            remark=f"off at the end by {errors[0]:.0e}, the plain loop by {errors[1]:.0e}",
+        )
+    ]  # fmt: skip
+
+
+def ranges(quick: bool) -> list[Result]:
+    """Against a sweep in steps of a quarter degree, its crossings bisected to 1e-6 degrees.
+
+    Every twentieth heading of the sweep is followed and the time multiplied; the bisections are
+    counted as motions of average length.
+    """
+    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+    span = (0.0, problem.path.duration)
+    plain = PlainMotion(problem)
+
+    def ours() -> tuple[BranchRanges, ...]:
+        return heading_ranges(problem, find_limits(problem, span), span, 0.0)
+
+    limits = sum(len(entry.limits) for entry in ours())
+    headings = np.radians(np.arange(0.0, 360.0, 120.0 if quick else 5.0))
+    starts = [
+        (attitude, branch.joints)
+        for attitude in map(heading_quaternion, headings.tolist())
+        for branch in problem.branches(attitude)
+    ]
+
+    def sample_of_sweep() -> None:
+        for attitude, joints in starts:
+            plain.least(attitude, joints, 1e-9)
+
+    seconds, sample = race(ours, sample_of_sweep, rounds=1 if quick else 3)
+    motion = sample / len(starts)
+    motions = 1440 * len(starts) / len(headings) + limits * np.log2(0.25 / 1e-6)
+    return [
+        Result(
+            "all headings of Example 1 without stop, exactly", seconds,
+            f"a sweep by the plain loop, {motions:,.0f} motions", motions * motion, 50.0, 2.0,
+            f"{limits} limits; time of {len(starts)} of the sweep's motions, multiplied",
+        )
+    ]  # fmt: skip
+
+
+def maps(quick: bool) -> list[Result]:
+    """All arm branches from attitudes all over SO(3); the plain loop follows some of the motions.
+
+    The two wrist branches of Example 2 share their motions, and a map follows one of the two. The
+    second line follows every motion on its own, as arms with a heavy wrist need.
+    """
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    outlook, plain = Outlook(problem), PlainMotion(problem)
+    samples, picks = (64, 2) if quick else (4096, 48)
+    map_attitudes(outlook, 64)
+    attitudes = attitude_grid(512, seed=1)
+    branches = problem.many_branches(attitudes)
+    where, _ = np.nonzero(branches.found)
+    starts, joints = attitudes[where], branches.joints[branches.found]
+    picked = np.random.default_rng(0).choice(len(where), picks, replace=False)
+    motions = map_attitudes(outlook, 64).motions * samples // 64
+
+    def loop() -> None:
+        for k in picked:
+            plain.least(starts[k], joints[k])
+
+    whole, each, sample = race(
+        lambda: map_attitudes(outlook, samples), lambda: outlook.roller.follow(starts, joints),
+        loop, rounds=1 if quick else 4,
+    )  # fmt: skip
+    motion = sample / picks
+    return [
+        Result(
+            f"map of Example 2, {samples:,} attitudes, {motions:,} motions", whole,
+            f"the plain loop at 1e-6, time of {picks} motions, multiplied", motion * motions, 150.0,
+        ),
+        Result(
+            "a motion of many, each followed on its own", each / len(joints),
+            "a motion of that loop", motion,
+        ),
+    ]  # fmt: skip
+
+
+def plans() -> list[Result]:
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    now = np.array([0.1, -0.5, 0.2, 0.8367])
+    results = []
+    for objective in ff.Objective:
+        search = ff.Search(objective, now / np.linalg.norm(now))
+        start = time.perf_counter()
+        ff.plan(problem, search)
+        seconds = time.perf_counter() - start
+        results.append(Result(f"plan of Example 2, objective {objective}", seconds, limit=15.0))
+    return results
+
+
+def motion_results(quick: bool) -> list[Result]:
+    return [*one_motion(quick), *ranges(quick), *maps(quick), *([] if quick else plans())]

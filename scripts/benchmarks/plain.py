@@ -1,0 +1,73 @@
+"""The code that a user would write without freefloat: Pinocchio, numpy, scipy as they come."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import solve_ivp
+
+from freefloat.model import FreeFloatingModel
+from freefloat.problem import Problem
+
+
+class PlainJacobian:
+    """The generalized Jacobian by two of Pinocchio's functions and numpy's solve."""
+
+    def __init__(self, model: FreeFloatingModel) -> None:
+        self.model, self.frame = model.pin_model, model.frame_id
+        self.data = self.model.createData()
+
+    def __call__(self, joints: np.ndarray) -> np.ndarray:
+        q = np.concatenate([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], joints])
+        A = pin.computeCentroidalMap(self.model, self.data, q)
+        J = pin.computeFrameJacobian(self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED)
+        return J[:, 6:] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, 6:])
+
+
+class PlainMotion:
+    """Equation (4) solved with numpy and integrated by scipy's ``solve_ivp``."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.model, self.frame = problem.model.pin_model, problem.model.frame_id
+        self.data, self.rows = self.model.createData(), problem.task.rows
+        self.momentum, self.path = problem.momentum, problem.path
+
+    def matrix(self, y: np.ndarray) -> np.ndarray:
+        q = np.concatenate([np.zeros(3), y[:4] / np.linalg.norm(y[:4]), y[4:]])
+        A = pin.computeCentroidalMap(self.model, self.data, q)
+        J = pin.computeFrameJacobian(self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED)
+        return np.vstack([A, J[self.rows]])
+
+    def rates(self, t: float, y: np.ndarray) -> np.ndarray:
+        twist = self.path.twist(t)[self.rows]
+        v = np.linalg.solve(self.matrix(y), np.concatenate([np.zeros(3), self.momentum, twist]))
+        x, w = y[:3], y[3]
+        turning = v[3:6]
+        quaternion = 0.5 * np.append(w * turning + np.cross(x, turning), -x @ turning)
+        return np.concatenate([quaternion, v[6:]])
+
+    def final(self, attitude: np.ndarray, joints: np.ndarray, tolerance: float) -> np.ndarray:
+        """The last state of one motion, by scipy's best method for smooth problems."""
+        start = np.concatenate([attitude, joints])
+        span = (0.0, self.path.duration)
+        solution = solve_ivp(
+            self.rates, span, start, method="DOP853", rtol=tolerance, atol=tolerance
+        )
+        return solution.y[:, -1]
+
+    def least(self, attitude: np.ndarray, joints: np.ndarray, tolerance: float = 1e-6) -> float:
+        """What a sweep asks of a motion: the least magnitude of the determinant on the way.
+
+        By ``solve_ivp``'s default method, which an event stops where the determinant vanishes; the
+        least magnitude is that at the solver's own steps.
+        """
+
+        def singular(t: float, y: np.ndarray) -> float:
+            return float(np.linalg.det(self.matrix(y)))
+
+        singular.terminal = True
+        solution = solve_ivp(
+            self.rates, (0.0, self.path.duration), np.concatenate([attitude, joints]),
+            rtol=tolerance, atol=tolerance, events=singular,
+        )  # fmt: skip
+        return min(abs(singular(0.0, y)) for y in solution.y.T)

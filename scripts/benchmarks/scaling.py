@@ -1,0 +1,81 @@
+"""How the time grows with samples and joints, and shrinks with cores."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+import freefloat as ff
+from benchmarks.arm import arm_urdf
+from benchmarks.result import Result, race
+from freefloat.attitude_law import FixedAttitude
+from freefloat.attitude_map import map_attitudes
+from freefloat.curve import PolynomialCurve
+from freefloat.outlook import Outlook
+from freefloat.rollout import Roller
+from freefloat.singularity import measure
+from freefloat.spatial import attitude_grid
+
+SAMPLES = (1024, 4096, 16_384)
+JOINTS = range(3, 9)
+POSE = 6
+"""From so many joints on the end-effector's attitude is prescribed, too."""
+
+
+def with_samples(quick: bool) -> list[Result]:
+    outlook = Outlook(ff.load_scenario("spatial_6dof/line").problem())
+    map_attitudes(outlook, 64)
+    sizes = SAMPLES if not quick else (16, 64)
+    seconds = race(
+        *(lambda size=size: map_attitudes(outlook, size) for size in sizes),
+        rounds=1 if quick else 2,
+    )
+    return [
+        Result(f"an attitude of a map of {size:,}", taken / size)
+        for size, taken in zip(sizes, seconds, strict=True)
+    ]
+
+
+def line_problem(joints: int) -> ff.Problem:
+    """A straight line of 0.4 m in 60 s for an arm of so many joints."""
+    model = ff.FreeFloatingModel.from_urdf(arm_urdf(joints), f"link_{joints}")
+    task = ff.Task.POSE if joints >= POSE else ff.Task.POSITION
+    curve = PolynomialCurve.line([1.0, 0.0, 0.0], [1.0, 0.3, 0.25])
+    path = ff.EndEffectorPath(curve, FixedAttitude(np.eye(3)))
+    margin = ff.Margin(measure(model, task, "gjm"), 0.0)
+    return ff.Problem(model, ff.TimedPath(path, ff.Timing(60.0)), task, np.zeros(3), margin)
+
+
+def with_joints(quick: bool) -> list[Result]:
+    """The same motion of the hand from random states, which need not be on the path for that."""
+    count, rng = 16 if quick else 1024, np.random.default_rng(5)
+    runs, names = [], []
+    for joints in JOINTS if not quick else (3, 6):
+        roller = Roller(line_problem(joints))
+        starts, attitudes = rng.uniform(-1.5, 1.5, (count, joints)), attitude_grid(count)
+        roller.follow(attitudes[:1], starts[:1])
+        runs.append(lambda r=roller, a=attitudes, s=starts: r.follow(a, s))
+        rows = 6 if joints >= POSE else 3
+        names.append(f"a motion of many, {joints} joints, {rows} rates prescribed")
+    seconds = race(*runs, rounds=1 if quick else 5)
+    return [Result(name, taken / count) for name, taken in zip(names, seconds, strict=True)]
+
+
+def with_cores(quick: bool) -> list[Result]:
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    count, cores = 32 if quick else 4096, len(os.sched_getaffinity(0))
+    attitudes = attitude_grid(count // 8)
+    branches = problem.many_branches(attitudes)
+    where, _ = np.nonzero(branches.found)
+    starts, joints = attitudes[where], branches.joints[branches.found]
+    rollers = [Roller(problem, threads) for threads in (cores, 1)]
+    all_, one = race(
+        *(lambda roller=roller: roller.follow(starts, joints) for roller in rollers),
+        rounds=1 if quick else 5,
+    )
+    return [Result(f"{len(joints):,} motions on {cores} cores", all_, "on one core", one)]
+
+
+def scaling_results(quick: bool) -> list[Result]:
+    return [*with_samples(quick), *with_joints(quick), *with_cores(quick)]

@@ -1,0 +1,121 @@
+"""README: its Python runs and prints what it shows, its speeds are those that were measured."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text("utf-8")
+MEASURED = ROOT / "scripts" / "benchmark.json"
+
+
+@pytest.fixture
+def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """``scripts/benchmark.py``, and its parts as it finds them."""
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import benchmark
+
+    return benchmark
+
+
+@pytest.fixture
+def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def test_the_ten_lines_print_what_is_shown(
+    in_folder: Path, capsys: pytest.CaptureFixture[str], kernels: None
+) -> None:
+    marked = r"<!-- ten lines -->\n```python\n(.*?)```\n\n```\n(.*?)```"
+    ((code, shown),) = re.findall(marked, README, re.DOTALL)
+    exec(compile(code, "README.md", "exec"), {})
+    assert capsys.readouterr().out == shown
+    assert "<html" in (in_folder / "motion.html").read_text("utf-8")
+
+
+def test_other_python_runs_too(
+    in_folder: Path, capsys: pytest.CaptureFixture[str], kernels: None
+) -> None:
+    for code in blocks("python")[1:]:
+        exec(compile(code, "README.md", "exec"), {})
+    told = capsys.readouterr().out
+    assert "The whole path was followed." in told
+    assert "(6, 6)" in told
+
+
+def test_pictures_and_files_that_are_named_exist() -> None:
+    named = re.findall(r"!\[.*?\]\((.*?)\)|`(scripts/\w+\.py|CITATION\.cff)`", README)
+    assert len(named) > 8
+    for picture, file in named:
+        assert (ROOT / (picture or file)).is_file()
+
+
+def test_every_room_has_one_place_in_the_design() -> None:
+    design = README[README.index("## Design") : README.index("Rooms whose names end in")]
+    rooms = sorted(path.stem for path in (ROOT / "src" / "freefloat").glob("[!_]*.py"))
+    named = re.findall(r"`(\w+)`", design[design.index("|---|") :])
+    assert sorted(named) == rooms
+
+
+def test_the_speeds_shown_are_those_measured(benchmark: ModuleType) -> None:
+    from benchmarks.result import load, markdown
+
+    machine, results = load(MEASURED)
+    assert machine == "2 cores"
+    made = markdown(machine, results)
+    assert benchmark.with_table(README, made) == README
+    assert all(result.ratio >= result.wanted for result in results if result.wanted)
+    changed = markdown(machine, results[1:])
+    assert benchmark.with_table(README, changed) != README
+
+
+def test_speeds_are_told_with_three_digits(benchmark: ModuleType) -> None:
+    from benchmarks.result import Result, race, told, told_ratio
+
+    seconds = (4.2e-7, 5.3e-6, 0.0128, 0.99951, 61.0, 1234.0)
+    assert [*map(told, seconds)] == [
+        "0.420 µs",
+        "5.30 µs",
+        "12.8 ms",
+        "1.00 s",
+        "61.0 s",
+        "1,230 s",
+    ]
+    assert [*map(told_ratio, (None, 1.64, 9.96, 31.2, 118.0))] == [
+        "",
+        "1.6 ×",
+        "10 ×",
+        "31 ×",
+        "120 ×",
+    ]
+    assert not Result("", 1.0, "", 2.0, wanted=3.0).met
+    assert not Result("", 1.0, limit=0.5).met
+    assert Result("", 1.0, "", 3.0, wanted=3.0, limit=1.0).met
+    calls: list[str] = []
+    race(lambda: calls.append("a"), lambda: calls.append("b"), rounds=2)
+    assert "".join(calls) == "abab"
+
+
+def test_the_benchmark_measures_and_writes(
+    benchmark: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str], kernels: None
+) -> None:
+    from benchmarks.motions import maps, one_motion
+    from benchmarks.result import load
+
+    file = tmp_path / "found.json"
+    assert benchmark.main(["jacobians", "scaling", "--quick", "--json", str(file)]) == 0
+    found = [*load(file)[1], *one_motion(quick=True), *maps(quick=True)]
+    assert len(found) > 8
+    assert all(result.seconds > 0.0 for result in found)
+    assert "generalized Jacobian" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        benchmark.main(["motion"])
