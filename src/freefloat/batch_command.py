@@ -7,7 +7,7 @@ import signal
 import typer
 
 from freefloat import options
-from freefloat.console import DONE, NO, answer, answering
+from freefloat.console import DONE, NO, answer, answering, say
 
 
 def batch(
@@ -41,7 +41,7 @@ def batch(
             document = (dry_run_document if dry_run else run_study)(loaded, wishes)
         except KeyboardInterrupt:
             if not dry_run:
-                typer.echo("freefloat: the same command goes on where this one ended", err=True)
+                say("the same command goes on where this one ended")
             raise
     if dry_run:
         answer(document, dry_run_tables(document), as_json)
@@ -50,5 +50,5 @@ def batch(
     line = failure_line(document)
     if line is None:
         raise typer.Exit(DONE)
-    typer.echo(f"freefloat: {line}", err=True)
+    say(line)
     raise typer.Exit(NO)

@@ -4,6 +4,9 @@ Every error takes exactly the arguments it is raised with, so all of them surviv
 processes. Expected endings of a computation (singular, infeasible) are data, not errors.
 """
 
+import difflib
+from collections.abc import Iterable
+
 
 class FreeFloatError(Exception):
     """Base of everything that freefloat raises on purpose."""
@@ -52,6 +55,19 @@ class InputError(FreeFloatError):
         """
         file = self.source or source
         return type(self)(prefix + self.key, self.problem, self.accepted, file, self.line)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`` (did you mean X?)`` with the name that a misspelt word is nearest to, or nothing."""
+    names = list(known)
+    near = difflib.get_close_matches(word, names, 1)
+    if not near and len(word) > _FEWEST:
+        near = [name for name in names if word in name]
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+_FEWEST = 2
+"""So many letters are part of too many names."""
 
 
 def _one_line(text: str) -> str:
