@@ -20,7 +20,7 @@ from freefloat.attitude_law import (
 )
 from freefloat.bundled import find_robot, find_scenario
 from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
-from freefloat.errors import InputError
+from freefloat.errors import InputError, did_you_mean
 from freefloat.limits import Limits
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath, parse_samples, samples_text
@@ -203,7 +203,8 @@ def _joint_limits(key: str, given: JointLimits | None, rated: dict[str, float]) 
     if isinstance(given, dict):
         for joint in given:
             if joint not in rated:
-                raise InputError(f"{key}.{joint}", "no such joint moves", ", ".join(rated))
+                told = f"no such joint moves{did_you_mean(joint, rated)}"
+                raise InputError(f"{key}.{joint}", told, ", ".join(rated))
         return np.array([given.get(joint, np.inf) for joint in rated])
     return np.full(len(rated), given)
 
