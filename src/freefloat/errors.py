@@ -5,11 +5,23 @@ processes. Expected endings of a computation (singular, infeasible) are data, no
 """
 
 import difflib
+import traceback
 from collections.abc import Iterable
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent
 
 
 class FreeFloatError(Exception):
     """Base of everything that freefloat raises on purpose."""
+
+    def _render_traceback_(self) -> list[str]:
+        """What IPython and notebooks print: the lines of the user's own, and what is wrong."""
+        frames = traceback.extract_tb(self.__traceback__)
+        own = [one for one in frames if not Path(one.filename).is_relative_to(_PACKAGE)
+               and "IPython" not in Path(one.filename).parts]  # fmt: skip
+        told = f"{type(self).__name__}: {self}".replace("; accepted: ", "\n  accepted: ")
+        return [line.rstrip() for line in traceback.format_list(own)] + told.splitlines()
 
 
 class InputError(FreeFloatError):

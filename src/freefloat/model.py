@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.assembly import Attachment, Payload, Spacecraft, assemble
+from freefloat.brief import brief
 from freefloat.errors import InputError, ModelError, did_you_mean
 from freefloat.findings import Finding
 from freefloat.spatial import Array, Pose, finite_vector, frozen
@@ -67,6 +68,8 @@ class FreeFloatingModel:
         end_effector: Name of the link (or other frame) that follows the path.
         held: Joint name to value [rad or m]; joints off the chain that are not named are at zero.
     """
+
+    __repr__ = brief
 
     description: Description
     end_effector: str

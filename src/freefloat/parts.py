@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.brief import brief
 from freefloat.bundled import is_file
 from freefloat.errors import InputError
 from freefloat.spatial import Array, Pose, breaks_triangle, finite_vector, frozen
@@ -66,6 +67,8 @@ class Spacecraft:
         com: Its centre of mass in its frame [m], shape (3,).
     """
 
+    __repr__ = brief
+
     mass: float
     inertia: Array
     mount: Mount = field(default_factory=Mount)
@@ -90,6 +93,8 @@ class Payload:
         mesh: File of the mesh that stands for it, in metres and the end-effector's frame.
     """
 
+    __repr__ = brief
+
     mass: float
     inertia: Array
     com: Array = field(default_factory=lambda: np.zeros(3))
@@ -111,6 +116,8 @@ class Attachment:
         mount: Where its root link stands on that link.
         prefix: Put before the names of its links, joints and materials.
     """
+
+    __repr__ = brief
 
     urdf: str | Path
     link: str | None = None

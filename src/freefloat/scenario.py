@@ -18,6 +18,7 @@ from freefloat.attitude_law import (
     follow_attitude,
     point_at_attitude,
 )
+from freefloat.brief import brief
 from freefloat.bundled import find_robot, find_scenario
 from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.errors import InputError, did_you_mean
@@ -55,6 +56,8 @@ class Scenario:
         content: Its data.
         samples: Text of the CSV file that its path comes from, where it does.
     """
+
+    __repr__ = brief
 
     source: Path
     text: str
