@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from freefloat.motion import Motion as Motion
     from freefloat.outlook import Outlook as Outlook
     from freefloat.parts import Attachment as Attachment
+    from freefloat.parts import Mount as Mount
     from freefloat.parts import Payload as Payload
     from freefloat.parts import Spacecraft as Spacecraft
     from freefloat.path import EndEffectorPath as EndEffectorPath
@@ -78,6 +79,7 @@ if TYPE_CHECKING:
 _ROOMS = {
     # the machine
     "FreeFloatingModel": "model",
+    "Mount": "parts",
     "Spacecraft": "parts",
     "Payload": "parts",
     "Attachment": "parts",
