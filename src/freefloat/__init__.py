@@ -144,7 +144,9 @@ __all__ = list(_ROOMS)  # in the order in which they are needed
 def __getattr__(name: str) -> Any:
     if name not in _ROOMS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
+    loaded = getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
+    globals()[name] = loaded  # found without this function from now on
+    return loaded
 
 
 def __dir__() -> list[str]:
