@@ -15,7 +15,7 @@ base: planar_3dof/parabola_nonstop      # a scenario: a file, or a bundled name
 task: simulate                          # of every case: plan, map or simulate
 heading_deg: 156                        # a fifth of a degree inside its range
 branch: 0
-cases: 8
+cases: 6
 seed: 1
 vary:                                   # any keys of the scenario: lists, grids, random draws
   momentum: {normal: {mean: [0, 0, 0.5], sd: [0, 0, 0.5]}}

@@ -65,7 +65,7 @@ def test_help_begins_with_ten_lines_that_run(
     shutil.copy(models_folder() / "spatial_6dof" / "spatial_6dof.urdf", tmp_path / "robot.urdf")
     monkeypatch.chdir(tmp_path)
     shown: list[ff.Plan] = []
-    monkeypatch.setattr("freefloat.plans.Plan.show", shown.append)
+    monkeypatch.setattr("freefloat.plans.Plan.show", lambda plan: shown.append(plan))
     assert code.count("samples=1024") == 1
     exec(code.replace("samples=1024", "samples=64"), {})
     assert [one.feasible for one in shown] == [True]
@@ -83,13 +83,14 @@ def simulation() -> ff.Simulation:
 
 
 def test_records_are_told_in_one_line(simulation: ff.Simulation) -> None:
-    found = ff.plan(simulation.chosen.motion.problem)
+    problem = simulation.chosen.motion.problem
+    found = ff.Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
     study = ff.load_study("planar_3dof/grid")
     records = [
         *(simulation, *simulation.followed, simulation.chosen.motion, found, found.problem),
         *(found.problem.path, found.problem.path.path, found.problem.margin, found.problem.model),
         *(found.problem.margin.measure, ff.load_scenario("spatial_6dof/line"), study),
-        *(simulation.chosen.motion.initial, ff.Search(), ff.Limits(), *found.ranges),
+        *(simulation.chosen.motion.initial, ff.Search(), ff.Limits()),
         *(ff.play(simulation.chosen.motion), ff.TimeSeries.of(simulation.chosen.motion, [1.0])),
     ]
     for record in records:

@@ -29,6 +29,8 @@ class Mount:
         rpy: Roll, pitch, yaw about the carrier's x, y, z axes in this order [rad], shape (3,).
     """
 
+    __repr__ = brief
+
     xyz: Array = field(default_factory=lambda: np.zeros(3))
     rpy: Array = field(default_factory=lambda: np.zeros(3))
 
