@@ -45,7 +45,7 @@ def test_a_wrong_word_is_named_with_what_would_do(path: str, wrong: str, accepte
     with pytest.raises(InputError) as caught:
         refuse_unknown_path(ScenarioFile, path)
     assert caught.value.key == path
-    assert caught.value.problem.endswith(wrong)
+    assert caught.value.problem.partition(" (did you mean ")[0].endswith(wrong)
     assert accepted in caught.value.accepted
 
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.brief import brief
 from freefloat.dynamics import Task
 from freefloat.model import FreeFloatingModel
 from freefloat.spatial import Array, Pose, frozen, low_discrepancy
@@ -48,6 +49,8 @@ class ArmBranch:
         joints: Joint values, turning joints within their URDF range where that is possible, else
             in (-pi, pi], shape (n,).
     """
+
+    __repr__ = brief
 
     index: int
     label: str

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from freefloat.errors import InputError, ModelError
+from freefloat.errors import InputError, ModelError, did_you_mean
 from freefloat.mesh_places import MeshFileError, find_mesh
 from freefloat.parts import Attachment as Attachment
 from freefloat.parts import Mount as Mount
@@ -187,7 +187,8 @@ def _link(robot: ET.Element, key: str, name: str) -> str:
     links = _names(robot, "link")
     moved = dict(zip(_names(robot, "joint"), _ends(robot, "child"), strict=True))
     if name not in links and name not in moved:
-        raise ModelError(key, f"the robot has no frame {name!r}", ", ".join(links))
+        told = f"the robot has no frame {name!r}{did_you_mean(name, links)}"
+        raise ModelError(key, told, ", ".join(links))
     return name if name in links else moved[name]
 
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from freefloat.brief import brief
 from freefloat.curve import Curve
 from freefloat.errors import InputError
 from freefloat.spatial import Array, axes_rotation, cross, finite_vector, frozen, unit_vector
@@ -50,6 +51,8 @@ class FixedAttitude:
         axes: Its axes in the inertial frame, shape (3, 3).
     """
 
+    __repr__ = brief
+
     axes: Array
 
     def __post_init__(self) -> None:
@@ -72,6 +75,8 @@ class SlerpAttitude:
         start: Axes at s = 0, shape (3, 3).
         end: Axes at s = 1, shape (3, 3).
     """
+
+    __repr__ = brief
 
     start: Array
     end: Array
@@ -104,6 +109,8 @@ class DirectedAttitude:
         reference: Unit vector that the second axis keeps to, inertial frame, shape (3,).
         direction: The moving direction and its derivative by s, not normalized.
     """
+
+    __repr__ = brief
 
     axis: str
     second: str

@@ -11,6 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.outlook import UNREACHED, Outlook, Prospects, clear, has_twin_branches
 from freefloat.problem import Problem
@@ -39,6 +40,8 @@ class AttitudeMap:
         clearances: Smallest over largest magnitude of det S* on the way, shape (N, B).
         endings: Codes as in :class:`~freefloat.rollout.Rollout`; -1: no such branch, shape (N, B).
     """
+
+    __repr__ = brief
 
     problem: Problem
     seed: int
@@ -111,6 +114,8 @@ class Region:
         centre: The sample farthest from those that do not keep the margin, x, y, z, w.
         depth: How far that is [rad].
     """
+
+    __repr__ = brief
 
     branch: int | None
     fraction: float

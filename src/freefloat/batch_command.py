@@ -7,7 +7,7 @@ import signal
 import typer
 
 from freefloat import options
-from freefloat.console import DONE, NO, answer, answering
+from freefloat.console import DONE, NO, answer, answering, say
 
 
 def batch(
@@ -30,7 +30,7 @@ def batch(
     """
     with answering(as_json):
         from freefloat.batch_tables import batch_tables, dry_run_tables
-        from freefloat.batching import Wishes, dry_run_document, run_study
+        from freefloat.batching import Wishes, dry_run_document, study_document
         from freefloat.study import load_study
         from freefloat.study_summary import failure_line
 
@@ -38,10 +38,10 @@ def batch(
         wishes = Wishes(output, workers, scheduler, report)
         loaded = load_study(study)
         try:
-            document = (dry_run_document if dry_run else run_study)(loaded, wishes)
+            document = (dry_run_document if dry_run else study_document)(loaded, wishes)
         except KeyboardInterrupt:
             if not dry_run:
-                typer.echo("freefloat: the same command goes on where this one ended", err=True)
+                say("the same command goes on where this one ended")
             raise
     if dry_run:
         answer(document, dry_run_tables(document), as_json)
@@ -50,5 +50,5 @@ def batch(
     line = failure_line(document)
     if line is None:
         raise typer.Exit(DONE)
-    typer.echo(f"freefloat: {line}", err=True)
+    say(line)
     raise typer.Exit(NO)

@@ -50,7 +50,37 @@ class Wishes:
             raise InputError("workers", problem, "one of the two")
 
 
-def run_study(study: Study, wishes: Wishes) -> dict[str, Any]:
+def run_study(
+    study: Study,
+    output: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    report: bool = False,
+) -> dict[str, Any]:
+    """Run the cases of a study that are not done yet, side by side.
+
+    Scripts that call this keep their own work under ``if __name__ == "__main__":``, because every
+    worker reads the script once more.
+
+    Args:
+        study: As :func:`~freefloat.study.load_study` reads it.
+        output: Folder for the journal, the tables and the figure; in a folder of the same study
+            the rest of it is done.
+        workers: How many processes to start; one a core when left out.
+        scheduler: Address of a Dask scheduler whose workers are used instead.
+        report: Whether to write a page, too.
+
+    Returns:
+        The summary: counts, shares, spreads, and the files written.
+
+    Raises:
+        InputError: If the study cannot be run, or the folder not be written to.
+    """
+    return study_document(study, Wishes(Path(output), workers, scheduler, report))
+
+
+def study_document(study: Study, wishes: Wishes) -> dict[str, Any]:
     """Run the cases that are not done yet; what ``batch`` answers.
 
     Raises:

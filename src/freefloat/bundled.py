@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import sysconfig
 from collections import Counter
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, did_you_mean
 
 _EXAMPLES = "example-robot-data"
 EXAMPLE = f"{_EXAMPLES}:"
@@ -146,10 +145,8 @@ def is_file(path: Path) -> bool:
 
 def unknown(key: str, name: str, names: tuple[str, ...], what: str) -> InputError:
     """The error for a name that does not exist, with the nearest one that does."""
-    near = difflib.get_close_matches(name, names, 1)
-    hint = f" (did you mean {near[0]}?)" if near else ""
     shown = name if len(name) <= 80 else name[:77] + "..."
-    problem = f"no such file or name: {shown}{hint}"
+    problem = f"no such file or name: {shown}{did_you_mean(name, names)}"
     if name and len(name) < 256 and "\0" not in name and Path(name).is_dir():
         problem = f"{name} is a directory"
     return InputError(key, problem, f"{what} {', '.join(names)}")

@@ -2,78 +2,45 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import re
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import typer
-from typer.core import TyperGroup
 
-from freefloat.errors import FreeFloatError, InputError
+from freefloat.errors import FreeFloatError
 from freefloat.findings import Finding, Severity
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 DONE, NO, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-UsageError: type[Any] = typer.BadParameter.__bases__[0]
-"""What typer raises for a command line it cannot understand; it exports only this child."""
 _PATIENCE, _LOOK = 3.0, 0.2
 """Processor seconds that kernels found on disk never take to load, and seconds between looks."""
 _PIPE_WIDTH = 120
 """Columns of tables that go to a file or another program."""
+_QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
-class CommandGroup(TyperGroup):
-    """The commands; what cannot be understood is one line, or one JSON document, like any input."""
-
-    def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = True,
-        **extra: Any,
-    ) -> Any:
-        """Run a command line and exit."""
-        words = sys.argv[1:] if args is None else list(args)
-        try:
-            status = super().main(
-                args, prog_name, complete_var, False, windows_expand_args, **extra
-            )
-        except UsageError as error:
-            told = _usage_error(error)
-            _print_error(told, "--json" in words)
-            sys.exit(BAD_INPUT)
-        except OSError as error:
-            if error.errno != errno.EPIPE:
-                typer.echo(f"freefloat: the answer cannot be written: {error.strerror}", err=True)
-            sys.exit(BAD_INPUT)
-        except (KeyboardInterrupt, typer.Abort):
-            status = INTERRUPTED
-        if status == INTERRUPTED:  # what typer makes of Ctrl-C
-            typer.echo("freefloat: interrupted", err=True)
-        sys.exit(status if isinstance(status, int) else DONE)
+def hush(quiet: bool) -> None:
+    """Tell people nothing but errors from now on, or everything again."""
+    _QUIET.set(quiet)
 
 
-def _usage_error(error: Any) -> InputError:
-    """Typer's refusal of a command line as ours: the option, what is wrong, what is accepted."""
-    message = str(error.format_message()).rstrip(".")
-    parameter = getattr(error, "param", None)
-    named = parameter.opts[-1] if parameter else getattr(error, "option_name", None)
-    command = error.ctx.info_name if error.ctx and error.ctx.parent else ""
-    hint = f"see freefloat {command} --help".replace("  ", " ")
-    wanted = re.search(r"(?:should be|requires) (.*?)(?:,|$)", message)
-    accepted = f"{wanted[1]}, {hint}" if wanted else hint
-    return InputError(named or "command", message, accepted)
+def say(line: str) -> None:
+    """Tell people something on stderr."""
+    typer.echo(f"freefloat: {line}", err=True)
+
+
+def _watched() -> bool:
+    """Whether somebody wants to see how work goes on, and sits where it is shown."""
+    return sys.stderr.isatty() and not _QUIET.get()
 
 
 @contextmanager
@@ -82,14 +49,15 @@ def answering(as_json: bool) -> Iterator[None]:
     try:
         yield
     except FreeFloatError as error:
-        _print_error(error, as_json)
+        print_error(error, as_json)
         raise typer.Exit(BAD_INPUT) from None
 
 
-def _print_error(error: FreeFloatError, as_json: bool) -> None:
+def print_error(error: FreeFloatError, as_json: bool) -> None:
+    """Print an error on stderr and, for machines, as a document on stdout."""
     if as_json:
         print_json({"error": _error_document(error)})
-    typer.echo(f"freefloat: {error}", err=True)
+    say(str(error))
 
 
 def _error_document(error: FreeFloatError) -> dict[str, Any]:
@@ -108,7 +76,7 @@ def unless_defect(findings: Sequence[Finding], as_json: bool) -> Sequence[Findin
         print_json({"findings": [asdict(one) for one in findings], "error": first})
     for one in findings:
         told = one.error() if one in defects else f"{one.severity}: {one}"
-        typer.echo(f"freefloat: {told}", err=True)
+        say(str(told))
     raise typer.Exit(BAD_INPUT)
 
 
@@ -123,9 +91,14 @@ def print_text(text: str) -> None:
 
 
 def answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: bool) -> None:
-    """Print a document for a machine or its tables for people."""
+    """Print a document for a machine, or its tables for people, in colour on terminals.
+
+    ``FORCE_COLOR`` keeps the colours in a pipe, ``NO_COLOR`` takes them from a terminal.
+    """
     if as_json:
         print_json(document)
+        return
+    if _QUIET.get():
         return
     from rich.console import Console
     from rich.text import Text
@@ -143,7 +116,7 @@ def progress_bar(words: str) -> Iterator[Callable[[float], None]]:
     from rich.progress import Progress
 
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(console=console, transient=True, disable=not _watched()) as bar:
         task = bar.add_task(words, total=None)
         yield lambda share: bar.update(task, total=1.0, completed=share)
 
@@ -169,7 +142,7 @@ def case_progress(total: int, done: int) -> Iterator[Callable[[bool], None]]:
         *("running cases", BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")),
         *(TimeRemainingColumn(elapsed_when_finished=True), TextColumn("{task.fields[failed]}")),
     )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal,
+    with Progress(*columns, console=console, transient=True, disable=not _watched(),
                   speed_estimate_period=600.0) as bar:  # fmt: skip
         task = bar.add_task("", total=total, completed=done, rate="", failed="")
 
@@ -186,13 +159,13 @@ def case_progress(total: int, done: int) -> Iterator[Callable[[bool], None]]:
 @contextmanager
 def compiling() -> Iterator[None]:
     """Tell people on stderr why the first use of kernels on a machine takes long, if it does."""
-    line = "freefloat: compiling the kernels, once on this machine: about half a minute"
-    begin, done = time.process_time(), threading.Event()
+    line = "compiling the kernels, once on this machine: about half a minute"
+    begin, done, quiet = time.process_time(), threading.Event(), _QUIET.get()
 
     def watch() -> None:
-        while not done.wait(_LOOK):
+        while not (quiet or done.wait(_LOOK)):
             if time.process_time() - begin > _PATIENCE:
-                typer.echo(line, err=True)
+                say(line)
                 return
 
     threading.Thread(target=watch, daemon=True).start()

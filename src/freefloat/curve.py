@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.spatial import Array, finite_vector, frozen, unit_vector
 
@@ -31,6 +32,8 @@ class PolynomialCurve:
     Attributes:
         coefficients: Lowest power first [m], shape (degree + 1, 3).
     """
+
+    __repr__ = brief
 
     coefficients: Array
 
@@ -69,6 +72,8 @@ class ArcCurve:
         normal: Unit vector about which it turns, shape (3,).
         angle: How far [rad].
     """
+
+    __repr__ = brief
 
     centre: Array
     start: Array

@@ -4,9 +4,24 @@ Every error takes exactly the arguments it is raised with, so all of them surviv
 processes. Expected endings of a computation (singular, infeasible) are data, not errors.
 """
 
+import difflib
+import traceback
+from collections.abc import Iterable
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent
+
 
 class FreeFloatError(Exception):
     """Base of everything that freefloat raises on purpose."""
+
+    def _render_traceback_(self) -> list[str]:
+        """What IPython and notebooks print: the lines of the user's own, and what is wrong."""
+        frames = traceback.extract_tb(self.__traceback__)
+        own = [one for one in frames if not Path(one.filename).is_relative_to(_PACKAGE)
+               and "IPython" not in Path(one.filename).parts]  # fmt: skip
+        told = f"{type(self).__name__}: {self}".replace("; accepted: ", "\n  accepted: ")
+        return [line.rstrip() for line in traceback.format_list(own)] + told.splitlines()
 
 
 class InputError(FreeFloatError):
@@ -52,6 +67,19 @@ class InputError(FreeFloatError):
         """
         file = self.source or source
         return type(self)(prefix + self.key, self.problem, self.accepted, file, self.line)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`` (did you mean X?)`` with the name that a misspelt word is nearest to, or nothing."""
+    names = list(known)
+    near = difflib.get_close_matches(word, names, 1)
+    if not near and len(word) > _FEWEST:
+        near = [name for name in names if word in name]
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+_FEWEST = 2
+"""So many letters are part of too many names."""
 
 
 def _one_line(text: str) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, did_you_mean
 
 
 def refuse_unknown_path(schema: type[BaseModel], path: str) -> None:
@@ -28,9 +28,8 @@ def refuse_unknown_path(schema: type[BaseModel], path: str) -> None:
         inner = [found for one in here for found in _inner(one, word)]
         if not inner:
             known = list(dict.fromkeys(name for one in here for name in _words(one)))
-            raise InputError(
-                path, f"there is no such key: {word!r}", ", ".join(known) or "nothing below it"
-            )
+            told = f"there is no such key: {word!r}{did_you_mean(word, known)}"
+            raise InputError(path, told, ", ".join(known) or "nothing below it")
         here = inner
 
 

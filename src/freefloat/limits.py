@@ -9,6 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.spatial import Array, frozen
 
@@ -38,6 +39,8 @@ class Limits:
         base_rate: Magnitude of the spacecraft's angular velocity [rad/s].
         clearance: Smallest distance [m] between bodies that may not touch; 0: no contact.
     """
+
+    __repr__ = brief
 
     joint_rate: Array | None = None
     joint_torque: Array | None = None

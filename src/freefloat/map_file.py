@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.brief import brief
 from freefloat.problem import Problem
 from freefloat.result_file import (
     ATTITUDE_MAP,
@@ -185,6 +186,8 @@ class StoredMap:
         measure: Name of what is measured.
         unit: Of the measure.
     """
+
+    __repr__ = brief
 
     source: str
     origin: Origin

@@ -13,7 +13,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.assembly import Attachment, Payload, Spacecraft, assemble
-from freefloat.errors import InputError, ModelError
+from freefloat.brief import brief
+from freefloat.errors import InputError, ModelError, did_you_mean
 from freefloat.findings import Finding
 from freefloat.spatial import Array, Pose, finite_vector, frozen
 from freefloat.urdf import UNLIMITED, Description, read_urdf, told_of
@@ -67,6 +68,8 @@ class FreeFloatingModel:
         end_effector: Name of the link (or other frame) that follows the path.
         held: Joint name to value [rad or m]; joints off the chain that are not named are at zero.
     """
+
+    __repr__ = brief
 
     description: Description
     end_effector: str
@@ -282,9 +285,9 @@ def _only_tip(description: Description) -> str:
 def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:
     """The model with only the joints that move the end-effector left free."""
     if not any(frame.name == end_effector for frame in whole.frames):
-        raise ModelError(
-            "end_effector", f"the robot has no frame {end_effector!r}", ", ".join(_links(whole))
-        )
+        links = _links(whole)
+        told = f"the robot has no frame {end_effector!r}{did_you_mean(end_effector, links)}"
+        raise ModelError("end_effector", told, ", ".join(links))
     frame = whole.frames[_frame_id(whole, end_effector)]
     chain = [index for index in whole.supports[frame.parentJoint] if index > 1]
     if not chain:
@@ -306,7 +309,8 @@ def _reduced(whole: Any, end_effector: str, held: Mapping[str, float]) -> Any:
     q = pin.neutral(whole)
     for name, value in held.items():
         if name not in names:
-            raise ModelError(f"held.{name}", "the robot has no such joint", ", ".join(names))
+            told = f"the robot has no such joint{did_you_mean(name, names)}"
+            raise ModelError(f"held.{name}", told, ", ".join(names))
         if not np.isfinite(value):
             raise ModelError(f"held.{name}", f"{value} was given", "a finite number [rad, m]")
         q[whole.joints[names[name]].idx_q] = value

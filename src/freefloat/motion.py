@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
+from freefloat.brief import brief
 from freefloat.dynamics import momentum_map
 from freefloat.errors import InputError
 from freefloat.problem import Problem
@@ -53,6 +54,8 @@ class State:
         base_position: Of the spacecraft's root link from the centre of mass [m], shape (3,).
     """
 
+    __repr__ = brief
+
     time: float
     attitude: Array
     joints: Array
@@ -89,6 +92,8 @@ class Motion:
         attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (N, 4).
         joints: Joint values, shape (N, n).
     """
+
+    __repr__ = brief
 
     problem: Problem
     ending: Ending

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, did_you_mean
 from freefloat.model import FreeFloatingModel
 from freefloat.redundancy import Metric, Redundancy, Toward
 from freefloat.spatial import Array
@@ -33,7 +33,7 @@ def refuse_unfit(model: FreeFloatingModel, rows: int, redundancy: Redundancy) ->
         if joint not in model.joint_names:
             raise InputError(
                 f"redundancy.metric.{joint}",
-                "there is no such moving joint",
+                f"there is no such moving joint{did_you_mean(joint, model.joint_names)}",
                 ", ".join(model.joint_names),
             )
     if redundancy.toward is Toward.MIDDLE and not np.isfinite(middles(model)).any():

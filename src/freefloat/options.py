@@ -7,9 +7,16 @@ from typing import Annotated
 
 import typer
 
+from freefloat.completion import robot_names, scenario_names, study_names
+
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")]
 ScenarioName = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line")
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="A file or a bundled name: spatial_6dof/line",
+        autocompletion=scenario_names,
+    ),
 ]
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
@@ -148,6 +155,7 @@ Robot = Annotated[
         metavar="ROBOT",
         help="An arm: a URDF, a bundled name or example-robot-data:NAME. Or a scenario, or a YAML "
         "file with its robot section alone: all parts are told there.",
+        autocompletion=robot_names,
     ),
 ]
 UrdfOutput = Annotated[
@@ -225,7 +233,11 @@ CopyMeshes = Annotated[
 
 StudyName = Annotated[
     str,
-    typer.Argument(metavar="STUDY", help="A file or a bundled name: spatial_6dof/montecarlo"),
+    typer.Argument(
+        metavar="STUDY",
+        help="A file or a bundled name: spatial_6dof/montecarlo",
+        autocompletion=study_names,
+    ),
 ]
 StudyOutput = Annotated[
     Path | None,

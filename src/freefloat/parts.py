@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.brief import brief
 from freefloat.bundled import is_file
 from freefloat.errors import InputError
 from freefloat.spatial import Array, Pose, breaks_triangle, finite_vector, frozen
@@ -27,6 +28,8 @@ class Mount:
         xyz: Its origin in the carrier's frame [m], shape (3,).
         rpy: Roll, pitch, yaw about the carrier's x, y, z axes in this order [rad], shape (3,).
     """
+
+    __repr__ = brief
 
     xyz: Array = field(default_factory=lambda: np.zeros(3))
     rpy: Array = field(default_factory=lambda: np.zeros(3))
@@ -66,6 +69,8 @@ class Spacecraft:
         com: Its centre of mass in its frame [m], shape (3,).
     """
 
+    __repr__ = brief
+
     mass: float
     inertia: Array
     mount: Mount = field(default_factory=Mount)
@@ -90,6 +95,8 @@ class Payload:
         mesh: File of the mesh that stands for it, in metres and the end-effector's frame.
     """
 
+    __repr__ = brief
+
     mass: float
     inertia: Array
     com: Array = field(default_factory=lambda: np.zeros(3))
@@ -111,6 +118,8 @@ class Attachment:
         mount: Where its root link stands on that link.
         prefix: Put before the names of its links, joints and materials.
     """
+
+    __repr__ = brief
 
     urdf: str | Path
     link: str | None = None

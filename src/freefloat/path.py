@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from freefloat.attitude_law import AttitudeLaw, SampledAttitude
+from freefloat.brief import brief
 from freefloat.curve import Curve, SplineCurve
 from freefloat.errors import InputError
 from freefloat.spatial import Array, Pose, unit_quaternion
@@ -28,6 +29,8 @@ class EndEffectorPath:
         curve: Position.
         attitude: Attitude.
     """
+
+    __repr__ = brief
 
     curve: Curve
     attitude: AttitudeLaw

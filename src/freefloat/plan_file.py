@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.motion import DEGREE, Ending, Motion
 from freefloat.plans import Plan
@@ -105,6 +106,8 @@ class StoredPlan:
         altered: What in the file is not as it was written, see :mod:`freefloat.seal`; None where
             the file does not tell.
     """
+
+    __repr__ = brief
 
     source: str
     kind: str

@@ -13,6 +13,7 @@ from itertools import groupby
 
 import numpy as np
 
+from freefloat.brief import brief
 from freefloat.closeness import least
 from freefloat.errors import IntegrationError
 from freefloat.integration import integrate_motion
@@ -48,6 +49,8 @@ class Limit:
         backward: From the touch point to the start of the span.
         forward: From the touch point to its end.
     """
+
+    __repr__ = brief
 
     touch: TouchPoint
     backward: Motion

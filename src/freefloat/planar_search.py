@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.outlook import UNREACHED, Outlook
 from freefloat.planar_ranges import TURN, BranchRanges, HeadingRange, LimitCause, reach_limits
@@ -44,6 +45,8 @@ class HeadingMap:
         ended_at: When each motion ended [s], nan where there is none, shape (B, N).
         margin: Magnitude to keep.
     """
+
+    __repr__ = brief
 
     headings: Array
     branches: tuple[int, ...]

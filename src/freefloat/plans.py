@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from freefloat.brief import brief
 from freefloat.certificate import Certificate, certify
 from freefloat.errors import InputError
 from freefloat.limits import LimitFinding
@@ -32,6 +33,8 @@ class Segment:
         at_end: Ranges of the heading at its end that come from such a start.
         joined_at_end: Ranges at its end that serve this segment and all that follow, too.
     """
+
+    __repr__ = brief
 
     span: Span
     limits: tuple[Limit, ...]
@@ -63,6 +66,8 @@ class Plan:
         stretch: Factor on the duration with which some candidate would keep the limits, where only
             too little time stands against it.
     """
+
+    __repr__ = brief
 
     problem: Problem
     search: Search

@@ -12,6 +12,7 @@ from typing import Any
 
 import umsgpack
 
+from freefloat.brief import brief
 from freefloat.motion import Motion
 from freefloat.output_file import written_beside
 from freefloat.page import Capture, page
@@ -26,6 +27,8 @@ class Playback:
     Attributes:
         recording: What is shown.
     """
+
+    __repr__ = brief
 
     recording: Recording
 

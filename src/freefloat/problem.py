@@ -17,6 +17,7 @@ from freefloat.arm_branches import (
     many_arm_branches,
     nearest_configuration,
 )
+from freefloat.brief import brief
 from freefloat.dynamics import DriftEquation, Task, momentum_map
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
@@ -46,6 +47,8 @@ class Margin:
         value: The measure must keep its initial sign and never be smaller in magnitude.
     """
 
+    __repr__ = brief
+
     measure: Measure
     value: float
 
@@ -67,6 +70,8 @@ class Problem:
         redundancy: What an arm with more joints than the task has rows does with its freedom; when
             left out, it moves with the joint rates of least Euclidean norm.
     """
+
+    __repr__ = brief
 
     model: FreeFloatingModel
     path: TimedPath

@@ -33,6 +33,7 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.brief import brief
 from freefloat.errors import InputError
 
 _LARGEST_WEIGHT = 1e6
@@ -69,6 +70,8 @@ class Redundancy:
         bound: The null-space motion that this adds stays shorter than this, per path [rad, m]; it
             does so smoothly.
     """
+
+    __repr__ = brief
 
     metric: Metric | Mapping[str, float] = Metric.JOINTS
     toward: Toward = Toward.NONE

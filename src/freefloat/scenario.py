@@ -18,9 +18,10 @@ from freefloat.attitude_law import (
     follow_attitude,
     point_at_attitude,
 )
+from freefloat.brief import brief
 from freefloat.bundled import find_robot, find_scenario
 from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
-from freefloat.errors import InputError
+from freefloat.errors import InputError, did_you_mean
 from freefloat.limits import Limits
 from freefloat.model import FreeFloatingModel
 from freefloat.path import EndEffectorPath, parse_samples, samples_text
@@ -55,6 +56,8 @@ class Scenario:
         content: Its data.
         samples: Text of the CSV file that its path comes from, where it does.
     """
+
+    __repr__ = brief
 
     source: Path
     text: str
@@ -203,7 +206,8 @@ def _joint_limits(key: str, given: JointLimits | None, rated: dict[str, float]) 
     if isinstance(given, dict):
         for joint in given:
             if joint not in rated:
-                raise InputError(f"{key}.{joint}", "no such joint moves", ", ".join(rated))
+                told = f"no such joint moves{did_you_mean(joint, rated)}"
+                raise InputError(f"{key}.{joint}", told, ", ".join(rated))
         return np.array([given.get(joint, np.inf) for joint in rated])
     return np.full(len(rated), given)
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, did_you_mean
 
 _File = TypeVar("_File", bound=BaseModel)
 
@@ -52,7 +53,8 @@ def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) 
     kind, details = first["type"], first.get("ctx", {})
     if kind == "extra_forbidden":
         keys = _keys_at(schema, first["loc"][:-1])
-        return InputError(key, "there is no such key", ", ".join(keys), str(source))
+        told = f"there is no such key{did_you_mean(steps[-1], keys)}"
+        return InputError(key, told, ", ".join(keys), str(source))
     if kind == "missing":
         if len(first["loc"]) > 1 and isinstance(first["loc"][-1], int):
             short = ".".join(steps[:-1])
@@ -70,7 +72,9 @@ def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) 
         if steps[0] == "limits":
             accepted = "a number above 0, a map from joint to such a number, or urdf"
     accepted = accepted.removeprefix("Input should be ")
-    return InputError(key, f"{_short(first['input'])} was given", accepted, str(source))
+    known = re.findall("'([^']*)'", details.get("expected", ""))  # of an enumeration
+    hint = did_you_mean(_short(first["input"]).strip("'"), known)
+    return InputError(key, f"{_short(first['input'])} was given{hint}", accepted, str(source))
 
 
 def _short(given: Any) -> str:

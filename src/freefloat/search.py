@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.spatial import Array
 
@@ -32,6 +33,8 @@ class Search:
             in the plane, 4,096 attitudes in space.
         seed: Turns the grid of attitudes in space; planar searches draw nothing.
     """
+
+    __repr__ = brief
 
     objective: Objective = Objective.MARGIN
     from_attitude: Array | None = None

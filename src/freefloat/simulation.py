@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.arm_branches import ArmBranch
+from freefloat.brief import brief
 from freefloat.closeness import Least, least
 from freefloat.errors import InputError, UnreachableError
 from freefloat.integration import integrate_motion
@@ -27,6 +28,8 @@ class FollowedBranch:
         least: How near it came to a dynamic singularity, by the problem's margin.
     """
 
+    __repr__ = brief
+
     branch: ArmBranch
     motion: Motion
     least: Least
@@ -41,6 +44,8 @@ class Simulation:
         chosen: The one asked for; else the one that completes with the largest margin, or, where
             none completes, comes nearest to it.
     """
+
+    __repr__ = brief
 
     followed: tuple[FollowedBranch, ...]
     chosen: FollowedBranch

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from freefloat.brief import brief
 from freefloat.dynamics import (
     Task,
     determinant,
@@ -38,6 +39,8 @@ class Measure:
         unit: For people.
         value: The measure at joint values of shape (n,); signed where it is a determinant.
     """
+
+    __repr__ = brief
 
     name: str
     definition: str
@@ -204,6 +207,8 @@ class Extremes:
         smallest: S_min; negative for determinants.
         smallest_at: Joints where it is taken, shape (n,).
     """
+
+    __repr__ = brief
 
     largest: float
     largest_at: Array

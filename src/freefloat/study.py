@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from freefloat.brief import brief
 from freefloat.bundled import find_scenario, find_study, is_file
 from freefloat.draws import drawn, listed, refuse_bad_draw
 from freefloat.dynamics import Task
@@ -34,6 +35,8 @@ class Study:
         base_source: The scenario file.
         base: Its data, as read.
     """
+
+    __repr__ = brief
 
     source: str
     content: StudyFile

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from freefloat.brief import brief
 from freefloat.motion import Motion
 from freefloat.spatial import Array, frozen, without_jumps
 
@@ -32,6 +33,8 @@ class TimeSeries:
         measure: The margin's measure, signed, shape (K,).
         momentum_errors: See :meth:`freefloat.motion.Motion.momentum_errors` [N m s], shape (K,).
     """
+
+    __repr__ = brief
 
     times: Array
     joints: Array

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.path import EndEffectorPath
 from freefloat.spatial import Array, Pose
@@ -152,6 +153,8 @@ class TimedPath:
         path: Where.
         timing: When.
     """
+
+    __repr__ = brief
 
     path: EndEffectorPath
     timing: Timing

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from contourpy import contour_generator
 
+from freefloat.brief import brief
 from freefloat.dynamics import Task
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
@@ -117,6 +118,8 @@ class Workspace:
         largest_s: S_max over the joint space.
         smallest_s: S_min over the joint space.
     """
+
+    __repr__ = brief
 
     point: str
     tip: Array

@@ -1,0 +1,36 @@
+"""Load a URDF whose root link is a spacecraft, and mount an arm that has none.
+
+``python scripts/01_load_a_urdf.py`` ends in the mass of a servicer with a stock arm [kg].
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+import freefloat as ff
+from freefloat.bundled import example_robots, find_robot
+
+# Any URDF will do whose root link is the spacecraft; this one comes with freefloat.
+urdf = find_robot("spatial_6dof", Path())
+model = ff.FreeFloatingModel.from_urdf(urdf, end_effector="end_effector")
+
+print(f"{urdf.name}: {model.total_mass:g} kg, {model.dof} joints that move")
+for name, body in zip(model.joint_names, model.bodies[1:], strict=True):
+    print(f"  {name}: moves {body.mass:g} kg")
+
+# What the file says that is probably not what was meant, with its line.
+for doubt in model.doubts:
+    print(f"  line {doubt.line}, {doubt.element}: {doubt.problem}")
+
+# An arm without a spacecraft gets one: a box of 1 m and 200 kg, the arm on its front.
+spacecraft = ff.Spacecraft(
+    mass=200.0,
+    inertia=np.diag([35.0, 35.0, 35.0]),  # about its centre of mass [kg m²]
+    size=(1.0, 1.0, 1.0),
+    mount=ff.Mount(xyz=(0.5, 0.0, 0.0), rpy=(0.0, np.pi / 2, 0.0)),
+)
+servicer = ff.FreeFloatingModel.from_urdf(
+    example_robots()["ur5"], end_effector="tool0", spacecraft=spacecraft
+)
+print(f"ur5 on a spacecraft: {', '.join(servicer.joint_names)}")
+print(f"total mass: {servicer.total_mass:.4f} kg")

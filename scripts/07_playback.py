@@ -1,0 +1,38 @@
+"""Two motions side by side in MeshCat: one follows the path, the other becomes singular.
+
+``python scripts/07_playback.py`` writes playback.html, which any browser plays without a network,
+and ends in how far apart the two spacecraft point at the end [degrees].
+"""
+
+import numpy as np
+
+import freefloat as ff
+from freefloat.spatial import angle_between
+
+problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+
+
+def from_heading(degrees: float) -> ff.Motion:
+    """The motion of arm branch 0 from a heading of the spacecraft."""
+    half = np.radians(degrees) / 2.0
+    return ff.simulate(problem, [0.0, 0.0, np.sin(half), np.cos(half)], branch=0).chosen.motion
+
+
+good, bad = from_heading(200.0), from_heading(140.0)
+for name, motion in (("good", good), ("bad", bad)):
+    print(f"{name}: {motion.ending.value} {motion.final.time:.4f} s")
+
+# The trail behind the end-effector has the colour of the margin; areas can be shown and hidden.
+playback = ff.play({"from 200 degrees": good, "from 140 degrees": bad}, title="Example 1")
+print("written:", playback.save("playback.html"))
+print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
+
+# playback.show() opens it at once, or fills a notebook's cell; playback.into(visualizer) sends it
+# to a meshcat.Visualizer(), whose own controls play the animation.
+
+# Numbers of a motion at any times, such as the end of the shorter one:
+end = bad.final.time
+series = ff.TimeSeries.of(good, np.linspace(0.0, end, 5))
+print("good joints then:", np.round(series.joints[-1], 4))
+apart = angle_between(good.sample([end])[0].attitude, bad.final.attitude)
+print(f"apart: {np.degrees(apart):.4f} deg")

@@ -1,0 +1,157 @@
+"""What ``import freefloat as ff`` offers: names, words, short records, errors in notebooks."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import pydoc
+import re
+import shutil
+import textwrap
+from dataclasses import is_dataclass
+from pathlib import Path
+
+import pytest
+
+import freefloat as ff
+from freefloat.brief import brief
+from freefloat.bundled import models_folder
+from freefloat.motion import Motion
+from freefloat.plan_file import load_plan
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+
+def test_every_public_name_is_typed_as_it_is_loaded() -> None:
+    tree = ast.parse(Path(ff.__file__).read_text(encoding="utf-8"))
+    typed = {
+        alias.asname: str(node.module)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("freefloat.")
+        for alias in node.names
+    }
+    assert typed == {name: f"freefloat.{room}" for name, room in ff._ROOMS.items()}
+    assert (Path(ff.__file__).parent / "py.typed").is_file()
+
+
+def test_the_names_come_in_the_order_in_which_they_are_needed() -> None:
+    order = [
+        *("FreeFloatingModel", "EndEffectorPath", "TimedPath", "Problem", "load_scenario"),
+        *("simulate", "Motion", "plan", "Plan", "map_attitudes", "play", "load_plan", "run_study"),
+    ]
+    assert [name for name in ff.__all__ if name in order] == order
+    assert len(set(ff.__all__)) == len(ff.__all__)
+
+
+@pytest.mark.parametrize("name", ff.__all__)
+def test_every_public_name_has_words_and_types(name: str) -> None:
+    public = getattr(ff, name)
+    assert (public.__doc__ or "").strip().endswith((".", "`."))
+    if inspect.isfunction(public):
+        hints = inspect.signature(public)
+        assert hints.return_annotation is not inspect.Signature.empty
+        assert all(one.annotation is not one.empty for one in hints.parameters.values())
+
+
+def test_help_begins_with_ten_lines_that_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "plan.show()" in pydoc.render_doc(ff, renderer=pydoc.plaintext)[:2500]
+    found = re.search(r"::\n\n(.*?)\n\n(?=\S)", ff.__doc__ or "", re.DOTALL)
+    assert found
+    code = textwrap.dedent(found[1])
+    lines = [line for line in code.splitlines() if line and not line.startswith("import")]
+    assert len(lines) == 10
+    shutil.copy(models_folder() / "spatial_6dof" / "spatial_6dof.urdf", tmp_path / "robot.urdf")
+    monkeypatch.chdir(tmp_path)
+    shown: list[ff.Plan] = []
+    monkeypatch.setattr("freefloat.plans.Plan.show", lambda plan: shown.append(plan))
+    assert code.count("samples=1024") == 1
+    exec(code.replace("samples=1024", "samples=64"), {})
+    assert [one.feasible for one in shown] == [True]
+    assert capsys.readouterr().out.startswith("the largest margin, gjm 0.09")
+
+
+# --- records ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def simulation() -> ff.Simulation:
+    """Of Example 1, from a heading that serves."""
+    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+    return ff.simulate(problem, [0.0, 0.0, 1.0, 0.0])
+
+
+def test_records_are_told_in_one_line(simulation: ff.Simulation) -> None:
+    problem = simulation.chosen.motion.problem
+    found = ff.Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
+    study = ff.load_study("planar_3dof/grid")
+    records = [
+        *(simulation, *simulation.followed, simulation.chosen.motion, found, found.problem),
+        *(found.problem.path, found.problem.path.path, found.problem.margin, found.problem.model),
+        *(found.problem.margin.measure, ff.load_scenario("spatial_6dof/line"), study),
+        *(simulation.chosen.motion.initial, ff.Search(), ff.Limits()),
+        *(ff.play(simulation.chosen.motion), ff.TimeSeries.of(simulation.chosen.motion, [1.0])),
+    ]
+    for record in records:
+        told = repr(record)
+        assert told.startswith(f"{type(record).__name__}(")
+        assert "\n" not in told
+        assert len(told) < 600, told
+
+
+def test_short_arrays_are_told_whole_and_long_ones_by_their_shape(
+    simulation: ff.Simulation,
+) -> None:
+    motion = simulation.chosen.motion
+    count = len(motion.times)
+    told = repr(motion)
+    assert f"ending=Ending.COMPLETED, times=array({count},), attitudes=array({count}, 4)" in told
+    assert told.startswith("Motion(problem=Problem(...), ")
+    assert "attitude=[0 0 1 0], joints=[" in repr(motion.initial)
+    assert "followed=<2 FollowedBranch>" in repr(simulation)
+
+
+def test_every_record_with_long_arrays_in_public_is_brief() -> None:
+    public = [one for name in ff.__all__ if is_dataclass(one := getattr(ff, name))]
+    long = [one for one in public if not one.__dataclass_params__.eq]
+    assert Motion in long
+    assert [one for one in long if one.__repr__ is not brief] == []
+
+
+def test_a_stored_plan_is_told_in_one_line(tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from freefloat.cli import app
+
+    words = ["simulate", "planar_2dof/line", "--heading", "0", "-o", str(tmp_path / "a.h5")]
+    CliRunner().invoke(app, words)
+    assert len(repr(load_plan(tmp_path / "a.h5"))) < 900
+
+
+# --- errors -------------------------------------------------------------------------------------
+
+
+def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from IPython.core.interactiveshell import InteractiveShell
+
+    shell = InteractiveShell()
+    shell.run_cell("import freefloat as ff\n\nff.load_scenario('spatial_6dof/lin')")
+    shown = re.sub(r"\x1b\[[\d;]*m", "", "".join(capsys.readouterr())).splitlines()
+    assert any("ff.load_scenario('spatial_6dof/lin')" in line for line in shown)
+    assert not any("bundled.py" in line or "scenario.py" in line for line in shown)
+    *_, problem, accepted = [line for line in shown if line.strip()]
+    assert problem == (
+        "InputError: scenario: no such file or name: spatial_6dof/lin "
+        "(did you mean spatial_6dof/line?)"
+    )
+    assert accepted.startswith("  accepted: a scenario file, or one of ets_vii/inspect")
+
+
+def test_elsewhere_errors_keep_their_whole_traceback() -> None:
+    with pytest.raises(ff.InputError) as caught:
+        ff.load_scenario("nothing")
+    assert any(Path(str(one.path)).name == "bundled.py" for one in caught.traceback)
+    assert isinstance(caught.value, ff.FreeFloatError)

@@ -1,0 +1,54 @@
+"""The tutorial's scripts, run as a user runs them: each ends in the number it promises."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+SCRIPTS = sorted((Path(__file__).parents[1] / "scripts").glob("[0-9][0-9]_*.py"))
+ENDS = {
+    "01_load_a_urdf": ("total mass: {} kg", 220.9939, 1e-4),
+    "02_generalized_jacobian": ("dynamically singular at an elbow of {} deg", 11.2981, 1e-4),
+    "03_follow_a_path": ("branch 2 becomes singular at {} s", 54.6620, 1e-3),
+    "04_planar_ranges": ("heading: {} deg", 338.1546, 0.02),
+    "05_so3_map": ("feasible: {}% of 512 attitudes", 96.2, 2.0),
+    "06_plan_with_limits": ("duration: {} s instead of 30 s", 225.327, 0.5),
+    "07_playback": ("apart: {} deg", 88.6512, 1e-3),
+    "08_study": ("feasible: {} %", 50.0, 1e-9),
+}
+"""The last line of each, the number in it, and how far it may be off: where a search decides, as
+far as its samples are apart."""
+WRITTEN = {
+    "05_so3_map": ["so3_map.png", "so3_map.pdf"],
+    "07_playback": ["playback.html"],
+    "08_study": ["study/journal.jsonl", "study/cases.csv", "study/summary.png"],
+}
+
+
+def test_there_are_eight_short_scripts() -> None:
+    assert [script.stem for script in SCRIPTS] == sorted(ENDS)
+    for script in SCRIPTS:
+        lines = script.read_text(encoding="utf-8").splitlines()
+        assert len(lines) < 60
+        assert f"python scripts/{script.name}" in "\n".join(lines[:6])
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_a_script_ends_in_its_number(script: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    words, number, off = ENDS[script.stem]
+    pattern = re.escape(words).replace(r"\{\}", r"(-?[\d.]+)")
+    found = re.fullmatch(pattern, done.stdout.splitlines()[-1])
+    assert found, done.stdout
+    assert float(found[1]) == pytest.approx(number, abs=off)
+    for name in WRITTEN.get(script.stem, []):
+        assert (tmp_path / name).stat().st_size > 100
