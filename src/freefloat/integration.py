@@ -157,18 +157,18 @@ def _quaternion_rate(attitude: Array, omega: Array) -> tuple[float, float, float
 
 def _follow(problem: Problem, row: Array, end: float, tolerance: float) -> tuple[Array, Ending]:
     """Nodes (time, attitude, joints) of the motion from a first one to a time or a singularity."""
-    rows = row[None]
+    panels = [row[None]]
     if _is_singular(problem, row[5:]):
-        return rows, Ending.SINGULAR
+        return panels[0], Ending.SINGULAR
     flow = _Flow(problem, 1.0 if end >= row[0] else -1.0)
     for piece, leg_end in _legs(problem, float(row[0]), end):
         flow.piece = piece
-        for panel, turned in _panels(flow, rows[-1], leg_end, tolerance):
-            rows = np.vstack([rows, panel[1:]])
+        for panel, turned in _panels(flow, panels[-1][-1], leg_end, tolerance):
+            panels.append(panel[1:])
             if turned:
-                return rows, Ending.SINGULAR
-        rows[-1, 0] = leg_end
-    return rows, Ending.COMPLETED
+                return np.vstack(panels), Ending.SINGULAR
+        panels[-1][-1, 0] = leg_end
+    return np.vstack(panels), Ending.COMPLETED
 
 
 def _is_singular(problem: Problem, joints: Array) -> bool:
@@ -218,7 +218,11 @@ def _panels(flow: _Flow, row: Array, end: float, tolerance: float) -> Iterator[t
         if turned:
             return
         flow.reference = solver.f
-    raise IntegrationError(float(solver.y[0] * flow.unit), f"{_MAX_STEPS} steps were not enough")
+    raise IntegrationError(
+        float(solver.y[0] * flow.unit),
+        f"{_MAX_STEPS} steps were not enough",
+        "a shorter duration or less momentum: the system may tumble hundreds of times on the way",
+    )
 
 
 def _pace(flow: _Flow, dense: Callable[[float], Array], along: float) -> float:
