@@ -12,6 +12,7 @@ from freefloat.dynamics import momentum_map
 from freefloat.motion import Ending, Motion
 from freefloat.mujoco_engine import Engine
 from freefloat.spatial import Array, angle_between, rotation_matrix
+from freefloat.virtual_manipulator import VirtualManipulator
 
 _LOOKS = 61
 _SAMPLES, _DEGREE = 15, 6
@@ -34,7 +35,7 @@ class InverseRun:
     """What inverse dynamics asks for along the recorded motion.
 
     Attributes:
-        wrench: Largest component of force [N] or moment [N m] on the base.
+        wrench: Largest moment on the base, forces counted at the end of the arm's reach [N m].
         wrench_time: When [s].
         torque: Largest joint torque [N m or N].
         momentum: Largest deviation of the angular momentum [N m s].
@@ -78,6 +79,7 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
     """
     first, last = _known(motion)
     problem, window = motion.problem, _window(motion, first, last)
+    reach = VirtualManipulator.of(problem.model).reach
     wrenches, torques, momenta, hands, times = [], [], [], [], []
     for t in np.linspace(first + window, last - window, _LOOKS).tolist():
         if _near_a_bend(motion, t, window):
@@ -86,7 +88,7 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
         wrench, torque = engine.inverse(*state)
         momenta.append(np.linalg.norm(engine.momentum(*state)[2] - problem.momentum))
         hands.append(_off_path(motion, engine, t))
-        wrenches.append(np.abs(wrench).max())
+        wrenches.append(max(reach * np.abs(wrench[:3]).max(), np.abs(wrench[3:]).max()))
         torques.append(np.abs(torque).max())
         times.append(t)
     return InverseRun(
