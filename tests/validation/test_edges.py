@@ -58,6 +58,17 @@ def planar():
     return bundled("planar_3dof/parabola_nonstop")
 
 
+def all_headings(problem):
+    """Ranges of headings that keep the margin."""
+    span = (0.0, problem.path.duration)
+    return heading_ranges(problem, find_limits(problem, span), span, 0.0)
+
+
+@pytest.fixture(scope="module")
+def ranges(planar):
+    return all_headings(planar)
+
+
 def assert_alike(motion, other, tolerance):
     """Two motions begin and end alike; bodies of another size may have other places."""
     for one, two in ((motion.initial, other.initial), (motion.final, other.final)):
@@ -154,12 +165,12 @@ def test_a_margin_grazed_to_a_billionth_is_told(planar, above):
 
 
 def test_a_motion_that_grazes_zero_is_told_from_one_that_does_not(planar):
-    """Expected: within 1e-8 rad of heading, completed with S as small as that, or singular.
+    """Expected: within 1e-7 rad of heading, completed with S as small as that, or singular.
 
-    Three digits away compiled and precise motions agree on which.
+    Two digits away compiled and precise motions agree on which.
     """
     low, high = np.radians(140.0), np.radians(162.0)
-    while high - low > 1e-8:
+    while high - low > 1e-7:
         middle = (low + high) / 2.0
         if followed(planar, heading(np.degrees(middle)), 0).completed:
             high = middle
@@ -174,10 +185,9 @@ def test_a_motion_that_grazes_zero_is_told_from_one_that_does_not(planar):
         assert rolled(motion).endings[0] == (COMPLETED if motion.completed else SINGULAR)
 
 
-def test_the_ends_of_a_range_graze_the_margin(planar):
+def test_the_ends_of_a_range_graze_the_margin(planar, ranges):
     """Expected: from the ends of a range the least |S| is S0 to 1e-7 of it."""
-    span = (0.0, 100.0)
-    for entry in heading_ranges(planar, find_limits(planar, span), span, 0.0):
+    for entry in ranges:
         for one in entry.ranges:
             for end in (one.low, one.high):
                 motion = followed(planar, heading(np.degrees(end)), entry.branch)
@@ -188,12 +198,27 @@ def test_the_ends_of_a_range_graze_the_margin(planar):
 # --- very short and very long ---------------------------------------------------------------------
 
 
+@pytest.fixture(scope="module")
+def certificates():
+    """Certificates of usual motions, by the names of their scenarios."""
+    known = {}
+
+    def of(name, motion):
+        if name not in known:
+            known[name] = certify(motion)
+        return known[name]
+
+    return of
+
+
 @pytest.mark.parametrize("duration", [1e-3, 1e6])
 @pytest.mark.parametrize(
     ("name", "attitude", "branch"),
     [("spatial_6dof/line", GOOD, 2), ("planar_3dof/parabola_nonstop", heading(246.0), 0)],
 )
-def test_a_millisecond_and_a_million_seconds_are_one_motion(name, attitude, branch, duration):
+def test_a_millisecond_and_a_million_seconds_are_one_motion(
+    name, attitude, branch, duration, certificates
+):
     """Expected: without momentum the same joints and the same certificate as in 100 s."""
     still = [0.0, 0.0, 0.0]
     usual = followed(lasting(bundled(name), 100.0, still), attitude, branch)
@@ -201,7 +226,7 @@ def test_a_millisecond_and_a_million_seconds_are_one_motion(name, attitude, bran
     assert motion.final.time == duration
     assert_alike(motion, usual, 1e-10)
     assert_compiled_agrees(motion, 1e-5)
-    proof, wanted = certify(motion), certify(usual)
+    proof, wanted = certify(motion), certificates(name, usual)
     for one, two in zip(proof.least, wanted.least, strict=True):
         assert (one.value, one.bound) == pytest.approx((two.value, two.bound), rel=1e-6)
     assert proof.momentum.value < 1e-6 * proof.momentum_scale
@@ -212,7 +237,7 @@ def test_in_a_millisecond_momentum_has_no_time_to_matter(spatial):
     """Expected: with momentum the end is that of h = 0, but for the drift of 1e-5 rad."""
     drifting = followed(lasting(spatial, 1e-3), GOOD, 2)
     assert_alike(drifting, followed(lasting(spatial, 1e-3, [0, 0, 0]), GOOD, 2), 1e-4)
-    assert certify(drifting).momentum.value < 1e-6 * certify(drifting).momentum_scale
+    assert drifting.residuals().momentum < 1e-6 * 6e4  # the arm swings with 6e4 N m s by itself
 
 
 def test_a_million_seconds_of_slow_drift_are_followed(planar):
@@ -363,16 +388,10 @@ def test_an_arm_of_millimetres_moves_as_one_of_metres(
     assert not Path("MUJOCO_LOG.TXT").exists()  # where it would tell of inertias near zero
 
 
-def test_ranges_of_headings_do_not_depend_on_the_size():
+def test_ranges_of_headings_do_not_depend_on_the_size(ranges):
     """Expected: Example 1 in millimetres has the ranges that it has in metres, to 1e-6 rad."""
-    span = (0.0, 100.0)
-    asked = (
-        bundled("planar_3dof/parabola_nonstop"),
-        small(EXAMPLE_1, 1e-3),
-    )
-    large, tiny = (heading_ranges(one, find_limits(one, span), span, 0.0) for one in asked)
-    for one, two in zip(large, tiny, strict=True):
-        ends = [[(r.low, r.high) for r in entry.ranges] for entry in (one, two)]
+    for large, tiny in zip(ranges, all_headings(small(EXAMPLE_1, 1e-3)), strict=True):
+        ends = [[(one.low, one.high) for one in entry.ranges] for entry in (large, tiny)]
         assert_close(ends[0], ends[1], atol=1e-6)
 
 
@@ -473,8 +492,7 @@ def test_half_a_turn_from_the_grids_first_attitude_is_nothing_special(spatial):
         assert_close(least(motion, spatial.margin.measure).value, found.least[k, 0], atol=1e-3)
 
 
-@pytest.mark.parametrize("flipped", [slice(40, 41), slice(64, None), slice(None)])
-def test_recorded_quaternions_of_either_sign_are_one_motion(spatial, tmp_path, flipped):
+def test_recorded_quaternions_of_either_sign_are_one_motion(spatial, tmp_path):
     """Expected: a file in which some have the other sign says the same and passes."""
     simulation = ff.simulate(spatial, GOOD, branch=2)
     path = Path(tmp_path) / "motion.h5"
@@ -482,7 +500,8 @@ def test_recorded_quaternions_of_either_sign_are_one_motion(spatial, tmp_path, f
     save_motion(path, simulation.chosen.motion, scenario, simulation_document(simulation, ()))
     with h5py.File(path, "a") as file:
         attitudes = file["motion/attitude"][()]
-        attitudes[flipped] *= -1.0
+        attitudes[:64] *= -1.0  # the first, too; and one alone
+        attitudes[40] *= -1.0
         file["motion/attitude"][()] = attitudes
         del file["digests"]
         seal(file)
