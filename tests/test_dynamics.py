@@ -1,18 +1,12 @@
-"""Momentum and the generalized Jacobian: physical laws, printed numbers, and two other engines."""
+"""Momentum and the generalized Jacobian: physical laws."""
 
 from __future__ import annotations
 
-import os
-import shutil
-from pathlib import Path
-
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
@@ -29,130 +23,18 @@ from freefloat.dynamics import (
 from freefloat.errors import InputError
 from freefloat.model import FreeFloatingModel
 from freefloat.spatial import rotation_matrix, turn_between
+from tests.motions import relative
 from tests.robots import (
     Robot,
     attitudes,
     joint_values,
     planar_robot,
-    random_robot,
     robots,
 )
 
 
-def relative(found: np.ndarray, expected: np.ndarray) -> float:
-    """Largest difference, in units of the largest entry expected."""
-    return float(np.abs(found - expected).max() / np.abs(expected).max())
-
-
 def loaded(robot: Robot, **options: object) -> FreeFloatingModel:
     return FreeFloatingModel.from_urdf(robot.text, robot.tip, **options)
-
-
-# ------------------------------------------------------------------------------- planar numbers
-
-TWO_LINKS = ([40, 4, 3], [6.667, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5])
-CEPHEUS = (
-    [13, 0.06, 0.106, 0.08],
-    [0.1196, 2e-4, 2.7e-4, 3.7e-5],
-    [0.181004, 0.1605, 0.0499],
-    [0.1746, 0.0817, 0.04386, 0.014],
-)
-CBK_PAN = (
-    [64.859, 2.913, 2.646, 1.699],
-    [2.6952, 0.091391, 0.081375, 0.021904],
-    [0.1805, 0.2, 0.1029],
-    [0.3696, 0.4488 - 0.1805, 0.4499 - 0.2, 0.3545 - 0.1029],
-)
-
-
-def planar_task(dof: int) -> Task:
-    return {2: Task.PLANAR_POSITION, 3: Task.PLANAR_POSE}[dof]
-
-
-@pytest.mark.parametrize(
-    ("table", "joints", "S", "D", "gjm"),
-    [
-        (TWO_LINKS, [0.3, 0.7], 3.753986067, 19.715011740, 0.190412571),
-        (CEPHEUS, [0.3, 0.7, -0.4], 0.003997646, 0.191676358, 0.020856228),
-        (CBK_PAN, [0.3, 0.7, -0.4], 0.315493112, 8.341450842, 0.037822331),
-    ],
-    ids=["two links 40/4/3", "NTUA Cepheus", "CBK PAN"],
-)
-def test_planar_golden_values(
-    table: tuple[list[float], ...], joints: list[float], S: float, D: float, gjm: float
-) -> None:
-    """det A, D and det S* of three planar systems, to all digits known from three other codes."""
-    model = FreeFloatingModel.from_urdf(planar_robot(*table))
-    task = planar_task(model.dof)
-    assert np.linalg.det(system_matrix(model, joints, task)) == pytest.approx(S, abs=1e-9)
-    assert inertia_matrices(model, joints)[0][2, 2] == pytest.approx(D, abs=1e-9)
-    assert np.linalg.det(generalized_jacobian(model, joints, task)) == pytest.approx(gjm, abs=1e-9)
-
-
-def closed_form(
-    m: np.ndarray, inertia: np.ndarray, before: np.ndarray, after: np.ndarray, q: np.ndarray
-) -> tuple[float, float, np.ndarray]:
-    """The paper's planar S (21a), its largest possible size, and D_j, from masses and geometry.
-
-    ``v[i, k]`` is what body k contributes to the way from the system's centre of mass to that of
-    body i, along body k. ``D_j`` is the coefficient of the absolute rate of body j in the angular
-    momentum.
-    """
-    n, M = len(m), m.sum()
-    u = np.zeros((n, n))
-    for i in range(n):
-        for k in range(i):
-            u[i, k] = after[k] + (before[k - 1] if k else 0.0)
-        u[i, i] = before[i - 1] if i else 0.0
-    v = u - (m @ u) / M
-    theta = np.concatenate([[0.0], np.cumsum(q)])
-    D = inertia + np.einsum(
-        "i,ik,ij,kj->j", m, v, v, np.cos(theta[:, None] - theta[None, :]), optimize=True
-    )
-    a = after[0] * m[0] / M
-    b = (before[0] * m[0] + after[1] * (m[0] + m[1])) / M
-    c = (before[1] * (m[0] + m[1]) + after[2] * (m[0] + m[1] + m[2])) / M
-    terms = np.array([
-        a * b * D[2] * np.sin(q[0]),
-        b * c * D[0] * np.sin(q[1]),
-        -a * c * D[1] * np.sin(q[0] + q[1]),
-    ])  # fmt: skip
-    return terms.sum(), np.abs([a * b * D[2], b * c * D[0], a * c * D[1]]).sum(), D
-
-
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    q=st.integers(2, 3).flatmap(joint_values),
-)
-def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> None:
-    """S = a b D2 sin q1 + b c D0 sin q2 - a c D1 sin(q1 + q2), the third joint without effect."""
-    rng, n = np.random.default_rng(seed), len(q)
-    m, inertia = np.exp(rng.uniform(-1, 4, n + 1)), np.exp(rng.uniform(-3, 3, n + 1))
-    before, after = rng.uniform(0.05, 1.5, n), rng.uniform(0.05, 1.5, n + 1)
-    model = FreeFloatingModel.from_urdf(planar_robot(m, inertia, before, after))
-    S, size, D = closed_form(m, inertia, before, after, q)
-    A = system_matrix(model, q, planar_task(n))
-    found_D, Dq = inertia_matrices(model, q)
-    rates = np.append(found_D[2, 2], Dq[2])
-    assert abs(np.linalg.det(A) - S) < 1e-9 * size
-    assert found_D[2, 2] * np.linalg.det(
-        generalized_jacobian(model, q, planar_task(n))
-    ) == pytest.approx(S, abs=1e-9 * size)
-    # an angle of joint j turns bodies j and beyond
-    assert relative(rates, np.cumsum(D[::-1])[::-1]) < 1e-12
-
-
-def test_closed_joint_loop_turns_the_base() -> None:
-    """The base comes back turned by -2.35462974398 degrees: drift is not holonomic."""
-    model = FreeFloatingModel.from_urdf(planar_robot(*TWO_LINKS))
-
-    def turning(phase: float) -> float:
-        q = [0.3 + 0.6 * np.cos(phase), 0.7 + 0.6 * np.sin(phase)]
-        D, Dq = inertia_matrices(model, q)
-        return float(-Dq[2] @ [-0.6 * np.sin(phase), 0.6 * np.cos(phase)] / D[2, 2])
-
-    turned, _ = quad(turning, 0.0, 2.0 * np.pi, epsabs=1e-12, epsrel=1e-12)
-    assert np.degrees(turned) == pytest.approx(-2.35462974398, abs=1e-10)
 
 
 def test_dynamic_singularity_is_not_kinematic() -> None:
@@ -294,17 +176,6 @@ def test_scaling_every_mass_changes_nothing(data: st.DataObject, robot: Robot) -
     q = data.draw(joint_values(light.dof))
     assert relative(generalized_jacobian(heavy, q), generalized_jacobian(light, q)) < 1e-11
     assert relative(momentum_map(heavy, q), 7.3 * momentum_map(light, q)) < 1e-12
-
-
-@given(data=st.data(), robot=robots(branch=st.just("")))
-def test_heavy_base_recovers_the_fixed_base_arm(data: st.DataObject, robot: Robot) -> None:
-    """The arm on a spacecraft a hundred times heavier is a hundred times nearer to a bolted one."""
-    light, heavy = (loaded(robot, scale_mass={"bus": factor}) for factor in (1e5, 1e7))
-    q = data.draw(joint_values(light.dof))
-    bolted = end_effector_jacobian(light, q)[:, 6:]
-    near, nearer = (relative(generalized_jacobian(model, q), bolted) for model in (light, heavy))
-    assert near < 0.02
-    assert nearer == pytest.approx(near / 100.0, rel=0.02)
 
 
 @given(data=st.data(), robot=robots())
@@ -458,99 +329,3 @@ def test_returned_matrices_are_copies(spatial_6dof: FreeFloatingModel) -> None:
         np.testing.assert_array_equal(array, copy)
     for again, copy in zip(everything(*here), kept, strict=True):
         np.testing.assert_array_equal(again, copy)
-
-
-# -------------------------------------------------------------------------------- other engines
-
-
-def mujoco_generalized_jacobian(
-    robot: Robot, joints: np.ndarray, held: dict[str, float]
-) -> np.ndarray:
-    """S* from MuJoCo's mass matrix and Jacobian; its own reader of URDF, its own algorithms."""
-    drift = (
-        '<mujoco><compiler fusestatic="false" balanceinertia="false"/></mujoco><link name="world"/>'
-        '<joint name="drift" type="floating"><parent link="world"/><child link="bus"/></joint>'
-    )
-    text = robot.text.replace('<link name="bus">', drift + '<link name="bus">', 1)
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    for name, value in {**dict(zip(robot.joints, joints, strict=True)), **held}.items():
-        data.joint(name).qpos[0] = value
-    mujoco.mj_forward(model, data)
-    H, J = np.zeros((model.nv, model.nv)), np.zeros((6, model.nv))
-    for column, unit in zip(H, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, column, unit)
-    tip = data.body(robot.tip)
-    mujoco.mj_jac(model, data, J[:3], J[3:], tip.xpos, tip.id)
-    arm = [int(model.joint(name).dofadr[0]) for name in robot.joints]
-    return J[:, arm] - J[:, :6] @ np.linalg.solve(H[:6, :6], H[:6, arm])
-
-
-@given(data=st.data(), robot=robots())
-def test_mujoco_finds_the_same_generalized_jacobian(data: st.DataObject, robot: Robot) -> None:
-    """Any structure: revolute, prismatic, fixed in mid-chain, a second arm held still."""
-    held = dict(zip(robot.others, [0.7, -1.3, 0.4], strict=False))
-    model = loaded(robot, held=held)
-    assert model.joint_names == robot.joints
-    q = data.draw(joint_values(model.dof))
-    expected = mujoco_generalized_jacobian(robot, q, held)
-    assert relative(generalized_jacobian(model, q), expected) < 1e-10
-
-
-def spart_generalized_jacobian(
-    path: Path, robot: Robot, joints: np.ndarray, held: dict[str, float]
-) -> np.ndarray:
-    """S* of the tip's centre of mass from SPART's kinematics, linear rows first."""
-    from SPARTpy import SPART
-    from SPARTpy.urdf2robot import urdf2robot
-
-    path.write_text(robot.text)
-    spart, keys = SPART(str(path)), urdf2robot(str(path))[1]
-    body, n = spart.robot, spart.robot.n_links_joints
-    column = {name: number - 1 for name, number in keys["q_id"].items()}
-    q = np.zeros(body.n_q)
-    for name, value in {**dict(zip(robot.joints, joints, strict=True)), **held}.items():
-        q[column[name]] = value
-    _, RL, _, rL, e, g = spart.kinematics(np.eye(3), np.zeros(3), q)
-    Bij, Bi0, P0, pm = spart.diff_kinematics(np.eye(3), np.zeros(3), rL, e, g)
-    I0, Im = spart.i_i(np.eye(3), RL)
-    M, M0 = np.zeros((n, 6, 6)), np.zeros((6, 6))
-    M[:, :3, :3], M0[:3, :3] = Im, I0
-    M[:, 3:, 3:] = np.array([link.mass for link in body.links])[:, None, None] * np.eye(3)
-    M0[3:, 3:] = body.base_link_mass * np.eye(3)
-    A0, Am = Bi0 @ P0, np.zeros((n, 6, body.n_q))
-    for j, joint in enumerate(body.joints):
-        if joint.q_id > 0:
-            Am[:, :, int(joint.q_id) - 1] = Bij[:, j] @ pm[:, j]
-    H0 = P0.T @ M0 @ P0 + np.einsum("iab,iac,icd->bd", A0, M, A0, optimize=True)
-    H0m = np.einsum("iab,iac,icd->bd", A0, M, Am, optimize=True)
-    i = keys["link_id"][robot.tip] - 1
-    S = Am[i] - A0[i] @ np.linalg.solve(H0, H0m)
-    return S[[3, 4, 5, 0, 1, 2]][:, [column[name] for name in robot.joints]]
-
-
-@pytest.mark.skipif(
-    shutil.which("gcc") is None and "CI" not in os.environ,
-    reason="SPART compiles itself when first used and there is no gcc",
-)
-def test_spart_finds_the_same_generalized_jacobian(
-    tmp_path: Path, rng: np.random.Generator
-) -> None:
-    """SPART speaks of centres of mass and of the spacecraft's inertial axes; S* is the same."""
-    # one test, so that one worker only meets SPART, which compiles itself when first used
-    structures = [("RRRRRR", "")] * 6 + [("RRRRRR", "RR"), ("RFCPRR", "PR"), ("CRPF", "FR")] * 3
-    for number, (chain, branch) in enumerate(structures):
-        robot = random_robot(rng, chain, branch)
-        held = dict(zip(robot.others, rng.uniform(-2.0, 2.0, len(robot.others)), strict=True))
-        model = loaded(robot.with_frame("centre", robot.tip_centre[0], "0 0 0"), held=held)
-        for q in rng.uniform(-3.0, 3.0, (4, model.dof)):
-            bus = Rotation.from_euler("xyz", _bus_angles(robot)).as_matrix()
-            S = spart_generalized_jacobian(tmp_path / f"{number}.urdf", robot, q, held)
-            seen = np.vstack([bus @ S[:3], bus @ S[3:]])
-            assert relative(generalized_jacobian(model, q), seen) < 1e-12
-
-
-def _bus_angles(robot: Robot) -> list[float]:
-    """``rpy`` of the spacecraft's inertial frame."""
-    inertial = robot.text.split('<link name="bus">')[1].split('rpy="')[1].split('"')[0]
-    return [float(word) for word in inertial.split()]

@@ -11,19 +11,15 @@ import numpy as np
 import pytest
 import trimesh
 import yourdfpy
-from scipy.integrate import quad
 from typer.testing import CliRunner
 
-from freefloat.areas import workspace_of
 from freefloat.bundled import bundled_robots, bundled_scenarios, find_robot
 from freefloat.cli import app
 from freefloat.closeness import least
-from freefloat.dynamics import Task, generalized_jacobian, inertia_matrices, momentum_map
+from freefloat.dynamics import Task
 from freefloat.integration import integrate_motion
 from freefloat.model import FreeFloatingModel
 from freefloat.scenario import load_scenario
-from freefloat.singularity import measure
-from freefloat.virtual_manipulator import VirtualManipulator
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -103,48 +99,6 @@ def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:
     upright = ssrms.end_effector_pose(IDENTITY, np.zeros(7)).position
     foot = ssrms.body_poses(IDENTITY, np.zeros(7))[0].position[2] + 2.2
     assert np.isclose(upright[2] - foot, 2 * (1.3589 + 7.11), rtol=1e-12)
-
-
-# --------------------------------------------------------------------- the planar arm of 40, 4, 3
-
-
-Q = np.array([0.3, 0.7])
-
-
-def test_the_planar_arm_has_the_known_barycentric_lengths() -> None:
-    virtual = VirtualManipulator.of(model("planar_2dof"))
-    assert np.allclose(virtual.lengths, [20 / 47, 42 / 47, 45.5 / 47], rtol=0, atol=1e-12)
-
-
-def test_the_planar_arm_has_the_known_inertia_and_determinants() -> None:
-    """D, det S* and S = D det S*; worked out in closed form and by two other programs."""
-    arm = model("planar_2dof")
-    D = inertia_matrices(arm, Q)[0][2, 2]
-    S_star = generalized_jacobian(arm, Q, Task.PLANAR_POSITION)
-    assert np.isclose(D, 19.715011740, rtol=0, atol=1e-9)
-    assert np.isclose(np.linalg.det(S_star), 0.190412571, rtol=0, atol=1e-9)
-    system = measure(arm, Task.PLANAR_POSITION, "system").value(Q)
-    assert np.isclose(system, 3.753986067, rtol=0, atol=1e-9)
-
-
-def test_the_planar_arm_can_be_singular_in_the_known_rings() -> None:
-    workspace = workspace_of(load_scenario("planar_2dof/line").problem())
-    wanted = [[0.35106, 0.55368], [1.43617, 2.28723]]
-    assert np.allclose(workspace.path_dependent, wanted, rtol=0, atol=5e-6)
-
-
-def test_a_closed_loop_of_the_joints_turns_the_spacecraft_as_known() -> None:
-    """Once round (0.3 + 0.6 cos, 0.7 + 0.6 sin): -2.35462974398 degrees."""
-    arm = model("planar_2dof")
-
-    def rate(phase: float) -> float:
-        joints = np.array([0.3 + 0.6 * np.cos(phase), 0.7 + 0.6 * np.sin(phase)])
-        A = momentum_map(arm, joints)
-        change = 0.6 * np.array([-np.sin(phase), np.cos(phase)])
-        return float(np.linalg.solve(A[:, :6], -A[:, 6:] @ change)[5])
-
-    turn = quad(rate, 0.0, 2.0 * np.pi, epsabs=1e-13, epsrel=1e-13)[0]
-    assert np.isclose(np.degrees(turn), -2.35462974398, rtol=0, atol=1e-9)
 
 
 # ------------------------------------------------------------------------------------- scenarios

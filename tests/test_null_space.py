@@ -17,6 +17,7 @@ from freefloat.dynamics import (
 from freefloat.errors import InputError
 from freefloat.integration import integrate_motion
 from freefloat.model import FreeFloatingModel
+from freefloat.mujoco_engine import Engine
 from freefloat.null_space import middles
 from freefloat.redundancy import Metric, Redundancy, Toward
 from freefloat.scenario import load_scenario
@@ -24,9 +25,9 @@ from freefloat.singularity import measure
 from freefloat.spatial import angle_between
 from freefloat.time_series import TimeSeries
 from freefloat.timing import TimeLaw, Timing
+from tests.motions import differentiated
 from tests.redundant import ARMS, choices, redundant
 from tests.robots import planar_robot
-from tests.test_mujoco import Engine, differentiated
 
 GOOD = [0.1562267, -0.1345817, -0.6778546, -0.7056869]
 JOINTS = [0.0248, -1.7374, -1.0996, -1.4452, -1.3566, 1.0564, 0.7632]

@@ -1,9 +1,5 @@
 """Exact ranges of heading: the paper's, random ones against brute force, and their properties."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,18 +16,6 @@ from freefloat.planar_ranges import (
 )
 from freefloat.spatial import heading_quaternion
 
-SCRIPT = Path(__file__).parents[1] / "scripts" / "verify_planar_ranges.py"
-
-
-@pytest.fixture(scope="module")
-def verify():
-    """The script that compares with brute force, as a module."""
-    spec = importlib.util.spec_from_file_location("verify_planar_ranges", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
 
 @pytest.fixture(scope="module")
 def example_1():
@@ -46,30 +30,6 @@ def ranges(example_1):
 
 def degrees(entry):
     return [(np.degrees(one.low), np.degrees(one.high)) for one in entry.ranges]
-
-
-def test_published_ranges_of_example_1(ranges):
-    """Printed: from A, [0, 63] and [161, 360] degrees with S > 0; as one range across zero."""
-    ((low, high),) = degrees(ranges[0])
-    assert low == pytest.approx(161.03, abs=0.01)
-    assert high - 360.0 == pytest.approx(63.0, abs=0.5)
-
-
-def test_published_ranges_of_example_1_at_the_stop(example_1):
-    """Printed: at F [60.9, 298.7] for both segments, [60.9, 335.3] for the first alone."""
-    for span, expected in (((0.0, 69.73), (60.9, 335.3)), ((0.0, 100.0), (60.9, 298.7))):
-        entry = heading_ranges(example_1, find_limits(example_1, span), span, 69.73)[0]
-        assert degrees(entry)[0] == pytest.approx(expected, abs=0.1)
-
-
-@pytest.mark.parametrize("number", range(20))
-def test_random_ranges_agree_with_brute_force(verify, number):
-    """Random arms, paths, momenta: every range found, none invented, limits even in number."""
-    problem = verify.random_problem(np.random.default_rng(1000 + number))
-    verdict = verify.judge(problem, number, spacing=1.0, steps=250)
-    assert verdict.trouble == []
-    assert verdict.limits % 2 == 0
-    assert verdict.worst < verify.AGREEMENT
 
 
 def outcome(problem, heading, branch):

@@ -82,12 +82,6 @@ def test_jacobian_is_j12_of_the_drifting_system(data: st.DataObject, robot: Robo
     np.testing.assert_allclose(virtual.jacobian(q)[0], system_matrix(model, q)[3:, 3:], atol=1e-11)
 
 
-def test_published_planar_barycentric_lengths(planar_3dof: FreeFloatingModel) -> None:
-    """The paper's a, b, c, d."""
-    lengths = VirtualManipulator.of(planar_3dof).lengths
-    np.testing.assert_allclose(lengths, [0.424628, 1.783439, 0.966030, 0.399575], atol=5e-7)
-
-
 @pytest.mark.parametrize(
     ("table", "expected"),
     [

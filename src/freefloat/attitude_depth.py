@@ -193,13 +193,13 @@ def _roomiest(centers: Array, outside: Array) -> tuple[Array, float]:
 
 
 def _confirmed(outlook: Outlook, ball: Candidate) -> Candidate:
-    """The ball, made smaller where many attitudes spread in it find one outside."""
+    """The ball, made smaller where many attitudes spread in it find one outside; or none at all."""
     radius, seed = _PRUDENT * ball.merit, 1
     while radius > _LEAST:
         cloud = attitudes_within(ball.attitude, radius, _SURE, seed)
         bad = ~outlook.safe(cloud, ball.branch)
         if not bad.any():
-            break
+            return Candidate(ball.attitude, ball.branch, radius)
         radius = _PRUDENT * float(angle_between(cloud[bad], ball.attitude).min())
         seed += 1
-    return Candidate(ball.attitude, ball.branch, radius)
+    return Candidate(ball.attitude, ball.branch, 0.0)

@@ -257,7 +257,7 @@ def _repeated(motion: Motion) -> tuple[list[Check], dict[str, Any]]:
     inverse, forward = inverse_run(motion, engine), forward_run(motion, engine)
     told = {"name": "mujoco", "inverse": asdict(inverse), "forward": asdict(forward)}
     checks = [
-        below("mujoco: wrench on the base", inverse.wrench, _WRENCH * inverse.torque, "N, N m",
+        below("mujoco: wrench on the base", inverse.wrench, _WRENCH * inverse.torque, "N m",
               inverse.wrench_time, "inverse dynamics pushes the free base"),
         below("mujoco: final attitude", forward.attitude, _DRIFT, "rad", forward.until,
               "with servos on the joints the spacecraft ends elsewhere: it is off"),

@@ -120,10 +120,18 @@ def _compared(key: str, told: Any, found: Any) -> Iterator[Difference]:
             else:
                 yield from _compared(inner, told[name], value)
     elif isinstance(found, list) and isinstance(told, list):
+        if key.endswith("attitude") and _opposite(told, found):
+            found = [-one for one in found]
         for place, (one, other) in enumerate(zip_longest(told, found, fillvalue="nothing")):
             yield from _compared(f"{key}[{place}]", one, other)
     elif not same_number(told, found) and (type(told) is not type(found) or told != found):
         yield Difference(key, told, found)
+
+
+def _opposite(told: list[Any], found: list[Any]) -> bool:
+    """Whether two quaternions have other signs: they may be one attitude nevertheless."""
+    numbers = all(isinstance(one, int | float) for one in told) and len(told) == len(found)
+    return numbers and sum(a * b for a, b in zip(told, found, strict=True)) < 0.0
 
 
 def same_number(told: Any, found: Any, share: float = _SHARE, floor: float = _FLOOR) -> bool:

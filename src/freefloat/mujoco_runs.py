@@ -12,17 +12,20 @@ from freefloat.dynamics import momentum_map
 from freefloat.motion import Ending, Motion
 from freefloat.mujoco_engine import Engine
 from freefloat.spatial import Array, angle_between, rotation_matrix
+from freefloat.virtual_manipulator import VirtualManipulator
 
 _LOOKS = 61
 _SAMPLES, _DEGREE = 15, 6
 """Samples of the motion about a time, and the degree of polynomials fitted to them."""
-_WINDOW = 5e-3
-"""Half the time over which a motion is differentiated, as a share of it."""
+_WINDOW, _WINDOW_TURN = 5e-3, 0.1
+"""Half the time over which a motion is differentiated: a share of it, in which no more is turned
+at the motion's fastest [rad, m]."""
 _BEFORE_SINGULAR = 0.9
 """Share of a motion's time that is looked at when its end is singular."""
-_STEPS = 4000
-_SPLINE = 1200
-"""Joint values that a servo is given, as splines between them."""
+_STEPS, _STEPS_PER_TURN, _MOST_STEPS = 4000, 150, 40_000
+"""Least number, number per radian or metre that spacecraft and joints move, and largest."""
+_SPLINE = 0.3
+"""Joint values that a servo is given, as splines between them, per step."""
 _STIFFNESS = 0.2
 """Of the servos: their frequency times the time step."""
 
@@ -32,7 +35,7 @@ class InverseRun:
     """What inverse dynamics asks for along the recorded motion.
 
     Attributes:
-        wrench: Largest component of force [N] or moment [N m] on the base.
+        wrench: Largest moment on the base, forces counted at the end of the arm's reach [N m].
         wrench_time: When [s].
         torque: Largest joint torque [N m or N].
         momentum: Largest deviation of the angular momentum [N m s].
@@ -75,7 +78,8 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
         engine: Of the same robot.
     """
     first, last = _known(motion)
-    problem, window = motion.problem, _WINDOW * (last - first)
+    problem, window = motion.problem, _window(motion, first, last)
+    reach = VirtualManipulator.of(problem.model).reach
     wrenches, torques, momenta, hands, times = [], [], [], [], []
     for t in np.linspace(first + window, last - window, _LOOKS).tolist():
         if _near_a_bend(motion, t, window):
@@ -84,7 +88,7 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
         wrench, torque = engine.inverse(*state)
         momenta.append(np.linalg.norm(engine.momentum(*state)[2] - problem.momentum))
         hands.append(_off_path(motion, engine, t))
-        wrenches.append(np.abs(wrench).max())
+        wrenches.append(max(reach * np.abs(wrench[:3]).max(), np.abs(wrench[3:]).max()))
         torques.append(np.abs(torque).max())
         times.append(t)
     return InverseRun(
@@ -102,6 +106,20 @@ def _known(motion: Motion) -> tuple[float, float]:
     first, last = float(motion.times.min()), float(motion.times.max())
     share = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 1.0
     return first, first + share * (last - first)
+
+
+def _moved(motion: Motion) -> Array:
+    """By how much the spacecraft and the fastest joint move from node to node [rad, m]."""
+    turned = angle_between(motion.attitudes[1:], motion.attitudes[:-1])
+    return np.asarray(turned + np.abs(np.diff(motion.joints, axis=0)).max(axis=1))
+
+
+def _window(motion: Motion, first: float, last: float) -> float:
+    """Half the time over which to differentiate [s]: short where the system tumbles."""
+    passed = np.abs(np.diff(motion.times))
+    known = (motion.times[1:] <= last) & (motion.times[:-1] <= last) & (passed > 0.0)
+    fastest = float((_moved(motion)[known] / passed[known]).max(initial=0.0))
+    return min(_WINDOW * (last - first), _WINDOW_TURN / max(fastest, 1e-300))
 
 
 def _near_a_bend(motion: Motion, t: float, window: float) -> bool:
@@ -140,15 +158,16 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
         engine: Of the same robot.
     """
     first, last = _known(motion)
-    nodes = np.linspace(first, last, _SPLINE + 1)
+    steps = int(np.clip(_STEPS_PER_TURN * _moved(motion).sum(), _STEPS, _MOST_STEPS))
+    nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
     _, _, rows = motion.at_place(motion.place_of(nodes))
     wanted = CubicSpline(nodes, rows)
-    h = (last - first) / _STEPS
+    h = (last - first) / steps
     stiff, damp = (_STIFFNESS / h) ** 2, 2.0 * _STIFFNESS / h
     _start(motion, engine, first, wanted(first, 1))
     engine.rest(h)
     data = engine.data
-    for step in range(_STEPS):
+    for step in range(steps):
         t = first + (step + 0.5) * h
         M, bias = engine.inertia()
         ahead = data.qpos[7:] + h / 2.0 * data.qvel[6:]
@@ -161,7 +180,7 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
         joints=float(np.abs(data.qpos[7:] - state.joints).max()),
         position=float(np.linalg.norm(data.qpos[:3] - state.base_position)),
         until=last,
-        steps=_STEPS,
+        steps=steps,
     )
 
 

@@ -29,7 +29,7 @@ from freefloat.result_file import (
 )
 from freefloat.scenario import Scenario
 from freefloat.seal import broken_seals, seal
-from freefloat.spatial import Array, frozen
+from freefloat.spatial import Array, frozen, without_jumps
 
 _UNIT_LENGTH = 1e-9
 """How far from 1 a stored quaternion's length may be."""
@@ -160,6 +160,7 @@ def load_plan(path: str | Path) -> StoredPlan:
             ending = Ending[group.attrs["ending"]]
             nodes = [group[name][()] for name in _NODES]
             _refuse_what_is_no_motion(*nodes)
+            nodes[1] = without_jumps(nodes[1])
         times, attitudes, joints, places = map(frozen, nodes)
         ranges = file.get("ranges", {})
         return StoredPlan(

@@ -50,7 +50,7 @@ def robust_checks(stored: StoredPlan, motion: Motion) -> Iterator[Check]:
         yield _headings(stored, motion.problem)
         yield _depth(stored, motion, told)
         return
-    if told is not None:
+    if told:  # a radius of zero promises nothing
         yield _ball(stored, motion, told)
     if stored.document.get("tolerance") is not None:
         yield _bearing(stored, motion)

@@ -1,0 +1,205 @@
+"""Problems, and motions of them, that several tests speak of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+from numpy.polynomial import chebyshev
+from scipy.spatial.transform import Rotation
+
+from freefloat.attitude_law import FixedAttitude, SlerpAttitude
+from freefloat.curve import PolynomialCurve
+from freefloat.dynamics import Task
+from freefloat.integration import integrate_motion
+from freefloat.model import FreeFloatingModel
+from freefloat.motion import Motion
+from freefloat.path import EndEffectorPath
+from freefloat.problem import Margin, Problem
+from freefloat.rollout import Roller, Rollout
+from freefloat.scenario import load_scenario
+from freefloat.singularity import measure
+from freefloat.spatial import heading_quaternion, turn_between
+from freefloat.timing import TimedPath, Timing
+
+GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
+"""Example 2: from here the path is completed."""
+BAD = [0.1, 0.5, 0.2, -0.8367]
+"""Example 2: from here four of eight branches become singular."""
+
+
+@cache
+def bundled(name: str) -> Problem:
+    """The problem of a bundled scenario."""
+    return load_scenario(name).problem()
+
+
+def heading(degrees: float) -> np.ndarray:
+    """Quaternion of a planar heading."""
+    return heading_quaternion(np.deg2rad(degrees))
+
+
+def followed(problem: Problem, attitude: object, branch: int, **options: object) -> Motion:
+    """The motion of an arm branch."""
+    attitude = problem.attitude("attitude", attitude)
+    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
+
+
+def rolled(motion: Motion, **options: object) -> Rollout:
+    """The same motion by the compiled kernels."""
+    first = motion.initial
+    return Roller(motion.problem, 1).follow(first.attitude[None], first.joints[None], **options)
+
+
+def lasting(problem: Problem, duration: float, momentum: object = None) -> Problem:
+    """The same path by the quintic law in another time [s], and with another momentum."""
+    path = TimedPath(problem.path.path, Timing(duration))
+    return replace(problem, path=path, momentum=problem.momentum if momentum is None else momentum)
+
+
+def along(
+    model: FreeFloatingModel,
+    task: Task,
+    start: object,
+    end: object,
+    axes: np.ndarray,
+    duration: float = 100.0,
+    momentum: object = (0.0, 0.0, 0.0),
+) -> Problem:
+    """A line with the hand held still; the margin is zero, of det A."""
+    path = EndEffectorPath(PolynomialCurve.line(start, end), FixedAttitude(axes))
+    margin = Margin(measure(model, task, "system"), 0.0)
+    return Problem(model, TimedPath(path, Timing(duration)), task, momentum, margin)
+
+
+def relative(found: np.ndarray, expected: np.ndarray) -> float:
+    """Largest difference, in units of the largest entry expected."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def chain(*joints, base=(400.0, 66.67, 0.0), tool=(0.4, 0.0, 0.0)):
+    """URDF text of a spacecraft with an arm.
+
+    A joint is (type, axis, place in the body before, mass, centre of mass, moments).
+    """
+
+    def link(name, mass, centre, moments):
+        numbers = " ".join(
+            f'{k}="{v}"' for k, v in zip(("ixx", "iyy", "izz"), moments, strict=True)
+        )
+        return (
+            f'<link name="{name}"><inertial><origin xyz="{_(centre)}"/><mass value="{mass}"/>'
+            f'<inertia {numbers} ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        )
+
+    def _(vector):
+        return " ".join(str(x) for x in vector)
+
+    mass, moment, shift = base
+    parts = [link("link_0", mass, (shift, 0, 0), (moment, 1.2 * moment, 0.9 * moment))]
+    for k, (kind, axis, place, mass, centre, moments) in enumerate(joints, start=1):
+        limit = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
+        parts.append(
+            f'<joint name="q{k}" type="{kind}"><parent link="link_{k - 1}"/>'
+            f'<child link="link_{k}"/><origin xyz="{_(place)}"/><axis xyz="{_(axis)}"/>'
+            f"{limit if kind == 'prismatic' else ''}</joint>"
+        )
+        parts.append(link(f"link_{k}", mass, centre, moments))
+    parts.append(
+        f'<joint name="t" type="fixed"><parent link="link_{len(joints)}"/><child link="tool"/>'
+        f'<origin xyz="{_(tool)}"/></joint><link name="tool"/>'
+    )
+    return f'<robot name="chain">{"".join(parts)}</robot>'
+
+
+X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+
+
+SEVEN = chain(
+    ("continuous", Z, (0.3, 0.1, 0.5), 9.0, (0.0, 0.1, 0.1), (0.3, 0.2, 0.3)),
+    ("continuous", Y, (0.0, 0.0, 0.3), 8.0, (0.1, 0.0, 0.0), (0.2, 0.3, 0.3)),
+    ("continuous", X, (0.2, 0.0, 0.0), 22.0, (0.6, 0.05, 0.0), (0.3, 2.5, 2.4)),
+    ("continuous", Y, (1.2, 0.1, 0.0), 18.0, (0.5, -0.05, 0.0), (0.2, 1.9, 2.0)),
+    ("continuous", X, (1.1, 0.0, 0.0), 6.0, (0.1, 0.0, 0.05), (0.1, 0.1, 0.15)),
+    ("continuous", Y, (0.2, 0.0, 0.0), 5.0, (0.1, 0.0, 0.0), (0.1, 0.1, 0.1)),
+    ("continuous", Z, (0.2, 0.0, 0.0), 4.0, (0.15, 0.0, 0.0), (0.05, 0.1, 0.1)),
+    base=(300.0, 60.0, 0.05),
+)
+
+
+SLIDING = chain(
+    ("continuous", Z, (0.2, 0.1, 0.5), 10.0, (0.0, 0.0, 0.1), (0.3, 0.3, 0.2)),
+    ("continuous", (0, -1, 0), (0.1, 0.0, 0.2), 20.0, (0.5, 0.0, 0.0), (0.2, 1.5, 1.5)),
+    ("prismatic", X, (0.8, 0.0, 0.0), 15.0, (0.3, 0.0, 0.05), (0.1, 0.9, 0.9)),
+)
+
+
+def two(aside):
+    """The 40/4/3 arm, links of 1 m, its hand held to the side of the second one."""
+    return chain(
+        ("continuous", Z, (0.5, 0, 0), 4.0, (0.5, 0, 0), (0.01, 0.333, 0.333)),
+        ("continuous", Z, (1.0, 0, 0), 3.0, (0.5, 0, 0), (0.01, 0.25, 0.25)),
+        base=(40.0, 6.667 / 0.9, 0.0), tool=(1.0, aside, 0),
+    )  # fmt: skip
+
+
+def asked(model, task, momentum, curve, attitude, timing):
+    """A problem without a margin."""
+    path = TimedPath(EndEffectorPath(curve, attitude), timing)
+    return Problem(model, path, task, momentum, Margin(measure(model, task, "gjm"), 0.0))
+
+
+def from_here(model, task, momentum, attitude, joints, step, turn, timing):
+    """A problem whose path begins where the end-effector is: straight on, turning evenly."""
+    pose = model.end_effector_pose(attitude, joints)
+    line = PolynomialCurve.line(pose.position, pose.position + step)
+    end = Rotation.from_rotvec(turn).as_matrix() @ pose.rotation
+    return asked(model, task, momentum, line, SlerpAttitude(pose.rotation, end), timing)
+
+
+def tracking(motion, times):
+    """Largest distance and angle between end-effector and path at given times, by Pinocchio."""
+    model, worst = motion.problem.model.pin_model, np.zeros(2)
+    data, tool = model.createData(), motion.problem.model.frame_id
+    rows = [row for row in motion.problem.task.rows if row < 3]
+    for state in motion.sample(times):
+        q = np.concatenate([state.base_position, state.attitude, state.joints])
+        pin.framesForwardKinematics(model, data, q)
+        wanted = motion.problem.path.pose(state.time)
+        off = (data.oMf[tool].translation - wanted.position)[rows]
+        turn = turn_between(data.oMf[tool].rotation, wanted.rotation)
+        worst = np.maximum(worst, [np.linalg.norm(off), np.linalg.norm(turn)])
+    return worst
+
+
+def on_side(problem, degrees, sign):
+    """The motion of the branch whose S begins with a sign."""
+    attitude = heading(degrees)
+    for branch in problem.branches(attitude):
+        if problem.margin.measure.value(branch.joints) * sign > 0:
+            return integrate_motion(problem, attitude, branch.joints)
+    raise AssertionError("no branch of that sign")
+
+
+def seven(task, momentum):
+    model = FreeFloatingModel.from_urdf(SEVEN, "tool")
+    attitude = Rotation.from_rotvec([0.4, -0.3, 0.9]).as_quat()
+    joints = np.array([0.3, -0.9, 0.4, 1.5, -0.3, 0.8, 0.5])
+    step, turn = [-0.4, 0.3, -0.3], [0.2, -0.3, 0.4]
+    problem = from_here(model, task, momentum, attitude, joints, step, turn, Timing(40.0))
+    return problem, attitude, joints
+
+
+WINDOW = 0.5
+"""Half the time over which a motion is differentiated [s]."""
+
+
+def differentiated(motion, t):
+    """State at a time and its first two derivatives: Chebyshev fit of samples of the motion."""
+    places = chebyshev.chebpts1(15)
+    states = motion.sample(t + WINDOW * places)
+    rows = [np.concatenate([s.base_position, s.attitude, s.joints]) for s in states]
+    fit = chebyshev.chebfit(places, np.array(rows), 6)
+    return [chebyshev.chebval(0.0, chebyshev.chebder(fit, k)) / WINDOW**k for k in range(3)]

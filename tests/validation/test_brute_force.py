@@ -1,0 +1,58 @@
+"""Exact ranges against brute force, and maps against precise motions."""
+
+import importlib.util
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from freefloat.closeness import least
+from freefloat.integration import integrate_motion
+from freefloat.outlook import Outlook
+from freefloat.rollout_kernels import COMPLETED
+from freefloat.spatial import attitude_grid
+from tests.motions import bundled
+from tests.validation.comparisons import agrees
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+
+SCRIPT = Path(__file__).parents[2] / "scripts" / "verify_planar_ranges.py"
+
+
+@pytest.fixture(scope="module")
+def verify():
+    """The script that compares with brute force, as a module."""
+    spec = importlib.util.spec_from_file_location("verify_planar_ranges", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("number", range(20))
+def test_random_ranges_agree_with_brute_force(verify, number):
+    """Random arms, paths, momenta: every range found, none invented, limits even in number."""
+    problem = verify.random_problem(np.random.default_rng(1000 + number))
+    verdict = verify.judge(problem, number, spacing=1.0, steps=250)
+    assert verdict.trouble == []
+    assert verdict.limits % 2 == 0
+    agrees("test_random_ranges_agree_with_brute_force", verdict.worst)
+
+
+def test_a_map_agrees_with_precise_motions():
+    """Endings, and the least S beside its first value, of every fifth motion of a small map."""
+    problem = bundled("spatial_6dof/line")
+    found = Outlook(problem, 1).prospects(attitude_grid(10))
+    for at, branch in np.argwhere(found.endings >= 0)[::5]:
+        joints = found.joints[at, branch]
+        motion = integrate_motion(problem, found.attitudes[at], joints)
+        assert motion.completed == (found.endings[at, branch] == COMPLETED)
+        lowest = least(motion, problem.margin.measure)
+        off = abs(lowest.value - found.least[at, branch])
+        agrees(
+            "test_a_map_agrees_with_precise_motions",
+            off / abs(problem.margin.measure.value(joints)),
+        )

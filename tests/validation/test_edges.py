@@ -1,0 +1,508 @@
+"""Numerical edges: what is expected of very short, long, light, heavy, small and singular cases."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+import freefloat as ff
+from freefloat import integration
+from freefloat.attitude_depth import safe_radius
+from freefloat.bundled import models_folder
+from freefloat.certificate import certify
+from freefloat.checking import check_plan
+from freefloat.cli import app
+from freefloat.closeness import least
+from freefloat.curve import PolynomialCurve
+from freefloat.dynamics import Task
+from freefloat.errors import IntegrationError
+from freefloat.integration import integrate_motion
+from freefloat.model import FreeFloatingModel
+from freefloat.mujoco_engine import Engine
+from freefloat.mujoco_runs import forward_run, inverse_run
+from freefloat.outlook import Outlook
+from freefloat.plan_file import save_motion
+from freefloat.planar_ranges import find_limits, heading_ranges
+from freefloat.problem import Margin
+from freefloat.report import simulation_document
+from freefloat.robust_checks import robust_checks
+from freefloat.rollout_kernels import COMPLETED, SINGULAR
+from freefloat.seal import seal
+from freefloat.spatial import angle_between, attitude_grid, heading_of
+from tests.motions import GOOD, along, bundled, followed, heading, lasting, rolled
+from tests.robots import in_units, planar_robot
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+EXAMPLE_1 = "planar_3dof/parabola_nonstop"
+UPRIGHT = np.eye(3)
+LEVEL = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""The hand's approach axis along y, its z axis along x."""
+
+
+@pytest.fixture(scope="module")
+def spatial():
+    """Example 2."""
+    return bundled("spatial_6dof/line")
+
+
+@pytest.fixture(scope="module")
+def planar():
+    """Example 1, without the stop."""
+    return bundled("planar_3dof/parabola_nonstop")
+
+
+def all_headings(problem):
+    """Ranges of headings that keep the margin."""
+    span = (0.0, problem.path.duration)
+    return heading_ranges(problem, find_limits(problem, span), span, 0.0)
+
+
+@pytest.fixture(scope="module")
+def ranges(planar):
+    return all_headings(planar)
+
+
+def assert_alike(motion, other, tolerance):
+    """Two motions begin and end alike; bodies of another size may have other places."""
+    for one, two in ((motion.initial, other.initial), (motion.final, other.final)):
+        assert_close(one.joints, two.joints, atol=tolerance)
+        assert_close(one.attitude, two.attitude, atol=tolerance)
+
+
+def assert_compiled_agrees(motion, tolerance):
+    found = rolled(motion)
+    assert found.endings[0] == (COMPLETED if motion.completed else SINGULAR)
+    assert_close(found.joints[0], motion.final.joints, atol=tolerance)
+
+
+# --- start exactly singular -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "joints", "step"),
+    [
+        ("planar_3dof/parabola", [0.0, 0.0, 0.4], [0.2, 0.0, 0.0]),  # stretched
+        ("planar_3dof/parabola", [0.0, np.pi, 0.4], [0.2, 0.0, 0.0]),  # folded back
+        ("spatial_6dof/line", [0.0] * 6, [-0.3, 0.0, 0.0]),  # elbow and wrist straight
+        ("spatial_6dof/line", [0.3, 0.4, 1.1, 0.2, 0.0, -0.5], [-0.3, 0.0, 0.0]),  # wrist straight
+    ],
+)
+def test_a_singular_start_is_the_end_of_the_motion(name, joints, step):
+    """Expected: singular at 0 s, nothing moves.
+
+    Compiled motions see a change of sign alone: they end as soon, or leave with a det S* below
+    1e-9 of its largest, from which no margin is kept.
+    """
+    given = bundled(name)
+    pose = given.model.end_effector_pose([0, 0, 0, 1], joints)
+    problem = along(
+        given.model, given.task, pose.position, pose.position + step, pose.rotation, 20.0
+    )
+    motion = integrate_motion(problem, [0, 0, 0, 1], joints)
+    assert motion.ending is ff.Ending.SINGULAR
+    assert (len(motion.times), motion.final.time) == (1, 0.0)
+    found = rolled(motion)
+    ended = found.endings[0] == SINGULAR and found.ended_at[0] < 1e-2
+    assert ended or found.clearances[0] < 1e-9
+    assert not found.keeps(1e-6 * abs(problem.margin.measure.value(np.array(joints) + 0.3)))[0]
+
+
+@pytest.mark.parametrize("beyond", [-1e-9, 0.0, 1e-9])
+def test_a_path_that_starts_at_the_end_of_the_reach_is_answered(tmp_path, beyond):
+    """Expected: a nanometre inside it is followed, breaking the margin at 0 s; outside it is not.
+
+    At full stretch to the last digit it is singular, or next to it.
+    """
+    reach = (20.0 + 42.0 + 45.5) / 47.0 + beyond
+    robot = models_folder() / "planar_2dof" / "planar_2dof.urdf"
+    (tmp_path / "wish.yaml").write_text(
+        f"robot: {{urdf: {robot}, end_effector: end_effector}}\ntask: planar-position\n"
+        f"path: {{line: {{from: [{reach!r}, 0, 0], to: [1, 0.5, 0]}}}}\n"
+        "timing: {law: quintic, duration: 30}\nmargin: {measure: system, value: 0.1}\n"
+    )
+    words = ["simulate", str(tmp_path / "wish.yaml"), "--heading", "0", "--json"]
+    result = CliRunner().invoke(app, words)
+    if beyond > 0.0:
+        assert result.exit_code == 2
+        assert "reach" in result.stderr
+        return
+    assert result.exit_code in ((0,) if beyond else (0, 1))
+    lowest = json.loads(result.stdout)["min_margin"]
+    assert not lowest["kept"]
+    assert lowest["value"] < 1e-2
+    assert lowest["time"] == pytest.approx(0.0, abs=0.1)
+
+
+# --- paths that graze S0 --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("above", [-1e-9, 1e-9])
+def test_a_margin_grazed_to_a_billionth_is_told(planar, above):
+    """Expected: S0 1e-9 below the least S is kept, 1e-9 above it is used up at the least S.
+
+    The verdict on a finished motion allows a millionth of S0 for rounding.
+    """
+    motion = followed(planar, heading(200.0), 0)
+    lowest = least(motion, planar.margin.measure)
+    margin = Margin(planar.margin.measure, lowest.value + above)
+    asked = ff.Problem(planar.model, planar.path, planar.task, planar.momentum, margin)
+    grazing = followed(asked, heading(200.0), 0, stop_at_margin=True)
+    assert grazing.completed == (above < 0.0)
+    if not grazing.completed:
+        assert grazing.ending is ff.Ending.MARGIN
+        assert grazing.final.time == pytest.approx(lowest.time, abs=1e-3)
+    assert lowest.keeps(margin.value)
+    assert not lowest.keeps(lowest.value * (1.0 + 2e-6))
+    fine = rolled(motion, tolerance=1e-11)
+    assert fine.least[0] == pytest.approx(lowest.value, abs=1e-7)
+
+
+def test_a_motion_that_grazes_zero_is_told_from_one_that_does_not(planar):
+    """Expected: within 1e-7 rad of heading, completed with S as small as that, or singular.
+
+    Two digits away compiled and precise motions agree on which.
+    """
+    low, high = np.radians(140.0), np.radians(162.0)
+    while high - low > 1e-7:
+        middle = (low + high) / 2.0
+        if followed(planar, heading(np.degrees(middle)), 0).completed:
+            high = middle
+        else:
+            low = middle
+    ends = [followed(planar, heading(np.degrees(one)), 0) for one in (low, high)]
+    assert [one.ending for one in ends] == [ff.Ending.SINGULAR, ff.Ending.COMPLETED]
+    assert 0.0 < least(ends[1], planar.margin.measure).value < 1e-5
+    assert ends[1].residuals().momentum < 1e-4
+    for beside in (low - 1e-5, high + 1e-5):
+        motion = followed(planar, heading(np.degrees(beside)), 0)
+        assert rolled(motion).endings[0] == (COMPLETED if motion.completed else SINGULAR)
+
+
+def test_the_ends_of_a_range_graze_the_margin(planar, ranges):
+    """Expected: from the ends of a range the least |S| is S0 to 1e-7 of it."""
+    for entry in ranges:
+        for one in entry.ranges:
+            for end in (one.low, one.high):
+                motion = followed(planar, heading(np.degrees(end)), entry.branch)
+                found = least(motion, planar.margin.measure).value
+                assert found == pytest.approx(5.0, abs=5e-7)
+
+
+# --- very short and very long ---------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def certificates():
+    """Certificates of usual motions, by the names of their scenarios."""
+    known = {}
+
+    def of(name, motion):
+        if name not in known:
+            known[name] = certify(motion)
+        return known[name]
+
+    return of
+
+
+@pytest.mark.parametrize("duration", [1e-3, 1e6])
+@pytest.mark.parametrize(
+    ("name", "attitude", "branch"),
+    [("spatial_6dof/line", GOOD, 2), ("planar_3dof/parabola_nonstop", heading(246.0), 0)],
+)
+def test_a_millisecond_and_a_million_seconds_are_one_motion(
+    name, attitude, branch, duration, certificates
+):
+    """Expected: without momentum the same joints and the same certificate as in 100 s."""
+    still = [0.0, 0.0, 0.0]
+    usual = followed(lasting(bundled(name), 100.0, still), attitude, branch)
+    motion = followed(lasting(bundled(name), duration, still), attitude, branch)
+    assert motion.final.time == duration
+    assert_alike(motion, usual, 1e-10)
+    assert_compiled_agrees(motion, 1e-5)
+    proof, wanted = certify(motion), certificates(name, usual)
+    for one, two in zip(proof.least, wanted.least, strict=True):
+        assert (one.value, one.bound) == pytest.approx((two.value, two.bound), rel=1e-6)
+    assert proof.momentum.value < 1e-6 * proof.momentum_scale
+    assert proof.end_effector_position.value < 1e-8
+
+
+def test_in_a_millisecond_momentum_has_no_time_to_matter(spatial):
+    """Expected: with momentum the end is that of h = 0, but for the drift of 1e-5 rad."""
+    drifting = followed(lasting(spatial, 1e-3), GOOD, 2)
+    assert_alike(drifting, followed(lasting(spatial, 1e-3, [0, 0, 0]), GOOD, 2), 1e-4)
+    assert drifting.residuals().momentum < 1e-6 * 6e4  # the arm swings with 6e4 N m s by itself
+
+
+def test_a_million_seconds_of_slow_drift_are_followed(planar):
+    """Expected: where S cannot vanish, the spacecraft turns twice under the hand, precisely."""
+    problem = along(
+        planar.model, Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], UPRIGHT, 1e6, [0, 0, 0.005]
+    )
+    motion = followed(problem, heading(10.0), 0)
+    assert motion.completed
+    headings = np.unwrap([heading_of(one) for one in motion.attitudes])
+    assert headings[-1] - headings[0] > 2.0 * 2.0 * np.pi
+    assert_compiled_agrees(motion, 1e-3)
+    residuals = motion.residuals()
+    assert max(residuals.end_effector_position, residuals.end_effector_attitude) < 1e-7
+    assert residuals.momentum < 1e-8
+
+
+def test_a_million_seconds_of_tumbling_are_given_up_in_words(spatial, monkeypatch):
+    """Expected: hundreds of turns end in an error that tells when and what to do about it."""
+    monkeypatch.setattr(integration, "_MAX_STEPS", 300)
+    with pytest.raises(IntegrationError, match="300 steps were not enough") as caught:
+        followed(lasting(spatial, 1e6), GOOD, 2)
+    assert 0.0 < caught.value.time < 1e6
+    assert "a shorter duration or less momentum" in str(caught.value)
+
+
+# --- tumbling -------------------------------------------------------------------------------------
+
+
+def test_a_spacecraft_that_tumbles_is_followed_and_proved_by_both_engines(planar):
+    """Expected: 20 N m s turn it four times and more in 100 s; errors stay those of rounding."""
+    problem = along(
+        planar.model, Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], UPRIGHT, 100.0, [0, 0, 20.0]
+    )
+    motion = followed(problem, heading(10.0), 0)
+    assert motion.completed
+    headings = np.unwrap([heading_of(one) for one in motion.attitudes])
+    assert (headings[-1] - headings[0]) / (2.0 * np.pi) > 4.0
+    assert_compiled_agrees(motion, 1e-3)
+    proof = certify(motion)
+    assert proof.momentum.value < 1e-6 * proof.momentum_scale
+    assert proof.end_effector_position.value < 1e-8
+    assert proof.integration.attitude < 1e-6
+    engine = Engine(problem.model)
+    inverse = inverse_run(motion, engine)
+    assert inverse.wrench < 1e-5 * inverse.torque
+    assert forward_run(motion, engine).attitude < 1e-3
+
+
+def test_a_tumbling_arm_in_space_becomes_singular_where_both_ways_say(spatial):
+    """Expected: a hundred times Example 2's momentum ends it, precise and compiled alike."""
+    motion = followed(lasting(spatial, 100.0, 100.0 * spatial.momentum), GOOD, 2)
+    assert motion.ending is ff.Ending.SINGULAR
+    found = rolled(motion)
+    assert found.endings[0] == SINGULAR
+    assert found.ended_at[0] == pytest.approx(motion.final.time, abs=1e-2)
+    assert motion.residuals().end_effector_position < 1e-7
+
+
+# --- light and heavy ------------------------------------------------------------------------------
+
+GRAM, HEAVY = 1e-3, 4e5
+
+
+def planar_line(masses, moments):
+    """A short line of an arm of 1.0, 1.0 and 0.4 m."""
+    text = planar_robot(masses, moments, [0.5, 0.5, 0.2], [0.5, 0.5, 0.5, 0.2])
+    model = FreeFloatingModel.from_urdf(text)
+    pose = model.end_effector_pose([0, 0, 0, 1], [0.4, 0.9, -0.5])
+    away = pose.position + np.array([-0.1, 0.05, 0.0])
+    return along(model, Task.PLANAR_POSE, pose.position, away, pose.rotation, 50.0)
+
+
+def elbow_up(problem):
+    (joints,) = [b.joints for b in problem.branches([0, 0, 0, 1]) if b.joints[1] > 0.0]
+    return integrate_motion(problem, [0, 0, 0, 1], joints)
+
+
+@pytest.mark.parametrize("mass", [GRAM, HEAVY])
+def test_the_size_of_all_masses_does_not_matter(mass):
+    """Expected: bodies of a gram or of 400 t each move as those of a kilogram do, to 1e-9."""
+    shares = np.array([1.0, 0.2, 0.2, 0.1])
+    usual = elbow_up(planar_line(shares, 0.2 * shares))
+    motion = elbow_up(planar_line(mass * shares, 0.2 * mass * shares))
+    assert motion.completed
+    assert_alike(motion, usual, 1e-9)
+    assert_compiled_agrees(motion, 1e-4)
+    inverse = inverse_run(motion, Engine(motion.problem.model))
+    assert inverse.wrench < 1e-4 * inverse.torque
+
+
+def test_links_of_a_gram_do_not_turn_400_tonnes():
+    """Expected: the spacecraft rests to 1e-9, the joints are those of a bolted arm."""
+    problem = planar_line([HEAVY, *[GRAM] * 3], [1e6, *[1e-5] * 3])
+    motion = elbow_up(problem)
+    assert motion.completed
+    assert_close(motion.final.attitude, [0, 0, 0, 1], atol=1e-9)
+    (bolted,) = [b for b in problem.branches([0, 0, 0, 1], 50.0) if b.joints[1] > 0.0]
+    assert_close(motion.final.joints, bolted.joints, atol=1e-8)
+    assert_compiled_agrees(motion, 1e-5)
+
+
+def test_a_gram_cannot_bear_an_arm_of_1200_tonnes():
+    """Expected: singular to the last digit that masses so different leave; told, not crashed."""
+    problem = planar_line([GRAM, *[HEAVY] * 3], [1e-6, *[1e6] * 3])
+    for branch in problem.branches([0, 0, 0, 1]):
+        motion = integrate_motion(problem, [0, 0, 0, 1], branch.joints)
+        assert motion.ending is ff.Ending.SINGULAR
+        assert rolled(motion).endings[0] == SINGULAR
+
+
+# --- links of a millimetre ------------------------------------------------------------------------
+
+
+def small(name, metres, kilograms=1.0):
+    """A bundled problem with all lengths and masses scaled, and what follows from them."""
+    robot = name.split("/")[0]
+    text = (models_folder() / robot / f"{robot}.urdf").read_text()
+    model = FreeFloatingModel.from_urdf(in_units(text, metres, kilograms), "end_effector")
+    given = bundled(name)
+    path = ff.EndEffectorPath(
+        PolynomialCurve(metres * given.path.path.curve.coefficients),
+        given.path.path.attitude,
+    )
+    timed = ff.TimedPath(path, given.path.timing)
+    momentum = metres**2 * kilograms * given.momentum
+    plain = along(model, given.task, [0, 0, 0], [1, 0, 0], UPRIGHT)
+    value = metres**4 * kilograms * given.margin.value  # S of (21a): an inertia times an area
+    return ff.Problem(model, timed, given.task, momentum, Margin(plain.margin.measure, value))
+
+
+@pytest.mark.parametrize("kilograms", [1.0, 2.5e-6])
+@pytest.mark.parametrize(
+    ("name", "attitude", "branch"),
+    [("spatial_6dof/line", GOOD, 2), ("planar_3dof/parabola_nonstop", heading(246.0), 0)],
+)
+def test_an_arm_of_millimetres_moves_as_one_of_metres(
+    name, attitude, branch, kilograms, tmp_path, monkeypatch
+):
+    """Expected: a thousandth in length, and of 1 g instead of 400 kg: the same joints to 1e-7."""
+    monkeypatch.chdir(tmp_path)
+    problem = small(name, 1e-3, kilograms)
+    motion = followed(problem, attitude, branch)
+    assert_alike(motion, followed(bundled(name), attitude, branch), 1e-7)
+    assert_compiled_agrees(motion, 1e-3)
+    inverse = inverse_run(motion, Engine(problem.model))
+    assert inverse.wrench < 1e-4 * inverse.torque
+    assert not Path("MUJOCO_LOG.TXT").exists()  # where it would tell of inertias near zero
+
+
+def test_ranges_of_headings_do_not_depend_on_the_size(ranges):
+    """Expected: Example 1 in millimetres has the ranges that it has in metres, to 1e-6 rad."""
+    for large, tiny in zip(ranges, all_headings(small(EXAMPLE_1, 1e-3)), strict=True):
+        ends = [[(one.low, one.high) for one in entry.ranges] for entry in (large, tiny)]
+        assert_close(ends[0], ends[1], atol=1e-6)
+
+
+# --- through the centre of mass -------------------------------------------------------------------
+
+
+def test_a_planar_hand_passes_through_the_centre_of_mass():
+    """Expected: followed precisely; it is a place like others, for the arm bends around it."""
+    given = bundled("planar_2dof/line")
+    problem = along(given.model, given.task, [0.5, 0, 0], [-0.5, 0, 0], UPRIGHT, 30.0)
+    motions = [
+        followed(problem, heading(degrees), branch)
+        for degrees in range(0, 360, 45)
+        for branch in range(len(problem.branches(heading(degrees))))
+    ]
+    completed = [motion for motion in motions if motion.completed]
+    assert 0 < len(completed) < len(motions)
+    for motion in motions:
+        assert motion.completed == (rolled(motion).endings[0] == COMPLETED)
+    (middle,) = completed[0].sample(15.0)
+    place = given.model.end_effector_pose(middle.attitude, middle.joints).position
+    assert_close(place[:2], 0.0, atol=1e-8)
+
+
+def test_a_spatial_hand_passes_through_the_centre_of_mass(spatial):
+    """Expected: from some attitude the line is completed, and the hand is there to 1e-8 m."""
+    problem = along(spatial.model, Task.POSE, [1, 0, 0], [-1, 0, 0], LEVEL)
+    found = Outlook(problem, 1).prospects(attitude_grid(16))
+    completed = np.argwhere(found.endings == COMPLETED)
+    assert len(completed)
+    at, branch = completed[0]
+    motion = integrate_motion(problem, found.attitudes[at], found.joints[at, branch])
+    (middle,) = motion.sample(50.0)
+    place = spatial.model.end_effector_pose(middle.attitude, middle.joints).position
+    assert_close(place, 0.0, atol=1e-8)
+    assert motion.residuals().momentum < 1e-6
+
+
+def test_a_wrist_that_passes_through_the_centre_of_mass_promises_nothing(spatial):
+    """Expected: it lies on the shoulder's axis there, which no attitude helps: radius zero.
+
+    `arm` does not see the shoulder, det S* does.
+    """
+    line = along(spatial.model, Task.POSE, [1, 0.4, 0], [-1, 0.4, 0], LEVEL)
+    margin = Margin(ff.measure(spatial.model, Task.POSE, "arm"), 0.5)
+    problem = ff.Problem(line.model, line.path, line.task, line.momentum, margin)
+    outlook = Outlook(problem, 1)
+    found = outlook.prospects(attitude_grid(64))
+    assert (found.clearances < 1e-2).all()
+    at, branch = np.unravel_index(int(np.argmax(found.margins)), found.margins.shape)
+    assert found.margins[at, branch] > 0.5
+    assert safe_radius(outlook, found.attitudes[at], int(branch), 0.5) == 0.0
+
+
+def test_a_radius_of_zero_is_not_tried():
+    """Expected: nothing is promised, so nothing fails."""
+
+    class Stored:
+        document = {"robust_radius_deg": 0.0, "tolerance": None}  # noqa: RUF012
+
+    class Of:
+        problem = bundled("spatial_6dof/line")
+
+    assert list(robust_checks(Stored(), Of())) == []
+
+
+# --- signs of quaternions, half turns -------------------------------------------------------------
+
+HALF_TURNS = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+
+
+@pytest.mark.parametrize("attitude", [*HALF_TURNS, GOOD])
+def test_both_signs_of_a_quaternion_are_one_start(spatial, attitude):
+    """Expected: same joints, same endings, same least S to the last digits; also at half turns."""
+    outlook = Outlook(spatial, 1)
+    unit = spatial.attitude("attitude", attitude)
+    one, other = (outlook.prospects(sign * unit[None]) for sign in (1.0, -1.0))
+    assert (one.endings == other.endings).all()
+    assert_close(one.joints, other.joints, atol=1e-12)
+    assert_close(one.least, other.least, atol=1e-9)
+    motions = [integrate_motion(spatial, sign * unit, one.joints[0, 0]) for sign in (1.0, -1.0)]
+    assert_close(motions[0].final.joints, motions[1].final.joints, atol=1e-12)
+    assert_close(motions[0].final.attitude, -motions[1].final.attitude, atol=1e-12)
+
+
+def test_half_a_turn_from_the_grids_first_attitude_is_nothing_special(spatial):
+    """Expected: compiled and precise motions agree half a turn away, about any axis, both ways."""
+    pole = attitude_grid(64)[0]
+    turns = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), -np.eye(3)]))
+    away = (Rotation.from_quat(pole) * turns).as_quat()
+    assert_close(angle_between(away, pole), np.pi, atol=1e-7)
+    found = Outlook(spatial, 1).prospects(away)
+    assert (found.endings[:3] == found.endings[3:]).all()  # half a turn either way is one
+    assert_close(found.least[:3], found.least[3:], atol=1e-9)
+    for k in range(3):
+        motion = integrate_motion(spatial, away[k], found.joints[k, 0])
+        assert motion.completed == (found.endings[k, 0] == COMPLETED)
+        assert_close(least(motion, spatial.margin.measure).value, found.least[k, 0], atol=1e-3)
+
+
+def test_recorded_quaternions_of_either_sign_are_one_motion(spatial, tmp_path):
+    """Expected: a file in which some have the other sign says the same and passes."""
+    simulation = ff.simulate(spatial, GOOD, branch=2)
+    path = Path(tmp_path) / "motion.h5"
+    scenario = ff.load_scenario("spatial_6dof/line")
+    save_motion(path, simulation.chosen.motion, scenario, simulation_document(simulation, ()))
+    with h5py.File(path, "a") as file:
+        attitudes = file["motion/attitude"][()]
+        attitudes[:64] *= -1.0  # the first, too; and one alone
+        attitudes[40] *= -1.0
+        file["motion/attitude"][()] = attitudes
+        del file["digests"]
+        seal(file)
+    assert check_plan(path).reasons == ()

@@ -1,0 +1,259 @@
+"""What must come out whatever the arm: heavy spacecraft, ways back, closed loops, time."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+from freefloat.attitude_law import FixedAttitude
+from freefloat.dynamics import (
+    Task,
+    end_effector_jacobian,
+    generalized_jacobian,
+)
+from freefloat.integration import integrate_motion
+from freefloat.model import FreeFloatingModel
+from freefloat.path import EndEffectorPath
+from freefloat.timing import Stop, TimedPath, TimeLaw, Timing
+from tests.motions import (
+    BAD,
+    GOOD,
+    asked,
+    bundled,
+    followed,
+    heading,
+    relative,
+    two,
+)
+from tests.robots import Robot, joint_values, robots
+from tests.validation.comparisons import agrees
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+
+@pytest.fixture(scope="module")
+def spatial():
+    """Example 2."""
+    return bundled("spatial_6dof/line")
+
+
+@pytest.fixture(scope="module")
+def planar():
+    """Example 1, at rest at F on the way."""
+    return bundled("planar_3dof/parabola")
+
+
+def apart(one, other):
+    """Largest difference of two states."""
+    off = (one.joints - other.joints, one.attitude - other.attitude)
+    return np.abs([*off[0], *off[1], *(one.base_position - other.base_position)]).max()
+
+
+def there_and_back(problem, attitude, branch):
+    there = followed(problem, attitude, branch)
+    assert there.completed
+    final = there.final
+    back = integrate_motion(
+        problem, final.attitude, final.joints, start=problem.path.duration, end=0.0
+    )
+    return there, back
+
+
+@pytest.mark.parametrize(
+    ("name", "attitude", "branch"),
+    [("spatial_6dof/line", GOOD, 2), ("spatial_6dof/line", BAD, 0),
+     ("planar_3dof/parabola", heading(200.0), 0),
+     ("planar_3dof/parabola_nonstop", heading(330.0), 0)],
+)  # fmt: skip
+def test_out_and_back_returns_the_start(name, attitude, branch):
+    """Appendix A: the reverse motion with -h retraces the forward one, stops included."""
+    there, back = there_and_back(bundled(name), attitude, branch)
+    assert back.completed
+    assert back.final.time == 0.0
+    agrees("test_out_and_back_returns_the_start", apart(back.final, there.initial))
+
+
+class Reversed:
+    """A curve from its end to its start."""
+
+    def __init__(self, curve):
+        self.curve = curve
+
+    def __call__(self, s, order=0):
+        return (-1.0) ** order * self.curve(1.0 - s, order)
+
+
+def test_reversal_is_a_forward_motion_with_opposite_momentum(spatial):
+    """(47): from x2, the path from B to A with -h, forwards in time, ends at x1."""
+    there, back = there_and_back(spatial, GOOD, 2)
+    path = spatial.path.path
+    reverse = EndEffectorPath(Reversed(path.curve), path.attitude)
+    problem = replace(
+        spatial, path=TimedPath(reverse, spatial.path.timing), momentum=-spatial.momentum
+    )
+    again = integrate_motion(problem, there.final.attitude, there.final.joints)
+    assert again.completed
+    assert_close(again.final.joints, there.initial.joints, atol=1e-7)
+    assert_close(again.final.attitude, there.initial.attitude, atol=1e-7)
+    for t in (13.0, 50.0, 80.0):
+        (forward,), (backward,) = again.sample(100.0 - t), back.sample(t)
+        assert_close(forward.joints, backward.joints, atol=1e-7)
+    wrong = replace(problem, momentum=spatial.momentum)
+    off = integrate_motion(wrong, there.final.attitude, there.final.joints).final.joints
+    assert np.abs(off - there.initial.joints).max() > 1e-2
+
+
+def timed(problem, momentum, timing):
+    """Example 2 from the good attitude with other timing and momentum."""
+    path = TimedPath(problem.path.path, timing)
+    motion = followed(replace(problem, path=path, momentum=momentum), GOOD, 2)
+    assert motion.completed
+    return motion.final
+
+
+LAWS = [
+    Timing(100.0, TimeLaw.CUBIC),
+    Timing(100.0, TimeLaw.TRAPEZOIDAL),
+    Timing(100.0, TimeLaw.QUINTIC, (Stop(0.3, 45.0), Stop(0.7, 75.0))),
+    Timing(3.0),
+    Timing(1e4),
+]
+
+
+@pytest.mark.parametrize("timing", LAWS)
+def test_without_momentum_the_end_does_not_depend_on_time(spatial, timing):
+    """h = 0: the motion of the base is geometric, whatever the law, the stops, the duration."""
+    usual = timed(spatial, [0, 0, 0], Timing(100.0))
+    other = timed(spatial, [0, 0, 0], timing)
+    agrees("test_without_momentum_the_end_does_not_depend_on_time", apart(other, usual))
+
+
+@pytest.mark.parametrize("timing", LAWS[:4])
+def test_with_momentum_the_end_depends_on_time(spatial, timing):
+    """h != 0: the system drifts while the hand follows, and longer drifts differ."""
+    usual = timed(spatial, [0.5, 0.3, 0.1], Timing(100.0))
+    other = timed(spatial, [0.5, 0.3, 0.1], timing)
+    turn = Rotation.from_quat(other.attitude).inv() * Rotation.from_quat(usual.attitude)
+    assert turn.magnitude() > 5e-3
+
+
+class JointLoop:
+    """The curve of the hand while q = (0.3 + 0.6 cos u, 0.7 + 0.6 sin u), h = 0, u = 2 pi s.
+
+    In the plane as complex numbers, from masses and lengths alone: what moves with the spacecraft,
+    with joint 1 and with joint 2 gives the angular momentum about the centre of mass.
+    """
+
+    MASSES, MOMENTS = np.array([40.0, 4.0, 3.0]), np.array([6.667, 0.333, 0.25])
+
+    def __init__(self, aside, turns=1):
+        self.hand, self.turns = 1.0 + 1j * aside, turns
+        count = 256
+        u = 2.0 * np.pi * np.arange(count) / count
+        rates = np.fft.rfft([self.drift(x) for x in u]) / count
+        self.mean, self.waves = rates[0].real, 2.0 * rates[1:60]
+
+    def bodies(self, q):
+        """Centres of mass, joints and hand, with the spacecraft at heading zero."""
+        a, b = np.exp(1j * q[0]), np.exp(1j * (q[0] + q[1]))
+        points = np.array(
+            [0.0, 0.5 + 0.5 * a, 0.5 + a + 0.5 * b, 0.5, 0.5 + a, 0.5 + a + self.hand * b]
+        )
+        return points - self.MASSES @ points[:3] / self.MASSES.sum()
+
+    def rows(self, q):
+        """Angular momentum and hand velocity per rate of heading, q1 and q2."""
+        p, m = self.bodies(q), self.MASSES
+        momentum, hand = [], []
+        for first in range(3):
+            pivot = 0.0 if first == 0 else p[2 + first]
+            v = np.where(np.arange(3) >= first, 1j * (p[:3] - pivot), 0.0)
+            drift = m @ v / m.sum()
+            spin = self.MOMENTS[first:].sum()
+            momentum.append(float((m * (p[:3].conj() * (v - drift)).imag).sum() + spin))
+            hand.append(1j * (p[5] - pivot) - drift)
+        return np.array(momentum), np.array(hand)
+
+    def joints(self, u):
+        q = np.array([0.3 + 0.6 * np.cos(u), 0.7 + 0.6 * np.sin(u)])
+        return q, 0.6 * np.array([-np.sin(u), np.cos(u)])
+
+    def drift(self, u):
+        """d heading / du by conservation of momentum."""
+        q, rate = self.joints(u)
+        h, _ = self.rows(q)
+        return -(h[1:] @ rate) / h[0]
+
+    def heading(self, u):
+        k = np.arange(1, len(self.waves) + 1)
+        return self.mean * u + float((self.waves / (1j * k) * (np.exp(1j * k * u) - 1)).sum().real)
+
+    def __call__(self, s, order=0):
+        u = 2.0 * np.pi * self.turns * s
+        (q, rate), turn = self.joints(u), np.exp(1j * self.heading(u))
+        if order == 0:
+            value = self.bodies(q)[5]
+        else:
+            value = self.rows(q)[1] @ [self.drift(u), *rate] * 2.0 * np.pi * self.turns
+        return np.array([(turn * value).real, (turn * value).imag, 0.0])
+
+
+def looping(aside, turns, law=TimeLaw.QUINTIC):
+    model, upright = FreeFloatingModel.from_urdf(two(aside), "tool"), FixedAttitude(np.eye(3))
+    loop, timing = JointLoop(aside, turns), Timing(30.0 * turns, law)
+    problem = asked(model, Task.PLANAR_POSITION, [0, 0, 0], loop, upright, timing)
+    return integrate_motion(problem, [0, 0, 0, 1], [0.9, 0.7])
+
+
+@pytest.mark.parametrize("law", TimeLaw)
+def test_a_closed_joint_loop_turns_the_spacecraft_by_the_golden_angle(law):
+    """40/4/3: once round, the base has turned by -2.35462974398 degrees, the joints are back."""
+    angle, _ = quad(JointLoop(1.5).drift, 0.0, 2.0 * np.pi, epsabs=1e-13)
+    assert np.degrees(angle) == pytest.approx(-2.35462974398, abs=1e-10)
+    motion = looping(1.5, 1, law)
+    assert motion.completed
+    assert_close(motion.final.joints, [0.9, 0.7], atol=1e-8)
+    turned = np.degrees(Rotation.from_quat(motion.final.attitude).as_rotvec()[2])
+    agrees(
+        "test_a_closed_joint_loop_turns_the_spacecraft_by_the_golden_angle",
+        abs(turned + 2.35462974398),
+    )
+    (half,) = motion.sample(15.0)
+    assert_close(half.joints, [-0.3, 0.7], atol=1e-8)
+
+
+def test_ten_closed_loops_turn_the_spacecraft_ten_times_as_far():
+    """Holonomy adds up: nothing is remembered but the attitude."""
+    motion = looping(1.5, 10)
+    assert_close(motion.final.joints, [0.9, 0.7], atol=1e-7)
+    turned = np.degrees(Rotation.from_quat(motion.final.attitude).as_rotvec()[2])
+    assert turned == pytest.approx(-23.5462974398, abs=1e-6)
+
+
+def test_scaling_every_mass_and_the_momentum_changes_nothing(spatial):
+    """Twice the mass with twice the momentum drifts alike."""
+    model = FreeFloatingModel.from_urdf(
+        spatial.model.description.text, "end_effector", scale_mass=2.0
+    )
+    problem = replace(spatial, model=model, momentum=2.0 * spatial.momentum)
+    joints = followed(spatial, GOOD, 2).final.joints
+    assert_close(followed(problem, GOOD, 2).final.joints, joints, atol=1e-8)
+
+
+@given(data=st.data(), robot=robots(branch=st.just("")))
+def test_heavy_base_recovers_the_fixed_base_arm(data: st.DataObject, robot: Robot) -> None:
+    """The arm on a spacecraft a hundred times heavier is a hundred times nearer to a bolted one."""
+    light, heavy = (
+        FreeFloatingModel.from_urdf(robot.text, robot.tip, scale_mass={"bus": factor})
+        for factor in (1e5, 1e7)
+    )
+    q = data.draw(joint_values(light.dof))
+    bolted = end_effector_jacobian(light, q)[:, 6:]
+    near, nearer = (relative(generalized_jacobian(model, q), bolted) for model in (light, heavy))
+    assert near < 0.02
+    agrees("test_heavy_base_recovers_the_fixed_base_arm", abs(100.0 * nearer / near - 1.0))

@@ -1,0 +1,167 @@
+"""Motions against a plain integrator in time, and the centre of mass of what is recorded."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics import (
+    Task,
+)
+from freefloat.integration import integrate_motion
+from freefloat.model import FreeFloatingModel
+from freefloat.timing import TimeLaw, Timing
+from tests.motions import (
+    GOOD,
+    SLIDING,
+    bundled,
+    from_here,
+    heading,
+    seven,
+    tracking,
+)
+from tests.validation.comparisons import agrees
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+
+def plain(problem, attitude, joints, times, twist=None):
+    """The same motion by a plain integrator in time: mass matrix, KKT system, base position too.
+
+    The base rows of the joint-space inertia matrix give the momentum in the spacecraft's frame: no
+    centroidal map, no elimination, no arc length.
+    """
+    model = problem.model.pin_model
+    data, tool, n = model.createData(), problem.model.frame_id, problem.model.dof
+    rows, twist = problem.task.rows, twist or problem.path.twist
+
+    def rates(t, y):
+        q = y.copy()
+        q[3:7] /= np.linalg.norm(q[3:7])
+        M = pin.crba(model, data, q)[:6]
+        J = pin.computeFrameJacobian(model, data, q, tool, pin.LOCAL_WORLD_ALIGNED)[rows]
+        R = Rotation.from_quat(q[3:7])
+        G = np.vstack([M, J])
+        W = np.diag([0.0] * 6 + [1.0] * n)
+        K = np.block([[W, G.T], [G, np.zeros((len(G), len(G)))]])
+        wanted = [*np.zeros(6 + n + 3), *R.inv().apply(np.array(problem.momentum)), *twist(t)[rows]]
+        v = np.linalg.solve(K, wanted)[: 6 + n]
+        x, w = q[3:6], q[6]
+        turned = [*(w * v[3:6] + np.cross(x, v[3:6])) / 2.0, -x @ v[3:6] / 2.0]
+        return np.concatenate([R.apply(v[:3]), turned, v[6:]])
+
+    start = problem.model.configuration(attitude, joints)
+    breaks = [times[0], *(e for e in problem.path.timing.ends if times[0] < e < times[-1])]
+    found, y = [], start
+    for low, high in zip(breaks, [*breaks[1:], times[-1]], strict=True):
+        inside = [t for t in times if low <= t < high or t == high == times[-1]]
+        answer = solve_ivp(
+            rates, (low, high), y, "DOP853", dense_output=True, rtol=1e-11, atol=1e-12
+        )
+        assert answer.success
+        found += [answer.sol(t) for t in inside]
+        y = answer.y[:, -1]
+    return np.array(found)
+
+
+def deviation(motion, reference, times):
+    """Largest difference of joints, base positions and attitudes."""
+    worst = 0.0
+    for state, y in zip(motion.sample(times), reference, strict=True):
+        turn = Rotation.from_quat(state.attitude).inv() * Rotation.from_quat(y[3:7])
+        off = *(state.joints - y[7:]), *(state.base_position - y[:3]), turn.magnitude()
+        worst = max(worst, np.abs(off).max())
+    return worst
+
+
+def sliding(momentum):
+    model = FreeFloatingModel.from_urdf(SLIDING, "tool")
+    attitude = Rotation.from_rotvec([-0.2, 0.5, 0.3]).as_quat()
+    joints = np.array([0.4, 0.7, 0.6])
+    timing = Timing(25.0, TimeLaw.TRAPEZOIDAL)
+    step = [0.3, 0.5, -0.4]
+    problem = from_here(
+        model, Task.POSITION, momentum, attitude, joints, step, [0, 0, 0], timing
+    )  # fmt: skip
+    return problem, attitude, joints
+
+
+def example_2():
+    problem = bundled("spatial_6dof/line")
+    attitude = problem.attitude("attitude", GOOD)
+    return problem, attitude, problem.branches(attitude)[2].joints
+
+
+def example_1(task=Task.PLANAR_POSE):
+    problem = replace(bundled("planar_3dof/parabola"), task=task)
+    attitude = heading(200.0)
+    return problem, attitude, bundled("planar_3dof/parabola").branches(attitude)[0].joints
+
+
+def wrist_free(momentum):
+    problem, attitude, joints = example_2()
+    return replace(problem, task=Task.POSITION, momentum=momentum), attitude, joints
+
+
+CASES = {
+    "spatial pose": example_2,
+    "planar pose with a stop": example_1,
+    "three joints, planar position": lambda: example_1(Task.PLANAR_POSITION),
+    "six joints, position": lambda: wrist_free([0.5, 0.3, 0.1]),
+    "seven joints, pose": lambda: seven(Task.POSE, [0.4, -0.2, 0.3]),
+    "seven joints, no momentum": lambda: seven(Task.POSE, [0, 0, 0]),
+    "seven joints, position": lambda: seven(Task.POSITION, [0.4, -0.2, 0.3]),
+    "sliding joint": lambda: sliding([0.2, 0.1, -0.3]),
+    "sliding joint, no momentum": lambda: sliding([0, 0, 0]),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_plain_integration_agrees(case):
+    """In time, from the mass matrix, redundant rates by a KKT system: the same to 1e-7."""
+    problem, attitude, joints = CASES[case]()
+    motion = integrate_motion(problem, attitude, joints)
+    assert motion.completed
+    times = np.linspace(0.0, problem.path.duration, 12)
+    worst = deviation(motion, plain(problem, attitude, joints, times), times)
+    agrees("test_a_plain_integration_agrees", worst)
+    position, angle = tracking(motion, np.linspace(0.0, problem.path.duration, 150))
+    assert position < 1e-8
+    assert angle < 1e-8 or not problem.task.turns
+    assert motion.residuals().momentum < 1e-6
+
+
+def test_a_plain_integration_of_the_printed_path_agrees():
+    """Example 2 with line, quintic (18b) and twist written out by hand."""
+    problem, attitude, joints = example_2()
+    A, B = np.array([1.0, 0.0, 0.0]), np.array([-0.5, 0.8, 0.33])
+
+    def twist(t):
+        tau = t / 100.0
+        return np.concatenate([(B - A) * 30 * tau**2 * (1 - tau) ** 2 / 100.0, np.zeros(3)])
+
+    times = np.linspace(0.0, 100.0, 9)
+    motion = integrate_motion(problem, attitude, joints)
+    assert deviation(motion, plain(problem, attitude, joints, times, twist), times) < 1e-7
+
+
+@pytest.mark.parametrize("case", ["spatial pose", "seven joints, pose", "sliding joint"])
+def test_the_centre_of_mass_stays_put(case):
+    """No force from outside: it rests at the origin, and what turns the base keeps it there."""
+    problem, attitude, joints = CASES[case]()
+    motion = integrate_motion(problem, attitude, joints)
+    model, T = problem.model.pin_model, problem.path.duration
+    data, h = model.createData(), 1e-4 * problem.path.duration
+    for t in np.linspace(0.1, 0.9, 9) * T:
+        states = motion.sample([t - h, t, t + h])
+        q = [np.concatenate([s.base_position, s.attitude, s.joints]) for s in states]
+        centre = np.abs(pin.centerOfMass(model, data, q[1])).max()
+        agrees("test_the_centre_of_mass_stays_put", centre)
+        v = pin.difference(model, q[0], q[2]) / (2 * h)
+        momentum = pin.computeCentroidalMomentum(model, data, q[1], v)
+        assert_close(momentum.linear, 0.0, atol=1e-4)
+        assert_close(momentum.angular, problem.momentum, atol=1e-4)
