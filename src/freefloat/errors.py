@@ -29,14 +29,15 @@ class InputError(FreeFloatError):
         line: int | None = None,
     ) -> None:
         super().__init__(key, problem, accepted, source, line)
-        self.key = _one_line(key)
-        self.problem = _one_line(problem)
-        self.accepted = _one_line(accepted)
+        self.key = _one_line(key, _LONGEST)
+        self.problem = _one_line(problem, _LONGEST)
+        self.accepted = _one_line(accepted, 8 * _LONGEST)
         self.source = source
         self.line = line
 
     def __str__(self) -> str:
-        file = f"{self.source}:{self.line}" if self.line else self.source
+        file = _one_line(self.source or "", 8 * _LONGEST)
+        file = f"{file}:{self.line}" if file and self.line else file
         place = f"{file}: {self.key}" if file else self.key
         return f"{place}: {self.problem}; accepted: {self.accepted}"
 
@@ -54,8 +55,19 @@ class InputError(FreeFloatError):
         return type(self)(prefix + self.key, self.problem, self.accepted, file, self.line)
 
 
-def _one_line(text: str) -> str:
-    return text.replace("\n", "\\n").replace("\r", "\\r")
+_LONGEST = 1000
+"""Characters of a key and of a problem that are told."""
+
+
+def _one_line(text: str, longest: int) -> str:
+    """A text from who knows where as a terminal may get it: nothing in it moves the cursor."""
+    if len(text) > longest:
+        text = f"{text[: longest * 3 // 4]}...{text[-longest // 5 :]}"
+    if text.isprintable():
+        return text
+    return "".join(
+        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
+    )
 
 
 class ModelError(InputError):

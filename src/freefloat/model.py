@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -236,7 +237,7 @@ class FreeFloatingModel:
 
 def _build(description: Description) -> Any:
     try:
-        return pin.buildModelFromXML(description.text, pin.JointModelFreeFlyer())
+        return pin.buildModelFromXML(_mechanism(description.text), pin.JointModelFreeFlyer())
     except Exception as error:  # Pinocchio passes on whatever C++ throws
         raise ModelError(
             "urdf",
@@ -244,6 +245,17 @@ def _build(description: Description) -> Any:
             "one root link, every other link the child of exactly one joint, unique names",
             description.source,
         ) from None
+
+
+def _mechanism(text: str) -> str:
+    """The links and joints of a URDF without shapes, about which its parser would complain."""
+    robot = ET.fromstring(text)
+    for element in [one for one in robot if one.tag not in ("link", "joint")]:
+        robot.remove(element)
+    for link in robot:
+        for part in [one for one in link if one.tag in ("visual", "collision")]:
+            link.remove(part)
+    return ET.tostring(robot, encoding="unicode")
 
 
 def _pose(placement: Any) -> Pose:
