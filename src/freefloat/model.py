@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +16,7 @@ from freefloat.assembly import Attachment, Payload, Spacecraft, assemble
 from freefloat.errors import InputError, ModelError
 from freefloat.findings import Finding
 from freefloat.spatial import Array, Pose, finite_vector, frozen
-from freefloat.urdf import UNLIMITED, Description, read_urdf, told_of
+from freefloat.urdf import UNLIMITED, Description, read_urdf, told_of, without_shapes
 from freefloat.urdf_text import source_of
 
 _MOVING_JOINTS = ("JointModelR", "JointModelP")
@@ -237,7 +236,7 @@ class FreeFloatingModel:
 
 def _build(description: Description) -> Any:
     try:
-        return pin.buildModelFromXML(_mechanism(description.text), pin.JointModelFreeFlyer())
+        return pin.buildModelFromXML(without_shapes(description.text), pin.JointModelFreeFlyer())
     except Exception as error:  # Pinocchio passes on whatever C++ throws
         raise ModelError(
             "urdf",
@@ -245,17 +244,6 @@ def _build(description: Description) -> Any:
             "one root link, every other link the child of exactly one joint, unique names",
             description.source,
         ) from None
-
-
-def _mechanism(text: str) -> str:
-    """The links and joints of a URDF without shapes, about which its parser would complain."""
-    robot = ET.fromstring(text)
-    for element in [one for one in robot if one.tag not in ("link", "joint")]:
-        robot.remove(element)
-    for link in robot:
-        for part in [one for one in link if one.tag in ("visual", "collision")]:
-            link.remove(part)
-    return ET.tostring(robot, encoding="unicode")
 
 
 def _pose(placement: Any) -> Pose:

@@ -194,8 +194,8 @@ def _refuse_bad_start(study: Study) -> None:
 def _refuse_without_any_scenario(study: Study) -> None:
     """Refuse a study none of whose cases passes the schema, with what is wrong in the first.
 
-    Of very many cases some are looked at, evenly spread.
-    Where that is what was varied, the study is told and not the scenario.
+    Of very many cases some are looked at, evenly spread. Where what is wrong was varied, the study
+    is told and not the scenario.
     """
     first: InputError | None = None
     step = -(-study.count // _LOOKED_AT)
