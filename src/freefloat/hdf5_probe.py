@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import resource
 import signal
@@ -62,6 +63,7 @@ def claims_too_much(dataset: Any) -> bool:
 def _limit_this_process() -> None:
     for number in (signal.SIGALRM, signal.SIGPROF, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)
+    faulthandler.disable()  # the parent tells in one line
     signal.alarm(_SECONDS)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     table = Path("/proc/self/statm")
