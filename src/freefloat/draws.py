@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from hashlib import sha256
 from typing import Any
 
@@ -17,13 +18,29 @@ _ROUNDING = 1e-9
 """Share of a step by which rounding may make a range miss its last value."""
 
 
+def numbers_listed(draw: DrawSection) -> int:
+    """How many numbers or other values :func:`listed` would give, without making them."""
+    if draw.values is not None:
+        return len(draw.values)
+    if draw.steps is not None:
+        return _steps(*draw.steps)
+    if draw.grid is None:
+        return 0
+    counts = draw.grid.count
+    return math.prod(counts) * len(counts) if isinstance(counts, list) else counts
+
+
+def _steps(first: float, last: float, step: float) -> int:
+    return int((last - first) / step + _ROUNDING) + 1
+
+
 def listed(draw: DrawSection) -> list[Any] | None:
     """The values of a list, a range or a grid; None for what is drawn at random."""
     if draw.values is not None:
         return draw.values
     if draw.steps is not None:
         first, last, step = draw.steps
-        count = int((last - first) / step + _ROUNDING) + 1
+        count = _steps(first, last, step)
         return _whole([first + step * index for index in range(count)])
     return None if draw.grid is None else _grid(draw.grid)
 
@@ -61,7 +78,7 @@ def drawn(draw: DrawSection, seed: int, key: str, number: int) -> Any:
         low, high = draw.uniform
         value: Any = rng.uniform(low, high)
     elif draw.normal is not None:
-        value = rng.normal(draw.normal.mean, draw.normal.sd)
+        value = rng.normal(draw.normal.mean, np.abs(draw.normal.sd))  # -0.0 is refused
     elif draw.ball is not None:
         value = np.array(draw.ball.center) + draw.ball.radius * _in_ball(rng, len(draw.ball.center))
     elif draw.so3 is not None:

@@ -44,14 +44,15 @@ class InputError(FreeFloatError):
         line: int | None = None,
     ) -> None:
         super().__init__(key, problem, accepted, source, line)
-        self.key = _one_line(key)
-        self.problem = _one_line(problem)
-        self.accepted = _one_line(accepted)
+        self.key = _one_line(key, _LONGEST)
+        self.problem = _one_line(problem, _LONGEST)
+        self.accepted = _one_line(accepted, 8 * _LONGEST)
         self.source = source
         self.line = line
 
     def __str__(self) -> str:
-        file = f"{self.source}:{self.line}" if self.line else self.source
+        file = _one_line(self.source or "", 8 * _LONGEST)
+        file = f"{file}:{self.line}" if file and self.line else file
         place = f"{file}: {self.key}" if file else self.key
         return f"{place}: {self.problem}; accepted: {self.accepted}"
 
@@ -72,6 +73,8 @@ class InputError(FreeFloatError):
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`` (did you mean X?)`` with the name that a misspelt word is nearest to, or nothing."""
     names = list(known)
+    if len(word) > _MOST:
+        return ""
     near = difflib.get_close_matches(word, names, 1)
     if not near and len(word) > _FEWEST:
         near = [name for name in names if word in name]
@@ -80,10 +83,23 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 _FEWEST = 2
 """So many letters are part of too many names."""
+_MOST = 100
+"""No name is as long as that; to look for it would take a while."""
 
 
-def _one_line(text: str) -> str:
-    return text.replace("\n", "\\n").replace("\r", "\\r")
+_LONGEST = 1000
+"""Characters of a key and of a problem that are told."""
+
+
+def _one_line(text: str, longest: int) -> str:
+    """A text from who knows where as a terminal may get it: nothing in it moves the cursor."""
+    if len(text) > longest:
+        text = f"{text[: longest * 3 // 4]}...{text[-longest // 5 :]}"
+    if text.isprintable():
+        return text
+    return "".join(
+        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
+    )
 
 
 class ModelError(InputError):

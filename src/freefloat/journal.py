@@ -102,14 +102,20 @@ def read_rows(path: Path, key: str) -> dict[int, dict[str, Any]]:
         raise InputError("output", f"{path}: {error.strerror}", _ACCEPTED) from None
 
 
+def _refuse(word: str) -> None:
+    raise ValueError(f"{word} is no JSON")
+
+
 def _rows(whole: bytes, path: Path, key: str) -> tuple[dict[int, dict[str, Any]], int]:
     """The rows of a journal by number, and how many bytes they take."""
     end, rows = whole.rfind(b"\n") + 1, {}
     for number, line in enumerate(whole[:end].splitlines(), start=1):
         try:
-            row = json.loads(line)
-            rows[int(row[key])] = row
-        except (ValueError, TypeError, KeyError):
+            row = json.loads(line, parse_constant=_refuse)
+            if type(row[key]) is not int:
+                raise ValueError(key)
+            rows[row[key]] = row
+        except (ValueError, TypeError, KeyError, RecursionError):
             problem, accepted = "it is no row of a journal", "the file as it was written, or none"
             raise InputError("output", problem, accepted, str(path), number) from None
     return rows, end

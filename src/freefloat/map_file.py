@@ -224,10 +224,16 @@ def load_map(path: str | Path) -> StoredMap:
     with opened_result(path, HEADING_MAP, ATTITUDE_MAP) as (file, kind):
         planar = kind == HEADING_MAP
         origin, document = read_origin(file, path), read_document(file)
-        least, endings = file["least"][()], file["ending"][()].astype(np.int64)
+        least, endings = file["least"][()], file["ending"][()]
+        if endings.dtype.kind != "i" or least.dtype.kind != "f" or least.ndim != 2:
+            raise ValueError("its arrays are not those of a map")
+        endings = endings.astype(np.int64)
         if planar:  # a row for every branch: what plots want
             least, endings = np.nan_to_num(least.T), endings.T
-            attitudes = np.array([heading_quaternion(one) for one in file["heading"][()]])
+            headings = file["heading"][()]
+            if headings.dtype.kind != "f" or not np.isfinite(headings).all():
+                raise ValueError("its headings are no angles")
+            attitudes = np.array([heading_quaternion(one) for one in headings])
             branches = file["branch"][()]
         else:
             attitudes, branches = file["attitude"][()], np.arange(least.shape[1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,11 @@ from freefloat.mesh_places import find_mesh as find_mesh
 from freefloat.shapes import Colour, Mesh
 from freefloat.spatial import Array
 
+_READ = (".dae", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb")
+_LARGEST = 200_000_000
+"""Bytes of a file."""
+_FARTHEST = 1e9
+"""Of a corner, in the file's unit."""
 _SMOOTH = np.radians(30.0)
 """Faces that meet at a smaller angle are shaded as one curved surface."""
 
@@ -34,16 +40,23 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
     not: a URDF speaks of the file's own axes.
 
     Args:
-        path: Any format that trimesh reads: COLLADA, STL, OBJ, PLY, glTF and others.
+        path: COLLADA, STL, OBJ, PLY, OFF or glTF.
         scale: One factor, or one for each axis; a negative one mirrors.
 
     Raises:
         MeshFileError: If it cannot be read or holds no triangles.
     """
     try:
-        scene = trimesh.load_scene(path, process=False)
+        content = _content(path)
+        kind, beside = path.suffix.lower().removeprefix("."), _Beside(str(path))
+        scene = trimesh.load_scene(
+            io.BytesIO(content), file_type=kind, process=False, resolver=beside
+        )
         factor = _metres(scene.units) * np.broadcast_to(np.asarray(scale, dtype=float), 3)
         pieces = [one for one in scene.dump() if isinstance(one, trimesh.Trimesh)]
+        for piece in pieces:
+            _refuse_nonsense(piece)
+        pieces = [piece for piece in pieces if len(piece.faces)]
         colours = [_colour(piece) for piece in pieces]
     except Exception as error:  # readers of a dozen formats, each with failures of its own
         reason = str(error).strip() or type(error).__name__
@@ -57,6 +70,43 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
     if not parts:
         raise MeshFileError("it holds no triangles")
     return tuple(parts)
+
+
+class _Beside(trimesh.resolvers.FilePathResolver):
+    """Finds what a mesh file names: pictures and materials, plain files beside it or below."""
+
+    def get(self, name: str) -> bytes:
+        """The bytes of a file."""
+        folder = Path(self.parent).resolve()
+        file = (folder / name.strip()).resolve()
+        if not file.is_relative_to(folder) or not file.is_file():
+            raise FileNotFoundError(name)
+        if file.stat().st_size > _LARGEST:
+            raise ValueError(f"{name} has more than {_LARGEST:,} bytes")
+        return file.read_bytes()
+
+
+def _content(path: Path) -> bytes:
+    """All of a file that may be read; XML that declares entities may not: they could grow."""
+    if path.suffix.lower() not in _READ:
+        raise ValueError(f"only {', '.join(_READ)} are")
+    if path.stat().st_size > _LARGEST:
+        raise ValueError(f"it has more than {_LARGEST:,} bytes")
+    content = path.read_bytes()
+    if path.suffix.lower() == ".dae":
+        plain = content.replace(b"\0", b"")  # of encodings with wide letters
+        if b"<!DOCTYPE" in plain or b"<!ENTITY" in plain:
+            raise ValueError("it declares a DTD or entities")
+    return content
+
+
+def _refuse_nonsense(piece: Any) -> None:
+    """Refuse corners that are nowhere, and triangles of corners that are not there."""
+    vertices, faces = piece.vertices, piece.faces
+    if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
+        raise ValueError("its triangles have corners that are not there")
+    if len(vertices) and not np.abs(vertices).max() <= _FARTHEST:
+        raise ValueError("its corners are out of all proportion")
 
 
 def _metres(unit: str | None) -> float:

@@ -27,7 +27,10 @@ def find_mesh(name: str, urdf: str) -> Path:
     Raises:
         MeshFileError: If there is no such file.
     """
-    split = urlsplit(name.replace("\\", "/"))
+    try:
+        split = urlsplit(name.replace("\\", "/"))
+    except ValueError as error:
+        raise MeshFileError(f"its name is no address ({error})") from None
     if split.scheme in ("package", "model"):
         places = list(_in_package(split.netloc, unquote(split.path).lstrip("/"), Path(urdf)))
     elif split.scheme == "file":

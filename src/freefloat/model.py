@@ -17,7 +17,7 @@ from freefloat.brief import brief
 from freefloat.errors import InputError, ModelError, did_you_mean
 from freefloat.findings import Finding
 from freefloat.spatial import Array, Pose, finite_vector, frozen
-from freefloat.urdf import UNLIMITED, Description, read_urdf, told_of
+from freefloat.urdf import UNLIMITED, Description, read_urdf, told_of, without_shapes
 from freefloat.urdf_text import source_of
 
 _MOVING_JOINTS = ("JointModelR", "JointModelP")
@@ -239,7 +239,7 @@ class FreeFloatingModel:
 
 def _build(description: Description) -> Any:
     try:
-        return pin.buildModelFromXML(description.text, pin.JointModelFreeFlyer())
+        return pin.buildModelFromXML(without_shapes(description.text), pin.JointModelFreeFlyer())
     except Exception as error:  # Pinocchio passes on whatever C++ throws
         raise ModelError(
             "urdf",

@@ -78,8 +78,13 @@ def samples_text(file: str | Path) -> str:
     """
     path = Path(file)
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # devices never end
+            raise _refusal(path, "it is no plain file", _COLUMNS)
         with path.open(encoding="utf-8-sig", newline="") as stream:
-            return stream.read()
+            text = stream.read(_LONGEST + 1)
+        if len(text) > _LONGEST:
+            raise _refusal(path, "it is too long", f"at most {_LONGEST:,} characters")
+        return text
     except FileNotFoundError:
         raise _refusal(path, "no such file", _COLUMNS) from None
     except OSError as error:
@@ -130,6 +135,8 @@ def parse_samples(text: str, source: str | Path) -> tuple[SplineCurve, SampledAt
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _COLUMNS = "a CSV file with the columns x, y, z and optionally s and qx, qy, qz, qw"
+_LONGEST = 20_000_000
+"""Characters; a row of eight numbers has at most 200."""
 _CLOSEST = 1e-9
 _LARGEST = 1e9
 

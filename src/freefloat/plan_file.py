@@ -24,6 +24,7 @@ from freefloat.result_file import (
     new_result,
     opened_result,
     read_document,
+    read_numbers,
     read_origin,
     write_document,
 )
@@ -31,6 +32,7 @@ from freefloat.scenario import Scenario
 from freefloat.seal import broken_seals, seal
 from freefloat.spatial import Array, frozen, without_jumps
 
+_LARGEST = 1e12
 _UNIT_LENGTH = 1e-9
 """How far from 1 a stored quaternion's length may be."""
 
@@ -158,7 +160,7 @@ def load_plan(path: str | Path) -> StoredPlan:
         if kind == MOTION or "motion" in file:
             group = file["motion"]
             ending = Ending[group.attrs["ending"]]
-            nodes = [group[name][()] for name in _NODES]
+            nodes = [read_numbers(group, name) for name in _NODES]
             _refuse_what_is_no_motion(*nodes)
             nodes[1] = without_jumps(nodes[1])
         times, attitudes, joints, places = map(frozen, nodes)
@@ -169,7 +171,10 @@ def load_plan(path: str | Path) -> StoredPlan:
             bool(file.attrs["feasible"]),
             read_origin(file, path),
             read_document(file),
-            {int(name.removeprefix("branch_")): frozen(ranges[name][()]) for name in ranges},
+            {
+                int(name.removeprefix("branch_")): frozen(read_numbers(ranges, name))
+                for name in ranges
+            },
             ending,
             times,
             attitudes,
@@ -189,8 +194,9 @@ def _refuse_what_is_no_motion(times: Array, attitudes: Array, joints: Array, pla
     shaped = shaped and places.shape == (count, 3)
     if not (shaped and len(joints) == count and count % DEGREE == 1):
         raise ValueError("its arrays are not those of a motion")
-    if not all(np.isfinite(values).all() for values in (times, attitudes, joints, places)):
-        raise ValueError("its motion holds numbers that are not finite")
+    arrays = (times, attitudes, joints, places)
+    if not all(np.abs(values).max(initial=0.0) <= _LARGEST for values in arrays):
+        raise ValueError("its motion holds numbers that are not finite, or beyond 1e12")
     off = np.abs(np.linalg.norm(attitudes, axis=1) - 1.0)
     if off.max() > _UNIT_LENGTH:
         at = int(off.argmax())

@@ -15,6 +15,7 @@ from typing import Any
 import h5py
 
 from freefloat.errors import InputError
+from freefloat.hdf5_probe import claims_too_much, refuse_deadly
 from freefloat.model import FreeFloatingModel
 from freefloat.output_file import written_beside
 from freefloat.problem import Problem
@@ -148,6 +149,7 @@ def opened_result(path: str | Path, *kinds: str) -> Iterator[tuple[Any, str]]:
     try:
         if not Path(path).is_file():
             raise InputError("file", "no such file", accepted, str(path))
+        refuse_deadly(path)
         with h5py.File(path, "r") as file:
             found, number = file.attrs.get("format"), file.attrs.get("version")
             if found not in [_NAME + kind for kind in kinds] or number != FORMAT_VERSION:
@@ -155,10 +157,33 @@ def opened_result(path: str | Path, *kinds: str) -> Iterator[tuple[Any, str]]:
                 if isinstance(found, str) and found.startswith(_NAME):
                     told = f"it is a {found} file, format {number}"
                 raise InputError("file", told, accepted, str(path))
+            _refuse_what_is_not_in_it(file)
             yield file, str(found).removeprefix(_NAME)
     except _UNREADABLE as error:
         told = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError("file", f"it cannot be read ({told})", accepted, str(path)) from None
+
+
+def _refuse_what_is_not_in_it(file: Any) -> None:
+    """Raise ValueError where a part leads out of the file, or claims far more than it holds."""
+    groups, seen = [file], {h5py.h5o.get_info(file.id).addr}
+    while groups:
+        group = groups.pop()
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                raise ValueError(f"its part {name} leads elsewhere")
+            item = group[name]
+            if isinstance(item, h5py.Group):
+                place = h5py.h5o.get_info(item.id).addr
+                if place in seen:
+                    raise ValueError(f"its group {name} is in it twice")
+                seen.add(place)
+                groups.append(item)
+            elif isinstance(item, h5py.Dataset):
+                if item.is_virtual or item.external:
+                    raise ValueError(f"its part {name} is kept elsewhere")
+                if claims_too_much(item):
+                    raise ValueError(f"its part {name} claims more than the file holds")
 
 
 def kind_of(path: str | Path) -> str:
@@ -174,6 +199,14 @@ def kind_of(path: str | Path) -> str:
 def read_text(file: Any, name: str) -> str:
     """A text of an open file."""
     return str(file[name].asstr()[()])
+
+
+def read_numbers(file: Any, name: str) -> Any:
+    """An array of an open file; ValueError where it holds something else."""
+    values = file[name][()]
+    if getattr(values, "dtype", None) is None or values.dtype.kind not in "fiu":
+        raise ValueError(f"its {name} are no numbers")
+    return values
 
 
 def read_document(file: Any) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from freefloat.brief import brief
 from freefloat.bundled import find_scenario, find_study, is_file
-from freefloat.draws import drawn, listed, refuse_bad_draw
+from freefloat.draws import drawn, listed, numbers_listed, refuse_bad_draw
 from freefloat.dynamics import Task
 from freefloat.errors import InputError
 from freefloat.key_paths import refuse_unknown_path, with_values
@@ -21,6 +21,10 @@ from freefloat.schema_errors import validated
 from freefloat.study_schema import MOST_CASES, Case, Combine, StudyFile
 from freefloat.yaml_file import parse_yaml, read_text
 
+_MOST_NUMBERS = 5 * MOST_CASES
+"""Listed in a study, all its keys together."""
+_LOOKED_AT = 1000
+"""Cases that are held against the schema before a study is begun."""
 STARTS = ("attitude", "heading_deg")
 """Keys that may be varied and are not the scenario's, but tell where a simulation starts."""
 
@@ -94,7 +98,8 @@ class Study:
         for key, values in self._listed.items():
             if key.partition(".")[0] in ("robot", "path"):
                 for value in values:
-                    yield with_values(self.base, {key: value})
+                    if not isinstance(value, int | float):  # no number names a file
+                        yield with_values(self.base, {key: value})
 
 
 def load_study(name: str | Path) -> Study:
@@ -152,6 +157,10 @@ def _refuse_bad_keys(study: Study) -> None:
 
 def _refuse_bad_counts(study: Study) -> None:
     content = study.content
+    total = sum(map(numbers_listed, content.vary.values()))
+    if total > _MOST_NUMBERS:
+        accepted = f"at most {_MOST_NUMBERS:,} of them"
+        raise InputError("vary", f"{total:,} numbers are listed", accepted)
     lengths = {key: len(values) for key, values in study._listed.items()}
     if content.combine is Combine.ZIPPED and len(set(lengths.values())) > 1:
         told = ", ".join(f"{key} {length}" for key, length in lengths.items())
@@ -188,10 +197,12 @@ def _refuse_bad_start(study: Study) -> None:
 def _refuse_without_any_scenario(study: Study) -> None:
     """Refuse a study none of whose cases passes the schema, with what is wrong in the first.
 
-    Where that is what was varied, the study is told and not the scenario.
+    Of very many cases some are looked at, evenly spread. Where what is wrong was varied, the study
+    is told and not the scenario.
     """
     first: InputError | None = None
-    for number in range(study.count):
+    step = -(-study.count // _LOOKED_AT)
+    for number in range(0, study.count, step):
         try:
             validated(ScenarioFile, study.document(number), study.base_source)
             return

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from copy import deepcopy
@@ -16,6 +15,7 @@ from freefloat.bundled import examples_folder, find_robot, is_file
 from freefloat.errors import InputError
 from freefloat.mesh_places import MeshFileError, find_mesh
 from freefloat.study import Study
+from freefloat.urdf_text import UrdfText
 
 _LARGEST = 100_000_000
 """Bytes of one file."""
@@ -164,8 +164,8 @@ def _read(path: str) -> bytes:
 def _meshes(urdf: str, content: bytes) -> dict[str, str]:
     """The mesh files that a URDF names and that do not come with freefloat, where they are."""
     found: dict[str, str] = {}
-    with suppress(ET.ParseError, ValueError):
-        for mesh in ET.fromstring(content).iter("mesh"):
+    with suppress(InputError, UnicodeDecodeError):
+        for mesh in UrdfText.of(content.decode()).robot.iter("mesh"):
             name = mesh.get("filename", "")
             with suppress(MeshFileError):
                 place = os.path.abspath(find_mesh(name, urdf))

@@ -78,7 +78,7 @@ class StudyFolder:
             size = (self.path / CASES / f"{row['case']:05d}.h5").stat().st_size
         except OSError:
             return False
-        return bool(size == row["bytes"])
+        return bool(size == row.get("bytes"))
 
 
 @contextmanager
@@ -147,7 +147,7 @@ def _refuse_another(file: Path, now: dict[str, Any]) -> None:
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
         before = {key: document[key] for key in now}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         told = f"it cannot be read ({error})"
         raise InputError("output", told, "the folder as it was written", str(file)) from None
     differing = list(_differences(before, now))

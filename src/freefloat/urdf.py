@@ -97,6 +97,17 @@ def scale_masses(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> 
                     element.set(key, repr(float(element.attrib[key]) * factor))
 
 
+def without_shapes(text: str) -> str:
+    """The links and joints of a URDF alone: about shapes its parser would complain aloud."""
+    robot = ET.fromstring(text)
+    for element in [one for one in robot if one.tag not in ("link", "joint")]:
+        robot.remove(element)
+    for link in robot:
+        for part in [one for one in link if one.tag in ("visual", "collision")]:
+            link.remove(part)
+    return ET.tostring(robot, encoding="unicode")
+
+
 def _write_plain_joints(robot: ET.Element) -> None:
     """Write continuous joints as revolute: one plain angle each instead of a cosine and a sine."""
     for joint in robot.findall("joint"):

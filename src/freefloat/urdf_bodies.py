@@ -89,17 +89,24 @@ class Anatomy:
     @cached_property
     def longest_arm(self) -> float:
         """Sum of the distances between the joints of the longest arm, to its last frame [m]."""
-        reaches = [self._reach(end, {root}) for root in self.roots
+        reaches = [self._reach(end, root) for root in self.roots
                    for end in self.fixtures[root].ends]  # fmt: skip
         return max(reaches, default=0.0)
 
-    def _reach(self, first: str, above: set[str]) -> float:
-        if first in above or first not in self.fixtures:
-            return 0.0
-        body, above = self.fixtures[first], above | {first}
-        beyond = [float(np.linalg.norm(point)) + self._reach(end, above)
-                  for end, point in body.ends.items()]  # fmt: skip
-        return max(beyond, default=float(np.linalg.norm(body.span)))
+    def _reach(self, first: str, root: str) -> float:
+        longest, todo, seen = 0.0, [(first, 0.0)], {root}
+        while todo:
+            link, way = todo.pop()
+            if link in seen or link not in self.fixtures:
+                longest = max(longest, way)
+                continue
+            seen.add(link)
+            body = self.fixtures[link]
+            if not body.ends:
+                longest = max(longest, way + float(np.linalg.norm(body.span)))
+            for end, point in body.ends.items():
+                todo.append((end, way + float(np.linalg.norm(point))))
+        return longest
 
     def mass(self, body: Fixture) -> float:
         """Mass of a rigid body [kg]."""

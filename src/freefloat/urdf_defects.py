@@ -14,6 +14,8 @@ from freefloat.urdf_text import UrdfText, plain_number, plain_numbers
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 MOVING = ("revolute", "continuous", "prismatic")
+_MOST = 1000
+"""Links and joints of a robot."""
 _TREE = "one root link, every other link the child of exactly one joint"
 _LIMIT = {"lower": "-3.14", "upper": "3.14", "effort": "100", "velocity": "1"}
 """What a limit might be, where nothing else is known."""
@@ -21,6 +23,10 @@ _LIMIT = {"lower": "-3.14", "upper": "3.14", "effort": "100", "velocity": "1"}
 
 def defects(urdf: UrdfText) -> Iterator[Finding]:
     """Every defect; causes before what follows from them."""
+    if too_large(urdf):
+        problem = f"it has {len(urdf.links):,} links and {len(urdf.joints):,} joints"
+        yield urdf.defect(urdf.robot, urdf.robot, problem, f"at most {_MOST:,} in all")
+        return
     yield from number_defects(urdf)
     yield from _inertial_defects(urdf)
     yield from _name_defects(urdf)
@@ -28,6 +34,11 @@ def defects(urdf: UrdfText) -> Iterator[Finding]:
     for joint in urdf.joints:
         yield from _joint_defects(urdf, joint)
     yield from _mass_defects(urdf)
+
+
+def too_large(urdf: UrdfText) -> bool:
+    """Whether it has more links and joints than anybody would wait for."""
+    return len(urdf.links) + len(urdf.joints) > _MOST
 
 
 def mass_of(link: ET.Element) -> float:
@@ -102,9 +113,9 @@ def _circles(
 ) -> Iterator[Finding]:
     told: set[str] = set()
     for link in reversed(links):
-        above, circle = parents.get(link), [link]
+        above, circle = parents.get(link), {link: None}  # in order
         while above is not None and above not in circle:
-            circle.append(above)
+            circle[above] = None
             above = parents.get(above)
         if above == link and link not in told:
             told |= set(circle)

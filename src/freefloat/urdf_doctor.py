@@ -8,7 +8,7 @@ from pathlib import Path
 from freefloat.errors import ModelError
 from freefloat.findings import Finding, Severity, by_severity
 from freefloat.mesh_files import MeshFileError, find_mesh
-from freefloat.urdf_defects import defects
+from freefloat.urdf_defects import defects, too_large
 from freefloat.urdf_doubts import doubts
 from freefloat.urdf_text import UrdfText
 
@@ -32,6 +32,8 @@ def examine(urdf: str | Path, carried: bool = False) -> tuple[Finding, ...]:
         if error.line is None:
             raise
         return (_unreadable(error, error.line),)
+    if too_large(text):
+        return tuple(defects(text))
     return (*defects(text), *by_severity([*doubts(text, carried), *_missing_meshes(text)]))
 
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterator
 
 from freefloat.findings import Finding
-from freefloat.urdf_text import UrdfText, is_plain
+from freefloat.urdf_text import MAGNITUDE, UrdfText, is_plain
 
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -52,6 +52,9 @@ def number_defects(urdf: UrdfText) -> Iterator[Finding]:
                     wanted = "finite number" if count == 1 else f"{count} finite numbers"
                     problem = f'<{element.tag} {name}="{given}"> is not {_article(count)}{wanted}'
                     yield urdf.defect(element, owner, problem, _remedy(name, given, count))
+                elif element.tag != "limit" and max(abs(float(word)) for word in words) > MAGNITUDE:
+                    problem = f'<{element.tag} {name}="{given}"> is out of all proportion'
+                    yield urdf.defect(element, owner, problem, f"magnitudes up to {MAGNITUDE:g}")
 
 
 def _article(count: int) -> str:

@@ -16,6 +16,12 @@ from freefloat.errors import ModelError
 from freefloat.findings import Finding, Severity
 from freefloat.spatial import Array
 
+_LARGEST = 20_000_000
+"""Bytes of a file; robots with a hundred links have a tenth of a million."""
+_DEEPEST = 50
+"""Elements in each other; URDFs have five."""
+MAGNITUDE = 1e12
+"""Beyond it squares and products of masses and lengths leave the numbers."""
 _PLAIN_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
@@ -97,7 +103,8 @@ def plain_numbers(element: ET.Element | None, key: str, default: str) -> Array:
     count = len(default.split())
     if len(words) != count or not all(map(is_plain, words)):
         return np.full(count, np.nan)
-    return np.array([float(word) for word in words])
+    numbers = np.array([float(word) for word in words])
+    return np.where(np.abs(numbers) <= MAGNITUDE, numbers, np.nan)
 
 
 def plain_number(element: ET.Element | None, key: str, default: str = "0") -> float:
@@ -114,6 +121,10 @@ def _text(urdf: str | Path) -> str:
         return str(urdf)
     path = Path(urdf)
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # devices never end
+            raise ModelError("urdf", f"{path} is no plain file", "a readable URDF file")
+        if path.stat().st_size > _LARGEST:
+            raise ModelError("urdf", f"{path} is too large", f"at most {_LARGEST:,} bytes")
         return path.read_text(encoding="utf-8")
     except OSError as error:
         problem = "no such file" if isinstance(error, FileNotFoundError) else str(error.strerror)
@@ -127,7 +138,14 @@ def _parse(text: str, source: str) -> tuple[ET.Element, dict[ET.Element, int]]:
     builder, parser = ET.TreeBuilder(), expat.ParserCreate(None, "}")
     lines: dict[ET.Element, int] = {}
 
+    depth = 0
+
     def start(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            told = "its elements are nested too deeply"
+            raise ModelError("urdf", told, f"{_DEEPEST} levels", source, parser.CurrentLineNumber)
         given = {_qualified(key): value for key, value in attributes.items()}
         lines[builder.start(_qualified(name), given)] = parser.CurrentLineNumber
 
@@ -136,8 +154,13 @@ def _parse(text: str, source: str) -> tuple[ET.Element, dict[ET.Element, int]]:
         problem, accepted = "it declares a DTD or entities", "plain XML without <!...> parts"
         raise ModelError("urdf", problem, accepted, source, line)
 
+    def end(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(_qualified(name))
+
     parser.StartElementHandler = start
-    parser.EndElementHandler = lambda name: builder.end(_qualified(name))
+    parser.EndElementHandler = end
     parser.CharacterDataHandler = builder.data
     parser.StartDoctypeDeclHandler = refuse
     try:
@@ -145,6 +168,9 @@ def _parse(text: str, source: str) -> tuple[ET.Element, dict[ET.Element, int]]:
     except expat.ExpatError as error:
         told = f"not well-formed XML ({error})"
         raise ModelError("urdf", told, "a URDF file", source, error.lineno) from None
+    except (LookupError, ValueError) as error:
+        told = f"its encoding is not known ({error})"
+        raise ModelError("urdf", told, "UTF-8 text", source, 1) from None
     robot = builder.close()
     if robot.tag != "robot":
         told = f"its root element is <{robot.tag}>"

@@ -1,0 +1,177 @@
+"""Good files of every kind that is read, to be made bad by :mod:`tests.mutations`."""
+
+from __future__ import annotations
+
+import base64
+import json
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import trimesh
+import yaml
+
+from freefloat.bundled import models_folder
+from freefloat.certificate import certify
+from freefloat.plan_file import save_motion
+from freefloat.report import simulation_document
+from freefloat.result_file import ATTITUDE_MAP, new_result, write_document
+from freefloat.scenario import load_scenario
+from freefloat.seal import seal
+from freefloat.simulation import simulate
+from freefloat.spatial import heading_quaternion
+from tests.studies import SHORT
+
+SCENARIO = """\
+robot: {urdf: planar_3dof.urdf, end_effector: end_effector}
+task: planar-pose
+momentum: [0, 0, 0.5]
+path:
+  polynomial: {x: [2, -3], y: [0, 0.5, 1.5], z: [0]}
+  attitude: {follow: {axis: -y, normal: [0, 0, 1]}}
+timing: {law: quintic, duration: 100}
+margin: {measure: system, value: 5}
+"""
+RICH = """\
+robot:
+  urdf: spatial_6dof.urdf
+  end_effector: end_effector
+  scale_mass: {link_1: 1.5}
+  payload: {mass: 4, inertia: [1, 1, 1], com: [0, 0, 0.1], mesh: part.stl}
+  attached: [{urdf: planar_3dof.urdf, mount: {xyz: [0, 0, 1], rpy: [0, 0, 0]}, prefix: b_}]
+  held: {b_q1: 0.3}
+task: pose
+momentum: [0.5, 0.3, 0.1]
+path:
+  arc: {center: [1, 0, 0], normal: [0, 0, 1], from: [1.2, 0, 0], angle_deg: 40}
+  attitude:
+    slerp: {from: [0, 0, 0, 1], to: {axes: {x: [1, 0, 0], z: [0, 0.1, 1]}}}
+timing: {law: trapezoidal, duration: 50, stops: [{s: 0.5, t: 20}]}
+margin: {measure: sigma, value: 0.01}
+search: {objective: nearest, from_attitude: [0, 0, 0, 1], samples: 64, seed: 3}
+limits: {joint_rate: 0.5, joint_torque: {}, base_rate: 1, clearance: 0.01}
+"""
+SAMPLED = """\
+robot:
+  urdf: planar_3dof.urdf
+  end_effector: end_effector
+  spacecraft: {mass: 200, inertia: [10, 10, 12], size: [1, 1, 1]}
+task: position
+path: {samples: points.csv}
+timing: {duration: 20}
+margin: {value: 0}
+"""
+POINTS = "s,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n0.4,0.5,0,0.1,0,0,0.1,1\n1,1,0.2,0.3,0,0,1,0\n"
+STUDY: dict[str, Any] = {
+    "base": "wish.yaml",
+    "task": "plan",
+    "vary": {
+        "momentum": {"normal": {"mean": [0, 0, 1], "sd": [0, 0, 0.1]}},
+        "timing.duration": {"list": [50, 100]},
+        "path.polynomial.x": {"grid": {"from": [2, -3], "to": [2.1, -3], "count": [3, 1]}},
+        "margin.value": {"range": [1, 3, 0.5]},
+    },
+    "cases": 3,
+    "seed": 1,
+}
+START: dict[str, Any] = {
+    "base": "wish.yaml",
+    "task": "simulate",
+    "vary": {
+        "attitude": {"so3": {"center": [0, 0, 0, 1], "angle_deg": 20}},
+        "robot.urdf": {"list": ["planar_3dof.urdf", "spatial_6dof.urdf"]},
+        "path": {"list": [{"samples": "points.csv"}, {"samples": "none.csv"}]},
+        "momentum.2": {"uniform": [0, 1]},
+    },
+    "cases": 4,
+}
+HEADINGS = {
+    "base": "planar_3dof/parabola", "task": "simulate", "combine": "zipped",
+    "vary": {"heading_deg": {"list": [200.0, 20.0]}, "momentum.2": {"list": [0.1, 0.2]}},
+}  # fmt: skip
+
+
+def bundled(*names: str) -> tuple[bytes, ...]:
+    """URDFs of bundled robots."""
+    return tuple((models_folder() / name / f"{name}.urdf").read_bytes() for name in names)
+
+
+def meshed() -> bytes:
+    """A robot with meshes, a material of its own and a slider."""
+    text = bundled("planar_3dof")[0].decode()
+    shown = '<visual><geometry><mesh filename="part.stl" scale="1 1 2"/></geometry></visual>'
+    shown += '<collision><geometry><mesh filename="part.stl"/></geometry></collision>'
+    text = text.replace("</link>", f"{shown}</link>", 2)
+    limit = '<limit lower="-1" upper="1" effort="9" velocity="1"/>'
+    return text.replace('type="continuous">', f'type="prismatic">{limit}', 1).encode()
+
+
+@cache
+def plans() -> tuple[bytes, bytes]:
+    """A motion, and the same as a plan."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "wish.yaml").write_text(yaml.safe_dump(SHORT, sort_keys=False))
+        scenario = load_scenario(folder / "wish.yaml")
+        found = simulate(scenario.problem(), heading_quaternion(np.radians(200.0)))
+        file, document = folder / "motion.h5", json.loads(json.dumps(simulation_document(found)))
+        save_motion(file, found.chosen.motion, scenario, document)
+        motion = file.read_bytes()
+        with h5py.File(file, "r+") as changed:
+            stored = certify(found.chosen.motion, found.chosen.motion.base_positions)
+            told = {"certificate": stored.document(), "feasible": True, "objective": "margin",
+                    "heading_deg": 200.0, "deviation_deg": None,
+                    "attitude_ranges_deg": [{"ranges": [[10.0, 20.0]]}]}  # fmt: skip
+            changed.attrs["format"], changed.attrs["feasible"] = "freefloat plan", True
+            changed["ranges/branch_0"] = np.radians([[10.0, 20.0]])
+            del changed["document"], changed["digests"]
+            write_document(changed, document | told)
+            seal(changed)
+        return motion, file.read_bytes()
+
+
+@cache
+def maps() -> tuple[bytes, bytes]:
+    """A map of headings and one of attitudes."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        made = []
+        for kind in ("map", ATTITUDE_MAP):
+            scenario, file = load_scenario("planar_3dof/parabola"), folder / "map.h5"
+            with new_result(file, kind, scenario, scenario.problem()) as new:
+                write_document(new, {"best": {"branch": 0}, "samples": 4})
+                new.attrs["measure"], new.attrs["margin"], new.attrs["unit"] = "system", 5.0, "1"
+                new["heading"], new["branch"] = np.linspace(0.0, 3.0, 4), np.array([0, 1])
+                new["attitude"] = [heading_quaternion(one) for one in np.linspace(0.0, 3.0, 4)]
+                shape = (2, 4) if kind == "map" else (4, 2)
+                new["least"], new["ending"] = np.ones(shape), np.zeros(shape, dtype=np.int8)
+            made.append(file.read_bytes())
+        return made[0], made[1]
+
+
+@cache
+def meshes() -> tuple[bytes, ...]:
+    """A box in several formats."""
+    box: Any = trimesh.creation.box()
+    found = [box.export(file_type=kind) for kind in ("stl", "stl_ascii", "ply", "glb", "dae")]
+    lines = ["mtllib part.mtl", "usemtl a", *(f"v {x} {y} {z}" for x, y, z in box.vertices),
+             *("vt 0 0" for _ in box.vertices),
+             *(f"f {a + 1}/1 {b + 1}/1 {c + 1}/1" for a, b, c in box.faces)]  # fmt: skip
+    gltf = box.export(file_type="gltf")
+    text = gltf["model.gltf"].decode()
+    named = {name: f"data:application/octet-stream;base64,{base64.b64encode(data).decode()}"
+             for name, data in gltf.items() if name != "model.gltf"}  # fmt: skip
+    for name, data in named.items():
+        text = text.replace(name, data)
+    return tuple(one if isinstance(one, bytes) else one.encode()
+                 for one in (*found, "\n".join(lines), text))  # fmt: skip
+
+
+def rows() -> tuple[bytes, ...]:
+    """A journal of a study."""
+    rows = [{"case": number, "verdict": "feasible", "margin": 1.5, "seconds": 0.1, "momentum": [1],
+             "file": f"cases/{number:05d}.h5", "bytes": 3} for number in range(4)]  # fmt: skip
+    return ("".join(json.dumps(row) + "\n" for row in rows).encode(),)
