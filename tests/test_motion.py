@@ -317,6 +317,12 @@ def test_momentum_is_judged_everywhere(motion):
         assert tampered(motion, "joints", node, change).residuals().momentum > 1e-4
 
 
+def test_where_time_stands_still_there_are_no_rates(motion):
+    """A motion that is all at one instant jumps: it has no momentum to speak of, not even none."""
+    jump = replace(motion, times=np.zeros(len(motion.times)))
+    assert np.isnan(jump.momentum_errors(np.linspace(0.0, motion.panels, 31))).all()
+
+
 def test_a_motion_survives_pickling(motion, singular):
     """What comes back from another process is the same motion, able to prove itself."""
     for one in (motion, singular):
