@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.assembly import Attachment, Payload, Spacecraft, assemble
+from freefloat.body import Body
 from freefloat.brief import brief
 from freefloat.errors import InputError, ModelError, did_you_mean
 from freefloat.findings import Finding
@@ -21,37 +22,6 @@ from freefloat.urdf import UNLIMITED, Description, read_urdf, told_of, without_s
 from freefloat.urdf_text import source_of
 
 _MOVING_JOINTS = ("JointModelR", "JointModelP")
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A rigid body of the drifting chain: fixed joints merged, held joints frozen.
-
-    Attributes:
-        joint: Name of the joint that moves it; ``"root_joint"`` for the spacecraft.
-        placement: Of the joint's frame in the previous body's, the joint at zero.
-        axis: Unit vector of the joint in its own frame, shape (3,); zeros for the spacecraft.
-        prismatic: Whether the joint slides along the axis instead of turning about it.
-        lower: Joint range from the URDF [rad or m]; minus infinity for continuous joints.
-        upper: Likewise.
-        rated_speed: From the URDF [rad/s or m/s]; infinite where it tells none.
-        rated_effort: From the URDF [N m or N]; infinite where it tells none.
-        mass: [kg].
-        centre: Centre of mass in the joint's frame [m], shape (3,).
-        inertia: About the centre of mass, axes of the joint's frame [kg m²], shape (3, 3).
-    """
-
-    joint: str
-    placement: Pose
-    axis: Array
-    prismatic: bool
-    lower: float
-    upper: float
-    rated_speed: float
-    rated_effort: float
-    mass: float
-    centre: Array
-    inertia: Array
 
 
 @dataclass(frozen=True, eq=False)

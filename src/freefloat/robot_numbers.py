@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from freefloat.body import Body
 from freefloat.drift_kernels import FACTS, LEVEL
 from freefloat.dynamics import Task
-from freefloat.model import Body, FreeFloatingModel
+from freefloat.model import FreeFloatingModel
 from freefloat.spatial import Array
 from freefloat.virtual_manipulator import VirtualManipulator
 
