@@ -188,9 +188,11 @@ def test_very_many_cases_that_all_fail_are_told_at_once(tmp_path: Path) -> None:
     assert time.process_time() - begin < 8.0
 
 
-def test_a_standard_deviation_of_minus_zero_is_zero(tmp_path: Path) -> None:
+def test_minus_zero_is_zero(tmp_path: Path) -> None:
     vary = {"momentum.2": {"normal": {"mean": 0.5, "sd": -0.0}}}
     assert a_study(tmp_path, vary, cases=2).parameters(1) == {"momentum.2": 0.5}
+    vary = {"momentum.2": {"uniform": [0.0, -0.0]}}
+    assert a_study(tmp_path, vary, cases=2).parameters(1) == {"momentum.2": 0.0}
 
 
 def test_meshes_of_a_study_are_not_looked_for_by_entities(tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ def drawn(draw: DrawSection, seed: int, key: str, number: int) -> Any:
     rng = np.random.default_rng([seed, name, number])
     if draw.uniform is not None:
         low, high = draw.uniform
-        value: Any = rng.uniform(low, high)
+        value: Any = rng.uniform(np.add(low, 0.0), np.add(high, 0.0))  # -0.0 is less than 0.0 to it
     elif draw.normal is not None:
         value = rng.normal(draw.normal.mean, np.abs(draw.normal.sd))  # -0.0 is refused
     elif draw.ball is not None:

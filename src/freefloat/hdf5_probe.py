@@ -16,6 +16,8 @@ _SECONDS = 10
 """For looking at every part of a file; a plan takes a hundredth of one."""
 _MEMORY = 4_000_000_000
 """Bytes that looking may take; the arrays of freefloat's files are not read for it."""
+_GROWTH = 300_000
+"""Kilobytes that texts and packed arrays may take, which are small in freefloat's files."""
 _TOO_MUCH = 3
 _ROOM, _DENSEST = 50_000_000, 20
 """Bytes that any array may have in memory, and how many times the bytes that it has on disk."""
@@ -38,7 +40,10 @@ def refuse_deadly(path: str | Path) -> None:
         try:
             _limit_this_process()
             with h5py.File(path, "r") as file:
+                before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
                 _look(file)
+            grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+            status = _TOO_MUCH if grown > _GROWTH else 0
         except MemoryError:
             status = _TOO_MUCH
         except BaseException:  # whoever opens it next will see it, too
