@@ -12,7 +12,9 @@ from freefloat.attitude_law import FixedAttitude
 from freefloat.curve import PolynomialCurve
 from freefloat.dynamics import DriftEquation
 from freefloat.spatial import axes_rotation
+from freefloat.states_on_path import StatesOnPath
 from freefloat.touch_points import (
+    _refined,
     boundary_attitude,
     carried_back,
     touch_family,
@@ -351,6 +353,31 @@ def test_a_family_is_spread_and_repeatable(problem):
     assert [t.time for t in family] == [t.time for t in again]
     assert [t.time for t in family] != [t.time for t in other]
     assert len({round(t.joints[1], 6) for t in family}) > 1
+
+
+def test_a_family_looks_everywhere(problem, monkeypatch):
+    """Fifty pairs (q1, q2) for each touch point that is wanted, as many from every quarter turn."""
+    pairs = []
+    nothing = lambda _, *pair: pairs.append(pair) or ()  # noqa: E731
+    monkeypatch.setattr("freefloat.touch_points.touch_points", nothing)
+    assert touch_family(problem, 20) == ()
+    counts = np.histogram2d(*np.transpose(pairs), bins=4, range=[[-np.pi, np.pi]] * 2)[0]
+    assert len(pairs) == counts.sum() == 1000
+    assert counts == pytest.approx(1000 / 16, abs=8)
+    first = pairs.copy()
+    pairs.clear()
+    touch_family(problem, 20, seed=0)
+    assert pairs == first
+
+
+def test_every_start_goes_its_own_way(problem):
+    """Newton's method ends where it does whatever else it is asked for in the same go."""
+    through = StatesOnPath(problem, 0.1, 2.0)
+    starts = np.random.default_rng(2).uniform([0.0, -3.0, -3.0], [100.0, 3.0, 3.0], (18, 3))
+    alone = np.vstack([_refined(through, 1.0, -5.0, one[None], 1.0) for one in starts])
+    together = _refined(through, 1.0, -5.0, starts, 1.0)
+    assert len(alone) == len(together) > 3
+    np.testing.assert_allclose(together, alone, rtol=0, atol=1e-9)
 
 
 def test_a_given_level_is_signed(problem):
