@@ -34,11 +34,15 @@ from pathlib import Path
 from typing import NoReturn
 
 ROOT = Path(__file__).parents[1]
-RANDOM = "--deselect tests/test_planar_ranges.py::test_random_ranges_agree_with_brute_force"
+RANDOM = (
+    "--deselect tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
+)
 TESTS = {  # what pytest is told: the tests that concern a room, but for the slowest
-    "dynamics": "tests/test_dynamics.py tests/test_null_space.py",
+    "dynamics": "tests/test_dynamics.py tests/test_null_space.py "
+    "tests/validation/test_planar_golden.py",
     "motion": "tests/test_motion.py tests/test_closeness.py tests/test_time_series.py",
-    "planar_ranges": "tests/test_planar_ranges.py " + " ".join(f"{RANDOM}[{n}" for n in (1, 3, 5)),
+    "planar_ranges": "tests/test_planar_ranges.py tests/validation/test_brute_force.py "
+    + " ".join(f"{RANDOM}[{n}" for n in (1, 3, 5)),
     "touch_points": "tests/test_touch_points.py -k 'not brute_force and not gjm and not wrist'",
     "rollout": "tests/test_rollout.py tests/test_redundancy_kernels.py -k 'not random_arms'",
     "rollout_kernels": "tests/test_rollout.py -k 'not random_arms and not threads'",
