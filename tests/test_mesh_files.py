@@ -94,7 +94,10 @@ def test_the_parts_of_a_scene_stand_where_its_nodes_put_them(tmp_path: Path) -> 
     np.testing.assert_allclose(bounds((red,))[:, 0], [7.5, 8.5])
 
 
-@pytest.mark.parametrize("content", [b"", b"solid nonsense", b"\x00" * 200, b"<COLLADA/>"])
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"solid nonsense", b"\x00" * 200, b"<COLLADA/>", b"v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"],
+)
 @pytest.mark.parametrize("suffix", ["stl", "dae", "obj", "glb", "xyz1"])
 def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
     tmp_path: Path, suffix: str, content: bytes
@@ -102,8 +105,9 @@ def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
     """Whatever the readers of the formats throw."""
     path = tmp_path / f"broken.{suffix}"
     path.write_bytes(content)
-    with pytest.raises(MeshFileError, match=r"cannot be read|no triangles"):
+    with pytest.raises(MeshFileError, match=r"cannot be read|no triangles") as caught:
         read_mesh(path)
+    assert len(str(caught.value).splitlines()) == 1
 
 
 def test_a_mesh_scaled_to_nothing_is_refused(tmp_path: Path) -> None:

@@ -58,15 +58,15 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
             _refuse_nonsense(piece)
         pieces = [piece for piece in pieces if len(piece.faces)]
         colours = [_colour(piece) for piece in pieces]
+        parts = []
+        for colour in dict.fromkeys(colours):
+            same = [one for one, other in zip(pieces, colours, strict=True) if other == colour]
+            mesh = _shaded(same, factor)
+            if mesh is not None:
+                parts.append(Part(mesh, colour))
     except Exception as error:  # readers of a dozen formats, each with failures of its own
-        reason = str(error).strip() or type(error).__name__
+        reason = " ".join(str(error).split()) or type(error).__name__
         raise MeshFileError(f"it cannot be read ({reason})") from None
-    parts = []
-    for colour in dict.fromkeys(colours):
-        same = [one for one, other in zip(pieces, colours, strict=True) if other == colour]
-        mesh = _shaded(same, factor)
-        if mesh is not None:
-            parts.append(Part(mesh, colour))
     if not parts:
         raise MeshFileError("it holds no triangles")
     return tuple(parts)
