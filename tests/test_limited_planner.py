@@ -14,9 +14,11 @@ from freefloat.limits import LimitKind, Limits
 from freefloat.planner import plan
 from freefloat.plans import Plan
 from freefloat.problem import Problem
+from freefloat.robustness import with_robustness
 from freefloat.scenario import load_scenario, parse_scenario
 from freefloat.search import Objective, Search
 from freefloat.spatial import heading_quaternion
+from freefloat.spatial_planner import plan_in_space
 
 PLANAR = load_scenario("planar_3dof/parabola")
 LINE = load_scenario("spatial_6dof/line")
@@ -38,39 +40,41 @@ def line() -> Problem:
     return LINE.problem()
 
 
+@pytest.fixture(scope="module")
+def attitudes(line: Problem) -> Plan:
+    """The plan in space that minds the margin alone."""
+    return plan_in_space(line, Search(samples=256))
+
+
 def kept(problem: Problem, limits: Limits, search: Search) -> Plan:
     """Plan, and look at the chosen motion's limits again."""
-    found = plan(problem, search, limits=limits)
+    return looked_at(plan(problem, search, limits=limits), limits)
+
+
+def looked_at(found: Plan, limits: Limits) -> Plan:
+    """A plan that keeps what it says it keeps."""
     assert found.feasible, found.reason
     assert found.chosen is not None
-    assert found.chosen.least.keeps(problem.margin.value)
-    again = LimitChecker(problem, limits).findings(found.chosen.motion)
+    assert found.chosen.least.keeps(found.problem.margin.value)
+    again = LimitChecker(found.problem, limits).findings(found.chosen.motion)
     assert all(one.kept for one in again)
     assert [one.limit for one in again] == [one.limit for one in found.findings]
     return found
 
 
-def free_rates(problem: Problem, search: Search) -> np.ndarray:
-    """Largest magnitudes of the joint rates of the plan without limits."""
-    free = plan(problem, search)
-    assert free.chosen is not None
-    found = LimitChecker(problem, Limits(joint_rate=np.full(problem.model.dof, 1.0))).findings(
-        free.chosen.motion
-    )
-    return np.full(problem.model.dof, found[-1].worst if len(found) else 1.0)
-
-
-def test_a_limit_that_the_best_breaks_leads_to_another_that_keeps_it(line: Problem) -> None:
-    search = Search(samples=256)
-    allowed = 0.9 * np.abs(free_rates(line, search))
-    found = kept(line, Limits(joint_rate=allowed), search)
+def test_a_limit_that_the_best_breaks_leads_to_another_that_keeps_it(attitudes: Plan) -> None:
+    assert attitudes.chosen is not None
+    wide = LimitChecker(attitudes.problem, Limits(joint_rate=np.ones(6)))
+    (fastest,) = wide.findings(attitudes.chosen.motion)
+    limits = Limits(joint_rate=np.full(6, 0.9 * abs(fastest.worst)))
+    found = looked_at(with_robustness(keep_limits(attitudes, limits)), limits)
     assert found.excluded[LimitKind.JOINT_RATE] > 0
     assert found.tolerance is not None
 
 
-def test_what_collides_everywhere_is_refused_by_name(line: Problem) -> None:
+def test_what_collides_everywhere_is_refused_by_name(attitudes: Plan) -> None:
     """The path of Example 2 leads through its own spacecraft."""
-    found = plan(line, Search(samples=256), limits=Limits(clearance=0.0))
+    found = keep_limits(attitudes, Limits(clearance=0.0))
     assert not found.feasible
     assert set(found.excluded) == {LimitKind.CLEARANCE}
     assert "at spacecraft - " in found.reason
