@@ -1,5 +1,7 @@
 """Exact ranges of heading: the paper's, random ones against brute force, and their properties."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +15,9 @@ from freefloat.planar_ranges import (
     find_limits,
     heading_ranges,
     keeps_margin,
+    margin_level,
 )
+from freefloat.singularity import largest_magnitude
 from freefloat.spatial import heading_quaternion
 
 
@@ -80,6 +84,14 @@ def test_a_path_inside_the_path_independent_area_serves_from_everywhere(example_
         assert entry.limits == ()
 
 
+def test_a_margin_of_zero_stands_for_nearly_none(example_1):
+    """Limits need S0 > 0: the margin itself, or far less than the arm ever has."""
+    largest = largest_magnitude(example_1.model, example_1.margin.measure)
+    zero = replace(example_1, margin=ff.Margin(example_1.margin.measure, 0.0))
+    assert 0.0 < margin_level(zero) < 1e-3 * largest
+    assert margin_level(example_1) == example_1.margin.value
+
+
 def test_out_of_reach_headings_end_ranges_by_reach(example_1):
     """Far from the centre the arm reaches the path from some headings only; the cause is told."""
     span = (69.73, 100.0)
@@ -93,6 +105,8 @@ def test_depth_is_the_distance_to_the_nearer_end():
     one = HeadingRange(6.0, 7.0, (LimitCause.MARGIN, LimitCause.MARGIN))
     assert one.depth(6.4) == pytest.approx(0.4)
     assert one.depth(7.0 - TURN) == pytest.approx(0.0, abs=1e-12)
+    assert one.depth(6.9) == pytest.approx(0.1)
     assert one.depth(7.3 - TURN) == pytest.approx(-0.3)
+    assert one.depth(5.8) == pytest.approx(-0.2)
     assert one.middle == pytest.approx(6.5 % TURN)
     assert HeadingRange(0.0, TURN, ()).depth(1.0) == np.pi
