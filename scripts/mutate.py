@@ -62,7 +62,8 @@ OPERATORS: dict[type, list[type]] = {
     ast.Is: [ast.IsNot], ast.IsNot: [ast.Is], ast.In: [ast.NotIn], ast.NotIn: [ast.In],
 }  # fmt: skip
 NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "minimum": "maximum",
-         "maximum": "minimum", "zeros": "ones", "ones": "zeros", "hstack": "vstack"}  # fmt: skip
+         "maximum": "minimum", "hstack": "vstack"}  # fmt: skip
+SYMMETRIC = {"min", "max", "minimum", "maximum"}
 UNTOLD = {"dtype", "order", "strict", "frozen", "eq"}
 """Keywords whose loss changes types or checks, not results."""
 
@@ -121,7 +122,8 @@ def other_expressions(node: ast.expr) -> Iterator[tuple[str, ast.expr]]:
 def other_calls(
     function: ast.expr, args: list[ast.expr], keywords: list[ast.keyword]
 ) -> Iterator[tuple[str, ast.expr]]:
-    for i in range(len(args) - 1):
+    symmetric = getattr(function, "id", getattr(function, "attr", "")) in SYMMETRIC
+    for i in range(0 if symmetric else len(args) - 1):
         if not isinstance(args[i], ast.Starred) and ast.dump(args[i]) != ast.dump(args[i + 1]):
             swapped = [*args[:i], args[i + 1], args[i], *args[i + 2 :]]
             yield "arguments", ast.Call(function, swapped, keywords)
