@@ -12,6 +12,7 @@ from freefloat.planar_ranges import (
     TURN,
     HeadingRange,
     LimitCause,
+    _branch_of,
     find_limits,
     heading_ranges,
     keeps_margin,
@@ -90,6 +91,16 @@ def test_a_margin_of_zero_stands_for_nearly_none(example_1):
     zero = replace(example_1, margin=ff.Margin(example_1.margin.measure, 0.0))
     assert 0.0 < margin_level(zero) < 1e-3 * largest
     assert margin_level(example_1) == example_1.margin.value
+
+
+def test_a_limit_belongs_to_the_branch_of_its_joints(example_1):
+    """Whole turns not counted; joints of neither branch, nearly where both meet, tell no branch."""
+    branches = example_1.branches(heading_quaternion(3.5))
+    assert [one.index for one in branches] == [0, 1]
+    for one in branches:
+        for joints in (one.joints, one.joints + [TURN, 0.0, -TURN], one.joints + 1e-6):
+            assert _branch_of(example_1, 3.5, joints, 0.0) == one.index
+        assert _branch_of(example_1, 3.5, one.joints + 1e-3, 0.0) is None
 
 
 def test_out_of_reach_headings_end_ranges_by_reach(example_1):
