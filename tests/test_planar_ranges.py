@@ -98,7 +98,7 @@ def test_a_limit_belongs_to_the_branch_of_its_joints(example_1):
     branches = example_1.branches(heading_quaternion(3.5))
     assert [one.index for one in branches] == [0, 1]
     for one in branches:
-        for joints in (one.joints, one.joints + [TURN, 0.0, -TURN], one.joints + 1e-6):
+        for joints in (one.joints, one.joints + np.array([TURN, 0.0, -TURN]), one.joints + 1e-6):
             assert _branch_of(example_1, 3.5, joints, 0.0) == one.index
         assert _branch_of(example_1, 3.5, one.joints + 1e-3, 0.0) is None
 
