@@ -38,15 +38,12 @@ from pathlib import Path
 from typing import NoReturn
 
 ROOT = Path(__file__).parents[1]
-RANDOM = (
-    "--deselect tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
-)
+RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
 TESTS = {  # what pytest is told: the tests that concern a room, but for the slowest
-    "dynamics": "tests/test_dynamics.py tests/test_null_space.py "
-    "tests/validation/test_planar_golden.py",
+    "dynamics": "tests/validation/test_planar_golden.py tests/test_dynamics.py "
+    "tests/test_null_space.py",
     "motion": "tests/test_motion.py tests/test_closeness.py tests/test_time_series.py",
-    "planar_ranges": "tests/test_planar_ranges.py tests/validation/test_brute_force.py "
-    + " ".join(f"{RANDOM}[{n}" for n in (1, 3, 5)),
+    "planar_ranges": f"tests/test_planar_ranges.py {RANGES}[0] {RANGES}[2] {RANGES}[4]",
     "touch_points": "tests/test_touch_points.py -k 'not brute_force and not gjm and not wrist'",
     "rollout": "tests/test_rollout.py tests/test_redundancy_kernels.py -k 'not random_arms'",
     "rollout_kernels": "tests/test_rollout.py -k 'not random_arms and not threads'",
