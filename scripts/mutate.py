@@ -8,6 +8,10 @@ whose tests take far longer than they should counts as killed.
 Operators, comparisons, signs, numbers, conditions, branches, arguments, statements and answers are
 changed; texts, types and the wording of errors are not. ``rollout_kernels`` runs as plain Python
 upon the compiled kernels below it, which spares the half a minute in which a mutant would compile.
+
+Known survivors change nothing that is told: ``<`` for ``<=`` between computed numbers that are
+equal once in a lifetime, half a turn less instead of more before whole turns are taken away, the
+other order of a product of two vectors, work space and base positions that begin at one, not zero.
 """
 
 from __future__ import annotations
@@ -34,15 +38,12 @@ from pathlib import Path
 from typing import NoReturn
 
 ROOT = Path(__file__).parents[1]
-RANDOM = (
-    "--deselect tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
-)
+RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
 TESTS = {  # what pytest is told: the tests that concern a room, but for the slowest
-    "dynamics": "tests/test_dynamics.py tests/test_null_space.py "
-    "tests/validation/test_planar_golden.py",
+    "dynamics": "tests/validation/test_planar_golden.py tests/test_dynamics.py "
+    "tests/test_null_space.py",
     "motion": "tests/test_motion.py tests/test_closeness.py tests/test_time_series.py",
-    "planar_ranges": "tests/test_planar_ranges.py tests/validation/test_brute_force.py "
-    + " ".join(f"{RANDOM}[{n}" for n in (1, 3, 5)),
+    "planar_ranges": f"tests/test_planar_ranges.py {RANGES}[0] {RANGES}[2] {RANGES}[4]",
     "touch_points": "tests/test_touch_points.py -k 'not brute_force and not gjm and not wrist'",
     "rollout": "tests/test_rollout.py tests/test_redundancy_kernels.py -k 'not random_arms'",
     "rollout_kernels": "tests/test_rollout.py -k 'not random_arms and not threads'",
@@ -62,7 +63,8 @@ OPERATORS: dict[type, list[type]] = {
     ast.Is: [ast.IsNot], ast.IsNot: [ast.Is], ast.In: [ast.NotIn], ast.NotIn: [ast.In],
 }  # fmt: skip
 NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "minimum": "maximum",
-         "maximum": "minimum", "zeros": "ones", "ones": "zeros", "hstack": "vstack"}  # fmt: skip
+         "maximum": "minimum", "hstack": "vstack"}  # fmt: skip
+SYMMETRIC = {"min", "max", "minimum", "maximum"}
 UNTOLD = {"dtype", "order", "strict", "frozen", "eq"}
 """Keywords whose loss changes types or checks, not results."""
 
@@ -121,7 +123,8 @@ def other_expressions(node: ast.expr) -> Iterator[tuple[str, ast.expr]]:
 def other_calls(
     function: ast.expr, args: list[ast.expr], keywords: list[ast.keyword]
 ) -> Iterator[tuple[str, ast.expr]]:
-    for i in range(len(args) - 1):
+    symmetric = getattr(function, "id", getattr(function, "attr", "")) in SYMMETRIC
+    for i in range(0 if symmetric else len(args) - 1):
         if not isinstance(args[i], ast.Starred) and ast.dump(args[i]) != ast.dump(args[i + 1]):
             swapped = [*args[:i], args[i + 1], args[i], *args[i + 2 :]]
             yield "arguments", ast.Call(function, swapped, keywords)

@@ -1,5 +1,7 @@
 """Exact ranges of heading: the paper's, random ones against brute force, and their properties."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,10 +12,13 @@ from freefloat.planar_ranges import (
     TURN,
     HeadingRange,
     LimitCause,
+    _branch_of,
     find_limits,
     heading_ranges,
     keeps_margin,
+    margin_level,
 )
+from freefloat.singularity import largest_magnitude
 from freefloat.spatial import heading_quaternion
 
 
@@ -80,6 +85,24 @@ def test_a_path_inside_the_path_independent_area_serves_from_everywhere(example_
         assert entry.limits == ()
 
 
+def test_a_margin_of_zero_stands_for_nearly_none(example_1):
+    """Limits need S0 > 0: the margin itself, or far less than the arm ever has."""
+    largest = largest_magnitude(example_1.model, example_1.margin.measure)
+    zero = replace(example_1, margin=ff.Margin(example_1.margin.measure, 0.0))
+    assert 0.0 < margin_level(zero) < 1e-3 * largest
+    assert margin_level(example_1) == example_1.margin.value
+
+
+def test_a_limit_belongs_to_the_branch_of_its_joints(example_1):
+    """Whole turns not counted; joints of neither branch, nearly where both meet, tell no branch."""
+    branches = example_1.branches(heading_quaternion(3.5))
+    assert [one.index for one in branches] == [0, 1]
+    for one in branches:
+        for joints in (one.joints, one.joints + np.array([TURN, 0.0, -TURN]), one.joints + 1e-6):
+            assert _branch_of(example_1, 3.5, joints, 0.0) == one.index
+        assert _branch_of(example_1, 3.5, one.joints + 1e-3, 0.0) is None
+
+
 def test_out_of_reach_headings_end_ranges_by_reach(example_1):
     """Far from the centre the arm reaches the path from some headings only; the cause is told."""
     span = (69.73, 100.0)
@@ -93,6 +116,8 @@ def test_depth_is_the_distance_to_the_nearer_end():
     one = HeadingRange(6.0, 7.0, (LimitCause.MARGIN, LimitCause.MARGIN))
     assert one.depth(6.4) == pytest.approx(0.4)
     assert one.depth(7.0 - TURN) == pytest.approx(0.0, abs=1e-12)
+    assert one.depth(6.9) == pytest.approx(0.1)
     assert one.depth(7.3 - TURN) == pytest.approx(-0.3)
+    assert one.depth(5.8) == pytest.approx(-0.2)
     assert one.middle == pytest.approx(6.5 % TURN)
     assert HeadingRange(0.0, TURN, ()).depth(1.0) == np.pi

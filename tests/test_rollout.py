@@ -20,7 +20,7 @@ from freefloat.attitude_law import (
 )
 from freefloat.closeness import first_place_below, least
 from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
-from freefloat.dynamics import DriftEquation, Task
+from freefloat.dynamics import DriftEquation, Task, generalized_determinant
 from freefloat.errors import InputError
 from freefloat.integration import integrate_motion
 from freefloat.model import FreeFloatingModel
@@ -751,6 +751,17 @@ def test_kept_margins_allow_for_rounding_and_not_for_zero() -> None:
     values = np.array([0.0, 4.99, 5.0 * (1 - 2e-6), 5.0 * (1 - 0.5e-6), 5.0, 6.0])
     assert kept(values, 5.0).tolist() == [False, False, False, True, True, True]
     assert kept(values, 0.0).tolist() == [False, True, True, True, True, True]
+
+
+def test_clearances_compare_determinants_along_the_way(spatial: Problem) -> None:
+    """Smallest over largest magnitude of det S*, as far as steps see them; zero where singular."""
+    attitudes, joints = states(spatial, spatial.attitude("attitude", BAD))
+    roll = Roller(spatial, 1).follow(attitudes, joints, tolerance=FINE)
+    np.testing.assert_array_equal(roll.clearances[roll.endings == SINGULAR], 0.0)
+    for k in np.flatnonzero(roll.endings == COMPLETED):
+        way = dense(integrate_motion(spatial, attitudes[k], joints[k]), 500)[2]
+        sizes = np.abs([generalized_determinant(spatial.model, q) for q in way])
+        assert roll.clearances[k] == pytest.approx(sizes.min() / sizes.max(), rel=0.1)
 
 
 def test_only_completed_motions_keep_a_margin(spatial: Problem) -> None:
