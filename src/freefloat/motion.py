@@ -202,7 +202,9 @@ class Motion:
             middle = (low + high) / 2.0
             early = sign * self.at_place(middle)[0] < sign * wanted
             low, high = np.where(early, middle, low), np.where(early, high, middle)
-        return np.asarray((low + high) / 2.0)
+        found = np.where(wanted == self.times[0], 0.0, (low + high) / 2.0)
+        # where time turns, at a singularity, its place is known to half the digits only
+        return np.where(wanted == self.times[-1], float(self.panels), found)
 
     def sample(self, times: npt.ArrayLike) -> tuple[State, ...]:
         """The system at given times [s], shape (K,).
