@@ -14,10 +14,12 @@ from playwright.sync_api import Browser, sync_playwright
 
 from freefloat.bundled import models_folder
 from freefloat.model import FreeFloatingModel
+from freefloat.problem import Problem
 from freefloat.scenario import load_scenario
 from freefloat.stills import find_browser
 from freefloat.warm_up import warm_up
 from tests.browser import FLAGS
+from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft
 
 settings.register_profile(
@@ -57,6 +59,18 @@ def planar_3dof() -> FreeFloatingModel:
 def spatial_6dof() -> FreeFloatingModel:
     """Table II of the paper."""
     return FreeFloatingModel.from_urdf(models_folder() / "spatial_6dof" / "spatial_6dof.urdf")
+
+
+@pytest.fixture(scope="session")
+def spatial() -> Problem:
+    """Example 2 of the paper."""
+    return bundled("spatial_6dof/line")
+
+
+@pytest.fixture(scope="session")
+def planar() -> Problem:
+    """Example 1 of the paper, at rest at F on the way."""
+    return bundled("planar_3dof/parabola")
 
 
 @pytest.fixture(scope="session")

@@ -36,18 +36,6 @@ from tests.validation.comparisons import agrees
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
-@pytest.fixture(scope="module")
-def spatial():
-    """Example 2."""
-    return bundled("spatial_6dof/line")
-
-
-@pytest.fixture(scope="module")
-def planar():
-    """Example 1, at rest at F on the way."""
-    return bundled("planar_3dof/parabola")
-
-
 def apart(one, other):
     """Largest difference of two states."""
     off = (one.joints - other.joints, one.attitude - other.attitude)

@@ -15,7 +15,6 @@ from freefloat.virtual_manipulator import VirtualManipulator
 from tests.motions import (
     BAD,
     GOOD,
-    bundled,
     followed,
     heading,
     on_side,
@@ -24,18 +23,6 @@ from tests.motions import (
 from tests.validation.comparisons import agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
-
-
-@pytest.fixture(scope="module")
-def spatial():
-    """Example 2."""
-    return bundled("spatial_6dof/line")
-
-
-@pytest.fixture(scope="module")
-def planar():
-    """Example 1, at rest at F on the way."""
-    return bundled("planar_3dof/parabola")
 
 
 C = [0.1214, 0.4686, 0.1943]
