@@ -54,6 +54,7 @@ _CONFIG: dict[str, Any] = {
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": 0.95,
+    "distributed.worker.profile.enabled": False,  # a hundred looks a second, each stops the case
     "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": "1",
     "distributed.nanny.pre-spawn-environ.OPENBLAS_NUM_THREADS": "1",
     "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": "1",
