@@ -264,6 +264,10 @@ PATIENTS = {
         *('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "joint shoulder"),
         *('<axis xyz="0 0 0"> has no direction', 'xyz="0 0 1"'),
     ),
+    "an axis whose length is lost in rounding": one(
+        *('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1e-200"/>', "joint shoulder"),
+        *('<axis xyz="0 0 1e-200"> has no direction', 'xyz="0 0 1"'),
+    ),
     "a mimic": one(
         *(LIMIT, LIMIT + '\n    <mimic joint="elbow" multiplier="2"/>', "joint shoulder"),
         *("it mimics elbow, which is ignored", "leave out <mimic>"),

@@ -169,7 +169,8 @@ def _joint_defects(urdf: UrdfText, joint: ET.Element) -> Iterator[Finding]:
         given = " ".join(f'{name}="{limit.get(name)}"' for name in negative)
         problem = f"its <limit {given}> is negative"
         yield urdf.defect(limit, joint, problem, "magnitudes of zero or more")
-    if kind != "fixed" and axis is not None and not plain_numbers(axis, "xyz", "1 0 0").any():
+    length = 1.0 if axis is None else np.linalg.norm(plain_numbers(axis, "xyz", "1 0 0"))
+    if kind != "fixed" and axis is not None and length == 0.0:  # so is that of 1e-200
         problem = f'<axis xyz="{axis.get("xyz")}"> has no direction'
         yield urdf.defect(axis, joint, problem, 'three numbers, not all zero, as in xyz="0 0 1"')
 
