@@ -162,6 +162,14 @@ def test_a_gyration_radius_is_doubted_from_three_times_the_link(
     assert len(told) == (three > 1.0)
 
 
+def test_masses_that_vanish_are_doubted_without_a_warning(tmp_path: Path) -> None:
+    """Their gyration radius is 1e154 m and more, whose square is no number."""
+    text = SOUND.replace('<mass value="10"/>', '<mass value="1e-310"/>')
+    assert text != SOUND
+    told = [one.problem for one in complaints(written(tmp_path, text))]
+    assert any("its gyration radius is" in one for one in told)
+
+
 def test_drawn_shapes_count_for_the_size_of_a_link(tmp_path: Path) -> None:
     """A boom of 8 m is drawn: then the same moments are no wonder."""
     text = SOUND.replace('iyy="0.9"', 'iyy="40"').replace('izz="0.9"', 'izz="40"')

@@ -86,7 +86,10 @@ def _gyration_doubts(urdf: UrdfText, anatomy: Anatomy, name: str) -> Iterator[Fi
     element, moments, mass = link.find("inertial/inertia"), _moments(link), mass_of(link)
     if element is None or not moments.size or not mass > 0.0 or not moments[2] > 0.0:
         return
-    centre, radius = placed(link.find("inertial")).position, float(np.sqrt(moments[2] / mass))
+    centre, radius = (
+        placed(link.find("inertial")).position,
+        float(np.sqrt(moments[2]) / np.sqrt(mass)),
+    )
     points = anatomy.known_points(name)
     farthest = max(float(np.linalg.norm(point - centre)) for point in points)
     if np.any(points) and radius > BEYOND * farthest:
