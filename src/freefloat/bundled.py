@@ -45,12 +45,7 @@ def find_scenario(name: str) -> Path:
     Raises:
         InputError: Listing the bundled names when there is neither.
     """
-    path = Path(name)
-    if is_file(path):
-        return path
-    if name in bundled_scenarios():
-        return models_folder() / f"{name}.yaml"
-    raise unknown("scenario", name, bundled_scenarios(), "a scenario file, or one of")
+    return _find("scenario", name, bundled_scenarios(), ".")
 
 
 def find_study(name: str) -> Path:
@@ -59,13 +54,18 @@ def find_study(name: str) -> Path:
     Raises:
         InputError: Listing the bundled names when there is neither.
     """
+    return _find("study", name, bundled_studies(), "studies")
+
+
+def _find(kind: str, name: str, known: tuple[str, ...], below: str) -> Path:
+    """A file, or the one of a bundled name, which stands in a folder below its robot's."""
     path = Path(name)
     if is_file(path):
         return path
-    if name in bundled_studies():
-        robot, _, study = name.partition("/")
-        return models_folder() / robot / "studies" / f"{study}.yaml"
-    raise unknown("study", name, bundled_studies(), "a study file, or one of")
+    if name in known:
+        robot, _, own = name.partition("/")
+        return models_folder() / robot / below / f"{own}.yaml"
+    raise unknown(kind, name, known, f"a {kind} file, or one of")
 
 
 def find_robot(name: str, folder: Path) -> Path:
