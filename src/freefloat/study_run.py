@@ -55,6 +55,11 @@ _CONFIG: dict[str, Any] = {
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": 0.95,
     "distributed.worker.profile.enabled": False,  # a hundred looks a second, each stops the case
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.scheduler.work-stealing": False,
+    "distributed.scheduler.active-memory-manager.start": False,
     "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": "1",
     "distributed.nanny.pre-spawn-environ.OPENBLAS_NUM_THREADS": "1",
     "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": "1",
