@@ -25,6 +25,8 @@ from tests.mutations import (
 )
 
 _TEXT = h5py.string_dtype()
+_MOST = 10**6
+"""Numbers that a mutation reads at most: what an earlier one only claims is not to be written."""
 
 
 def parts(random: Random, content: bytes) -> bytes:
@@ -49,10 +51,15 @@ def _rename(random: Random, file: Any, name: str) -> None:
         file.move(name, other)
 
 
+def _small(item: Any) -> bool:
+    """Whether it is numbers, and not too many."""
+    return isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and item.size <= _MOST
+
+
 def _numbers(random: Random, file: Any, name: str) -> None:
     """Some of its numbers become others."""
     item = file[name]
-    if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "fiu" or not item.size:
+    if not _small(item) or not item.size:
         return _attribute(random, file, name)
     values = item[()].astype(float)
     for _ in range(random.choice([1, 2, values.size])):
@@ -63,7 +70,7 @@ def _numbers(random: Random, file: Any, name: str) -> None:
 def _shape(random: Random, file: Any, name: str) -> None:
     """Other counts of rows, of columns, of axes."""
     item = file[name]
-    if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "fiu" or not item.shape:
+    if not _small(item) or not item.shape:
         return _type(random, file, name)
     values = item[()]
     one = [values[:0], values[:-1], values[:1], values.T, values[..., None], values.ravel(),

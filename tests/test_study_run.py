@@ -18,12 +18,13 @@ import pytest
 from distributed import KilledWorker
 from distributed.comm.core import CommClosedError
 
-from freefloat import study_run
+from freefloat import study_cluster, study_run
 from freefloat.case import CaseRunner
 from freefloat.errors import InputError
 from freefloat.study import Study
+from freefloat.study_cluster import RETRIES
 from freefloat.study_files import StudyFiles
-from freefloat.study_run import RETRIES, run_cases
+from freefloat.study_run import run_cases
 from tests.studies import SHORT, a_study
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -146,21 +147,21 @@ def test_a_worker_that_dies_before_it_is_ready_is_started_again(
             raise RuntimeError("Nanny failed to start.")
         return "cluster"
 
-    monkeypatch.setattr("freefloat.study_run.LocalCluster", fails)
+    monkeypatch.setattr("freefloat.study_cluster.LocalCluster", fails)
     patience = RETRIES + 1
-    assert study_run._started(2, loop) == "cluster"
+    assert study_cluster._started(2, loop) == "cluster"
     patience = 99
     with pytest.raises(InputError, match=r"workers: they cannot be started \(Nanny failed"):
-        study_run._started(2, loop)
+        study_cluster._started(2, loop)
 
 
 def test_workers_without_this_freefloat_are_refused_and_those_that_are_gone_are_not() -> None:
     own, lost = metadata.version("freefloat"), CommClosedError("Stream is closed")
-    study_run._refuse_other_versions(Telling(own, lost))
+    study_cluster._refuse_other_versions(Telling(own, lost))
     with pytest.raises(InputError, match="tcp://1 has no freefloat"):
-        study_run._refuse_other_versions(Telling(own, metadata.PackageNotFoundError()))
+        study_cluster._refuse_other_versions(Telling(own, metadata.PackageNotFoundError()))
     with pytest.raises(InputError, match=r"tcp://0 has freefloat 0\.0"):
-        study_run._refuse_other_versions(Telling("0.0"))
+        study_cluster._refuse_other_versions(Telling("0.0"))
 
 
 def test_a_scheduler_of_others_says_how_often_it_tried(tmp_path: Path) -> None:
@@ -177,7 +178,7 @@ def test_what_dask_has_to_say_stays_with_it() -> None:
     """Some of its loggers have levels of their own."""
     client = logging.getLogger("distributed.client")
     client.setLevel(logging.WARNING)
-    with study_run._silent():
+    with study_cluster._silent():
         assert not client.isEnabledFor(logging.CRITICAL)
     assert client.level == logging.WARNING
 
@@ -186,7 +187,7 @@ def test_what_dask_has_to_say_stays_with_it() -> None:
 def test_a_scheduler_that_is_not_there_is_one_clear_error(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("freefloat.study_run._PATIENCE", 1.0)
+    monkeypatch.setattr("freefloat.study_cluster._PATIENCE", 1.0)
     study = a_study(tmp_path)
     with pytest.raises(InputError) as caught:
         list(run_cases(study, StudyFiles.of(study), [0], scheduler=address))

@@ -175,7 +175,7 @@ def dry_run_document(study: Study, wishes: Wishes) -> dict[str, Any]:
     rows = {} if wishes.output is None else finished_rows(wishes.output, study, files)
     missing = [number for number in range(study.count) if number not in rows]
     seconds = [row["seconds"] for row in rows.values() if row.get("seconds") is not None]
-    from freefloat.study_run import cores
+    from freefloat.study_cluster import cores
 
     workers = None if wishes.scheduler is not None else wishes.workers or cores()
     each, timed = (sum(seconds) / len(seconds), "journal") if seconds else (None, None)
