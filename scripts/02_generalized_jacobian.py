@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 import freefloat as ff
 from freefloat.bundled import find_robot
-from freefloat.dynamics import end_effector_jacobian
+from freefloat.machine.dynamics import end_effector_jacobian
 
 model = ff.FreeFloatingModel.from_urdf(find_robot("planar_2dof", Path()))
 task = ff.Task.PLANAR_POSITION  # two joints, two coordinates

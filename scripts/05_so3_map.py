@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.attitude_map import regions
-from freefloat.figure_style import save_figures
-from freefloat.map_plots import histogram_figure
+from freefloat.attitudes.attitude_map import regions
+from freefloat.figures.figure_style import save_figures
+from freefloat.figures.map_plots import histogram_figure
 
 SAMPLES = 512  # attitudes, evenly spread; 36,864 make a fine map
 

@@ -7,7 +7,7 @@ would need.
 from dataclasses import replace
 
 import freefloat as ff
-from freefloat.limits import needed_stretch
+from freefloat.limits.limits import needed_stretch
 
 scenario = ff.load_scenario("planar_2dof/line")
 problem = scenario.problem()

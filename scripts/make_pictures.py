@@ -13,18 +13,18 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import freefloat as ff
-from freefloat.figure_style import PAGE, new_figure, save_figures, styled
-from freefloat.motion import Motion
-from freefloat.motion_plots import motion_figures
+from freefloat.figures.figure_style import PAGE, new_figure, save_figures, styled
+from freefloat.figures.motion_plots import motion_figures
+from freefloat.figures.planar_plots import joint_space_figure
+from freefloat.figures.scene_plots import draw_snapshots
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
 from freefloat.output_file import written_beside
-from freefloat.page import Capture
-from freefloat.planar_plots import joint_space_figure
-from freefloat.problem import Problem
-from freefloat.scene_plots import draw_snapshots
+from freefloat.playback.page import Capture
+from freefloat.playback.stills import take_pictures
+from freefloat.playback.video import save_video
 from freefloat.spatial import heading_quaternion
-from freefloat.stills import take_pictures
-from freefloat.video import save_video
-from freefloat.workspace import planar_workspace
+from freefloat.workspace.workspace import planar_workspace
 
 DOTS = 120
 """Per inch: a picture as wide as a page of README, and small."""

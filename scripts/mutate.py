@@ -211,7 +211,8 @@ class Laboratory:
             copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
             copy(ROOT / name, folder / name)
         self.folder, self.room = folder, room
-        self.file = folder / "src" / "freefloat" / f"{room}.py"
+        house = folder / "src" / "freefloat"
+        self.file = next(house.rglob(f"{room}.py"))
         self.source = self.file.read_text()
         os.chdir(folder)
         for module in [name for name in sys.modules if name.startswith("freefloat")]:
@@ -222,14 +223,14 @@ class Laboratory:
             with suppress(ImportError):
                 import_module(library)
         # remembered, so that kernels on disk are found although the room differs
-        import_module("freefloat.compiled")._digest(self.file.parent)
+        import_module("freefloat.kernels.compiled")._digest(house / "kernels")
         self.seconds = 600.0
 
     def try_out(self, source: str) -> tuple[str, str, float]:
         """What becomes of a source of the room, by which test, and in how many seconds."""
         if self.room.endswith("kernels"):
             python = "borrowed = compiled = lambda thing: thing"
-            source = re.sub(r"from freefloat.compiled import .*", python, source)
+            source = re.sub(r"from freefloat.kernels.compiled import .*", python, source)
         for stale in (self.file.parent / "__pycache__").glob(f"{self.room}.cpython*.pyc"):
             stale.unlink()
         self.file.write_text(source)
@@ -340,7 +341,7 @@ def main() -> None:
         share = killed / max(1, len(mutants))
         print(f"{room:16} {len(mutants):7} {killed:6} {len(alive):8} {share:5.0%}")
         for mutant in sorted(alive, key=lambda one: one.line):
-            print(f"    src/freefloat/{room}.py:{mutant}")
+            print(f"    {room}.py:{mutant}")
     if given.json:
         told = {room: [asdict(mutant) for mutant in mutants] for room, mutants in table.items()}
         given.json.write_text(json.dumps(told, indent=1) + "\n")

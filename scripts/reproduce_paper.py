@@ -19,15 +19,15 @@ from rich.table import Table
 from scipy.optimize import brentq
 
 import freefloat as ff
-from freefloat.attitude_law import FixedAttitude
-from freefloat.curve import PolynomialCurve
-from freefloat.report import plan_document
-from freefloat.singularity import joint_space_extremes
+from freefloat.answers.report import plan_document
+from freefloat.machine.singularity import joint_space_extremes
+from freefloat.machine.virtual_manipulator import VirtualManipulator
+from freefloat.ranges.states_on_path import StatesOnPath
+from freefloat.ranges.touch_points import TouchPoint, boundary_attitude, touch_points
 from freefloat.spatial import axes_rotation, unit_quaternion
-from freefloat.states_on_path import StatesOnPath
-from freefloat.touch_points import TouchPoint, boundary_attitude, touch_points
-from freefloat.virtual_manipulator import VirtualManipulator
-from freefloat.workspace import merged, path_areas, planar_workspace
+from freefloat.wish.attitude_law import FixedAttitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.workspace.workspace import merged, path_areas, planar_workspace
 
 
 @dataclass(frozen=True)

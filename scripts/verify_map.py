@@ -23,15 +23,15 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_map import AttitudeMap, map_attitudes
-from freefloat.attitude_search import nearest_feasible
-from freefloat.map_boundary import touched_boundary
-from freefloat.outlook import Outlook
-from freefloat.planner import plan
-from freefloat.problem import Margin, Problem
-from freefloat.scenario import load_scenario
-from freefloat.search import Objective, Search
+from freefloat.attitudes.attitude_map import AttitudeMap, map_attitudes
+from freefloat.attitudes.attitude_search import nearest_feasible
+from freefloat.attitudes.map_boundary import touched_boundary
+from freefloat.attitudes.outlook import Outlook
+from freefloat.motion.problem import Margin, Problem
+from freefloat.plans.planner import plan
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import angle_between, frozen, turned
+from freefloat.wish.search import Objective, Search
 
 SCENARIO = "spatial_6dof/line"
 BAD = (0.1, 0.5, 0.2, -0.8367)

@@ -21,16 +21,16 @@ from rich.progress import track
 from rich.table import Table
 
 import freefloat as ff
-from freefloat.attitude_law import FixedAttitude, follow_attitude
-from freefloat.closeness import least
-from freefloat.curve import PolynomialCurve
-from freefloat.integration import integrate_motion
-from freefloat.planar_arm import PlanarArm
-from freefloat.planar_ranges import BranchRanges, find_limits, heading_ranges
-from freefloat.problem import Margin, Problem
-from freefloat.singularity import joint_space_extremes, measure
+from freefloat.machine.singularity import joint_space_extremes, measure
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.problem import Margin, Problem
+from freefloat.ranges.planar_ranges import BranchRanges, find_limits, heading_ranges
 from freefloat.spatial import heading_quaternion
-from freefloat.workspace import path_areas, planar_workspace, point_3_on_path
+from freefloat.wish.attitude_law import FixedAttitude, follow_attitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.workspace.planar_arm import PlanarArm
+from freefloat.workspace.workspace import path_areas, planar_workspace, point_3_on_path
 
 SPACING = 0.25
 AGREEMENT = 0.05

@@ -11,11 +11,11 @@ import time
 from pathlib import Path
 
 import freefloat as ff
+from freefloat.answers.report import plan_document
 from freefloat.bundled import bundled_scenarios
-from freefloat.checking import Verdict, check_plan
-from freefloat.plan_file import save_plan
-from freefloat.planning import search_plan
-from freefloat.report import plan_document
+from freefloat.checking.checking import Verdict, check_plan
+from freefloat.storage.plan_file import save_plan
+from freefloat.tasks.planning import search_plan
 
 
 def planned(name: str, folder: Path) -> Path:

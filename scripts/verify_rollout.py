@@ -28,14 +28,14 @@ from rich.progress import track
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from freefloat.closeness import least
+from freefloat.attitudes.rollout import Roller
 from freefloat.errors import IntegrationError
-from freefloat.integration import integrate_motion
-from freefloat.motion import Ending
-from freefloat.problem import Problem
-from freefloat.rollout import Roller
-from freefloat.rollout_kernels import COMPLETED, FAILED, SINGULAR
-from freefloat.scenario import load_scenario
+from freefloat.kernels.rollout_kernels import COMPLETED, FAILED, SINGULAR
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Problem
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import angle_between
 
 SCENARIOS = ("spatial_6dof/line", "ur5_servicer/arc", "panda_servicer/line")

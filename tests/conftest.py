@@ -13,11 +13,11 @@ from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, sync_playwright
 
 from freefloat.bundled import models_folder
-from freefloat.model import FreeFloatingModel
-from freefloat.problem import Problem
-from freefloat.scenario import load_scenario
-from freefloat.stills import find_browser
-from freefloat.warm_up import warm_up
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.problem import Problem
+from freefloat.playback.stills import find_browser
+from freefloat.scenario.scenario import load_scenario
+from freefloat.tasks.warm_up import warm_up
 from tests.browser import FLAGS
 from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft

@@ -21,24 +21,24 @@ from typing import Any
 import numpy as np
 import yaml
 
-from freefloat.checking import _seals, _verdict
-from freefloat.collision_shapes import collision_shapes
+from freefloat.answers.report import natural_task
+from freefloat.checking.checking import _seals, _verdict
 from freefloat.errors import FreeFloatError
-from freefloat.map_file import load_map
-from freefloat.mesh_files import MeshFileError, read_mesh
-from freefloat.model import FreeFloatingModel
-from freefloat.path import read_samples
-from freefloat.plan_file import load_plan
-from freefloat.report import natural_task
-from freefloat.scenario import load_scenario
-from freefloat.schema import ScenarioFile
-from freefloat.schema_errors import validated
-from freefloat.study import load_study
-from freefloat.study_files import StudyFiles
-from freefloat.study_folder import study_folder
-from freefloat.urdf_doctor import examine
-from freefloat.virtual_manipulator import VirtualManipulator
-from freefloat.visuals import look_of
+from freefloat.limits.collision_shapes import collision_shapes
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.virtual_manipulator import VirtualManipulator
+from freefloat.scenario.scenario import load_scenario
+from freefloat.scenario.schema import ScenarioFile
+from freefloat.scenario.schema_errors import validated
+from freefloat.scene.visuals import look_of
+from freefloat.storage.map_file import load_map
+from freefloat.storage.plan_file import load_plan
+from freefloat.studies.study import load_study
+from freefloat.studies.study_files import StudyFiles
+from freefloat.studies.study_folder import study_folder
+from freefloat.urdf.mesh_files import MeshFileError, read_mesh
+from freefloat.urdf.urdf_doctor import examine
+from freefloat.wish.path import read_samples
 from tests import hostile_samples as good
 from tests.mutations import CSV, JSON, LINES, XML, YAML, Mutator, mutated
 from tests.result_mutations import HDF5, mutated_result

@@ -14,15 +14,15 @@ import numpy as np
 import trimesh
 import yaml
 
+from freefloat.answers.report import simulation_document
 from freefloat.bundled import models_folder
-from freefloat.certificate import certify
-from freefloat.plan_file import save_motion
-from freefloat.report import simulation_document
-from freefloat.result_file import ATTITUDE_MAP, new_result, write_document
-from freefloat.scenario import load_scenario
-from freefloat.seal import seal
-from freefloat.simulation import simulate
+from freefloat.motion.simulation import simulate
+from freefloat.proof.certificate import certify
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
+from freefloat.storage.plan_file import save_motion
+from freefloat.storage.result_file import ATTITUDE_MAP, new_result, write_document
+from freefloat.storage.seal import seal
 from tests.studies import SHORT
 
 SCENARIO = """\

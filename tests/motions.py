@@ -10,19 +10,19 @@ import pinocchio as pin
 from numpy.polynomial import chebyshev
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import FixedAttitude, SlerpAttitude
-from freefloat.curve import PolynomialCurve
-from freefloat.dynamics import Task
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import Motion
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin, Problem
-from freefloat.rollout import Roller, Rollout
-from freefloat.scenario import load_scenario
-from freefloat.singularity import measure
+from freefloat.attitudes.rollout import Roller, Rollout
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Margin, Problem
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion, turn_between
-from freefloat.timing import TimedPath, Timing
+from freefloat.wish.attitude_law import FixedAttitude, SlerpAttitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import TimedPath, Timing
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 """Example 2: from here the path is completed."""

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import SlerpAttitude
-from freefloat.curve import PolynomialCurve
-from freefloat.dynamics import Task
-from freefloat.model import FreeFloatingModel
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin, Problem
-from freefloat.redundancy import Metric, Redundancy, Toward
-from freefloat.singularity import measure
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.redundancy import Metric, Redundancy, Toward
+from freefloat.machine.singularity import measure
+from freefloat.motion.problem import Margin, Problem
 from freefloat.spatial import heading_quaternion
-from freefloat.timing import Stop, TimedPath, Timing
+from freefloat.wish.attitude_law import SlerpAttitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import Stop, TimedPath, Timing
 from tests.robots import planar_robot, random_robot
 
 ARMS = [

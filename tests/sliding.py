@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.attitude_law import FixedAttitude
-from freefloat.curve import PolynomialCurve
-from freefloat.dynamics import Task
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin, Problem
-from freefloat.singularity import measure
-from freefloat.timing import TimedPath, TimeLaw, Timing
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.problem import Margin, Problem
+from freefloat.wish.attitude_law import FixedAttitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import TimedPath, TimeLaw, Timing
 from tests.robots import inertial_text, joint_text, link_text
 
 BUS, HAND = 90.0, 10.0

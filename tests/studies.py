@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from freefloat.study import Study, load_study
+from freefloat.studies.study import Study, load_study
 
 BASE: dict[str, Any] = {
     "robot": {"urdf": "planar_3dof.urdf", "end_effector": "end_effector"},

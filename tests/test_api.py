@@ -16,8 +16,8 @@ import pytest
 import freefloat as ff
 from freefloat.brief import brief
 from freefloat.bundled import models_folder
-from freefloat.motion import Motion
-from freefloat.plan_file import load_plan
+from freefloat.motion.motion import Motion
+from freefloat.storage.plan_file import load_plan
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -65,7 +65,7 @@ def test_help_begins_with_ten_lines_that_run(
     shutil.copy(models_folder() / "spatial_6dof" / "spatial_6dof.urdf", tmp_path / "robot.urdf")
     monkeypatch.chdir(tmp_path)
     shown: list[ff.Plan] = []
-    monkeypatch.setattr("freefloat.plans.Plan.show", lambda plan: shown.append(plan))
+    monkeypatch.setattr("freefloat.plans.plans.Plan.show", lambda plan: shown.append(plan))
     assert code.count("samples=1024") == 1
     exec(code.replace("samples=1024", "samples=64"), {})
     assert [one.feasible for one in shown] == [True]
@@ -122,7 +122,7 @@ def test_every_record_with_long_arrays_in_public_is_brief() -> None:
 def test_a_stored_plan_is_told_in_one_line(tmp_path: Path) -> None:
     from typer.testing import CliRunner
 
-    from freefloat.cli import app
+    from freefloat.cli.entry import app
 
     words = ["simulate", "planar_2dof/line", "--heading", "0", "-o", str(tmp_path / "a.h5")]
     CliRunner().invoke(app, words)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.arc_flow import arc_flow
-from freefloat.dynamics import generalized_determinant
-from freefloat.problem import Problem
+from freefloat.machine.dynamics import generalized_determinant
+from freefloat.motion.arc_flow import arc_flow
+from freefloat.motion.problem import Problem
 from freefloat.spatial import attitude_grid, heading_quaternion
 
 SCENARIOS = ("spatial_6dof/line", "planar_3dof/parabola", "ets_vii/inspect", "ur5_servicer/arc")

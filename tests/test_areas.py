@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import brentq
 
 import freefloat as ff
-from freefloat.areas import exact_workspace, workspace_of
-from freefloat.problem import Problem
-from freefloat.singularity import measure
-from freefloat.workspace import Workspace, path_areas, planar_workspace
+from freefloat.machine.singularity import measure
+from freefloat.motion.problem import Problem
+from freefloat.workspace.areas import exact_workspace, workspace_of
+from freefloat.workspace.workspace import Workspace, path_areas, planar_workspace
 
 
 @pytest.fixture(scope="module")

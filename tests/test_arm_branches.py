@@ -11,16 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from freefloat.arm_branches import (
+from freefloat.kernels.arm_branches import (
     ArmBranch,
     arm_branches,
     nearest_configuration,
     search_arm_branches,
 )
-from freefloat.dynamics import Task
-from freefloat.model import FreeFloatingModel
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.virtual_manipulator import VirtualManipulator
 from freefloat.spatial import Pose, axes_rotation, rotation_matrix, turn_between, unit_quaternion
-from freefloat.virtual_manipulator import VirtualManipulator
 from tests.robots import (
     inertial_text,
     joint_text,

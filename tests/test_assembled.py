@@ -20,11 +20,11 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from freefloat.bundled import EXAMPLE, find_robot
-from freefloat.cli import app
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import Motion
-from freefloat.scenario import load_robot, load_scenario
+from freefloat.cli.entry import app
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Motion
+from freefloat.scenario.scenario import load_robot, load_scenario
 from tests.robots import inertial_text, joint_text, link_text, random_robot
 
 pytestmark = pytest.mark.usefixtures("kernels")

@@ -15,16 +15,16 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from freefloat.assembly import Attachment, Mount, Payload, Spacecraft, assemble
 from freefloat.bundled import EXAMPLE, find_robot
-from freefloat.cli import app
-from freefloat.closeness import least
-from freefloat.dynamics import momentum_map
+from freefloat.cli.entry import app
 from freefloat.errors import InputError, ModelError
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.parts import roll_pitch_yaw
-from freefloat.scenario import load_scenario
+from freefloat.machine.dynamics import momentum_map
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.scenario.scenario import load_scenario
+from freefloat.urdf.assembly import Attachment, Mount, Payload, Spacecraft, assemble
+from freefloat.urdf.parts import roll_pitch_yaw
 from tests.robots import Robot, inertial_text, joint_text, link_text, random_inertia, random_robot
 
 UR5 = """

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import (
+from freefloat.errors import InputError
+from freefloat.wish.attitude_law import (
     FixedAttitude,
     SampledAttitude,
     SlerpAttitude,
     follow_attitude,
     point_at_attitude,
 )
-from freefloat.curve import ArcCurve, PolynomialCurve, SplineCurve
-from freefloat.errors import InputError
+from freefloat.wish.curve import ArcCurve, PolynomialCurve, SplineCurve
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

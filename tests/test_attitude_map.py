@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat import attitude_map
-from freefloat.attitude_map import AttitudeMap, depths, map_attitudes, regions
+from freefloat.attitudes import attitude_map
+from freefloat.attitudes.attitude_map import AttitudeMap, depths, map_attitudes, regions
+from freefloat.attitudes.outlook import UNREACHED, Outlook, Prospects
 from freefloat.errors import InputError
-from freefloat.outlook import UNREACHED, Outlook, Prospects
-from freefloat.problem import Margin, Problem
-from freefloat.rollout_kernels import COMPLETED, SINGULAR
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
+from freefloat.kernels.rollout_kernels import COMPLETED, SINGULAR
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import simulate
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import angle_between, attitude_grid, attitudes_within, grid_spacing
 
 SAMPLES = 512

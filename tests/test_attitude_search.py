@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat import attitude_search
-from freefloat.attitude_depth import deepest, safe_radius
-from freefloat.attitude_map import AttitudeMap, map_attitudes
-from freefloat.attitude_search import (
+from freefloat.attitudes import attitude_search
+from freefloat.attitudes.attitude_depth import deepest, safe_radius
+from freefloat.attitudes.attitude_map import AttitudeMap, map_attitudes
+from freefloat.attitudes.attitude_search import (
     Candidate,
     largest_margins,
     nearest_feasible,
 )
-from freefloat.outlook import Outlook
-from freefloat.problem import Margin, Problem
-from freefloat.rollout_kernels import COMPLETED
-from freefloat.scenario import load_scenario
+from freefloat.attitudes.outlook import Outlook
+from freefloat.kernels.rollout_kernels import COMPLETED
+from freefloat.motion.problem import Margin, Problem
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import (
     angle_between,
     attitude_grid,

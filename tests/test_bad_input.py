@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from freefloat.bundled import models_folder
-from freefloat.cli import app
+from freefloat.cli.entry import app
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -21,11 +21,11 @@ from playwright.sync_api import Browser
 from typer.testing import CliRunner
 
 from freefloat.bundled import bundled_studies
-from freefloat.cli import app
-from freefloat.plan_file import load_plan
-from freefloat.study import load_study
-from freefloat.study_files import StudyFiles
-from freefloat.study_folder import study_folder
+from freefloat.cli.entry import app
+from freefloat.storage.plan_file import load_plan
+from freefloat.studies.study import load_study
+from freefloat.studies.study_files import StudyFiles
+from freefloat.studies.study_folder import study_folder
 from tests.studies import SHORT, TURNS, write_study
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -286,7 +286,7 @@ def test_a_dry_run_of_nothing_but_failures_says_so(folder: Path) -> None:
 
 @pytest.mark.parametrize("name", bundled_studies())
 def test_every_bundled_study_can_be_listed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("freefloat.batching._timed", lambda *_: (1.0, "nothing"))
+    monkeypatch.setattr("freefloat.tasks.batching._timed", lambda *_: (1.0, "nothing"))
     document = answer(name, "--dry-run")
     assert document["count"] == len(document["cases"]) > 1
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.body_poses import body_poses
-from freefloat.model import FreeFloatingModel
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.scene.body_poses import body_poses
 from tests.robots import random_robot
 
 

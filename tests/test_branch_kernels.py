@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from freefloat.arm_branches import (
+from freefloat.kernels.arm_branches import (
     BranchSets,
     arm_branches,
     many_arm_branches,
     search_arm_branches,
 )
-from freefloat.chain_kernels import (
+from freefloat.kernels.chain_kernels import (
     Chain,
     damped_step,
     into_range,
@@ -24,11 +24,11 @@ from freefloat.chain_kernels import (
     scratch_for,
     turn_vector,
 )
-from freefloat.dynamics import Task
-from freefloat.model import FreeFloatingModel
-from freefloat.search_kernels import places_by_name
+from freefloat.kernels.search_kernels import places_by_name
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.virtual_manipulator import VirtualManipulator
 from freefloat.spatial import Pose
-from freefloat.virtual_manipulator import VirtualManipulator
 from tests.robots import AWKWARD, planar_robot, random_robot
 
 ALL_ROWS = np.arange(6)

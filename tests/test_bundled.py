@@ -22,9 +22,9 @@ from freefloat.bundled import (
     models_folder,
 )
 from freefloat.errors import InputError
-from freefloat.model import FreeFloatingModel
-from freefloat.scenario import load_scenario
-from freefloat.urdf import read_urdf
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.scenario.scenario import load_scenario
+from freefloat.urdf.urdf import read_urdf
 
 
 def test_the_papers_robots_and_scenarios_are_there() -> None:

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from freefloat.case import CaseRunner
-from freefloat.case_result import CaseResult
-from freefloat.closeness import least
-from freefloat.plan_file import load_plan
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
+from freefloat.motion.closeness import least
+from freefloat.motion.simulation import simulate
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.study_files import StudyFiles
+from freefloat.storage.plan_file import load_plan
+from freefloat.studies.case import CaseRunner
+from freefloat.studies.case_result import CaseResult
+from freefloat.studies.study_files import StudyFiles
 from tests.studies import BASE, TURNS, a_study, write_study
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -150,7 +150,7 @@ def test_a_solver_that_fails_is_a_row_too(tmp_path: Path, monkeypatch: pytest.Mo
     def fails(*_: object, **__: object) -> None:
         raise np.linalg.LinAlgError("Singular\nmatrix")
 
-    monkeypatch.setattr("freefloat.case_answer.simulate", fails)
+    monkeypatch.setattr("freefloat.studies.case_answer.simulate", fails)
     row = run(tmp_path)[0].row
     assert row["error"] == "LinAlgError: Singular matrix"
 

@@ -7,15 +7,15 @@ from functools import partial
 import numpy as np
 import pytest
 
-from freefloat.certificate import certify
-from freefloat.closeness import least
-from freefloat.integration import integrate_motion
-from freefloat.lie_integration import follow_again
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import DEGREE, Ending
-from freefloat.mujoco_engine import Engine
-from freefloat.mujoco_runs import forward_run, inverse_run
-from freefloat.scenario import load_scenario, parse_scenario
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import DEGREE, Ending
+from freefloat.proof.certificate import certify
+from freefloat.proof.lie_integration import follow_again
+from freefloat.proof.mujoco_engine import Engine
+from freefloat.proof.mujoco_runs import forward_run, inverse_run
+from freefloat.scenario.scenario import load_scenario, parse_scenario
 from freefloat.spatial import heading_quaternion
 from tests.robots import random_robot
 from tests.sliding import sliding_motion, sliding_robot

@@ -9,11 +9,11 @@ import pytest
 import yaml
 
 from freefloat.bundled import models_folder
-from freefloat.limit_checks import LimitChecker
-from freefloat.limited_planner import keep_limits
-from freefloat.plans import Plan
-from freefloat.scenario import Scenario, parse_scenario
-from freefloat.spatial_planner import plan_in_space
+from freefloat.limits.limit_checks import LimitChecker
+from freefloat.plans.limited_planner import keep_limits
+from freefloat.plans.plans import Plan
+from freefloat.plans.spatial_planner import plan_in_space
+from freefloat.scenario.scenario import Scenario, parse_scenario
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

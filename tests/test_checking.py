@@ -11,16 +11,15 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat import robust_checks
-from freefloat.checking import check_plan
-from freefloat.checks import Check
-from freefloat.cli import app
+from freefloat.answers.report import plan_document, simulation_document
+from freefloat.checking.checking import check_plan, robust_checks
+from freefloat.checking.checks import Check
+from freefloat.cli.entry import app
 from freefloat.errors import InputError
-from freefloat.limit_checks import LimitChecker
-from freefloat.plan_file import load_plan, save_motion, save_plan
-from freefloat.report import plan_document, simulation_document
-from freefloat.scenario import parse_scenario
-from freefloat.seal import seal
+from freefloat.limits.limit_checks import LimitChecker
+from freefloat.scenario.scenario import parse_scenario
+from freefloat.storage.plan_file import load_plan, save_motion, save_plan
+from freefloat.storage.seal import seal
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

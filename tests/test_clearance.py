@@ -6,13 +6,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from freefloat.clearance import TOLERANCE, nearest
-from freefloat.collision_pairs import CollisionPairs
-from freefloat.collision_shapes import collision_shapes
 from freefloat.errors import ModelError
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.scenario import load_scenario
+from freefloat.limits.clearance import TOLERANCE, nearest
+from freefloat.limits.collision_pairs import CollisionPairs
+from freefloat.limits.collision_shapes import collision_shapes
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.integration import integrate_motion
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
 from tests.robots import joint_text, random_robot
 from tests.sliding import RELATIVE, shape_text, sliding_motion, sliding_robot

@@ -19,9 +19,9 @@ import yaml
 from typer.testing import CliRunner
 
 from freefloat.bundled import bundled_robots, bundled_scenarios, models_folder
-from freefloat.cli import app
-from freefloat.dynamics import Task
-from freefloat.scenario import load_scenario
+from freefloat.cli.entry import app
+from freefloat.machine.dynamics import Task
+from freefloat.scenario.scenario import load_scenario
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freefloat.closeness import first_place_below, least
-from freefloat.integration import integrate_motion
-from freefloat.motion import Ending
-from freefloat.problem import Margin
-from freefloat.scenario import load_scenario
-from freefloat.singularity import NAMES, Measure, measure
+from freefloat.machine.singularity import NAMES, Measure, measure
+from freefloat.motion.closeness import first_place_below, least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Margin
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from freefloat.answers.catalogue import catalogue
 from freefloat.bundled import bundled_robots, bundled_scenarios, bundled_studies
-from freefloat.catalogue import catalogue
-from freefloat.cli import app
+from freefloat.cli.entry import app
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -239,6 +239,6 @@ def test_a_shell_completes_commands_bundled_names_and_files(tmp_path: Path) -> N
 
 
 def test_a_word_in_a_folder_that_is_not_there_completes_to_nothing() -> None:
-    from freefloat.completion import scenario_names
+    from freefloat.cli.completion import scenario_names
 
     assert scenario_names("no/such/folder/a") == []

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.compiled import compiled
+from freefloat.kernels.compiled import compiled
 
 HELPER = """
-from freefloat.compiled import compiled
+from freefloat.kernels.compiled import compiled
 
 @compiled
 def factor() -> float:
     return {value}
 """
 KERNEL = """
-from freefloat.compiled import compiled
+from freefloat.kernels.compiled import compiled
 from helper import factor
 
 @compiled

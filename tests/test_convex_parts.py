@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull, Delaunay
 
-from freefloat.convex_parts import _beyond, convex_parts
+from freefloat.limits.convex_parts import _beyond, convex_parts
 
 
 def volume(parts):

@@ -5,8 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from freefloat.curve import ArcCurve, PolynomialCurve, SplineCurve
 from freefloat.errors import InputError
+from freefloat.wish.curve import ArcCurve, PolynomialCurve, SplineCurve
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

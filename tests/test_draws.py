@@ -9,9 +9,9 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from freefloat.draws import drawn, listed, refuse_bad_draw
 from freefloat.errors import InputError
-from freefloat.study_schema import DrawSection
+from freefloat.studies.draws import drawn, listed, refuse_bad_draw
+from freefloat.studies.study_schema import DrawSection
 
 COUNT = 2000
 UNIFORM = 0.3680156217372059

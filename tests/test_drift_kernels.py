@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import FixedAttitude
-from freefloat.curve import PolynomialCurve
-from freefloat.drift_kernels import (
+from freefloat.attitudes.rollout import Roller
+from freefloat.kernels.drift_kernels import (
     DQ,
     HAND,
     JAC,
@@ -25,7 +24,8 @@ from freefloat.drift_kernels import (
     form_jacobian,
     solve_rates,
 )
-from freefloat.dynamics import (
+from freefloat.kernels.measure_kernels import measure_at
+from freefloat.machine.dynamics import (
     DriftEquation,
     Task,
     generalized_determinant,
@@ -33,16 +33,16 @@ from freefloat.dynamics import (
     inertia_matrices,
     system_matrix,
 )
-from freefloat.measure_kernels import measure_at
-from freefloat.model import FreeFloatingModel
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin, Problem
-from freefloat.rollout import Roller
-from freefloat.scenario import load_scenario
-from freefloat.singularity import NAMES, measure
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import NAMES, measure
+from freefloat.machine.virtual_manipulator import VirtualManipulator
+from freefloat.motion.problem import Margin, Problem
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import rotation_matrix
-from freefloat.timing import TimedPath, Timing
-from freefloat.virtual_manipulator import VirtualManipulator
+from freefloat.wish.attitude_law import FixedAttitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import TimedPath, Timing
 from tests.robots import (
     Robot,
     inertial_text,

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics import (
+from freefloat.errors import InputError
+from freefloat.machine.dynamics import (
     DriftEquation,
     Task,
     end_effector_jacobian,
@@ -20,8 +21,7 @@ from freefloat.dynamics import (
     momentum_map,
     system_matrix,
 )
-from freefloat.errors import InputError
-from freefloat.model import FreeFloatingModel
+from freefloat.machine.model import FreeFloatingModel
 from freefloat.spatial import rotation_matrix, turn_between
 from tests.motions import relative
 from tests.robots import (

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.dynamics import Task
-from freefloat.elbow_arm import elbow_arm, wrist_distances, wrist_in_hand
 from freefloat.errors import InputError
-from freefloat.model import FreeFloatingModel
-from freefloat.singularity import measure
-from freefloat.virtual_manipulator import VirtualManipulator
-from freefloat.workspace import margin_curves, point_3, two_angles
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.machine.virtual_manipulator import VirtualManipulator
+from freefloat.workspace.elbow_arm import elbow_arm, wrist_distances, wrist_in_hand
+from freefloat.workspace.workspace import margin_curves, point_3, two_angles
 
 VARIANTS = {
     "published": ("", ""),

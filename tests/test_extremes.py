@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from freefloat.extremes import at_nodes, largest
+from freefloat.limits.extremes import at_nodes, largest
 from tests.sliding import sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

@@ -12,7 +12,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from freefloat.errors import InputError
-from freefloat.figure_style import (
+from freefloat.figures.figure_style import (
     STROKES,
     axis_label,
     digits,

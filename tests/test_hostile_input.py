@@ -16,26 +16,26 @@ import h5py
 import numpy as np
 import pytest
 
-from freefloat import hdf5_probe
 from freefloat.errors import InputError
-from freefloat.figure_style import new_figure
-from freefloat.mesh_files import MeshFileError, read_mesh
-from freefloat.mesh_places import find_mesh
-from freefloat.model import FreeFloatingModel
-from freefloat.path import read_samples
-from freefloat.plan_file import load_plan
-from freefloat.playback import play
-from freefloat.problem import Problem
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
+from freefloat.figures.figure_style import new_figure
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.problem import Problem
+from freefloat.motion.simulation import simulate
+from freefloat.playback.playback import play
+from freefloat.scenario.scenario import load_scenario
+from freefloat.scenario.yaml_file import parse_yaml
 from freefloat.spatial import heading_quaternion
-from freefloat.study import load_study
-from freefloat.study_files import StudyFiles
-from freefloat.study_report import save_report
-from freefloat.study_summary import study_summary
-from freefloat.study_table import study_table
-from freefloat.urdf_doctor import examine
-from freefloat.yaml_file import parse_yaml
+from freefloat.storage import hdf5_probe
+from freefloat.storage.plan_file import load_plan
+from freefloat.studies.study import load_study
+from freefloat.studies.study_files import StudyFiles
+from freefloat.studies.study_report import save_report
+from freefloat.studies.study_summary import study_summary
+from freefloat.studies.study_table import study_table
+from freefloat.urdf.mesh_files import MeshFileError, read_mesh
+from freefloat.urdf.mesh_places import find_mesh
+from freefloat.urdf.urdf_doctor import examine
+from freefloat.wish.path import read_samples
 from tests import hostile_samples as good
 from tests.hostile import KINDS, READ, REFUSED, Watch, outcome
 from tests.studies import BASE, a_study, write_study

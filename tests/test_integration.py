@@ -8,17 +8,17 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import FixedAttitude, SlerpAttitude, follow_attitude
-from freefloat.curve import ArcCurve, PolynomialCurve
-from freefloat.dynamics import Task, generalized_jacobian
 from freefloat.errors import InputError
-from freefloat.integration import integrate_motion
-from freefloat.motion import Ending
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin
-from freefloat.singularity import joint_space_extremes, measure
+from freefloat.machine.dynamics import Task, generalized_jacobian
+from freefloat.machine.singularity import joint_space_extremes, measure
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Margin
 from freefloat.spatial import heading_of, rotation_matrix
-from freefloat.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.wish.attitude_law import FixedAttitude, SlerpAttitude, follow_attitude
+from freefloat.wish.curve import ArcCurve, PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import Stop, TimedPath, TimeLaw, Timing
 from tests.motions import (
     BAD,
     GOOD,
@@ -179,7 +179,7 @@ def test_a_redundant_arm_does_not_creep_along_a_singularity(spatial, monkeypatch
     Position along the line of Example 2, six joints: the least-norm rates of this configuration
     lead into a rank loss, where time stands still.
     """
-    monkeypatch.setattr("freefloat.integration._MAX_STEPS", 600)
+    monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", 600)
     problem = replace(spatial, task=Task.POSITION)
     attitude = problem.attitude("attitude", GOOD)
     joints = [-1.3803, 2.2726, 1.971, 1.7142, -2.9989, -0.8725]

@@ -6,10 +6,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from freefloat.integration import integrate_motion
-from freefloat.joint_spans import _turns, joint_ranges, joint_spans, whole_turns, wound
-from freefloat.model import FreeFloatingModel
-from freefloat.scenario import load_scenario
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.joint_spans import _turns, joint_ranges, joint_spans, whole_turns, wound
+from freefloat.scenario.scenario import load_scenario
 from tests.sliding import RELATIVE, sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

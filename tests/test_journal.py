@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.journal import Journal, read_rows
+from freefloat.studies.journal import Journal, read_rows
 
 
 @pytest.fixture

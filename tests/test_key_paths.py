@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.key_paths import refuse_unknown_path, with_values
-from freefloat.schema import ScenarioFile
+from freefloat.scenario.schema import ScenarioFile
+from freefloat.studies.key_paths import refuse_unknown_path, with_values
 
 
 @pytest.mark.parametrize(

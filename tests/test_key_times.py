@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from freefloat.body_poses import body_poses
-from freefloat.key_times import key_times
-from freefloat.motion import Ending, Motion
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.simulation import simulate
+from freefloat.scenario.scenario import load_scenario
+from freefloat.scene.body_poses import body_poses
+from freefloat.scene.key_times import key_times
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.integration import integrate_motion
-from freefloat.limit_checks import LimitChecker, limit_findings
-from freefloat.limits import LimitFinding, LimitKind, Limits, needed_stretch
-from freefloat.motion import Ending, Motion
-from freefloat.scenario import load_scenario
+from freefloat.limits.limit_checks import LimitChecker, limit_findings
+from freefloat.limits.limits import LimitFinding, LimitKind, Limits, needed_stretch
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.time_series import TimeSeries
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.time_series import TimeSeries
-from freefloat.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.wish.timing import Stop, TimedPath, TimeLaw, Timing
 from tests.sliding import (
     DURATION,
     HAND,

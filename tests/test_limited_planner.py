@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.limit_checks import LimitChecker
-from freefloat.limited_planner import keep_limits
-from freefloat.limits import LimitKind, Limits
-from freefloat.planner import plan
-from freefloat.plans import Plan
-from freefloat.problem import Problem
-from freefloat.robustness import with_robustness
-from freefloat.scenario import load_scenario, parse_scenario
-from freefloat.search import Objective, Search
+from freefloat.limits.limit_checks import LimitChecker
+from freefloat.limits.limits import LimitKind, Limits
+from freefloat.motion.problem import Problem
+from freefloat.plans.limited_planner import keep_limits
+from freefloat.plans.planner import plan
+from freefloat.plans.plans import Plan
+from freefloat.plans.robustness import with_robustness
+from freefloat.plans.spatial_planner import plan_in_space
+from freefloat.scenario.scenario import load_scenario, parse_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.spatial_planner import plan_in_space
+from freefloat.wish.search import Objective, Search
 
 PLANAR = load_scenario("planar_3dof/parabola")
 LINE = load_scenario("spatial_6dof/line")

@@ -8,13 +8,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_map import AttitudeMap, map_attitudes
+from freefloat.attitudes.attitude_map import AttitudeMap, map_attitudes
+from freefloat.attitudes.map_boundary import (
+    EXACT,
+    ROUGH,
+    Inside,
+    bisected,
+    boundary,
+    edge,
+    touched_boundary,
+)
+from freefloat.attitudes.outlook import Outlook
 from freefloat.errors import InputError
-from freefloat.map_boundary import EXACT, ROUGH, Inside, bisected, boundary, edge, touched_boundary
-from freefloat.outlook import Outlook
-from freefloat.problem import Margin, Problem
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import simulate
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import angle_between, attitude_grid, grid_spacing, turned
 
 MARGIN = 30.0

@@ -10,10 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.cli import app
+from freefloat.attitudes.planar_search import heading_map
+from freefloat.cli.entry import app
 from freefloat.errors import InputError
-from freefloat.map_file import load_map
-from freefloat.planar_search import heading_map
+from freefloat.storage.map_file import load_map
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -8,11 +8,11 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import to_rgba
 
 import freefloat as ff
-from freefloat.attitude_map import map_attitudes
-from freefloat.figure_style import BLUE, GREY, save_figures
-from freefloat.map_plots import map_figures
-from freefloat.map_slices import Mark, map_slices
-from freefloat.outlook import Outlook
+from freefloat.attitudes.attitude_map import map_attitudes
+from freefloat.attitudes.map_slices import Mark, map_slices
+from freefloat.attitudes.outlook import Outlook
+from freefloat.figures.figure_style import BLUE, GREY, save_figures
+from freefloat.figures.map_plots import map_figures
 
 BRANCHES = 4  # the others are twins
 
@@ -117,7 +117,7 @@ def test_a_map_with_nothing_feasible_is_drawn(problem, tmp_path):
 
 def test_plans_in_space_show_their_map_and_where_the_spacecraft_is_now(problem):
     """Also infeasible ones, which have no motion to show."""
-    from freefloat.plots import plan_figures
+    from freefloat.figures.plots import plan_figures
 
     found = map_attitudes(Outlook(problem), 50)
     search = ff.Search(ff.Objective.NEAREST, np.array([0.0, 0.0, 0.0, 1.0]))

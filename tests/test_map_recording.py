@@ -12,8 +12,11 @@ import umsgpack
 from playwright.sync_api import Browser
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_map import AttitudeMap, map_attitudes
-from freefloat.map_recording import (
+from freefloat.attitudes.attitude_map import AttitudeMap, map_attitudes
+from freefloat.attitudes.outlook import Outlook
+from freefloat.playback.playback import Playback
+from freefloat.scenario.scenario import load_scenario
+from freefloat.scene.map_recording import (
     ANY,
     AXES,
     BACK,
@@ -24,11 +27,8 @@ from freefloat.map_recording import (
     MARKS,
     map_recording,
 )
-from freefloat.margin_colours import MarginColours
-from freefloat.outlook import Outlook
-from freefloat.playback import Playback
-from freefloat.recording import Recording
-from freefloat.scenario import load_scenario
+from freefloat.scene.margin_colours import MarginColours
+from freefloat.scene.recording import Recording
 from tests.browser import Shown, differing, shown
 
 SECOND = "shoulder+ elbow- wrist±"

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.map_slices import Mark, map_slices, rotation_vectors, told_marks
-from freefloat.outlook import Outlook
+from freefloat.attitudes.map_slices import Mark, map_slices, rotation_vectors, told_marks
+from freefloat.attitudes.outlook import Outlook
 
 SIDE = 15
 ATTITUDE = Rotation.from_rotvec([1.2, -0.5, 0.9]).as_quat()

@@ -18,21 +18,20 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from freefloat import console
-from freefloat.attitude_map import AttitudeMap, map_attitudes, regions
-from freefloat.attitude_search import Candidate
-from freefloat.cli import app
+from freefloat.answers.map_report import attitude_map_document
+from freefloat.answers.tables import attitude_map_tables, plan_tables
+from freefloat.attitudes.attitude_map import AttitudeMap, map_attitudes, regions
+from freefloat.attitudes.attitude_search import Candidate
+from freefloat.attitudes.outlook import Outlook
+from freefloat.cli.entry import app, console
 from freefloat.errors import InputError
-from freefloat.map_file import load_map, map_file
-from freefloat.map_report import attitude_map_document
-from freefloat.mapping import Wishes, map_in_space
-from freefloat.outlook import Outlook
-from freefloat.plan_file import load_plan
-from freefloat.plans import Plan
-from freefloat.problem import Margin
-from freefloat.scenario import load_scenario
-from freefloat.search import Search
-from freefloat.tables import attitude_map_tables, plan_tables
+from freefloat.motion.problem import Margin
+from freefloat.plans.plans import Plan
+from freefloat.scenario.scenario import load_scenario
+from freefloat.storage.map_file import load_map, map_file
+from freefloat.storage.plan_file import load_plan
+from freefloat.tasks.mapping import Wishes, map_in_space
+from freefloat.wish.search import Search
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -163,7 +162,7 @@ def test_figures_of_a_map_are_drawn_and_told(folder: Path) -> None:
 def test_an_interrupted_map_leaves_nothing_behind(
     partly: AttitudeMap, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from freefloat.map_file import MapWriter
+    from freefloat.storage.map_file import MapWriter
 
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
@@ -318,7 +317,7 @@ def test_an_infeasible_plan_in_space_says_why(name: str, words: str, folder: Pat
 def test_people_are_told_what_was_not_confirmed() -> None:
     problem = load_scenario("easy.yaml").problem()
     plan = Plan(problem, Search(), False, "no", disagreements=("branch 3 becomes singular",))
-    from freefloat.report import plan_document
+    from freefloat.answers.report import plan_document
 
     document = {**plan_document(plan), "samples": 8, "feasible_fraction": 0.0}
     document["feasible_fraction_error"] = 0.0

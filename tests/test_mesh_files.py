@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from freefloat.bundled import examples_folder
-from freefloat.mesh_files import MeshFileError, Part, find_mesh, read_mesh
+from freefloat.urdf.mesh_files import MeshFileError, Part, find_mesh, read_mesh
 
 EXAMPLES = [
     path

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from freefloat.bundled import models_folder
-from freefloat.dynamics import generalized_jacobian, momentum_map
 from freefloat.errors import InputError, ModelError
-from freefloat.model import FreeFloatingModel
+from freefloat.machine.dynamics import generalized_jacobian, momentum_map
+from freefloat.machine.model import FreeFloatingModel
 from freefloat.spatial import rotation_matrix
-from freefloat.urdf import read_urdf
+from freefloat.urdf.urdf import read_urdf
 from tests.robots import (
     Robot,
     attitudes,

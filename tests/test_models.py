@@ -13,14 +13,14 @@ import trimesh
 import yourdfpy
 
 from freefloat.bundled import bundled_robots, bundled_scenarios, find_robot
-from freefloat.closeness import least
-from freefloat.dynamics import Task
-from freefloat.integration import integrate_motion
-from freefloat.limited_planner import keep_limits
-from freefloat.model import FreeFloatingModel
-from freefloat.planar_planner import plan_in_plane
-from freefloat.scenario import load_scenario
-from freefloat.spatial_planner import plan_in_space
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.plans.limited_planner import keep_limits
+from freefloat.plans.planar_planner import plan_in_plane
+from freefloat.plans.spatial_planner import plan_in_space
+from freefloat.scenario.scenario import load_scenario
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -9,16 +9,16 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import FixedAttitude
-from freefloat.curve import PolynomialCurve
-from freefloat.dynamics import Task, end_effector_jacobian
 from freefloat.errors import InputError
-from freefloat.integration import integrate_motion
-from freefloat.motion import DEGREE, Ending, Motion
-from freefloat.path import EndEffectorPath
-from freefloat.scenario import load_scenario
+from freefloat.machine.dynamics import Task, end_effector_jacobian
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import DEGREE, Ending, Motion
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion, rotation_matrix
-from freefloat.timing import TimedPath, Timing
+from freefloat.wish.attitude_law import FixedAttitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import TimedPath, Timing
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

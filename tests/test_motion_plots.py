@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from freefloat.figure_style import PALE, VERMILION, axis_label
-from freefloat.motion_plots import motion_figures, shown_times
-from freefloat.scenario import load_scenario
-from freefloat.simulation import FollowedBranch, simulate
+from freefloat.figures.figure_style import PALE, VERMILION, axis_label
+from freefloat.figures.motion_plots import motion_figures, shown_times
+from freefloat.motion.simulation import FollowedBranch, simulate
+from freefloat.motion.time_series import TimeSeries
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.time_series import TimeSeries
 from tests.figures import labels, line, overlaps, unlabelled
 
 

@@ -6,25 +6,25 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from freefloat.closeness import least
-from freefloat.dynamics import (
+from freefloat.errors import InputError
+from freefloat.machine.dynamics import (
     DriftEquation,
     Task,
     end_effector_jacobian,
     generalized_jacobian,
     momentum_map,
 )
-from freefloat.errors import InputError
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.mujoco_engine import Engine
-from freefloat.null_space import middles
-from freefloat.redundancy import Metric, Redundancy, Toward
-from freefloat.scenario import load_scenario
-from freefloat.singularity import measure
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.null_space import middles
+from freefloat.machine.redundancy import Metric, Redundancy, Toward
+from freefloat.machine.singularity import measure
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.time_series import TimeSeries
+from freefloat.proof.mujoco_engine import Engine
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import angle_between
-from freefloat.time_series import TimeSeries
-from freefloat.timing import TimeLaw, Timing
+from freefloat.wish.timing import TimeLaw, Timing
 from tests.motions import differentiated
 from tests.redundant import ARMS, choices, redundant
 from tests.robots import planar_robot

@@ -16,14 +16,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
-from freefloat.cli import app
+from freefloat.cli.entry import app
 from freefloat.errors import InputError
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import Motion
-from freefloat.result_file import read_origin
-from freefloat.scenario import load_scenario
-from freefloat.visuals import look_of
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Motion
+from freefloat.scenario.scenario import load_scenario
+from freefloat.scene.visuals import look_of
+from freefloat.storage.result_file import read_origin
 from tests.robots import inertial_text, joint_text, link_text
 
 pytestmark = pytest.mark.usefixtures("kernels")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from freefloat.bundled import models_folder
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import Ending, Motion
-from freefloat.outlines import outlines, spacecraft_box
-from freefloat.scenario import load_scenario
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.motion import Ending, Motion
+from freefloat.scenario.scenario import load_scenario
+from freefloat.scene.outlines import outlines, spacecraft_box
 from freefloat.spatial import heading_quaternion, rotation_matrix
 
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from freefloat.attitudes.outlook import UNREACHED, Outlook, Prospects, has_twin_branches
 from freefloat.bundled import models_folder
 from freefloat.errors import UnreachableError
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import Ending
-from freefloat.outlook import UNREACHED, Outlook, Prospects, has_twin_branches
-from freefloat.problem import Margin, Problem
-from freefloat.rollout_kernels import COMPLETED, MARGIN, SINGULAR
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
-from freefloat.singularity import measure
+from freefloat.kernels.rollout_kernels import COMPLETED, MARGIN, SINGULAR
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import simulate
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import angle_between, attitude_grid, heading_quaternion
 
 ROUNDING = 1e-4

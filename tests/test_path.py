@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import FixedAttitude, SlerpAttitude, follow_attitude
-from freefloat.curve import ArcCurve, PolynomialCurve, SplineCurve
 from freefloat.errors import InputError
-from freefloat.path import EndEffectorPath, read_samples
+from freefloat.wish.attitude_law import FixedAttitude, SlerpAttitude, follow_attitude
+from freefloat.wish.curve import ArcCurve, PolynomialCurve, SplineCurve
+from freefloat.wish.path import EndEffectorPath, read_samples
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

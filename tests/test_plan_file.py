@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import freefloat as ff
+from freefloat.answers.report import plan_document, simulation_document
 from freefloat.bundled import find_robot
-from freefloat.cli import app
+from freefloat.cli.entry import app
 from freefloat.errors import InputError
-from freefloat.plan_file import load_plan, save_motion, save_plan
-from freefloat.plans import Plan
-from freefloat.report import plan_document, simulation_document
-from freefloat.result_file import kind_of
+from freefloat.plans.plans import Plan
+from freefloat.storage.plan_file import load_plan, save_motion, save_plan
+from freefloat.storage.result_file import kind_of
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from freefloat.dynamics import DriftEquation, Task, inertia_matrices
-from freefloat.model import FreeFloatingModel
-from freefloat.planar_arm import PlanarArm
-from freefloat.singularity import measure
+from freefloat.machine.dynamics import DriftEquation, Task, inertia_matrices
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
 from freefloat.spatial import heading_quaternion
+from freefloat.workspace.planar_arm import PlanarArm
 
 URDF = """<robot name="bent"><link name="l0"><inertial><origin xyz="0.1 -0.2 0"/><mass value="90"/>
 <inertia ixx="9" ixy="0" ixz="0" iyy="9" iyz="0" izz="12"/></inertial></link>

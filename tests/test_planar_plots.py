@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from freefloat.motion import Motion
-from freefloat.planar_arm import PlanarArm
-from freefloat.planar_plots import headings_figure, joint_space_figure, wrapped
-from freefloat.planar_ranges import BranchRanges, HeadingRange, LimitCause
-from freefloat.planar_search import HeadingMap
-from freefloat.problem import Margin, Problem
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
-from freefloat.singularity import measure
+from freefloat.attitudes.planar_search import HeadingMap
+from freefloat.figures.planar_plots import headings_figure, joint_space_figure, wrapped
+from freefloat.machine.singularity import measure
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import simulate
+from freefloat.ranges.planar_ranges import BranchRanges, HeadingRange, LimitCause
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.workspace import point_3, two_angles
+from freefloat.workspace.planar_arm import PlanarArm
+from freefloat.workspace.workspace import point_3, two_angles
 from tests.figures import labels, line, overlaps, unlabelled
 
 PLANAR = load_scenario("planar_3dof/parabola").problem()

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import freefloat as ff
-from freefloat.planar_ranges import (
+from freefloat.machine.singularity import largest_magnitude
+from freefloat.ranges.planar_ranges import (
     TURN,
     HeadingRange,
     LimitCause,
@@ -18,7 +19,6 @@ from freefloat.planar_ranges import (
     keeps_margin,
     margin_level,
 )
-from freefloat.singularity import largest_magnitude
 from freefloat.spatial import heading_quaternion
 
 
@@ -71,8 +71,8 @@ def test_limits_are_sharp(example_1, ranges):
 
 def test_a_path_inside_the_path_independent_area_serves_from_everywhere(example_1):
     """No singularity can occur there: with a zero margin every heading of both branches serves."""
-    from freefloat.attitude_law import FixedAttitude
-    from freefloat.curve import PolynomialCurve
+    from freefloat.wish.attitude_law import FixedAttitude
+    from freefloat.wish.curve import PolynomialCurve
 
     curve = PolynomialCurve.line([1.9, 0.0, 0.0], [1.9, 0.4, 0.0])
     path = ff.EndEffectorPath(curve, FixedAttitude(np.eye(3)))

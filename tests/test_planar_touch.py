@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.planar_touch import TouchKind, touch_points
+from freefloat.ranges.planar_touch import TouchKind, touch_points
 from freefloat.spatial import heading_quaternion
 
 
@@ -67,7 +67,7 @@ def test_without_momentum_the_rests_hide_nothing(problem):
 
 def test_no_root_is_missed_by_the_sampling(problem, touches):
     """Ten times as many instants find the same touch points."""
-    import freefloat.planar_touch as room
+    import freefloat.ranges.planar_touch as room
 
     coarse = room._TIMES
     try:

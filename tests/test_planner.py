@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.attitudes.planar_search import (
+    attitudes_at,
+    heading_map,
+    heading_outlook,
+    searched_ranges,
+)
 from freefloat.errors import InputError
-from freefloat.planar_search import attitudes_at, heading_map, heading_outlook, searched_ranges
 from freefloat.spatial import frozen, heading_of, heading_quaternion
 
 
@@ -54,8 +59,8 @@ def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, now, deviat
 
 def moved(problem, start, end, value):
     """The same arm on another line with another margin."""
-    from freefloat.attitude_law import FixedAttitude
-    from freefloat.curve import PolynomialCurve
+    from freefloat.wish.attitude_law import FixedAttitude
+    from freefloat.wish.curve import PolynomialCurve
 
     path = ff.EndEffectorPath(PolynomialCurve.line(start, end), FixedAttitude(np.eye(3)))
     margin = ff.Margin(problem.margin.measure, value)
@@ -160,8 +165,8 @@ def test_misuse_is_refused(problem):
 
 def test_a_sliver_beside_the_reach_is_found_by_search(problem):
     """Sampled ranges look just inside the reach, where a range may be narrower than the spacing."""
-    from freefloat.planar_ranges import reach_limits
-    from freefloat.planar_search import _looked_at
+    from freefloat.attitudes.planar_search import _looked_at
+    from freefloat.ranges.planar_ranges import reach_limits
 
     stretched = moved(problem, [3.0, 0.5, 0], [2.5, 0.5, 0], 1.0)
     edges = [*reach_limits(stretched, 0.0)]

@@ -12,10 +12,10 @@ import pytest
 from playwright.sync_api import Browser
 
 from freefloat.errors import InputError
-from freefloat.motion import Motion
-from freefloat.playback import Playback, play
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
+from freefloat.motion.motion import Motion
+from freefloat.motion.simulation import simulate
+from freefloat.playback.playback import Playback, play
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
 from tests.browser import Shown, differing, shown
 

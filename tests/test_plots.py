@@ -13,16 +13,16 @@ import pytest
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
-from freefloat import plots
-from freefloat.cli import app
-from freefloat.figure_style import save_figures
-from freefloat.planar_search import heading_map
-from freefloat.planner import plan
-from freefloat.plans import Plan
-from freefloat.plots import heading_map_figures, plan_figures
-from freefloat.scenario import load_scenario
-from freefloat.search import Search
-from freefloat.simulation import simulate
+from freefloat.attitudes.planar_search import heading_map
+from freefloat.cli.entry import app
+from freefloat.figures import plots
+from freefloat.figures.figure_style import save_figures
+from freefloat.figures.plots import heading_map_figures, plan_figures
+from freefloat.motion.simulation import simulate
+from freefloat.plans.planner import plan
+from freefloat.plans.plans import Plan
+from freefloat.scenario.scenario import load_scenario
+from freefloat.wish.search import Search
 from tests.figures import labels, line, overlaps, unlabelled
 
 OF_A_MOTION = ["snapshots", "motion", "margin", "momentum"]
@@ -140,7 +140,7 @@ def run(*words: str) -> Any:
 @pytest.fixture
 def planned_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """The planning, which is not at issue here, is done once."""
-    monkeypatch.setattr("freefloat.planner.plan", lambda *_, **__: planned("good.yaml"))
+    monkeypatch.setattr("freefloat.plans.planner.plan", lambda *_, **__: planned("good.yaml"))
 
 
 @pytest.mark.usefixtures("planned_before")
@@ -174,7 +174,7 @@ def test_map_draws_its_headings(folder: Path) -> None:
 @pytest.fixture
 def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """Long work fails the test."""
-    for name in ("freefloat.planner.plan", "freefloat.planar_search.heading_map"):
+    for name in ("freefloat.plans.planner.plan", "freefloat.attitudes.planar_search.heading_map"):
         monkeypatch.setattr(name, lambda *_, **__: pytest.fail("the work was begun"))
 
 

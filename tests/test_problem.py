@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import FixedAttitude, SlerpAttitude
-from freefloat.curve import PolynomialCurve
-from freefloat.dynamics import Task
 from freefloat.errors import InputError
-from freefloat.model import FreeFloatingModel
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin, Problem
-from freefloat.scenario import load_scenario
-from freefloat.singularity import measure
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.motion.problem import Margin, Problem
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion, rotation_angle
-from freefloat.timing import TimedPath, Timing
+from freefloat.wish.attitude_law import FixedAttitude, SlerpAttitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import TimedPath, Timing
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

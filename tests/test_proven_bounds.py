@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
-from freefloat.attitude_law import FixedAttitude
-from freefloat.closeness import least
-from freefloat.curve import PolynomialCurve
-from freefloat.dynamics import Task
-from freefloat.integration import integrate_motion
-from freefloat.matrix_bounds import ScaledSystem
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import DEGREE, NODES, Ending, Motion
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin, Problem
-from freefloat.proven_bounds import lower_bounds
-from freefloat.scenario import load_scenario
-from freefloat.singularity import measure
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import DEGREE, NODES, Ending, Motion
+from freefloat.motion.problem import Margin, Problem
+from freefloat.proof.matrix_bounds import ScaledSystem
+from freefloat.proof.proven_bounds import lower_bounds
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.timing import TimedPath, Timing
+from freefloat.wish.attitude_law import FixedAttitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import TimedPath, Timing
 from tests.robots import random_robot
 
 ROBOTS = [

@@ -61,9 +61,12 @@ def test_pictures_and_files_that_are_named_exist() -> None:
 
 def test_every_room_has_one_place_in_the_design() -> None:
     design = README[README.index("## Design") : README.index("Rooms whose names end in")]
-    rooms = sorted(path.stem for path in (ROOT / "src" / "freefloat").glob("[!_]*.py"))
-    named = re.findall(r"`(\w+)`", design[design.index("|---|") :])
-    assert sorted(named) == rooms
+    house = ROOT / "src" / "freefloat"
+    rooms = {(path.parent.name, path.stem) for path in house.rglob("[!_]*.py")}
+    lines = re.findall(r"^\| `(\w+)` \| .+ \| (.+) \|$", design, re.MULTILINE)
+    named = [(package, room) for package, row in lines for room in re.findall(r"`(\w+)`", row)]
+    assert len(named) == len(set(named))
+    assert set(named) == rooms
 
 
 def test_the_speeds_shown_are_those_measured(benchmark: ModuleType) -> None:

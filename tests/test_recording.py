@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 import umsgpack
 
-from freefloat.body_poses import body_poses
 from freefloat.errors import InputError
-from freefloat.first_view import first_view
-from freefloat.margin_colours import MarginColours
-from freefloat.motion import Motion
-from freefloat.page import Capture, page
-from freefloat.problem import Margin
-from freefloat.recording import Recording, record
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
-from freefloat.singularity import Measure
+from freefloat.machine.singularity import Measure
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Margin
+from freefloat.motion.simulation import simulate
+from freefloat.playback.page import Capture, page
+from freefloat.scenario.scenario import load_scenario
+from freefloat.scene.body_poses import body_poses
+from freefloat.scene.first_view import first_view
+from freefloat.scene.margin_colours import MarginColours
+from freefloat.scene.recording import Recording, record
 from freefloat.spatial import heading_quaternion
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]

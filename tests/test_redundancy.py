@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from freefloat.answers.report import _redundancy_document
 from freefloat.bundled import models_folder
 from freefloat.errors import InputError
-from freefloat.redundancy import Metric, Redundancy, Toward
-from freefloat.report import _redundancy_document
-from freefloat.scenario import load_scenario, parse_scenario
+from freefloat.machine.redundancy import Metric, Redundancy, Toward
+from freefloat.scenario.scenario import load_scenario, parse_scenario
 
 PANDA = (models_folder() / "panda_servicer" / "line.yaml").read_text(encoding="utf-8")
 

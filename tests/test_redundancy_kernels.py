@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freefloat.flow_kernels import flow
-from freefloat.integration import integrate_motion
-from freefloat.redundancy import Redundancy
-from freefloat.rollout import Roller
-from freefloat.rollout_kernels import COMPLETED, make_room
+from freefloat.attitudes.rollout import Roller
+from freefloat.kernels.flow_kernels import flow
+from freefloat.kernels.rollout_kernels import COMPLETED, make_room
+from freefloat.machine.redundancy import Redundancy
+from freefloat.motion.integration import integrate_motion
 from freefloat.spatial import angle_between
 from tests.redundant import ARMS, choices, redundant
 from tests.test_rollout import both

@@ -11,28 +11,28 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import (
+from freefloat.attitudes.rollout import Roller, Rollout, kept, run_chunks
+from freefloat.errors import InputError
+from freefloat.kernels.rollout_kernels import COMPLETED, FAILED, MARGIN, SINGULAR
+from freefloat.machine.dynamics import DriftEquation, Task, generalized_determinant
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.motion.closeness import first_place_below, least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import Margin, Problem
+from freefloat.scenario.scenario import load_scenario
+from freefloat.spatial import angle_between, heading_quaternion
+from freefloat.wish.attitude_law import (
     AttitudeLaw,
     FixedAttitude,
     SampledAttitude,
     SlerpAttitude,
     follow_attitude,
 )
-from freefloat.closeness import first_place_below, least
-from freefloat.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
-from freefloat.dynamics import DriftEquation, Task, generalized_determinant
-from freefloat.errors import InputError
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import Ending, Motion
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin, Problem
-from freefloat.rollout import Roller, Rollout, kept, run_chunks
-from freefloat.rollout_kernels import COMPLETED, FAILED, MARGIN, SINGULAR
-from freefloat.scenario import load_scenario
-from freefloat.singularity import measure
-from freefloat.spatial import angle_between, heading_quaternion
-from freefloat.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.wish.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import Stop, TimedPath, TimeLaw, Timing
 from tests.robots import planar_robot, random_robot
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]

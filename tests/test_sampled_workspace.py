@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.areas import workspace_of
 from freefloat.errors import InputError
-from freefloat.model import FreeFloatingModel
-from freefloat.planar_arm import PlanarArm
-from freefloat.problem import Margin, Problem
-from freefloat.sampled_workspace import sampled_workspace, singular_configurations
-from freefloat.singularity import measure
-from freefloat.workspace import planar_workspace
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.motion.problem import Margin, Problem
+from freefloat.workspace.areas import workspace_of
+from freefloat.workspace.planar_arm import PlanarArm
+from freefloat.workspace.sampled_workspace import sampled_workspace, singular_configurations
+from freefloat.workspace.workspace import planar_workspace
 from tests.robots import inertial_text, joint_text, link_text, planar_robot
 
 TWO = planar_robot([40, 4, 3], [6.667, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5])

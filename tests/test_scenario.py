@@ -11,14 +11,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.bundled import bundled_scenarios, models_folder
-from freefloat.dynamics import Task
 from freefloat.errors import InputError
-from freefloat.limits import Limits
-from freefloat.model import FreeFloatingModel
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Problem
-from freefloat.scenario import Scenario, load_scenario
-from freefloat.timing import TimeLaw
+from freefloat.limits.limits import Limits
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.problem import Problem
+from freefloat.scenario.scenario import Scenario, load_scenario
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import TimeLaw
 
 PLACES = np.linspace(0.0, 1.0, 11)
 LINE = "line: {from: [1, 0, 0], to: [-0.5, 0.8, 0.33]}"

@@ -9,14 +9,14 @@ import pytest
 from matplotlib.patches import Circle, Polygon, Wedge
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from freefloat.areas import workspace_of
-from freefloat.motion import Motion
-from freefloat.outlines import outlines
-from freefloat.scenario import load_scenario
-from freefloat.scene_plots import snapshots_figure, workspace_figure
-from freefloat.simulation import simulate
+from freefloat.figures.scene_plots import snapshots_figure, workspace_figure
+from freefloat.motion.motion import Motion
+from freefloat.motion.simulation import simulate
+from freefloat.scenario.scenario import load_scenario
+from freefloat.scene.outlines import outlines
 from freefloat.spatial import heading_quaternion
-from freefloat.workspace import planar_workspace, point_3_on_path
+from freefloat.workspace.areas import workspace_of
+from freefloat.workspace.workspace import planar_workspace, point_3_on_path
 from tests.figures import labels, line, overlaps, unlabelled
 
 PLANAR = load_scenario("planar_3dof/parabola").problem()

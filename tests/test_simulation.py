@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import FixedAttitude, SlerpAttitude
-from freefloat.closeness import least
-from freefloat.curve import PolynomialCurve
-from freefloat.dynamics import Task
 from freefloat.errors import InputError, UnreachableError
-from freefloat.joint_spans import joint_spans
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import Ending
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
-from freefloat.singularity import measure
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.motion.closeness import least
+from freefloat.motion.joint_spans import joint_spans
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Margin
+from freefloat.motion.simulation import simulate
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.timing import TimedPath, Timing
+from freefloat.wish.attitude_law import FixedAttitude, SlerpAttitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import TimedPath, Timing
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

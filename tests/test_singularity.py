@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics import Task, generalized_jacobian, inertia_matrices, system_matrix
 from freefloat.errors import InputError
-from freefloat.model import FreeFloatingModel
-from freefloat.singularity import (
+from freefloat.machine.dynamics import Task, generalized_jacobian, inertia_matrices, system_matrix
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import (
     NAMES,
     joint_box,
     joint_space_extremes,
     largest_magnitude,
     measure,
 )
-from freefloat.virtual_manipulator import VirtualManipulator
+from freefloat.machine.virtual_manipulator import VirtualManipulator
 from tests.robots import (
     in_units,
     inertial_text,

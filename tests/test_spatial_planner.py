@@ -10,15 +10,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat import attitude_depth, attitude_search, spatial_planner, tolerance
-from freefloat.attitude_map import map_attitudes
+from freefloat.attitudes import attitude_depth, attitude_search, tolerance
+from freefloat.attitudes.attitude_map import map_attitudes
+from freefloat.attitudes.outlook import UNREACHED, Outlook
 from freefloat.errors import InputError
-from freefloat.outlook import UNREACHED, Outlook
-from freefloat.plans import Plan
-from freefloat.problem import Margin, Problem
-from freefloat.search import Objective, Search
-from freefloat.simulation import FollowedBranch, simulate
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import FollowedBranch, simulate
+from freefloat.plans.plans import Plan, spatial_planner
 from freefloat.spatial import angle_between, attitudes_within, frozen, grid_spacing
+from freefloat.wish.search import Objective, Search
 
 MARGIN = 50.0
 BAD = np.array([0.1, 0.5, 0.2, -0.8367]) / np.linalg.norm([0.1, 0.5, 0.2, -0.8367])
@@ -201,8 +201,8 @@ def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
 
 def test_a_start_out_of_reach_is_told() -> None:
     """No attitude brings the arm there."""
-    from freefloat.attitude_law import FixedAttitude
-    from freefloat.curve import PolynomialCurve
+    from freefloat.wish.attitude_law import FixedAttitude
+    from freefloat.wish.curve import PolynomialCurve
 
     near = margined(5.0)
     line = PolynomialCurve.line(np.array([50.0, 0.0, 0.0]), np.array([51.0, 0.0, 0.0]))
@@ -220,7 +220,7 @@ def test_a_start_out_of_reach_is_told() -> None:
 
 def test_an_end_out_of_reach_is_told() -> None:
     """Every motion becomes singular on the way."""
-    from freefloat.curve import PolynomialCurve
+    from freefloat.wish.curve import PolynomialCurve
 
     near = margined(5.0)
     line = PolynomialCurve.line(np.array([1.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))

@@ -60,7 +60,7 @@ def test_showing_help_loads_nothing_heavy(tmp_path: Path) -> None:
     code = (
         "import sys\n"
         "from typer.testing import CliRunner\n"
-        "from freefloat.cli import app\n"
+        "from freefloat.cli.entry import app\n"
         "for command in ([], ['info'], ['simulate'], ['plan'], ['map'], ['view'], ['schema']):\n"
         "    assert CliRunner().invoke(app, [*command, '--help']).exit_code == 0\n"
         "print('\\n'.join(sys.modules))"
@@ -105,16 +105,17 @@ def test_every_module_imports_alone(tmp_path: Path) -> None:
         "import importlib, json, pkgutil, sys\n"
         "import numpy, pinocchio, pydantic, scipy.integrate, scipy.optimize, typer\n"  # paid once
         "import freefloat\n"
-        "names = [m.name for m in pkgutil.iter_modules(freefloat.__path__)]\n"
+        "names = [m.name for m in pkgutil.walk_packages(freefloat.__path__, 'freefloat.')]\n"
         "for name in names:\n"
         "    for loaded in [m for m in sys.modules if m.split('.')[0] == 'freefloat']:\n"
         "        del sys.modules[loaded]\n"
-        "    if name != '__main__':\n"
-        "        importlib.import_module(f'freefloat.{name}')\n"
+        "    if name != 'freefloat.__main__':\n"
+        "        importlib.import_module(name)\n"
         "print(json.dumps(names))"
     )
     names = json.loads(python(code, tmp_path))
-    assert {"errors", "model", "scenario", "simulation", "cli", "__main__"} <= set(names)
+    rooms = {"errors", "machine.model", "scenario.scenario", "cli.entry", "__main__"}
+    assert {f"freefloat.{room}" for room in rooms} <= set(names)
 
 
 @pytest.mark.parametrize("command", [[SCRIPT], [sys.executable, "-m", "freefloat"]])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -20,9 +19,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from freefloat import stills
 from freefloat.errors import InputError
-from freefloat.stills import find_browser, take_pictures
+from freefloat.playback import stills
+from freefloat.playback.stills import find_browser, take_pictures
 
 PAGE = """<!DOCTYPE html><meta charset="utf-8"><script>
 const capture = @CAPTURE@;
@@ -236,7 +235,7 @@ def test_browsers_are_found_by_name_or_variable(
 SLOW = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from freefloat.stills import take_pictures
+from freefloat.playback.stills import take_pictures
 print("begun", flush=True)
 try:
     list(take_pictures(lambda _: "<p>silence", 1, (32, 32)))
@@ -250,7 +249,7 @@ except KeyboardInterrupt:
 def test_an_interruption_ends_the_browser_too(stop: signal.Signals, tmp_path: Path) -> None:
     before = profiles()
     with subprocess.Popen(
-        [sys.executable, "-c", SLOW, os.path.dirname(os.path.dirname(stills.__file__))],
+        [sys.executable, "-c", SLOW, str(Path(stills.__file__).parents[2])],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
         deadline = time.monotonic() + 20.0

@@ -10,8 +10,8 @@ import pytest
 
 from freefloat.bundled import bundled_scenarios, bundled_studies
 from freefloat.errors import InputError
-from freefloat.schema import ScenarioFile
-from freefloat.study import load_study
+from freefloat.scenario.schema import ScenarioFile
+from freefloat.studies.study import load_study
 from tests.studies import BASE, a_study, write_study
 
 MOMENTA = {"list": [[0, 0, -1], [0, 0, 1]]}

@@ -10,8 +10,8 @@ import pytest
 
 from freefloat.bundled import models_folder
 from freefloat.errors import InputError
-from freefloat.mesh_places import find_mesh
-from freefloat.study_files import StudyFiles
+from freefloat.studies.study_files import StudyFiles
+from freefloat.urdf.mesh_places import find_mesh
 from tests.studies import BASE, a_study
 
 LISTED = {"momentum.2": {"list": [0, 1]}}

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from freefloat.bundled import models_folder
-from freefloat.case_result import CaseResult
 from freefloat.errors import InputError
-from freefloat.study import Study
-from freefloat.study_files import StudyFiles
-from freefloat.study_folder import finished_rows, study_folder
+from freefloat.studies.case_result import CaseResult
+from freefloat.studies.study import Study
+from freefloat.studies.study_files import StudyFiles
+from freefloat.studies.study_folder import finished_rows, study_folder
 from tests.studies import BASE, a_study
 
 VARY = {"momentum.2": {"uniform": [-1, 1]}}
@@ -155,11 +155,11 @@ def test_a_folder_that_cannot_be_is_one_clear_error(
 FULL = """\
 import resource, sys
 from pathlib import Path
-from freefloat.case_result import CaseResult
+from freefloat.studies.case_result import CaseResult
 from freefloat.errors import InputError
-from freefloat.study import load_study
-from freefloat.study_files import StudyFiles
-from freefloat.study_folder import study_folder
+from freefloat.studies.study import load_study
+from freefloat.studies.study_files import StudyFiles
+from freefloat.studies.study_folder import study_folder
 
 study = load_study(sys.argv[1])
 try:

@@ -18,13 +18,13 @@ import pytest
 from distributed import KilledWorker
 from distributed.comm.core import CommClosedError
 
-from freefloat import study_cluster, study_run
-from freefloat.case import CaseRunner
 from freefloat.errors import InputError
-from freefloat.study import Study
-from freefloat.study_cluster import RETRIES
-from freefloat.study_files import StudyFiles
-from freefloat.study_run import run_cases
+from freefloat.studies import study_cluster, study_run
+from freefloat.studies.case import CaseRunner
+from freefloat.studies.study import Study
+from freefloat.studies.study_cluster import RETRIES
+from freefloat.studies.study_files import StudyFiles
+from freefloat.studies.study_run import run_cases
 from tests.studies import SHORT, a_study
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -124,7 +124,7 @@ class Telling:
 def test_a_worker_that_dies_when_it_is_sent_the_study_stops_nobody(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("freefloat.study_run.time.sleep", lambda _: None)
+    monkeypatch.setattr("freefloat.studies.study_run.time.sleep", lambda _: None)
     study = a_study(tmp_path)
     plugin = study_run._StudyPlugin("name", study, StudyFiles.of(study), own=True)
     lost, full = CommClosedError("Stream is closed"), OSError(errno.ENOSPC, "No space left")
@@ -147,7 +147,7 @@ def test_a_worker_that_dies_before_it_is_ready_is_started_again(
             raise RuntimeError("Nanny failed to start.")
         return "cluster"
 
-    monkeypatch.setattr("freefloat.study_cluster.LocalCluster", fails)
+    monkeypatch.setattr("freefloat.studies.study_cluster.LocalCluster", fails)
     patience = RETRIES + 1
     assert study_cluster._started(2, loop) == "cluster"
     patience = 99
@@ -187,7 +187,7 @@ def test_what_dask_has_to_say_stays_with_it() -> None:
 def test_a_scheduler_that_is_not_there_is_one_clear_error(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("freefloat.study_cluster._PATIENCE", 1.0)
+    monkeypatch.setattr("freefloat.studies.study_cluster._PATIENCE", 1.0)
     study = a_study(tmp_path)
     with pytest.raises(InputError) as caught:
         list(run_cases(study, StudyFiles.of(study), [0], scheduler=address))

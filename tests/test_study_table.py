@@ -10,9 +10,9 @@ from typing import Any
 import pyarrow.parquet
 import pytest
 
-from freefloat.study_plots import drawn_columns, study_figure
-from freefloat.study_summary import failure_line, study_summary
-from freefloat.study_table import save_table, study_table
+from freefloat.studies.study_plots import drawn_columns, study_figure
+from freefloat.studies.study_summary import failure_line, study_summary
+from freefloat.studies.study_table import save_table, study_table
 from tests.studies import a_study
 
 ANSWERED: dict[str, Any] = {

@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
-from freefloat.integration import integrate_motion
-from freefloat.motion import Motion
-from freefloat.scenario import load_scenario
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Motion
+from freefloat.motion.time_series import TimeSeries, euler_angles
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.time_series import TimeSeries, euler_angles
 
 
 def followed(name: str, attitude: list[float] | None, heading: float, branch: int) -> Motion:

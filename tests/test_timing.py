@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from freefloat.attitude_law import FixedAttitude, SlerpAttitude, follow_attitude
-from freefloat.curve import PolynomialCurve
 from freefloat.errors import InputError
-from freefloat.path import EndEffectorPath
-from freefloat.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.wish.attitude_law import FixedAttitude, SlerpAttitude, follow_attitude
+from freefloat.wish.curve import PolynomialCurve
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import Stop, TimedPath, TimeLaw, Timing
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freefloat.closeness import least
-from freefloat.integration import integrate_motion
-from freefloat.outlook import Outlook
-from freefloat.path import EndEffectorPath
-from freefloat.problem import Margin, Problem
-from freefloat.rollout import Roller
-from freefloat.scenario import load_scenario
-from freefloat.simulation import simulate
+from freefloat.attitudes.outlook import Outlook
+from freefloat.attitudes.rollout import Roller
+from freefloat.attitudes.tolerance import Tolerance, tolerance
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import simulate
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import attitude_grid
-from freefloat.timing import TimedPath
-from freefloat.tolerance import Tolerance, tolerance
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import TimedPath
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 
@@ -109,7 +109,7 @@ def test_a_precise_motion_agrees_with_the_worst_direction(drifting: Case) -> Non
 
 def test_the_limit_turns_the_locked_system_once(drifting: Case) -> None:
     """Five newton metre seconds for half a ton of satellite in a hundred seconds: 2 pi I / T."""
-    from freefloat.dynamics import inertia_matrices
+    from freefloat.machine.dynamics import inertia_matrices
 
     D, _ = inertia_matrices(drifting.problem.model, drifting.joints)
     moments = np.linalg.eigvalsh(D)

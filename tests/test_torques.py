@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from freefloat.integration import integrate_motion
-from freefloat.scenario import load_scenario
+from freefloat.limits.torques import InverseDynamics
+from freefloat.motion.integration import integrate_motion
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.timing import TimeLaw
-from freefloat.torques import InverseDynamics
+from freefloat.wish.timing import TimeLaw
 from tests.sliding import DURATION, HAND, LENGTH, RELATIVE, sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

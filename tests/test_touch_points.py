@@ -8,19 +8,19 @@ from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.attitude_law import FixedAttitude
-from freefloat.curve import PolynomialCurve
-from freefloat.dynamics import DriftEquation
-from freefloat.spatial import axes_rotation
-from freefloat.states_on_path import StatesOnPath
-from freefloat.touch_points import (
+from freefloat.machine.dynamics import DriftEquation
+from freefloat.machine.virtual_manipulator import VirtualManipulator
+from freefloat.ranges.states_on_path import StatesOnPath
+from freefloat.ranges.touch_points import (
     _refined,
     boundary_attitude,
     carried_back,
     touch_family,
     touch_points,
 )
-from freefloat.virtual_manipulator import VirtualManipulator
+from freefloat.spatial import axes_rotation
+from freefloat.wish.attitude_law import FixedAttitude
+from freefloat.wish.curve import PolynomialCurve
 from tests.robots import random_robot
 
 MOMENTUM = (0.5, 0.3, 0.1)
@@ -359,7 +359,7 @@ def test_a_family_looks_everywhere(problem, monkeypatch):
     """Fifty pairs (q1, q2) for each touch point that is wanted, as many from every quarter turn."""
     pairs = []
     nothing = lambda _, *pair: pairs.append(pair) or ()  # noqa: E731
-    monkeypatch.setattr("freefloat.touch_points.touch_points", nothing)
+    monkeypatch.setattr("freefloat.ranges.touch_points.touch_points", nothing)
     assert touch_family(problem, 20) == ()
     counts = np.histogram2d(*np.transpose(pairs), bins=4, range=[[-np.pi, np.pi]] * 2)[0]
     assert len(pairs) == counts.sum() == 1000

@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
-from freefloat.integration import integrate_motion
-from freefloat.motion import Ending
-from freefloat.scenario import load_scenario
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.trajectory import MOST_TIMES, Trajectory, even_times, times_at_rate
+from freefloat.storage.trajectory import MOST_TIMES, Trajectory, even_times, times_at_rate
 from tests.sliding import DURATION, HAND, RELATIVE, sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

@@ -13,14 +13,14 @@ import yaml
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
-from freefloat.cli import app
+from freefloat.cli.entry import app
 from freefloat.errors import InputError
-from freefloat.integration import integrate_motion
-from freefloat.plan_file import save_motion
-from freefloat.scenario import load_scenario
+from freefloat.motion.integration import integrate_motion
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.trajectory import Trajectory, even_times
-from freefloat.trajectory_file import csv_text, json_text, ros2_text, write_mat
+from freefloat.storage.plan_file import save_motion
+from freefloat.storage.trajectory import Trajectory, even_times
+from freefloat.storage.trajectory_file import csv_text, json_text, ros2_text, write_mat
 from tests.sliding import sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)

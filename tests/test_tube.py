@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.tube import SIDES, arrow, tube, tube_between
+from freefloat.scene.tube import SIDES, arrow, tube, tube_between
 
 
 def volume(vertices: np.ndarray, faces: np.ndarray) -> float:

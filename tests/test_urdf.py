@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.bundled import models_folder
 from freefloat.errors import InputError, ModelError
-from freefloat.model import FreeFloatingModel
-from freefloat.urdf import Description, read_urdf
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.urdf.urdf import Description, read_urdf
 from tests.robots import Robot, inertial_text, joint_text, link_text, robots
 
 BUS = link_text("bus", inertial_text(100.0, 10.0 * np.eye(3)))

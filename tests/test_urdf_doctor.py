@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from freefloat.bundled import example_robots, models_folder
 from freefloat.errors import ModelError
-from freefloat.findings import Finding, Severity
-from freefloat.model import FreeFloatingModel
-from freefloat.urdf import read_urdf
-from freefloat.urdf_doctor import examine
-from freefloat.urdf_numbers import value_of
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.urdf.findings import Finding, Severity
+from freefloat.urdf.urdf import read_urdf
+from freefloat.urdf.urdf_doctor import examine
+from freefloat.urdf.urdf_numbers import value_of
 from tests.broken_robots import (
     HAND,
     PATIENTS,

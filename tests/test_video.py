@@ -16,7 +16,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from freefloat.errors import InputError
-from freefloat.video import save_video, takes
+from freefloat.playback.video import save_video, takes
 
 COUNT, WIDTH, HEIGHT = 12, 61, 40
 ffmpeg_only = pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg here")

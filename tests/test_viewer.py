@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.viewer import open_browser, served
+from freefloat.playback.viewer import open_browser, served
 
 PAGE = "<!DOCTYPE html><p>Größe: " + "x" * 5000
 TEXT = PAGE.encode()
@@ -112,7 +112,7 @@ def test_a_taken_port_leads_to_the_next_one() -> None:
 def test_ports_that_cannot_be_had_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as other:
         taken = other.getsockname()[1]
-        monkeypatch.setattr("freefloat.viewer._TRIES", 1)
+        monkeypatch.setattr("freefloat.playback.viewer._TRIES", 1)
         with (
             pytest.raises(InputError, match=f"port: all from {taken} to {taken} are taken"),
             served(lambda _: PAGE, taken),
@@ -166,7 +166,7 @@ def test_a_page_may_send_back_below_its_own_address_alone() -> None:
 
 
 LOOK = """
-from freefloat.viewer import served, until_stopped
+from freefloat.playback.viewer import served, until_stopped
 with until_stopped() as wait, served(lambda _: "page", 0) as address:
     print(address, flush=True)
     wait()

@@ -22,10 +22,10 @@ from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.cli import app
-from freefloat.plan_file import save_plan
-from freefloat.plans import Plan
-from freefloat.stills import find_browser
+from freefloat.cli.entry import app
+from freefloat.plans.plans import Plan
+from freefloat.playback.stills import find_browser
+from freefloat.storage.plan_file import save_plan
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -162,7 +162,7 @@ def test_without_a_browser_nothing_is_begun(
 ) -> None:
     monkeypatch.setenv("PATH", str(elsewhere))
     monkeypatch.delenv("CHROMIUM_BIN", raising=False)
-    monkeypatch.setattr("freefloat.stills._NAMES", ("chromium", "google-chrome"))
+    monkeypatch.setattr("freefloat.playback.stills._NAMES", ("chromium", "google-chrome"))
     for words, key in ((("--snapshots", "3"), "snapshots"), (("--video", "v.gif"), "video")):
         told = refusal("view", files / "good.h5", "--html", "page.html", *words)
         assert told.startswith(f"freefloat: {key}: no Chromium or Chrome was found")

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from freefloat.dynamics import system_matrix
-from freefloat.model import FreeFloatingModel
+from freefloat.machine.dynamics import system_matrix
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.virtual_manipulator import VirtualManipulator, meeting_point
 from freefloat.spatial import rotation_matrix, turn_between
-from freefloat.virtual_manipulator import VirtualManipulator, meeting_point
 from tests.robots import (
     STROKE,
     Robot,

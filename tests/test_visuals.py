@@ -12,11 +12,11 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from freefloat.assembly import Spacecraft
 from freefloat.bundled import examples_folder, find_robot
-from freefloat.model import FreeFloatingModel
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.scene.visuals import Box, Cylinder, Look, Mesh, Sphere, Visual, look_of
 from freefloat.spatial import Pose
-from freefloat.visuals import Box, Cylinder, Look, Mesh, Sphere, Visual, look_of
+from freefloat.urdf.assembly import Spacecraft
 from tests.robots import (
     Robot,
     in_units,

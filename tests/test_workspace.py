@@ -8,13 +8,13 @@ import pytest
 from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.cli import app
+from freefloat.answers.tables import workspace_tables
+from freefloat.cli.entry import app
 from freefloat.errors import InputError
-from freefloat.planar_arm import PlanarArm
-from freefloat.problem import Margin, Problem
-from freefloat.singularity import measure
-from freefloat.tables import workspace_tables
-from freefloat.workspace import (
+from freefloat.machine.singularity import measure
+from freefloat.motion.problem import Margin, Problem
+from freefloat.workspace.planar_arm import PlanarArm
+from freefloat.workspace.workspace import (
     complement,
     margin_curves,
     merged,
@@ -132,7 +132,7 @@ def test_largest_s_at_the_worst_place_of_the_path_is_that_of_a_fine_search():
     q = rng.uniform(-np.pi, np.pi, (400_000, 2))
     angles = arm.angles(np.zeros(len(q)), np.column_stack([q, np.zeros(len(q))]))
     radii = np.abs(arm.vectors(angles)[:, :3].sum(axis=1))
-    from freefloat.workspace import point_3_on_path
+    from freefloat.workspace.workspace import point_3_on_path
 
     near = np.abs(radii - abs(point_3_on_path(problem, s))) < 0.005
     assert largest == pytest.approx(np.abs(arm.determinant(angles[near])).max(), rel=0.05)

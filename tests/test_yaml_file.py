@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.yaml_file import parse_yaml, read_text
+from freefloat.scenario.yaml_file import parse_yaml, read_text
 
 LIMIT = 1_000_000
 DEEP = 20_000
@@ -232,7 +232,7 @@ def test_very_deep_nesting_is_refused_within_seconds(file: Path) -> None:
     code = (
         "import sys; from pathlib import Path\n"
         "from freefloat.errors import InputError\n"
-        "from freefloat.yaml_file import parse_yaml, read_text\n"
+        "from freefloat.scenario.yaml_file import parse_yaml, read_text\n"
         "file = Path(sys.argv[1])\n"
         "try: parse_yaml(read_text(file), file)\n"
         "except InputError: print('refused')"

@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.arm import arm_urdf
 from benchmarks.plain import PlainJacobian
 from benchmarks.result import Result, race
-from freefloat.dynamics import generalized_jacobian
-from freefloat.model import FreeFloatingModel
+from freefloat.machine.dynamics import generalized_jacobian
+from freefloat.machine.model import FreeFloatingModel
 
 Jacobian = Callable[[np.ndarray], np.ndarray]
 

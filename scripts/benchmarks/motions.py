@@ -9,10 +9,10 @@ import numpy as np
 import freefloat as ff
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
-from freefloat.attitude_map import map_attitudes
-from freefloat.motion import Motion
-from freefloat.outlook import Outlook
-from freefloat.planar_ranges import BranchRanges, find_limits, heading_ranges
+from freefloat.attitudes.attitude_map import map_attitudes
+from freefloat.attitudes.outlook import Outlook
+from freefloat.motion.motion import Motion
+from freefloat.ranges.planar_ranges import BranchRanges, find_limits, heading_ranges
 from freefloat.spatial import attitude_grid, heading_quaternion, unit_quaternion
 
 ATTITUDE = unit_quaternion("attitude", (0.46008, 0.09337, 0.73519, -0.48898))

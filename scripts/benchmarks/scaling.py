@@ -9,13 +9,13 @@ import numpy as np
 import freefloat as ff
 from benchmarks.arm import arm_urdf
 from benchmarks.result import Result, race
-from freefloat.attitude_law import FixedAttitude
-from freefloat.attitude_map import map_attitudes
-from freefloat.curve import PolynomialCurve
-from freefloat.outlook import Outlook
-from freefloat.rollout import Roller
-from freefloat.singularity import measure
+from freefloat.attitudes.attitude_map import map_attitudes
+from freefloat.attitudes.outlook import Outlook
+from freefloat.attitudes.rollout import Roller
+from freefloat.machine.singularity import measure
 from freefloat.spatial import attitude_grid
+from freefloat.wish.attitude_law import FixedAttitude
+from freefloat.wish.curve import PolynomialCurve
 
 SAMPLES = (1024, 4096, 16_384)
 JOINTS = range(3, 9)

@@ -26,114 +26,114 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from freefloat.attitude_law import DirectedAttitude as DirectedAttitude
-    from freefloat.attitude_law import FixedAttitude as FixedAttitude
-    from freefloat.attitude_law import SlerpAttitude as SlerpAttitude
-    from freefloat.attitude_map import AttitudeMap as AttitudeMap
-    from freefloat.attitude_map import map_attitudes as map_attitudes
-    from freefloat.batching import run_study as run_study
-    from freefloat.closeness import Least as Least
-    from freefloat.closeness import least as least
-    from freefloat.curve import ArcCurve as ArcCurve
-    from freefloat.curve import PolynomialCurve as PolynomialCurve
-    from freefloat.curve import SplineCurve as SplineCurve
-    from freefloat.dynamics import Task as Task
-    from freefloat.dynamics import generalized_jacobian as generalized_jacobian
+    from freefloat.attitudes.attitude_map import AttitudeMap as AttitudeMap
+    from freefloat.attitudes.attitude_map import map_attitudes as map_attitudes
+    from freefloat.attitudes.outlook import Outlook as Outlook
     from freefloat.errors import FreeFloatError as FreeFloatError
     from freefloat.errors import InputError as InputError
-    from freefloat.integration import integrate_motion as integrate_motion
-    from freefloat.limit_checks import LimitChecker as LimitChecker
-    from freefloat.limits import LimitFinding as LimitFinding
-    from freefloat.limits import Limits as Limits
-    from freefloat.map_file import load_map as load_map
-    from freefloat.model import FreeFloatingModel as FreeFloatingModel
-    from freefloat.motion import Ending as Ending
-    from freefloat.motion import Motion as Motion
-    from freefloat.outlook import Outlook as Outlook
-    from freefloat.parts import Attachment as Attachment
-    from freefloat.parts import Mount as Mount
-    from freefloat.parts import Payload as Payload
-    from freefloat.parts import Spacecraft as Spacecraft
-    from freefloat.path import EndEffectorPath as EndEffectorPath
-    from freefloat.plan_file import load_plan as load_plan
-    from freefloat.planner import plan as plan
-    from freefloat.plans import Plan as Plan
-    from freefloat.playback import Playback as Playback
-    from freefloat.playback import play as play
-    from freefloat.problem import Margin as Margin
-    from freefloat.problem import Problem as Problem
-    from freefloat.redundancy import Redundancy as Redundancy
-    from freefloat.scenario import Scenario as Scenario
-    from freefloat.scenario import load_scenario as load_scenario
-    from freefloat.search import Objective as Objective
-    from freefloat.search import Search as Search
-    from freefloat.simulation import Simulation as Simulation
-    from freefloat.simulation import simulate as simulate
-    from freefloat.singularity import measure as measure
-    from freefloat.study import Study as Study
-    from freefloat.study import load_study as load_study
-    from freefloat.time_series import TimeSeries as TimeSeries
-    from freefloat.timing import TimedPath as TimedPath
-    from freefloat.timing import Timing as Timing
+    from freefloat.limits.limit_checks import LimitChecker as LimitChecker
+    from freefloat.limits.limits import LimitFinding as LimitFinding
+    from freefloat.limits.limits import Limits as Limits
+    from freefloat.machine.dynamics import Task as Task
+    from freefloat.machine.dynamics import generalized_jacobian as generalized_jacobian
+    from freefloat.machine.model import FreeFloatingModel as FreeFloatingModel
+    from freefloat.machine.redundancy import Redundancy as Redundancy
+    from freefloat.machine.singularity import measure as measure
+    from freefloat.motion.closeness import Least as Least
+    from freefloat.motion.closeness import least as least
+    from freefloat.motion.integration import integrate_motion as integrate_motion
+    from freefloat.motion.motion import Ending as Ending
+    from freefloat.motion.motion import Motion as Motion
+    from freefloat.motion.problem import Margin as Margin
+    from freefloat.motion.problem import Problem as Problem
+    from freefloat.motion.simulation import Simulation as Simulation
+    from freefloat.motion.simulation import simulate as simulate
+    from freefloat.motion.time_series import TimeSeries as TimeSeries
+    from freefloat.plans.planner import plan as plan
+    from freefloat.plans.plans import Plan as Plan
+    from freefloat.playback.playback import Playback as Playback
+    from freefloat.playback.playback import play as play
+    from freefloat.scenario.scenario import Scenario as Scenario
+    from freefloat.scenario.scenario import load_scenario as load_scenario
+    from freefloat.storage.map_file import load_map as load_map
+    from freefloat.storage.plan_file import load_plan as load_plan
+    from freefloat.studies.study import Study as Study
+    from freefloat.studies.study import load_study as load_study
+    from freefloat.tasks.batching import run_study as run_study
+    from freefloat.urdf.parts import Attachment as Attachment
+    from freefloat.urdf.parts import Mount as Mount
+    from freefloat.urdf.parts import Payload as Payload
+    from freefloat.urdf.parts import Spacecraft as Spacecraft
+    from freefloat.wish.attitude_law import DirectedAttitude as DirectedAttitude
+    from freefloat.wish.attitude_law import FixedAttitude as FixedAttitude
+    from freefloat.wish.attitude_law import SlerpAttitude as SlerpAttitude
+    from freefloat.wish.curve import ArcCurve as ArcCurve
+    from freefloat.wish.curve import PolynomialCurve as PolynomialCurve
+    from freefloat.wish.curve import SplineCurve as SplineCurve
+    from freefloat.wish.path import EndEffectorPath as EndEffectorPath
+    from freefloat.wish.search import Objective as Objective
+    from freefloat.wish.search import Search as Search
+    from freefloat.wish.timing import TimedPath as TimedPath
+    from freefloat.wish.timing import Timing as Timing
 
 _ROOMS = {
     # the machine
-    "FreeFloatingModel": "model",
-    "Mount": "parts",
-    "Spacecraft": "parts",
-    "Payload": "parts",
-    "Attachment": "parts",
-    "Task": "dynamics",
-    "generalized_jacobian": "dynamics",
-    "measure": "singularity",
-    "Redundancy": "redundancy",
+    "FreeFloatingModel": "machine.model",
+    "Mount": "urdf.parts",
+    "Spacecraft": "urdf.parts",
+    "Payload": "urdf.parts",
+    "Attachment": "urdf.parts",
+    "Task": "machine.dynamics",
+    "generalized_jacobian": "machine.dynamics",
+    "measure": "machine.singularity",
+    "Redundancy": "machine.redundancy",
     # the wish
-    "PolynomialCurve": "curve",
-    "ArcCurve": "curve",
-    "SplineCurve": "curve",
-    "FixedAttitude": "attitude_law",
-    "SlerpAttitude": "attitude_law",
-    "DirectedAttitude": "attitude_law",
-    "EndEffectorPath": "path",
-    "Timing": "timing",
-    "TimedPath": "timing",
-    "Margin": "problem",
-    "Problem": "problem",
+    "PolynomialCurve": "wish.curve",
+    "ArcCurve": "wish.curve",
+    "SplineCurve": "wish.curve",
+    "FixedAttitude": "wish.attitude_law",
+    "SlerpAttitude": "wish.attitude_law",
+    "DirectedAttitude": "wish.attitude_law",
+    "EndEffectorPath": "wish.path",
+    "Timing": "wish.timing",
+    "TimedPath": "wish.timing",
+    "Margin": "motion.problem",
+    "Problem": "motion.problem",
     # or both from a file
-    "load_scenario": "scenario",
-    "Scenario": "scenario",
+    "load_scenario": "scenario.scenario",
+    "Scenario": "scenario.scenario",
     # one motion
-    "simulate": "simulation",
-    "Simulation": "simulation",
-    "integrate_motion": "integration",
-    "Motion": "motion",
-    "Ending": "motion",
-    "least": "closeness",
-    "Least": "closeness",
-    "TimeSeries": "time_series",
+    "simulate": "motion.simulation",
+    "Simulation": "motion.simulation",
+    "integrate_motion": "motion.integration",
+    "Motion": "motion.motion",
+    "Ending": "motion.motion",
+    "least": "motion.closeness",
+    "Least": "motion.closeness",
+    "TimeSeries": "motion.time_series",
     # its limits
-    "Limits": "limits",
-    "LimitFinding": "limits",
-    "LimitChecker": "limit_checks",
+    "Limits": "limits.limits",
+    "LimitFinding": "limits.limits",
+    "LimitChecker": "limits.limit_checks",
     # a plan
-    "plan": "planner",
-    "Plan": "plans",
-    "Search": "search",
-    "Objective": "search",
+    "plan": "plans.planner",
+    "Plan": "plans.plans",
+    "Search": "wish.search",
+    "Objective": "wish.search",
     # a map
-    "Outlook": "outlook",
-    "map_attitudes": "attitude_map",
-    "AttitudeMap": "attitude_map",
+    "Outlook": "attitudes.outlook",
+    "map_attitudes": "attitudes.attitude_map",
+    "AttitudeMap": "attitudes.attitude_map",
     # a look
-    "play": "playback",
-    "Playback": "playback",
+    "play": "playback.playback",
+    "Playback": "playback.playback",
     # files
-    "load_plan": "plan_file",
-    "load_map": "map_file",
+    "load_plan": "storage.plan_file",
+    "load_map": "storage.map_file",
     # many cases
-    "load_study": "study",
-    "Study": "study",
-    "run_study": "batching",
+    "load_study": "studies.study",
+    "Study": "studies.study",
+    "run_study": "tasks.batching",
     # errors
     "FreeFloatError": "errors",
     "InputError": "errors",

@@ -1,5 +1,5 @@
 """``python -m freefloat``."""
 
-from freefloat.cli import main
+from freefloat.cli.entry import main
 
 main()

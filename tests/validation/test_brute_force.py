@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.closeness import least
-from freefloat.integration import integrate_motion
-from freefloat.outlook import Outlook
-from freefloat.rollout_kernels import COMPLETED
+from freefloat.attitudes.outlook import Outlook
+from freefloat.kernels.rollout_kernels import COMPLETED
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
 from freefloat.spatial import attitude_grid
 from tests.motions import bundled
 from tests.validation.comparisons import agrees

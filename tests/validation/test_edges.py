@@ -11,29 +11,29 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat import integration
-from freefloat.attitude_depth import safe_radius
+from freefloat.answers.report import simulation_document
+from freefloat.attitudes.attitude_depth import safe_radius
+from freefloat.attitudes.outlook import Outlook
 from freefloat.bundled import models_folder
-from freefloat.certificate import certify
-from freefloat.checking import check_plan
-from freefloat.cli import app
-from freefloat.closeness import least
-from freefloat.curve import PolynomialCurve
-from freefloat.dynamics import Task
+from freefloat.checking.checking import check_plan
+from freefloat.checking.robust_checks import robust_checks
+from freefloat.cli.entry import app
 from freefloat.errors import IntegrationError
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.mujoco_engine import Engine
-from freefloat.mujoco_runs import forward_run, inverse_run
-from freefloat.outlook import Outlook
-from freefloat.plan_file import save_motion
-from freefloat.planar_ranges import find_limits, heading_ranges
-from freefloat.problem import Margin
-from freefloat.report import simulation_document
-from freefloat.robust_checks import robust_checks
-from freefloat.rollout_kernels import COMPLETED, SINGULAR
-from freefloat.seal import seal
+from freefloat.kernels.rollout_kernels import COMPLETED, SINGULAR
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion import integration
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.problem import Margin
+from freefloat.proof.certificate import certify
+from freefloat.proof.mujoco_engine import Engine
+from freefloat.proof.mujoco_runs import forward_run, inverse_run
+from freefloat.ranges.planar_ranges import find_limits, heading_ranges
 from freefloat.spatial import angle_between, attitude_grid, heading_of
+from freefloat.storage.plan_file import save_motion
+from freefloat.storage.seal import seal
+from freefloat.wish.curve import PolynomialCurve
 from tests.motions import GOOD, along, bundled, followed, heading, lasting, rolled
 from tests.robots import in_units, planar_robot
 

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitude_law import FixedAttitude
-from freefloat.dynamics import (
+from freefloat.machine.dynamics import (
     Task,
     end_effector_jacobian,
     generalized_jacobian,
 )
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.path import EndEffectorPath
-from freefloat.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.integration import integrate_motion
+from freefloat.wish.attitude_law import FixedAttitude
+from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.timing import Stop, TimedPath, TimeLaw, Timing
 from tests.motions import (
     BAD,
     GOOD,

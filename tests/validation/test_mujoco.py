@@ -13,15 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics import (
+from freefloat.limits.torques import InverseDynamics
+from freefloat.machine.dynamics import (
     generalized_jacobian,
 )
-from freefloat.model import FreeFloatingModel
-from freefloat.mujoco_engine import Engine, wxyz
-from freefloat.mujoco_runs import forward_run
-from freefloat.scenario import load_scenario
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.proof.mujoco_engine import Engine, wxyz
+from freefloat.proof.mujoco_runs import forward_run
+from freefloat.scenario.scenario import load_scenario
 from freefloat.spatial import heading_quaternion
-from freefloat.torques import InverseDynamics
 from tests.motions import (
     GOOD,
     differentiated,

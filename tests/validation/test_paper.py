@@ -5,13 +5,13 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from freefloat.closeness import least
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.motion import Ending
-from freefloat.planar_ranges import find_limits, heading_ranges
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.virtual_manipulator import VirtualManipulator
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.ranges.planar_ranges import find_limits, heading_ranges
 from freefloat.spatial import heading_of, heading_quaternion
-from freefloat.virtual_manipulator import VirtualManipulator
 from tests.motions import (
     BAD,
     GOOD,

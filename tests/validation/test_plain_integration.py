@@ -9,12 +9,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics import (
+from freefloat.machine.dynamics import (
     Task,
 )
-from freefloat.integration import integrate_motion
-from freefloat.model import FreeFloatingModel
-from freefloat.timing import TimeLaw, Timing
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.motion.integration import integrate_motion
+from freefloat.wish.timing import TimeLaw, Timing
 from tests.motions import (
     GOOD,
     SLIDING,

@@ -8,18 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from freefloat.areas import workspace_of
-from freefloat.dynamics import (
+from freefloat.machine.dynamics import (
     Task,
     generalized_jacobian,
     inertia_matrices,
     momentum_map,
     system_matrix,
 )
-from freefloat.model import FreeFloatingModel
-from freefloat.scenario import load_scenario
-from freefloat.singularity import measure
-from freefloat.virtual_manipulator import VirtualManipulator
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import measure
+from freefloat.machine.virtual_manipulator import VirtualManipulator
+from freefloat.scenario.scenario import load_scenario
+from freefloat.workspace.areas import workspace_of
 from tests.motions import (
     bundled,
     relative,

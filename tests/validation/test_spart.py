@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics import (
+from freefloat.machine.dynamics import (
     generalized_jacobian,
 )
-from freefloat.model import FreeFloatingModel
+from freefloat.machine.model import FreeFloatingModel
 from tests.motions import (
     relative,
 )

@@ -1,0 +1,1 @@
+"""All attitudes: very many motions, maps, the best and the nearest."""

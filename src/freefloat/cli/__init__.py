@@ -1,0 +1,1 @@
+"""The ``freefloat`` command: what it understands, whom it asks, what it shows."""

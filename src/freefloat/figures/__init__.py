@@ -1,0 +1,1 @@
+"""Figures; nothing is computed here."""

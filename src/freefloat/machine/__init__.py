@@ -1,0 +1,1 @@
+"""The machine: its model, momentum, generalized Jacobian and measures of singularity."""

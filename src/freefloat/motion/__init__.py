@@ -1,0 +1,1 @@
+"""One motion: the problem it solves, its record, how it is followed."""

@@ -1,0 +1,190 @@
+"""The flow of (8), integrated precisely along its own arc length.
+
+Near a dynamic singularity the rates grow without bound as functions of time, yet the curve that
+the state draws through (time, attitude, joints) stays smooth: there it turns back in time. Followed
+along its arc length it is an ordinary curve, and the singularity is the point of its largest time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import DOP853
+from scipy.optimize import brentq
+
+from freefloat.errors import InputError, IntegrationError
+from freefloat.machine.dynamics import generalized_jacobian
+from freefloat.motion.arc_flow import ArcFlow, arc_flow
+from freefloat.motion.closeness import first_place_below
+from freefloat.motion.motion import NODES, Ending, Motion
+from freefloat.motion.problem import Problem
+from freefloat.spatial import Array, turn_between
+
+_LONGEST_STEP = 1.0
+_MAX_STEPS = 20_000
+_RANK_LOST = 1e-9
+"""A start is singular when S*'s smallest singular value is below this share of its largest."""
+_MEETS = 1e-6
+"""Joints meet the start of the path when the end-effector is off by less than this [m, rad]."""
+
+
+def integrate_motion(
+    problem: Problem,
+    attitude: npt.ArrayLike,
+    joints: npt.ArrayLike,
+    *,
+    start: float = 0.0,
+    end: float | None = None,
+    stop_at_margin: bool = False,
+    tolerance: float = 1e-10,
+) -> Motion:
+    """Follow the path from an attitude and an arm configuration.
+
+    The motion ends where the path does, or exactly where the arm becomes dynamically singular:
+    where det S* changes sign or the rates by time grow beyond all bounds.
+
+    Args:
+        problem: Robot, path and momentum.
+        attitude: Of the spacecraft at ``start``, quaternion x, y, z, w.
+        joints: Joint values at ``start``, shape (n,); the end-effector must be on the path.
+        start: Where on the time law to begin [s].
+        end: Where to stop [s]; the duration when left out. An ``end`` before ``start`` retraces the
+            motion that leads to ``start``: the paper's reverse motion with -h (Appendix A).
+        stop_at_margin: End where the problem's margin is used up.
+        tolerance: Relative and absolute, of the integrator, per step.
+
+    Returns:
+        The motion, whatever its ending.
+
+    Raises:
+        InputError: If the joints do not meet the path at ``start``.
+        IntegrationError: If the integrator gives up for a reason other than a singularity.
+    """
+    attitude = problem.attitude("attitude", attitude)
+    joints = problem.model.joint_vector(joints)
+    duration = problem.path.duration
+    end = duration if end is None else end
+    for key, time in (("start", start), ("end", end)):
+        if not 0.0 <= time <= duration:
+            raise InputError(key, f"{time} was given", f"a time from 0 to {duration:g} s")
+    _refuse_off_path(problem, attitude, joints, start)
+    flow = arc_flow(problem, 1.0 if end >= start else -1.0)
+    first = np.concatenate([[start], attitude, joints])
+    rows, ending = _follow(problem, flow, first, end, tolerance)
+    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
+    if flow.determinant is not None:
+        motion = _cut(motion, first_place_below(motion, flow.determinant, 0.0), Ending.SINGULAR)
+    margin = problem.margin
+    if stop_at_margin and margin.value > 0.0:
+        place = first_place_below(motion, margin.measure.value, margin.value)
+        motion = _cut(motion, place, Ending.MARGIN)
+    return motion
+
+
+def _cut(motion: Motion, place: float | None, ending: Ending) -> Motion:
+    return motion if place is None else motion.cut(place, ending)
+
+
+def _refuse_off_path(problem: Problem, attitude: Array, joints: Array, start: float) -> None:
+    wanted = problem.path.pose(start)
+    found = problem.model.end_effector_pose(attitude, joints)
+    turn = turn_between(found.rotation, wanted.rotation)
+    off = found.position - wanted.position
+    if np.abs(np.concatenate([off, turn])[problem.task.rows]).max() > _MEETS:
+        raise InputError(
+            "joints",
+            f"the end-effector would stand {np.linalg.norm(off):.3g} m and "
+            f"{np.linalg.norm(turn):.3g} rad off the path at t = {start:g} s",
+            "joints that meet the path; Problem.branches(attitude) lists them",
+        )
+
+
+def _follow(
+    problem: Problem, flow: ArcFlow, row: Array, end: float, tolerance: float
+) -> tuple[Array, Ending]:
+    """Nodes (time, attitude, joints) of the motion from a first one to a time or a singularity."""
+    panels = [row[None]]
+    if _is_singular(problem, row[5:]):
+        return panels[0], Ending.SINGULAR
+    for piece, leg_end in _legs(problem, float(row[0]), end):
+        flow.piece = piece
+        for panel, turned in _panels(flow, panels[-1][-1], leg_end, tolerance):
+            panels.append(panel[1:])
+            if turned:
+                return np.vstack(panels), Ending.SINGULAR
+        panels[-1][-1, 0] = leg_end
+    return np.vstack(panels), Ending.COMPLETED
+
+
+def _is_singular(problem: Problem, joints: Array) -> bool:
+    S = generalized_jacobian(problem.model, joints, problem.task)
+    values = np.linalg.svd(S, compute_uv=False)
+    return bool(values[-1] < _RANK_LOST * values[0])
+
+
+def _legs(problem: Problem, start: float, end: float) -> Iterator[tuple[int, float]]:
+    """Pieces of the time law from start to end, and where the motion leaves each."""
+    timing = problem.path.timing
+    starts = (0.0, *timing.ends[:-1])
+    pieces = list(enumerate(zip(starts, timing.ends, strict=True)))
+    if end >= start:
+        for piece, (low, high) in pieces:
+            if low < end and high > start:
+                yield piece, min(high, end)
+    else:
+        for piece, (low, high) in reversed(pieces):
+            if high > end and low < start:
+                yield piece, max(low, end)
+
+
+def _panels(
+    flow: ArcFlow, row: Array, end: float, tolerance: float
+) -> Iterator[tuple[Array, bool]]:
+    """Panels up to a time, each with whether time turned back at its end."""
+    direction = np.sign(flow.reference[0])
+    goal = end / flow.unit
+    start = np.concatenate([[row[0] / flow.unit], row[1:]])
+    solver = DOP853(
+        flow, 0.0, start, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance
+    )
+    flow.reference = solver.f
+    for _ in range(_MAX_STEPS):
+        message = solver.step()
+        if solver.status == "failed":
+            raise IntegrationError(float(solver.y[0] * flow.unit), str(message))
+        dense = solver.dense_output()
+        stop, pace = solver.t, direction * solver.f[0]
+        turned = bool(pace <= flow.stalled)
+        if pace < 0.0:
+            stop = brentq(partial(_pace, flow, dense), solver.t_old, stop, xtol=1e-14)
+        if direction * (dense(stop)[0] - goal) >= 0.0:
+            stop = brentq(partial(_lateness, dense, goal), solver.t_old, stop, xtol=1e-14)
+            yield _nodes(flow, dense, solver.t_old, stop), False
+            return
+        yield _nodes(flow, dense, solver.t_old, stop), turned
+        if turned:
+            return
+        flow.reference = solver.f
+    raise IntegrationError(
+        float(solver.y[0] * flow.unit),
+        f"{_MAX_STEPS} steps were not enough",
+        "a shorter duration or less momentum: the system may tumble hundreds of times on the way",
+    )
+
+
+def _pace(flow: ArcFlow, dense: Callable[[float], Array], along: float) -> float:
+    return float(flow(along, dense(along))[0])
+
+
+def _lateness(dense: Callable[[float], Array], goal: float, along: float) -> float:
+    return float(dense(along)[0] - goal)
+
+
+def _nodes(flow: ArcFlow, dense: Callable[[Array], Array], start: float, stop: float) -> Array:
+    values = dense(start + (stop - start) * (NODES + 1.0) / 2.0).T
+    values[:, 0] *= flow.unit
+    values[:, 1:5] /= np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
+    return values

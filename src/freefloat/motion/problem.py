@@ -1,0 +1,213 @@
+"""What is asked of a robot: where the machine and the wish meet, checked against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from freefloat.brief import brief
+from freefloat.errors import InputError
+from freefloat.kernels.arm_branches import (
+    ArmBranch,
+    BranchSets,
+    arm_branches,
+    many_arm_branches,
+    nearest_configuration,
+)
+from freefloat.machine.dynamics import DriftEquation, Task, momentum_map
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.redundancy import Redundancy
+from freefloat.machine.singularity import Measure
+from freefloat.machine.virtual_manipulator import VirtualManipulator
+from freefloat.spatial import (
+    Array,
+    finite_vector,
+    frozen,
+    low_discrepancy,
+    rotation_matrix,
+    unit_quaternion,
+)
+from freefloat.wish.timing import TimedPath
+
+_NEAR = 0.05
+"""How near joint values must be to mean a branch [rad, m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Margin:
+    """How far from dynamic singularities a motion has to stay.
+
+    Attributes:
+        measure: What is measured.
+        value: The measure must keep its initial sign and never be smaller in magnitude.
+    """
+
+    __repr__ = brief
+
+    measure: Measure
+    value: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.value) and self.value >= 0.0):
+            raise InputError("margin.value", f"{self.value} was given", "a magnitude, 0 or more")
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A robot, a path for its end-effector, and the momentum the system drifts with.
+
+    Attributes:
+        model: Robot.
+        path: Where the end-effector should be, and when.
+        task: What of the path counts.
+        momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
+        margin: Distance to keep from dynamic singularities.
+        redundancy: What an arm with more joints than the task has rows does with its freedom; when
+            left out, it moves with the joint rates of least Euclidean norm.
+    """
+
+    __repr__ = brief
+
+    model: FreeFloatingModel
+    path: TimedPath
+    task: Task
+    momentum: Array
+    margin: Margin
+    redundancy: Redundancy | None = None
+
+    def __post_init__(self) -> None:
+        momentum = finite_vector("momentum", self.momentum, 3)
+        object.__setattr__(self, "momentum", frozen(momentum))
+        self.drift_equation()
+        if self.task.planar:
+            self._refuse_what_is_not_planar()
+
+    def __reduce__(self) -> tuple[type[Problem], tuple[Any, ...]]:
+        """Made anew on unpickling, so that its arrays are read-only there, too."""
+        given = (self.model, self.path, self.task, self.momentum, self.margin, self.redundancy)
+        return Problem, given
+
+    def drift_equation(self) -> DriftEquation:
+        """Equation (4) of this problem, ready to be solved."""
+        return DriftEquation(self.model, self.task, self.momentum, self.redundancy)
+
+    def _refuse_what_is_not_planar(self) -> None:
+        virtual = VirtualManipulator.of(self.model)
+        if not (virtual.is_planar and _drifts_in_plane(self.model)):
+            raise InputError(
+                "task",
+                f"{self.task}, but this robot does not stay in the x-y plane",
+                "pose or position; planar tasks want joint axes along z and masses spread evenly "
+                "above and below z = 0",
+            )
+        if self.momentum[0] != 0.0 or self.momentum[1] != 0.0:
+            raise InputError(
+                "momentum",
+                f"{self.momentum.tolist()} turns the plane of a planar task",
+                "[0, 0, hz]",
+            )
+        level = float(virtual.pose(np.zeros(self.model.dof)).position[2])
+        straight = virtual.pose(np.zeros(self.model.dof)).rotation
+        heights = [self.path.path.curve(float(s))[2] for s in np.linspace(0.0, 1.0, 21)]
+        if np.abs(np.array(heights) - level).max() > 1e-6:
+            raise InputError(
+                "path",
+                f"it leaves the plane of the end-effector, z = {level:g} m",
+                f"a path with z = {level:g} m everywhere",
+            )
+        for s in np.linspace(0.0, 1.0, 21) if self.task.turns else ():
+            upright = self.path.path.attitude.rotation(float(s)) @ straight.T
+            if upright[2, 2] < 1.0 - 1e-9:
+                raise InputError(
+                    "path.attitude",
+                    f"the end-effector would leave the plane at s = {s:.2g}",
+                    "attitudes that turn about z alone",
+                )
+
+    def attitude(self, key: str, given: npt.ArrayLike) -> Array:
+        """Check an attitude of the spacecraft.
+
+        Args:
+            key: Named in errors.
+            given: Quaternion x, y, z, w.
+
+        Returns:
+            The unit quaternion, shape (4,).
+
+        Raises:
+            InputError: If it is no unit quaternion or, for planar tasks, not about z alone.
+        """
+        attitude = unit_quaternion(key, given)
+        if self.task.planar and np.abs(attitude[:2]).max() > 1e-9:
+            raise InputError(
+                key, f"{attitude.tolist()} leaves the plane", "a turn about z: [0, 0, z, w]"
+            )
+        return attitude
+
+    def branches(self, attitude: npt.ArrayLike, t: float = 0.0) -> tuple[ArmBranch, ...]:
+        """All arm configurations with the end-effector on the path.
+
+        Args:
+            attitude: Of the spacecraft at that time, unit quaternion x, y, z, w.
+            t: Time [s].
+
+        Returns:
+            The branches; none where the path is out of reach.
+        """
+        R0 = rotation_matrix(attitude)
+        return arm_branches(self.model, self.path.pose(t).seen_from(R0), self.task)
+
+    def many_branches(
+        self, attitudes: Array, t: float = 0.0, threads: int | None = None
+    ) -> BranchSets:
+        """The same for many attitudes (K, 4), on several threads."""
+        pose, R0 = self.path.pose(t), Rotation.from_quat(attitudes).as_matrix()
+        positions = np.einsum("kji,j->ki", R0, pose.position)
+        rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
+        return many_arm_branches(self.model, positions, rotations, self.task, threads)
+
+    def branch_near(
+        self, attitude: npt.ArrayLike, joints: npt.ArrayLike, branches: Sequence[ArmBranch]
+    ) -> ArmBranch:
+        """The arm branch meant by roughly given joint values.
+
+        Args:
+            attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
+            joints: Joint values within 0.05 rad each (whole turns not counted) of a branch; for an
+                arm with more joints than the task needs, of any configuration on the path.
+            branches: Those found by :meth:`branches`.
+
+        Raises:
+            InputError: Listing the branches when the joints lie near none.
+        """
+        given = self.model.joint_vector(joints)
+        candidates = list(branches)
+        if self.model.dof > len(self.task.rows):
+            target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
+            candidates += nearest_configuration(self.model, target, self.task, given)
+        turning = [not body.prismatic for body in self.model.bodies[1:]]
+        for branch in candidates:
+            gap = branch.joints - given
+            gap[turning] = (gap[turning] + np.pi) % (2.0 * np.pi) - np.pi
+            if np.abs(gap).max() <= _NEAR:
+                return branch
+        raise InputError(
+            "joints",
+            f"{given.tolist()} lies near no arm branch at this attitude",
+            f"within {_NEAR} rad each of one of: "
+            + "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches),
+        )
+
+
+def _drifts_in_plane(model: FreeFloatingModel) -> bool:
+    """Whether no planar motion gives angular momentum about x or y."""
+    for fraction in low_discrepancy(4, model.dof):
+        A = momentum_map(model, 2.0 * np.pi * fraction)
+        if np.abs(A[3:5, 5:]).max() > 1e-9 * np.abs(A[3:, 3:]).max():
+            return False
+    return True

@@ -1,0 +1,1 @@
+"""Plans: which attitude, why, within which limits, how robust."""

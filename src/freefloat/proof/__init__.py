@@ -1,0 +1,1 @@
+"""What a motion proves of itself, by other integrators and another engine."""

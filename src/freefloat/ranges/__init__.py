@@ -1,0 +1,1 @@
+"""Exact ranges of headings, and the same condition in space: touch points."""

@@ -1,0 +1,1 @@
+"""Scenario files: their schema, how they are read, the problem they pose."""

@@ -1,0 +1,1 @@
+"""What is seen of motions and maps, as MeshCat commands."""

@@ -1,0 +1,1 @@
+"""Plans, maps, robots and trajectories on disk."""

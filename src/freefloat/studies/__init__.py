@@ -1,0 +1,1 @@
+"""Studies: cases drawn, run, kept and told."""

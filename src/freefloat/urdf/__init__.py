@@ -1,0 +1,1 @@
+"""A URDF: read, put together, doubted."""

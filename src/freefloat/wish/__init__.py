@@ -1,0 +1,1 @@
+"""The wish: a path, how it is timed, what is looked for."""

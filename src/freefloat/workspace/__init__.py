@@ -1,0 +1,1 @@
+"""Where an arm can become singular."""

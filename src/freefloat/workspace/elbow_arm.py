@@ -1,0 +1,97 @@
+"""An elbow arm under a spherical wrist, seen in the plane of its upper arm and forearm."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from freefloat.errors import InputError
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.singularity import arm_axes, measure
+from freefloat.machine.virtual_manipulator import VirtualManipulator
+from freefloat.spatial import Array, low_discrepancy
+from freefloat.workspace.planar_arm import Complex, PlanarArm
+from freefloat.workspace.workspace import point_3, two_angles
+
+_GRID = 8
+"""S is a trigonometric polynomial of the second degree: far fewer angles than these tell it all."""
+
+
+def elbow_arm(model: FreeFloatingModel) -> PlanarArm:
+    """The planar arm of two joints, q2 and q3, whose S is the ``arm`` measure (40) of an elbow arm.
+
+    It stands in the plane that the first joint turns, x across that joint and y along it. Its point
+    3 is the wrist centre of the virtual manipulator, whose distance from the centre of mass it
+    shares. Its inertia is one that gives this S; more is not to be read into it.
+
+    Raises:
+        InputError: For arms without that measure, see
+            :func:`~freefloat.machine.singularity.measure`.
+    """
+    axes = arm_axes(model, Task.POSE)
+    virtual = VirtualManipulator.of(model)
+    _, _, points, turning = virtual.kinematics(np.zeros(6))
+    places = [points[1, 0], points[2, 0], _wrist(virtual)]
+    links = np.array([complex(axes[1] @ p, axes[2] @ p) for p in places])
+    links[1:] -= links[:-1].copy()
+    signs = np.sign(turning[1:3, 0] @ axes[0])
+    arm = PlanarArm(links, _inertia(model, links, signs), signs, 0.0)
+    joints = np.pi * (2.0 * low_discrepancy(64, 6) - 1.0)
+    off = np.abs(point_3(arm, joints[:, 1:3])) - wrist_distances(virtual, joints)
+    if np.abs(off).max() > 1e-9 * virtual.reach:
+        raise InputError(
+            "margin.measure", "the first joint moves the wrist to and from the centre of mass",
+            "a first joint whose axis passes through the virtual manipulator's base",
+        )  # fmt: skip
+    return arm
+
+
+def wrist_distances(virtual: VirtualManipulator, joints: Array) -> Array:
+    """Distances of the wrist centre from the centre of mass [m], shape (K,), at joints (K, 6)."""
+    positions, rotations, _, _ = virtual.kinematics(joints)
+    return np.asarray(np.linalg.norm(positions + rotations @ wrist_in_hand(virtual), axis=1))
+
+
+def wrist_in_hand(virtual: VirtualManipulator) -> Array:
+    """The virtual manipulator's wrist centre in the end-effector's frame [m], shape (3,)."""
+    zero = virtual.pose(np.zeros(6))
+    return np.asarray(zero.rotation.T @ (_wrist(virtual) - zero.position))
+
+
+def _wrist(virtual: VirtualManipulator) -> Array:
+    if virtual.wrist_centre is None:
+        raise InputError("task", "the wrist is not spherical", "last three axes through one point")
+    return virtual.wrist_centre
+
+
+def _inertia(model: FreeFloatingModel, links: Complex, signs: Array) -> Complex:
+    """S is linear in the inertia: fitted to S on a grid, and checked to be no mere fit."""
+    of = measure(model, Task.POSE, "arm")
+    axis = 2.0 * np.pi * np.arange(_GRID) / _GRID
+    joints = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    S = np.array([of.value(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q2, q3 in joints.tolist()])
+    units = _hermitian_units()
+    columns = []
+    for unit in units:
+        arm = PlanarArm(links, unit, signs, 0.0)
+        columns.append(arm.determinant(two_angles(arm, joints)))
+    matrix = np.stack(columns, axis=1)
+    shares = np.linalg.lstsq(matrix, S, rcond=None)[0]
+    if np.abs(matrix @ shares - S).max() > 1e-9 * np.abs(S).max():
+        raise InputError(
+            "margin.measure", "this arm's S(q2, q3) is not that of an arm in a plane",
+            "an elbow arm under a spherical wrist",
+        )  # fmt: skip
+    return np.asarray(np.einsum("k,kij->ij", shares, units))
+
+
+def _hermitian_units() -> Complex:
+    """A basis of the Hermitian matrices, shape (9, 3, 3)."""
+    units = []
+    for i in range(3):
+        for j in range(i, 3):
+            for factor in (1.0, 1.0j)[: 1 if i == j else 2]:
+                unit = np.zeros((3, 3), dtype=complex)
+                unit[i, j], unit[j, i] = factor, np.conj(factor)
+                units.append(unit)
+    return np.array(units)
