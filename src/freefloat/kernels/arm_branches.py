@@ -1,8 +1,9 @@
 """All arm configurations that reach a pose at a given spacecraft attitude.
 
-Elbow arms with a spherical wrist and planar elbow arms are solved in closed form, every other arm
-by Newton's method from many starts. An arm with more joints than the task needs has infinitely many
-configurations: it gets a spread-out, reproducible set.
+Elbow arms with a spherical wrist, arms whose second to fourth axes are parallel and planar elbow
+arms are solved in closed form, every other arm by Newton's method from many starts. An arm with
+more joints than the task needs has infinitely many configurations: it gets a spread-out,
+reproducible set.
 """
 
 from __future__ import annotations
@@ -149,6 +150,10 @@ def many_arm_branches(
         joints = np.empty((len(poses[0]), 2, model.dof))
         _in_slices(kernels.solve_planar_elbow, (chain, rows), (*poses, joints), threads)
         return _closed(joints, _ELBOWS)
+    if task is Task.POSE and virtual.has_three_parallel_axes:
+        from freefloat.kernels.parallel_kernels import solve_parallel
+
+        return _searched(solve_parallel, model, positions, rotations, task, threads)
     return search_arm_branches(model, positions, rotations, task, threads)
 
 
@@ -160,6 +165,20 @@ def search_arm_branches(
     threads: int | None = None,
 ) -> BranchSets:
     """As :func:`many_arm_branches`, by Newton's method even where there is a closed form."""
+    from freefloat.kernels.search_kernels import solve_numerically
+
+    return _searched(solve_numerically, model, positions, rotations, task, threads)
+
+
+def _searched(
+    solve: Callable[..., None],
+    model: FreeFloatingModel,
+    positions: npt.ArrayLike,
+    rotations: npt.ArrayLike,
+    task: Task,
+    threads: int | None,
+) -> BranchSets:
+    """By a kernel that takes starts and tells names."""
     from freefloat.kernels import search_kernels as kernels
 
     chain = _chain(VirtualManipulator.of(model), model)
@@ -170,7 +189,7 @@ def search_arm_branches(
     lower = np.where(chain.prismatic, chain.lower, -np.pi)
     upper = np.where(chain.prismatic, chain.upper, np.pi)
     fixed = (chain, np.array(task.rows), lower + (upper - lower) * fractions)
-    _in_slices(kernels.solve_numerically, fixed, (*poses, joints, names), threads)
+    _in_slices(solve, fixed, (*poses, joints, names), threads)
     signs = n == m == 6 and not chain.prismatic.any()
     labels = _SIGNS if signs else tuple(str(number) for number in range(kernels.MOST))
     return BranchSets(joints, names, labels)

@@ -172,6 +172,30 @@ def places_by_name(patterns: IntArray) -> IntArray:
 
 
 @compiled
+def settle(
+    chain: Chain,
+    rows: IntArray,
+    position: Vector,
+    rotation: Array,
+    found: Array,
+    joints: Array,
+    patterns: IntArray,
+    scratch: Scratch,
+) -> None:
+    """Put the solutions of a pose, sorted, where their names say: joints (B, n), patterns (B,)."""
+    names = np.arange(len(found))
+    places = names
+    if len(chain.axes) == 6 and len(rows) == 6 and not chain.prismatic.any():
+        for k in range(len(found)):
+            names[k] = sign_pattern(chain, rows, position, rotation, found[k], scratch)
+        places = places_by_name(names)
+    joints[:], patterns[:] = np.nan, -1
+    for k in range(len(found)):
+        into_range(chain, found[k])
+        joints[places[k]], patterns[places[k]] = found[k], names[k]
+
+
+@compiled
 def solve_numerically(
     chain: Chain,
     rows: IntArray,
@@ -188,21 +212,13 @@ def solve_numerically(
     """
     n, m = len(chain.axes), len(rows)
     scratch, found = scratch_for(n, m), np.empty((joints.shape[1], n))
-    named = n == 6 and m == 6 and not chain.prismatic.any()
     for t in range(len(positions)):
         position, rotation = row(positions, t), rotations[t]
         if n > m:
             count = spread(chain, rows, position, rotation, starts, found, scratch)
         else:
             count = search(chain, rows, position, rotation, starts, found, scratch)
-        names = np.arange(count)
-        for k in range(count if named else 0):
-            names[k] = sign_pattern(chain, rows, position, rotation, found[k], scratch)
-        places = places_by_name(names) if named else names
-        joints[t], patterns[t] = np.nan, -1
-        for k in range(count):
-            into_range(chain, found[k])
-            joints[t, places[k]], patterns[t, places[k]] = found[k], names[k]
+        settle(chain, rows, position, rotation, found[:count], joints[t], patterns[t], scratch)
 
 
 @compiled

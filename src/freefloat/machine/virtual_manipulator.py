@@ -150,6 +150,14 @@ class VirtualManipulator:
         return bool(np.linalg.norm(np.cross(h2, h3)) < _TOUCHING)
 
     @cached_property
+    def has_three_parallel_axes(self) -> bool:
+        """Whether it has six turning joints, and the second to fourth axes are parallel."""
+        if len(self.axes) != 6 or self.prismatic.any():
+            return False
+        _, h2, h3, h4 = self.axes_at(np.zeros(6))[:4]
+        return bool(np.linalg.norm(np.cross(h2, [h3, h4]), axis=1).max() < _TOUCHING)
+
+    @cached_property
     def is_planar(self) -> bool:
         """Whether every joint keeps the arm in the x-y plane: axes along z, slides across it."""
         axes = self.kinematics(np.zeros(len(self.axes)))[3]
