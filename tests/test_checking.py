@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 
 import freefloat as ff
 from freefloat.answers.report import plan_document, simulation_document
-from freefloat.checking.checking import check_plan, robust_checks
+from freefloat.checking import robust_checks
+from freefloat.checking.checking import check_plan
 from freefloat.checking.checks import Check
 from freefloat.cli.entry import app
 from freefloat.errors import InputError

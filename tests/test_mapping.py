@@ -23,13 +23,14 @@ from freefloat.answers.tables import attitude_map_tables, plan_tables
 from freefloat.attitudes.attitude_map import AttitudeMap, map_attitudes, regions
 from freefloat.attitudes.attitude_search import Candidate
 from freefloat.attitudes.outlook import Outlook
-from freefloat.cli.entry import app, console
+from freefloat.cli.entry import app
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin
 from freefloat.plans.plans import Plan
 from freefloat.scenario.scenario import load_scenario
 from freefloat.storage.map_file import load_map, map_file
 from freefloat.storage.plan_file import load_plan
+from freefloat.tasks import console
 from freefloat.tasks.mapping import Wishes, map_in_space
 from freefloat.wish.search import Search
 

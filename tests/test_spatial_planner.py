@@ -16,7 +16,8 @@ from freefloat.attitudes.outlook import UNREACHED, Outlook
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem
 from freefloat.motion.simulation import FollowedBranch, simulate
-from freefloat.plans.plans import Plan, spatial_planner
+from freefloat.plans import spatial_planner
+from freefloat.plans.plans import Plan
 from freefloat.spatial import angle_between, attitudes_within, frozen, grid_spacing
 from freefloat.wish.search import Objective, Search
 
