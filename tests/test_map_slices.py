@@ -78,13 +78,19 @@ def test_what_the_arm_cannot_reach_is_told_from_what_breaks_the_margin():
     outlook = Outlook(ff.load_scenario("ur5_servicer/arc").problem())
     shares = []
     slices = map_slices(outlook, [], shares.append, side=19)
-    assert len(slices[0].ticks) < 19  # thrift
+    assert len(slices[0].ticks) == 19
     reached = np.concatenate([one.reached[np.isfinite(one.least)] for one in slices])
     least = np.concatenate([one.least[np.isfinite(one.least)] for one in slices])
     assert 0.05 < reached.mean() < 0.6
     assert (least[~reached] == 0.0).all()
     assert (least[reached] == 0.0).any()
     assert shares[-1] == 1.0
+
+
+def test_slices_are_coarser_where_arm_branches_have_to_be_searched_for():
+    outlook = Outlook(ff.load_scenario("panda_servicer/line").problem())
+    assert outlook.thrift > 1
+    assert len(map_slices(outlook, [], side=7)[0].ticks) < 7
 
 
 def test_rotation_vectors_are_no_longer_than_half_a_turn():

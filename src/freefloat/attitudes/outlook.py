@@ -155,9 +155,10 @@ _BENT = 4
 
 
 def has_closed_form(problem: Problem) -> bool:
-    """Whether arm branches come from a formula: elbow arms with a spherical wrist, in space."""
+    """Whether arm branches in space come from a formula, see ``arm_branches``."""
     virtual = VirtualManipulator.of(problem.model)
-    return problem.task is Task.POSE and virtual.has_elbow_and_spherical_wrist
+    formula = virtual.has_elbow_and_spherical_wrist or virtual.has_three_parallel_axes
+    return problem.task is Task.POSE and formula
 
 
 def has_twin_branches(problem: Problem) -> bool:
@@ -167,9 +168,9 @@ def has_twin_branches(problem: Problem) -> bool:
     the first of its axes, bent the other way and turned back it carries the hand alike, and what
     moves differently is weightless. Branch 2 k + 1 then is the twin of branch 2 k.
     """
-    if not has_closed_form(problem):
-        return False
     virtual, model = VirtualManipulator.of(problem.model), problem.model
+    if problem.task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:
+        return False
     h4, h5, h6 = virtual.axes_at(np.zeros(6))[3:]
     inner = model.bodies[4:6]
     heaviest = max(np.abs(body.inertia).max() for body in model.bodies)
