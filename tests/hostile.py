@@ -42,6 +42,7 @@ from freefloat.wish.path import read_samples
 from tests import hostile_samples as good
 from tests.mutations import CSV, JSON, LINES, XML, YAML, Mutator, mutated
 from tests.result_mutations import HDF5, mutated_result
+from tests.wishes import PARABOLA
 
 READ, REFUSED = "read", "refused"
 TRACEBACK, MEMORY, OUTSIDE, MESSAGE = "traceback", "memory", "outside", "message"
@@ -176,7 +177,7 @@ def _yaml(*documents: Any) -> tuple[bytes, ...]:
 
 
 KINDS = {
-    "scenario": Kind("scenario.yaml", lambda: _yaml(good.SCENARIO, good.RICH, good.SAMPLED),
+    "scenario": Kind("scenario.yaml", lambda: _yaml(PARABOLA, good.RICH, good.SAMPLED),
                      YAML, _scenario),
     "urdf": Kind("robot.urdf", lambda: (*good.bundled("planar_3dof", "ets_vii"), good.meshed()),
                  XML, _urdf),
@@ -215,7 +216,7 @@ class Watch:
         for name in ("planar_3dof", "spatial_6dof"):
             (self.inside / f"{name}.urdf").write_bytes(good.bundled(name)[0])
         (self.inside / "points.csv").write_text(good.POINTS)
-        (self.inside / "wish.yaml").write_text(good.SCENARIO)
+        (self.inside / "wish.yaml").write_text(PARABOLA)
         (self.inside / "good_study.yaml").write_text(yaml.safe_dump(good.HEADINGS))
         (self.inside / "part.stl").write_bytes(good.meshes()[0])
         self._before = self._state()

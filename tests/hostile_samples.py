@@ -25,16 +25,6 @@ from freefloat.storage.result_file import ATTITUDE_MAP, new_result, write_docume
 from freefloat.storage.seal import seal
 from tests.studies import SHORT
 
-SCENARIO = """\
-robot: {urdf: planar_3dof.urdf, end_effector: end_effector}
-task: planar-pose
-momentum: [0, 0, 0.5]
-path:
-  polynomial: {x: [2, -3], y: [0, 0.5, 1.5], z: [0]}
-  attitude: {follow: {axis: -y, normal: [0, 0, 1]}}
-timing: {law: quintic, duration: 100}
-margin: {measure: system, value: 5}
-"""
 RICH = """\
 robot:
   urdf: spatial_6dof.urdf

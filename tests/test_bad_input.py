@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 from freefloat.bundled import models_folder
 from freefloat.cli.entry import app
+from tests.wishes import PARABOLA
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -24,16 +25,6 @@ WISH = "wish.yaml"
 URDF = "planar_3dof.urdf"
 CSV = "points.csv"
 
-PLANAR = """\
-robot: {urdf: planar_3dof.urdf, end_effector: end_effector}
-task: planar-pose
-momentum: [0, 0, 0.5]
-path:
-  polynomial: {x: [2, -3], y: [0, 0.5, 1.5], z: [0]}
-  attitude: {follow: {axis: -y, normal: [0, 0, 1]}}
-timing: {law: quintic, duration: 100}
-margin: {measure: system, value: 5}
-"""
 SPATIAL = """\
 robot: {urdf: spatial_6dof.urdf, end_effector: end_effector}
 task: pose
@@ -73,7 +64,7 @@ class Bad:
     old: str = ""
     new: str = ""
     content: str | bytes | None = ""
-    scenario: str = PLANAR
+    scenario: str = PARABOLA
     options: tuple[str, ...] | None = None
     name: str = WISH
     file: str = WISH
@@ -146,7 +137,7 @@ FILES = {
         content="a: &a [x, x, x]\nb: &b [*a, *a, *a, *a]\nc: [*b, *b, *b, *b, *b]\n",
     ),
     "duplicate key": Bad(
-        "line 9", "", content=PLANAR + "task: pose\n", problem="'task' is given twice"
+        "line 9", "", content=PARABOLA + "task: pose\n", problem="'task' is given twice"
     ),
     "duplicate key inside": edited(
         *("line 7", "", "duration: 100", "duration: 100, duration: 50"),
@@ -157,14 +148,14 @@ FILES = {
     "2 MB": Bad("file", "1000000 bytes", content="# much\n" * 300_000, problem="too large"),
     "deep nesting": Bad("", "valid YAML", content="robot: " + "[" * 800),
     "deep nesting that ends": Bad("", "", content="robot: " + "[" * 800 + "]" * 800),
-    "a list as key": Bad("", "", content=PLANAR + "? [a, b]\n: 1\n"),
-    "a mapping as key": Bad("", "", content=PLANAR + "{a: b}: 1\n"),
-    "a number as key": Bad("3", "", content=PLANAR + "3: 1\n"),
-    "a key of two lines": Bad("", "momentum", content=PLANAR + '"a\\nb": 1\n'),
+    "a list as key": Bad("", "", content=PARABOLA + "? [a, b]\n: 1\n"),
+    "a mapping as key": Bad("", "", content=PARABOLA + "{a: b}: 1\n"),
+    "a number as key": Bad("3", "", content=PARABOLA + "3: 1\n"),
+    "a key of two lines": Bad("", "momentum", content=PARABOLA + '"a\\nb": 1\n'),
     "the URDF instead": Bad(
         "", "", content=(models_folder() / "planar_3dof" / URDF).read_text()
     ),
-    "two documents": Bad("line 9", "valid YAML", content=PLANAR + "---\n" + PLANAR),
+    "two documents": Bad("line 9", "valid YAML", content=PARABOLA + "---\n" + PARABOLA),
     "a name too long for a file": Bad("scenario", "", name="x" * 300, content=None, file=""),
 }  # fmt: skip
 
@@ -592,8 +583,8 @@ def test_bad_input_is_answered_in_the_users_words(case: Bad, folder: Path) -> No
     ],
 )
 def test_extreme_numbers_end_in_an_answer_or_in_one_line(old: str, new: str, folder: Path) -> None:
-    assert old in PLANAR
-    (folder / WISH).write_text(PLANAR.replace(old, new))
+    assert old in PARABOLA
+    (folder / WISH).write_text(PARABOLA.replace(old, new))
     result = CliRunner().invoke(app, ["simulate", WISH, *HEADING])
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     assert len(result.stderr.splitlines()) == (1 if result.exit_code == 2 else 0)
@@ -604,7 +595,7 @@ def test_extreme_numbers_end_in_an_answer_or_in_one_line(old: str, new: str, fol
 )
 def test_extreme_samples_end_in_one_line(text: str, folder: Path) -> None:
     (folder / CSV).write_text(text)
-    (folder / WISH).write_text(PLANAR.replace(POLYNOMIAL, f"samples: {CSV}"))
+    (folder / WISH).write_text(PARABOLA.replace(POLYNOMIAL, f"samples: {CSV}"))
     refused(["simulate", WISH, *HEADING], folder)
 
 

@@ -21,21 +21,17 @@ from freefloat.limits.limit_checks import LimitChecker
 from freefloat.scenario.scenario import parse_scenario
 from freefloat.storage.plan_file import load_plan, save_motion, save_plan
 from freefloat.storage.seal import seal
+from tests.wishes import PARABOLA
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
-PLANAR = """\
-robot: {urdf: planar_3dof.urdf, end_effector: end_effector}
-task: planar-pose
-momentum: [0, 0, 0.5]
-path:
-  polynomial: {x: [2, -3], y: [0, 0.5, 1.5], z: [0]}
-  attitude: {follow: {axis: -y, normal: [0, 0, 1]}}
-timing: {law: quintic, duration: 100}
-margin: {measure: system, value: 5}
+PLANAR = (
+    PARABOLA
+    + """\
 search: {objective: robust, from_attitude: [0, 0, 0, 1]}
 limits: {joint_rate: 0.5, base_rate: 0.2}
 """
+)
 SPATIAL = """\
 robot: {urdf: spatial_6dof.urdf, end_effector: end_effector}
 task: pose

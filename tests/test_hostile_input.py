@@ -39,6 +39,7 @@ from freefloat.wish.path import read_samples
 from tests import hostile_samples as good
 from tests.hostile import KINDS, READ, REFUSED, Watch, outcome
 from tests.studies import BASE, a_study, write_study
+from tests.wishes import PARABOLA
 
 MUTATED = 38
 """Of each of eight kinds."""
@@ -165,7 +166,7 @@ def test_a_megabyte_of_yaml_is_read_in_seconds() -> None:
 def test_no_yaml_runs_code(watch: Watch) -> None:
     file = watch.inside / "evil.yaml"
     for text in ("!!python/object/apply:os.system [touch ../outside/pwned]", "&a [*a, *a]"):
-        file.write_text(good.SCENARIO.replace("planar-pose", text))
+        file.write_text(PARABOLA.replace("planar-pose", text))
         with pytest.raises(InputError, match=r"tag|alias"):
             load_scenario(file)
     assert watch.found() == []

@@ -33,23 +33,13 @@ from freefloat.storage.plan_file import load_plan
 from freefloat.tasks import console
 from freefloat.tasks.mapping import Wishes, map_in_space
 from freefloat.wish.search import Search
+from tests.wishes import EASY
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
-EASY = """\
-# A line of three centimetres, which every attitude and every arm branch can follow.
-robot: {urdf: spatial_6dof, end_effector: end_effector}
-task: pose
-momentum: [0.5, 0.3, 0.1]
-path:
-  line: {from: [1, 0, 0], to: [0.98, 0.02, 0.01]}
-  attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}
-timing: {duration: 10}
-margin: {measure: arm, value: 5}
-search: {samples: 64, seed: 3}
-"""
-HARD = EASY.replace("value: 5", "value: 5000")
-FAR = EASY.replace("from: [1, 0, 0]", "from: [9, 0, 0]")
+SEARCHED = EASY + "search: {samples: 64, seed: 3}\n"
+HARD = SEARCHED.replace("value: 5", "value: 5000")
+FAR = SEARCHED.replace("from: [1, 0, 0]", "from: [9, 0, 0]")
 MAP_KEYS = {
     *("samples", "motions", "feasible_fraction", "motion_fraction", "best", "robust", "regions"),
     "seconds",
@@ -59,7 +49,7 @@ MAP_KEYS = {
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with the scenarios."""
-    for name, text in {"easy": EASY, "hard": HARD, "far": FAR}.items():
+    for name, text in {"easy": SEARCHED, "hard": HARD, "far": FAR}.items():
         (tmp_path / f"{name}.yaml").write_text(text)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -110,7 +100,7 @@ def test_a_map_tells_the_documented_keys_and_writes_every_attitude(folder: Path)
     assert sorted(path.name for path in folder.glob("*.h5")) == ["map.h5"]
     with h5py.File("map.h5") as file:
         assert json.loads(file["document"].asstr()[()]) == document
-        assert file["scenario"].asstr()[()] == EASY
+        assert file["scenario"].asstr()[()] == SEARCHED
         assert (file.attrs["format"], file.attrs["seed"]) == ("freefloat attitude map", 3)
         assert file["regions/centre"].shape == (len(document["regions"]), 4)
         assert file["branches/label"].asstr()[3] == "shoulder+ elbow- wrist-"
@@ -353,9 +343,9 @@ def test_bad_options_are_refused_in_one_line(words: tuple[str, ...], problem: st
 
 def test_samples_may_be_left_out_of_a_scenario_or_be_null(folder: Path) -> None:
     for text in ("search: {seed: 3}", "search: {samples: null, seed: 3}"):
-        (folder / "wish.yaml").write_text(EASY.replace("search: {samples: 64, seed: 3}", text))
+        (folder / "wish.yaml").write_text(SEARCHED.replace("search: {samples: 64, seed: 3}", text))
         assert load_scenario("wish.yaml").search().samples is None
-    (folder / "wish.yaml").write_text(EASY.replace("samples: 64", "samples: 7"))
+    (folder / "wish.yaml").write_text(SEARCHED.replace("samples: 64", "samples: 7"))
     with pytest.raises(InputError, match=r"search\.samples"):
         load_scenario("wish.yaml")
 

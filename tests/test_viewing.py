@@ -26,23 +26,13 @@ from freefloat.cli.entry import app
 from freefloat.plans.plans import Plan
 from freefloat.playback.stills import find_browser
 from freefloat.storage.plan_file import save_plan
+from tests.wishes import EASY
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
 browser_only = pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome here")
 GOOD = ("planar_3dof/parabola", "--heading", "200", "--branch", "0")
 BAD = ("planar_3dof/parabola", "--heading", "140", "--branch", "0")
-
-SHORT = """\
-robot: {urdf: spatial_6dof, end_effector: end_effector}
-task: pose
-momentum: [0.5, 0.3, 0.1]
-path:
-  line: {from: [1, 0, 0], to: [0.98, 0.02, 0.01]}
-  attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}
-timing: {duration: 10}
-margin: {measure: arm, value: 5}
-"""
 
 
 def run(*words: str | Path) -> Any:
@@ -139,7 +129,7 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
 @browser_only
 def test_a_map_can_be_pictured(elsewhere: Path) -> None:
     """Something bright is seen round the middle."""
-    (elsewhere / "short.yaml").write_text(SHORT)
+    (elsewhere / "short.yaml").write_text(EASY)
     assert run("map", "short.yaml", "--samples", "64", "-o", "map.h5").exit_code == 0
     document = answer("view", "map.h5", "--snapshots", "1", "--size", "400x400")
     with Image.open(document["snapshots"][0]) as picture:
@@ -206,7 +196,7 @@ def test_files_without_a_motion_are_refused_with_the_reason(files: Path, elsewhe
 
 def test_a_map_is_looked_at_alone(files: Path, elsewhere: Path) -> None:
     """Its scenes are arm branches; nothing in it moves."""
-    (elsewhere / "short.yaml").write_text(SHORT)
+    (elsewhere / "short.yaml").write_text(EASY)
     assert run("map", "short.yaml", "--samples", "64", "-o", "map.h5").exit_code == 0
     document = answer("view", "map.h5", "--html", "map.html")
     assert len(document["scenes"]) > 1
