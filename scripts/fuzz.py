@@ -7,8 +7,8 @@ read, or refused with one message; everything else is a failure, told with the i
 kept in a folder. Exit code 1 when there is one.
 
 Result files are looked at in a process of its own each time they are opened. That takes longer
-than all the rest, so it is left out here at first, and an input that a process dies of is read once
-more with it.
+than all the rest, so it is left out here at first, and an input that a process dies of, or that
+takes much memory, is read once more with it.
 """
 
 import argparse
@@ -32,13 +32,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.dont_write_bytecode = True
 
 from freefloat.storage import result_file  # noqa: E402
-from tests.hostile import KINDS, OUTCOMES, READ, REFUSED, Watch, outcome  # noqa: E402
+from tests.hostile import KINDS, MEMORY, OUTCOMES, READ, REFUSED, Watch, outcome  # noqa: E402
 
 PROCESSES = 2
 FIRST, SECONDS, PATIENCE = 3, 10, 60
 """Processor seconds for one input, at first and once more, and seconds on the clock, as others may
 be at work, too."""
-MEMORY = 1_500_000_000
+MOST_MEMORY = 1_500_000_000
 """Bytes more than at the start."""
 LARGEST_FILE = 200_000_000
 SHOWN = 25
@@ -83,7 +83,7 @@ def work(jobs: list[Job], seed: int, writing: int, again: bool) -> None:
     if not again:
         result_file.refuse_deadly = lambda path: None
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY,) * 2)
+    resource.setrlimit(resource.RLIMIT_AS, (used + MOST_MEMORY,) * 2)
     resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE,) * 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     null = os.open(os.devnull, os.O_RDWR)
@@ -142,7 +142,11 @@ def read_all(jobs: list[Job], seed: int) -> Iterator[Found]:
     workers = [start(jobs[number::PROCESSES], seed) for number in range(PROCESSES)]
     for worker, found in answers(workers):
         if found is not None:
-            yield found
+            job, result, _ = found
+            if result == MEMORY and not worker.again:
+                workers.append(start([job], seed, again=True))
+            else:
+                yield found
             continue
         result, told = ended(worker)
         workers.remove(worker)

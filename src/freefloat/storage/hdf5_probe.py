@@ -14,7 +14,7 @@ import h5py
 
 _SECONDS = 10
 """For looking at every part of a file; a plan takes a hundredth of one."""
-_MEMORY = 4_000_000_000
+_MEMORY = 1_500_000_000
 """Bytes that looking may take; the arrays of freefloat's files are not read for it."""
 _GROWTH = 300_000
 """Kilobytes that texts and packed arrays may take, which are small in freefloat's files."""
