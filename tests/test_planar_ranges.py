@@ -14,6 +14,7 @@ from freefloat.ranges.planar_ranges import (
     HeadingRange,
     LimitCause,
     _branch_of,
+    _joined,
     find_limits,
     heading_ranges,
     keeps_margin,
@@ -100,7 +101,8 @@ def test_a_limit_belongs_to_the_branch_of_its_joints(example_1):
     for one in branches:
         for joints in (one.joints, one.joints + np.array([TURN, 0.0, -TURN]), one.joints + 1e-6):
             assert _branch_of(example_1, 3.5, joints, 0.0) == one.index
-        assert _branch_of(example_1, 3.5, one.joints + 1e-3, 0.0) is None
+        for off in ([1e-3] * 3, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]):
+            assert _branch_of(example_1, 3.5, one.joints + np.array(off), 0.0) is None
 
 
 def test_out_of_reach_headings_end_ranges_by_reach(example_1):
@@ -109,6 +111,21 @@ def test_out_of_reach_headings_end_ranges_by_reach(example_1):
     entries = heading_ranges(example_1, find_limits(example_1, span), span, 100.0)
     causes = {cause for entry in entries for one in entry.ranges for cause in one.causes}
     assert causes == {LimitCause.MARGIN, LimitCause.REACH}
+
+
+def test_neighbouring_arcs_with_one_verdict_are_one_range():
+    """Round the circle, too; its ends keep their own causes."""
+    margin, reach = LimitCause.MARGIN, LimitCause.REACH
+    arcs = [(1.0, 2.0, (reach, margin)), (2.0, 3.0, (margin, margin)), (3.0, 5.0, (margin, reach)),
+            (5.0, 1.0 + TURN, (reach, reach))]  # fmt: skip
+    inner = _joined(0, "e+", arcs, [True, True, True, False]).ranges
+    assert [(one.low, one.high, one.causes) for one in inner] == [(1.0, 5.0, (reach, reach))]
+    round_it = _joined(0, "e+", arcs, [True, False, False, True]).ranges
+    assert [(one.low, one.high, one.causes) for one in round_it] == [
+        (5.0, 2.0 + TURN, (reach, margin))
+    ]
+    last = _joined(0, "e+", arcs, [False, True, True, False]).ranges
+    assert [(one.low, one.high, one.causes) for one in last] == [(2.0, 5.0, (margin, reach))]
 
 
 def test_depth_is_the_distance_to_the_nearer_end():

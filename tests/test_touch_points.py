@@ -380,6 +380,17 @@ def test_every_start_goes_its_own_way(problem):
     np.testing.assert_allclose(together, alone, rtol=0, atol=1e-9)
 
 
+def test_what_meets_two_of_three_conditions_is_no_touch(problem, monkeypatch):
+    """On the path and on the margin surface, but S goes on falling."""
+    through = StatesOnPath(problem, 0.1, 2.0)
+    starts = np.random.default_rng(2).uniform([0.0, -3.0, -3.0], [100.0, 3.0, 3.0], (18, 3))
+    done = _refined(through, 1.0, -5.0, starts, 1.0)
+    monkeypatch.setattr("freefloat.ranges.touch_points._ITERATIONS", 0)
+    assert len(_refined(through, 1.0, -5.0, done, 1.0)) == len(done)
+    turned = done + np.array([0.0, 0.0, 0.01])  # changes dS/dt alone
+    assert len(_refined(through, 1.0, -5.0, turned, 1.0)) == 0
+
+
 def test_a_given_level_is_signed(problem):
     """Both signs of the margin when left out; else the one given, whatever the margin."""
     both = touch_points(problem, -2.5, 2.3656)
