@@ -14,9 +14,11 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from freefloat.answers.catalogue import catalogue
+from freefloat.answers.catalogue import bundled_file, catalogue
 from freefloat.bundled import bundled_robots, bundled_scenarios, bundled_studies
 from freefloat.cli.entry import app
+from freefloat.scenario.scenario import load_scenario
+from freefloat.studies.study import load_study
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -103,6 +105,35 @@ def test_models_tells_people_names_that_can_be_copied() -> None:
     text = run("models").stdout
     for name in (*bundled_robots(), *bundled_scenarios(), *bundled_studies()):
         assert f" {name} " in text
+
+
+@pytest.mark.parametrize("name", ["spatial_6dof/line", "spatial_6dof/montecarlo", "ssrms"])
+def test_models_prints_the_file_of_a_name_and_nothing_else(name: str) -> None:
+    (entry,) = [one for group in catalogue().values() for one in group if one["name"] == name]
+    text = Path(entry["file"]).read_text(encoding="utf-8")
+    for words in (("models", name), ("models", name, "--quiet")):
+        assert run(*words).stdout == text
+    assert json.loads(run("models", name, "--json").stdout) == entry | {"text": text}
+
+
+def test_a_copy_of_a_bundled_file_works_in_any_folder(tmp_path: Path) -> None:
+    copy = tmp_path / "mine.yaml"
+    for name in bundled_scenarios():
+        copy.write_text(bundled_file(name)["text"], encoding="utf-8")
+        assert load_scenario(copy).urdf() == load_scenario(name).urdf()
+    for name in bundled_studies():
+        copy.write_text(bundled_file(name)["text"], encoding="utf-8")
+        assert load_study(copy).base == load_study(name).base
+
+
+def test_models_tells_the_name_that_was_meant() -> None:
+    result = run("models", "spatial_6dof/lien", "--json")
+    error = json.loads(result.stdout)["error"]
+    assert result.exit_code == 2
+    assert error["key"] == "name"
+    assert "did you mean spatial_6dof/line?" in error["problem"]
+    assert all(name in error["accepted"] for name in ("ssrms", "spatial_6dof/montecarlo"))
+    assert run("models", "spatial_6dof/lien").stdout == ""
 
 
 # --- misspelt -----------------------------------------------------------------------------------
@@ -242,3 +273,10 @@ def test_a_word_in_a_folder_that_is_not_there_completes_to_nothing() -> None:
     from freefloat.cli.completion import scenario_names
 
     assert scenario_names("no/such/folder/a") == []
+
+
+def test_what_models_prints_is_completed_whatever_it_is() -> None:
+    from freefloat.cli.completion import bundled_names
+
+    assert bundled_names("planar_3dof/g") == ["planar_3dof/grid"]
+    assert bundled_names("planar_3")[:2] == ["planar_3dof", "planar_3dof/parabola"]

@@ -368,7 +368,7 @@ def test_compiling_is_announced_when_it_takes_long(
     told_ = capsys.readouterr()
     assert told_.out == ""
     assert told_.err.count("\n") == 1
-    assert "compiling the kernels, once on this machine" in told_.err
+    assert "compiling kernels, once on this machine" in told_.err
 
 
 def test_a_bar_on_a_terminal_tells_how_many_attitudes_are_followed() -> None:

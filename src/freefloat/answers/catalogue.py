@@ -19,7 +19,8 @@ from freefloat.bundled import (
     find_scenario,
     find_study,
 )
-from freefloat.scenario.yaml_file import parse_yaml
+from freefloat.errors import InputError, did_you_mean
+from freefloat.scenario.yaml_file import parse_yaml, read_text
 
 
 def catalogue() -> dict[str, Any]:
@@ -29,6 +30,22 @@ def catalogue() -> dict[str, Any]:
         "scenarios": [_scenario(name, find_scenario(name)) for name in bundled_scenarios()],
         "studies": [_study(name, find_study(name)) for name in bundled_studies()],
     }
+
+
+def bundled_file(name: str) -> dict[str, Any]:
+    """One entry of the catalogue, with the ``text`` of its file.
+
+    Args:
+        name: Of a bundled robot, scenario or study.
+
+    Raises:
+        InputError: If nothing of that name is bundled.
+    """
+    entries = {one["name"]: one for group in catalogue().values() for one in group}
+    if name not in entries:
+        told = f"nothing bundled has this name: {name}{did_you_mean(name, entries)}"
+        raise InputError("name", told, ", ".join(entries))
+    return entries[name] | {"text": read_text(Path(entries[name]["file"]))}
 
 
 def _robot(name: str, file: Path) -> dict[str, Any]:
@@ -52,9 +69,8 @@ def _scenario(name: str, file: Path) -> dict[str, Any]:
 def _study(name: str, file: Path) -> dict[str, Any]:
     text = file.read_text(encoding="utf-8")
     content = parse_yaml(text, file)
-    base = f"{file.parents[1].name}/{Path(content['base']).stem}"
     return {
-        **{"name": name, "description": _first_comment(text), "base": base},
+        **{"name": name, "description": _first_comment(text), "base": content["base"]},
         **{"task": content["task"], "file": str(file)},
     }
 

@@ -32,6 +32,14 @@ def robot_names(incomplete: str) -> list[str]:
     return _offered(incomplete, names, (*_URDF, *_YAML))
 
 
+def bundled_names(incomplete: str) -> list[str]:
+    """All that is bundled: robots, scenarios and studies."""
+    from freefloat.bundled import bundled_robots, bundled_scenarios, bundled_studies
+
+    names = (*bundled_robots(), *bundled_scenarios(), *bundled_studies())
+    return [name for name in names if name.startswith(incomplete)]
+
+
 def _offered(incomplete: str, names: tuple[str, ...], endings: tuple[str, ...]) -> list[str]:
     folder, slash, begun = incomplete.rpartition("/")
     try:

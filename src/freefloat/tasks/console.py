@@ -159,7 +159,7 @@ def case_progress(total: int, done: int) -> Iterator[Callable[[bool], None]]:
 @contextmanager
 def compiling() -> Iterator[None]:
     """Tell people on stderr why the first use of kernels on a machine takes long, if it does."""
-    line = "compiling the kernels, once on this machine: about half a minute"
+    line = "compiling kernels, once on this machine for this kind of work: about half a minute"
     begin, done, quiet = time.process_time(), threading.Event(), _QUIET.get()
 
     def watch() -> None:
