@@ -45,7 +45,7 @@ def bundled_file(name: str) -> dict[str, Any]:
     if name not in entries:
         told = f"nothing bundled has this name: {name}{did_you_mean(name, entries)}"
         raise InputError("name", told, ", ".join(entries))
-    return entries[name] | {"text": read_text(Path(entries[name]["file"]))}
+    return {**entries[name], "text": read_text(Path(entries[name]["file"]))}
 
 
 def _robot(name: str, file: Path) -> dict[str, Any]:
