@@ -5,11 +5,28 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
+import numpy as np
 import pytest
+import yaml
+
+from freefloat.answers.catalogue import bundled_file
+from freefloat.motion.problem import Problem
+from freefloat.scenario.scenario import load_scenario
+from freefloat.scenario.schema import (
+    AttitudeSection,
+    MarginSection,
+    OrientationSection,
+    PathSection,
+    TimingSection,
+)
+from freefloat.wish.timing import TimeLaw
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text("utf-8")
+LINES = re.findall(r"^\| `(\w+: .+?)` \|", README, re.MULTILINE)
+"""Of YAML, in tables of what a scenario may say."""
 MEASURED = ROOT / "scripts" / "benchmark.json"
 
 
@@ -50,6 +67,52 @@ def test_other_python_runs_too(
     told = capsys.readouterr().out
     assert "The whole path was followed." in told
     assert "(6, 6)" in told
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_line_of_yaml_in_a_table_makes_a_problem(line: str, in_folder: Path) -> None:
+    (samples,) = blocks("csv")
+    (in_folder / "path.csv").write_text(samples)
+    wish = yaml.safe_load(line)
+    ((key, _),) = wish.items()
+    document = yaml.safe_load(bundled_file("spatial_6dof/line")["text"])
+    if key in ("timing", "margin"):
+        document |= wish
+    elif key == "attitude":
+        document["path"] |= wish
+    else:
+        kept = {} if key == "samples" else {"attitude": document["path"]["attitude"]}
+        document["path"] = wish | kept
+    path = loaded(document).path.path
+    assert np.linalg.norm(path.pose(1.0).position - path.pose(0.0).position) > 1.0
+    if "fixed" in line:
+        turn = [[0.28, -0.96, 0.0], [0.96, 0.28, 0.0], [0.0, 0.0, 1.0]]
+        np.testing.assert_allclose(path.pose(0.5).rotation, turn, atol=1e-4)
+
+
+def test_the_samples_shown_do_without_their_quaternions(in_folder: Path) -> None:
+    (samples,) = blocks("csv")
+    rows = [row.split(",")[:3] for row in samples.splitlines()]
+    (in_folder / "path.csv").write_text("\n".join(map(",".join, rows)))
+    document = yaml.safe_load(bundled_file("spatial_6dof/line")["text"])
+    line, document["path"]["samples"] = document["path"].pop("line"), "path.csv"
+    curve = loaded(document).path.path.curve
+    np.testing.assert_allclose(curve(0.5), (np.array(line["from"]) + line["to"]) / 2, atol=1e-12)
+
+
+def test_the_tables_show_all_that_paths_timings_and_margins_may_say() -> None:
+    shown = {key for line in LINES for key in re.findall(r"(\w+):", line)}
+    sections = (PathSection, AttitudeSection, OrientationSection, TimingSection, MarginSection)
+    assert {key for section in sections for key in section.model_fields} <= shown
+    rows = " ".join(row for row in README.splitlines() if row.startswith("| `timing"))
+    assert all(str(law) in rows for law in TimeLaw)
+
+
+def loaded(document: dict[str, Any]) -> Problem:
+    """The problem of a scenario file here with this content."""
+    file = Path("mine.yaml")
+    file.write_text(yaml.safe_dump(document, sort_keys=False))
+    return load_scenario(file).problem()
 
 
 def test_pictures_and_files_that_are_named_exist() -> None:
