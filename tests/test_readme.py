@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from typer.testing import CliRunner
 
 from freefloat.answers.catalogue import bundled_file
+from freefloat.cli.entry import app
 from freefloat.motion.problem import Problem
 from freefloat.scenario.scenario import load_scenario
 from freefloat.scenario.schema import (
@@ -67,6 +69,29 @@ def test_other_python_runs_too(
     told = capsys.readouterr().out
     assert "The whole path was followed." in told
     assert "(6, 6)" in told
+
+
+@pytest.mark.parametrize(
+    ("words", "first"),
+    [
+        ("simulate spatial_6dof/line --attitude 0.1 0.5 0.2 -0.8367", " branch        joints"),
+        ("plan planar_3dof/parabola", "planar_3dof/parabola: initial headings"),
+    ],
+)
+def test_commands_print_what_is_shown(words: str, first: str, kernels: None) -> None:
+    (block,) = re.findall(
+        rf"```\n(?:\$ freefloat .*\n)?({re.escape(first)}.*?)```", README, re.DOTALL
+    )
+    printed = told(CliRunner().invoke(app, words.split()).stdout)
+    shown = [line for line in told(block) if line != "..."]
+    assert len(shown) > 7
+    assert [line for line in printed if line in shown] == shown
+
+
+def told(text: str) -> list[str]:
+    """Lines without the digits of numbers that are zero but for rounding, and without gaps."""
+    lines = re.sub(r"[-\d.]+e-\d+", "0", text).splitlines()
+    return [" ".join(line.split()) for line in lines]
 
 
 @pytest.mark.parametrize("line", LINES)
