@@ -70,6 +70,20 @@ class InputError(FreeFloatError):
         return type(self)(prefix + self.key, self.problem, self.accepted, file, self.line)
 
 
+def refuse_other(key: str, given: object, kind: type, accepted: str) -> None:
+    """Raise an InputError unless what was given is of a kind.
+
+    Args:
+        key: Named in the error.
+        given: What was given; a text is told as it is, anything else by its type.
+        kind: What it must be.
+        accepted: How to come by one, in words.
+    """
+    if not isinstance(given, kind):
+        told = repr(given) if given is None or isinstance(given, str) else type(given).__name__
+        raise InputError(key, f"{told} was given", accepted)
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`` (did you mean X?)`` with the name that a misspelt word is nearest to, or nothing."""
     names = list(known)

@@ -16,11 +16,14 @@ from freefloat.answers.limit_tables import limit_tables, plain_table
 Document = dict[str, Any]
 _REGIONS = 12
 """The largest, told to people; machines are told all."""
+_ANY = "any"
+"""Label of all that an arm with joints to spare can start from."""
 
 
 def _terse(label: str) -> str:
-    """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for a mere number."""
-    return " ".join(word[0] + word[-1] for word in label.split() if not word.isdigit())
+    """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for a mere number, or for any."""
+    words = [word for word in label.split() if not word.isdigit() and word != _ANY]
+    return " ".join(word[0] + word[-1] for word in words)
 
 
 def _numbers(values: Sequence[float], digits: int = 4) -> str:
@@ -38,10 +41,16 @@ def plot_lines(document: Document) -> list[RenderableType]:
 def simulation_tables(document: Document, name: str) -> list[RenderableType]:
     """A simulation: the verdict on every branch, the chosen motion, its proof."""
     chosen = document["branch"]
-    title = Text(f"{name}: arm branches from this attitude")
+    spare = document["redundancy"] is not None
+    title = Text(
+        f"{name}: arm {'configurations tried' if spare else 'branches'} from this attitude"
+    )
     margin = document["min_margin"]
     table = plain_table(
-        "branch", "joints at the start [rad, m]", f"least {margin['measure']}", "verdict"
+        "start" if spare else "branch",
+        "joints at the start [rad, m]",
+        f"least {margin['measure']}",
+        "verdict",
     )
     for one in document["branches"]:
         table.add_row(
@@ -50,7 +59,7 @@ def simulation_tables(document: Document, name: str) -> list[RenderableType]:
             f"{one['min_margin']['sign'] * one['min_margin']['value']:.4g}",
             _verdict(one),
         )
-    return [title, table, *_chosen_lines(document), *limit_tables(document["limits"])]
+    return [title, table, *_chosen_lines(document, " (*)"), *limit_tables(document["limits"])]
 
 
 def _verdict(one: Document) -> Text:
@@ -64,11 +73,11 @@ def _verdict(one: Document) -> Text:
     return Text("completes", "green")
 
 
-def _chosen_lines(document: Document) -> list[RenderableType]:
+def _chosen_lines(document: Document, mark: str = "") -> list[RenderableType]:
     margin, residuals = document["min_margin"], document["residuals"]
     initial, final, singular = document["initial"], document["final"], document["singular"]
     lines = [
-        f"Followed: branch {document['branch']} (*). {document['ending']}",
+        f"Followed: {_followed(document)}{mark}. {document['ending']}",
         f"  least |{margin['measure']}| {margin['value']:.6g} at t = {margin['time']:.4f} s, "
         f"{'kept' if margin['kept'] else 'below'} the margin {margin['required']:g}",
         f"  initial attitude x y z w  {_numbers(initial['attitude'], 5)}",
@@ -87,6 +96,13 @@ def _chosen_lines(document: Document) -> list[RenderableType]:
         + f", momentum by {residuals['momentum']:.1e} N m s"
     )
     return [Text(line) for line in lines]
+
+
+def _followed(document: Document) -> str:
+    """Which arm branch; of an arm with joints to spare, whose branches have no numbers, whence."""
+    if document["redundancy"] is None:
+        return f"branch {document['branch']}"
+    return f"from joints {_numbers(document['initial']['joints'], 3)}"
 
 
 def plan_tables(document: Document, name: str) -> list[RenderableType]:
@@ -128,7 +144,8 @@ def plan_tables(document: Document, name: str) -> list[RenderableType]:
 def _heading_ranges(document: Document, name: str) -> list[RenderableType]:
     table = plain_table("branch", "ranges [deg]")
     for entry in document["attitude_ranges_deg"]:
-        table.add_row(f"{entry['branch']} {_terse(entry['label'])}", _ranges(entry) or "none")
+        shown = _ANY if entry["label"] == _ANY else f"{entry['branch']} {_terse(entry['label'])}"
+        table.add_row(shown, _ranges(entry) or "none")
     return [Text(f"{name}: initial headings that keep the margin"), table]
 
 
@@ -259,7 +276,7 @@ def _known_attitudes(document: Document) -> Iterator[str]:
 
 
 def _number(entry: Document) -> str:
-    return "any" if entry["branch"] is None else str(entry["branch"])
+    return _ANY if entry["branch"] is None else str(entry["branch"])
 
 
 def view_tables(document: Document) -> list[RenderableType]:

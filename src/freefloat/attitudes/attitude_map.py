@@ -126,7 +126,7 @@ class Region:
 
 
 def map_attitudes(
-    outlook: Outlook,
+    outlook: Outlook | Problem,
     samples: int,
     seed: int = 0,
     *,
@@ -136,15 +136,17 @@ def map_attitudes(
     """Follow the path from attitudes spread over all of SO(3), with every arm branch.
 
     Args:
-        outlook: Of a spatial problem.
+        outlook: Of a spatial problem, or that problem.
         samples: Number of attitudes.
         seed: Turns the grid of attitudes.
         progress: Called with the share done, in [0, 1].
         sink: Receives every block of attitudes when it is done.
 
     Raises:
-        InputError: If the task is planar or the samples are too few.
+        InputError: If it is neither, the task is planar or the samples are too few.
     """
+    if not isinstance(outlook, Outlook):
+        outlook = Outlook(outlook)
     problem = outlook.problem
     if problem.task.planar:
         raise InputError("task", f"{problem.task} was given", "pose or position")

@@ -11,7 +11,7 @@ from freefloat.attitudes.rollout import TOLERANCE, Roller, Rollout, kept
 from freefloat.kernels.rollout_kernels import COMPLETED
 from freefloat.machine.dynamics import Task
 from freefloat.machine.virtual_manipulator import VirtualManipulator
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, refuse_no_problem
 from freefloat.spatial import Array, frozen
 from freefloat.wish.search import Progress
 
@@ -71,7 +71,11 @@ class Outlook:
             problem: Robot, path, momentum and margin.
             threads: How many cores to use; all this process may when left out.
             tolerance: Of the motions, relative and absolute, per step.
+
+        Raises:
+            InputError: If it is no problem.
         """
+        refuse_no_problem(problem)
         self.problem = problem
         self.tolerance = tolerance
         self.roller = Roller(problem, threads)

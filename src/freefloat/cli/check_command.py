@@ -16,7 +16,7 @@ EngineName = Annotated[
     typer.Option(
         "--engine",
         metavar="mujoco",
-        help="Repeat it with MuJoCo's dynamics, too; pip install 'freefloat[mujoco]'.",
+        help="Repeat it with MuJoCo's dynamics, too; pip install 'freefloat\\[mujoco]'.",
     ),
 ]
 

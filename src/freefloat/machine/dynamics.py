@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dgetrf, dtrtrs
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, did_you_mean
 from freefloat.machine.model import FreeFloatingModel
 from freefloat.machine.null_space import NullSpaceMotion
 from freefloat.machine.redundancy import Redundancy
@@ -35,6 +35,21 @@ class Task(StrEnum):
     POSITION = "position"
     PLANAR_POSE = "planar-pose"
     PLANAR_POSITION = "planar-position"
+
+    @classmethod
+    def of(cls, given: Task | str) -> Task:
+        """A task, or the one with that value.
+
+        Raises:
+            InputError: Listing the tasks where there is none.
+        """
+        try:
+            return cls(given)
+        except ValueError:
+            told = given if isinstance(given, str) else type(given).__name__
+            known = [str(one) for one in cls]
+            near = did_you_mean(told, known)
+            raise InputError("task", f"{told!r} was given{near}", ", ".join(known)) from None
 
     @property
     def rows(self) -> list[int]:
@@ -137,17 +152,27 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
 
 
 def generalized_jacobian(
-    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE
+    model: FreeFloatingModel, joints: npt.ArrayLike, task: Task | str = Task.POSE
 ) -> Array:
     """The generalized Jacobian S* of (7), after Umetani and Yoshida (1989).
+
+    Args:
+        model: Robot.
+        joints: Joint values, shape (n,).
+        task: What of the end-effector is prescribed, or its value, such as ``"position"``.
 
     Returns:
         Shape (m, n): the task's rows of the end-effector twist [m/s; rad/s], in the spacecraft
         frame, per joint rate, while the momentum is zero.
+
+    Raises:
+        InputError: If there is no such task.
     """
-    if task is not Task.POSE and task.planar:
-        A = system_matrix(model, joints, task)
-        return np.asarray(A[1:, 1:] - A[1:, :1] * (A[:1, 1:] / A[0, 0]))
+    if task is not Task.POSE:
+        task = Task.of(task)
+        if task.planar:
+            A = system_matrix(model, joints, task)
+            return np.asarray(A[1:, 1:] - A[1:, :1] * (A[:1, 1:] / A[0, 0]))
     A, J = _maps(model, joints)
     A = np.asfortranarray(A)  # solved in place
     _, _, base, singular = dgesv(A[:, :6], A[:, 6:], 1, 1)

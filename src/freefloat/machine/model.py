@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,13 +14,14 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from freefloat.brief import brief
+from freefloat.bundled import find_robot
 from freefloat.errors import InputError, ModelError, did_you_mean
 from freefloat.machine.body import Body
 from freefloat.spatial import Array, Pose, finite_vector, frozen
 from freefloat.urdf.assembly import Attachment, Payload, Spacecraft, assemble
 from freefloat.urdf.findings import Finding
 from freefloat.urdf.urdf import UNLIMITED, Description, read_urdf, told_of, without_shapes
-from freefloat.urdf.urdf_text import source_of
+from freefloat.urdf.urdf_text import is_text, source_of
 
 _MOVING_JOINTS = ("JointModelR", "JointModelP")
 
@@ -60,7 +62,8 @@ class FreeFloatingModel:
         """Load a robot whose root link is the spacecraft, or an arm to be mounted on one.
 
         Args:
-            urdf: A file or XML text.
+            urdf: A file, XML text, or a name as the command line takes it: of a bundled robot,
+                such as ``"spatial_6dof"``, or ``"example-robot-data:ur10"``.
             end_effector: Frame that follows the path; may be left out where the robot has a
                 single last link.
             scale_mass: Factor on every mass and inertia, or a map from link to factor.
@@ -71,8 +74,9 @@ class FreeFloatingModel:
             attached: Further URDFs, fixed to links.
 
         Raises:
-            ModelError: If the URDF is unfit, or has no such frame, or no joint moves it.
+            ModelError: If there is no such URDF, or it is unfit, or has no such frame, or no joint moves it.
         """
+        urdf = _named(urdf)
         if spacecraft is None and payload is None and not attached:
             description = read_urdf(urdf, scale_mass)
         else:
@@ -205,6 +209,16 @@ class FreeFloatingModel:
         if values.shape != (self.dof,):
             raise InputError("joints", f"{values.size} values were given", accepted)
         return finite_vector("joints", values, self.dof)
+
+
+def _named(urdf: str | Path) -> str | Path:
+    """The file of a robot's name; what is a file, or XML text, as it is."""
+    if is_text(urdf) or (os.path.exists(urdf) and not os.path.isdir(urdf)):
+        return urdf
+    try:
+        return find_robot(str(urdf), Path())
+    except InputError as error:
+        raise ModelError(error.key, error.problem, error.accepted) from None
 
 
 def _build(description: Description) -> Any:

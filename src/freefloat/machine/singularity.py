@@ -48,21 +48,22 @@ class Measure:
     value: Callable[[Array], float]
 
 
-def measure(model: FreeFloatingModel, task: Task, name: str) -> Measure:
+def measure(model: FreeFloatingModel, task: Task | str, name: str) -> Measure:
     """One of the four measures for a robot and a task.
 
     Args:
         model: Robot.
-        task: What of the end-effector is prescribed.
+        task: What of the end-effector is prescribed, or its value, such as ``"position"``.
         name: ``gjm``: det S* (6); for redundant arms sqrt(det(S* S*ᵀ)). ``system``: det A (5),
             which is det D times ``gjm`` and the paper's planar S (21a). ``arm``: the factor of
             det A that belongs to the plane of an elbow arm under a spherical wrist, the paper's
             S(q2, q3) (40). ``sigma``: smallest singular value of S*, lengths in units of the reach.
 
     Raises:
-        InputError: If there is no such measure, or ``arm`` is asked of an arm that has no such
+        InputError: If there is no such task or measure, or ``arm`` is asked of an arm that has no such
             factor.
     """
+    task = Task.of(task)
     m, n = len(task.rows), model.dof
     refuse_too_few_joints(model, task)
     slides = sum(body.prismatic for body in model.bodies[1:])

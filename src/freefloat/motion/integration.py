@@ -20,7 +20,7 @@ from freefloat.machine.dynamics import generalized_jacobian
 from freefloat.motion.arc_flow import ArcFlow, arc_flow
 from freefloat.motion.closeness import first_place_below
 from freefloat.motion.motion import NODES, Ending, Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, refuse_no_problem
 from freefloat.spatial import Array, turn_between
 
 _LONGEST_STEP = 1.0
@@ -60,9 +60,10 @@ def integrate_motion(
         The motion, whatever its ending.
 
     Raises:
-        InputError: If the joints do not meet the path at ``start``.
+        InputError: If it is no problem, or the joints do not meet the path at ``start``.
         IntegrationError: If the integrator gives up for a reason other than a singularity.
     """
+    refuse_no_problem(problem)
     attitude = problem.attitude("attitude", attitude)
     joints = problem.model.joint_vector(joints)
     duration = problem.path.duration

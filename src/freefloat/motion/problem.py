@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.brief import brief
-from freefloat.errors import InputError
+from freefloat.errors import InputError, refuse_other
 from freefloat.kernels.arm_branches import (
     ArmBranch,
     BranchSets,
@@ -32,6 +32,7 @@ from freefloat.spatial import (
     rotation_matrix,
     unit_quaternion,
 )
+from freefloat.wish.attitude_law import FreeAttitude
 from freefloat.wish.timing import TimedPath
 
 _NEAR = 0.05
@@ -64,7 +65,7 @@ class Problem:
     Attributes:
         model: Robot.
         path: Where the end-effector should be, and when.
-        task: What of the path counts.
+        task: What of the path counts; its value, such as ``"pose"``, will do.
         momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
         margin: Distance to keep from dynamic singularities.
         redundancy: What an arm with more joints than the task has rows does with its freedom; when
@@ -81,9 +82,19 @@ class Problem:
     redundancy: Redundancy | None = None
 
     def __post_init__(self) -> None:
+        refuse_other("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
+        refuse_other("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
+        refuse_other("margin", self.margin, Margin, "Margin(measure(model, task, name), value)")
+        object.__setattr__(self, "task", Task.of(self.task))
         momentum = finite_vector("momentum", self.momentum, 3)
         object.__setattr__(self, "momentum", frozen(momentum))
         self.drift_equation()
+        if self.task.turns and isinstance(self.path.path.attitude, FreeAttitude):
+            raise InputError(
+                "path.attitude",
+                f"it is missing, task {self.task} needs it",
+                "EndEffectorPath(curve, FixedAttitude(axes)), or another law",
+            )
         if self.task.planar:
             self._refuse_what_is_not_planar()
 
@@ -202,6 +213,12 @@ class Problem:
             f"within {_NEAR} rad each of one of: "
             + "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches),
         )
+
+
+def refuse_no_problem(given: object) -> None:
+    """Raise an InputError that tells the way to a problem where something else was given."""
+    accepted = "a Problem: problem() of a Scenario, such as load_scenario(...).problem()"
+    refuse_other("problem", given, Problem, accepted)
 
 
 def _drifts_in_plane(model: FreeFloatingModel) -> bool:

@@ -14,7 +14,7 @@ from freefloat.motion.closeness import Least, least
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.joint_spans import wound
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, refuse_no_problem
 from freefloat.spatial import Array
 
 
@@ -74,8 +74,9 @@ def simulate(
 
     Raises:
         UnreachableError: If no branch reaches the start of the path.
-        InputError: If the branch asked for does not exist.
+        InputError: If it is no problem, or the branch asked for does not exist.
     """
+    refuse_no_problem(problem)
     attitude = problem.attitude("attitude", attitude)
     if branch is not None and joints is not None:
         raise InputError("branch", f"{branch} was given, and joints, too", "branch or joints")

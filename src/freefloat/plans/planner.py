@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, refuse_no_problem
 from freefloat.plans.plans import Plan
 from freefloat.wish.search import Progress, Search
 
@@ -33,8 +33,9 @@ def plan(
         The plan; an infeasible one says why.
 
     Raises:
-        InputError: If ``search.from_attitude`` does not suit the problem.
+        InputError: If it is no problem, or ``search.from_attitude`` does not suit it.
     """
+    refuse_no_problem(problem)
     search = search or Search()
     if search.from_attitude is not None:
         problem.attitude("search.from_attitude", search.from_attitude)

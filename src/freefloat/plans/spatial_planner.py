@@ -18,7 +18,7 @@ from freefloat.attitudes.rollout import kept
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import FollowedBranch, simulate
 from freefloat.plans.plans import Plan
-from freefloat.spatial import angle_between, grid_spacing
+from freefloat.spatial import Array, angle_between, grid_spacing
 from freefloat.wish.search import Objective, Progress, Search
 
 ATTITUDES = 4096
@@ -54,8 +54,8 @@ def plan_in_space(
         if _keeps(chosen, problem):
             break
         disagreements.append(
-            f"attitude {np.round(chosen.motion.initial.attitude, 6).tolist()}, branch "
-            f"{chosen.branch.index}: compiled motions keep the margin, the precise one "
+            f"attitude {np.round(chosen.motion.initial.attitude, 6).tolist()}, "
+            f"{_arm(outlook, candidate)}: compiled motions keep the margin, the precise one "
             f"{'falls to' if chosen.motion.completed else 'becomes singular,'} "
             f"{chosen.least.measure} {chosen.least.value:.6g}"
         )
@@ -102,8 +102,7 @@ def _precisely(outlook: Outlook, candidate: Candidate) -> FollowedBranch:
     """The candidate's motion, integrated through Pinocchio."""
     branch = candidate.branch
     if branch is None:
-        prospects = outlook.prospects(candidate.attitude[None])
-        branch = int(np.argmax(prospects.margins[0]))
+        branch, _ = _best_start(outlook, candidate)
     return simulate(outlook.problem, candidate.attitude, branch=branch).chosen
 
 
@@ -135,5 +134,20 @@ def _nearest_miss(outlook: Outlook, found: AttitudeMap) -> str:
     return (
         f"of {N} attitudes and those near the best of them none keeps {name} {value:.6g}; the "
         f"largest least {name} is {best.merit:.6g}, from {np.round(best.attitude, 6).tolist()} "
-        f"with branch {best.branch}"
+        f"with {_arm(outlook, best)}"
     )
+
+
+def _arm(outlook: Outlook, candidate: Candidate) -> str:
+    """Its branch; of an arm with joints to spare, whose branches have no numbers, its joints."""
+    if candidate.branch is not None:
+        return f"branch {candidate.branch}"
+    _, joints = _best_start(outlook, candidate)
+    return f"the arm at {np.round(joints, 4).tolist()}"
+
+
+def _best_start(outlook: Outlook, candidate: Candidate) -> tuple[int, Array]:
+    """Of the configurations tried at an attitude the one of the largest margin, and its joints."""
+    found = outlook.prospects(candidate.attitude[None])
+    best = int(np.argmax(found.margins[0]))
+    return best, found.joints[0, best]

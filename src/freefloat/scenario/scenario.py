@@ -36,6 +36,7 @@ from freefloat.spatial import Array, axes_rotation, frozen, rotation_matrix, uni
 from freefloat.wish.attitude_law import (
     AttitudeLaw,
     FixedAttitude,
+    FreeAttitude,
     SlerpAttitude,
     follow_attitude,
     point_at_attitude,
@@ -177,7 +178,7 @@ class Scenario:
                 f"it is missing, task {task} needs it",
                 "fixed, slerp, follow or point_at",
             )
-        return FixedAttitude(np.eye(3))
+        return FreeAttitude()
 
     @contextmanager
     def told(self, prefix: str = "") -> Iterator[None]:

@@ -83,7 +83,7 @@ class UrdfText:
 
 def source_of(urdf: str | Path) -> str:
     """The file's name, or ``"URDF text"``."""
-    return "URDF text" if _is_text(urdf) else str(Path(urdf))
+    return "URDF text" if is_text(urdf) else str(Path(urdf))
 
 
 def is_plain(word: str) -> bool:
@@ -112,12 +112,13 @@ def plain_number(element: ET.Element | None, key: str, default: str = "0") -> fl
     return float(plain_numbers(element, key, default)[0])
 
 
-def _is_text(urdf: str | Path) -> bool:
+def is_text(urdf: str | Path) -> bool:
+    """Whether it is XML text, not the name of a file."""
     return isinstance(urdf, str) and urdf.lstrip().startswith("<")
 
 
 def _text(urdf: str | Path) -> str:
-    if _is_text(urdf):
+    if is_text(urdf):
         return str(urdf)
     path = Path(urdf)
     try:

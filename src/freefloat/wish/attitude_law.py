@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Protocol
 
@@ -65,6 +65,19 @@ class FixedAttitude:
     def rate(self, s: float) -> Array:
         """See :class:`AttitudeLaw`."""
         return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeAttitude(FixedAttitude):
+    """An attitude that is left to the arm, as position tasks leave it.
+
+    Attributes:
+        axes: The inertial ones: where an attitude must be told or drawn they stand for it.
+    """
+
+    __repr__ = brief
+
+    axes: Array = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.spatial import Array, Pose, unit_quaternion
-from freefloat.wish.attitude_law import AttitudeLaw, SampledAttitude
+from freefloat.wish.attitude_law import AttitudeLaw, FreeAttitude, SampledAttitude
 from freefloat.wish.curve import Curve, SplineCurve
 
 _LOOKS = np.linspace(0.0, 1.0, 101)
@@ -27,13 +27,13 @@ class EndEffectorPath:
 
     Attributes:
         curve: Position.
-        attitude: Attitude.
+        attitude: Attitude; tasks that prescribe none may leave it out.
     """
 
     __repr__ = brief
 
     curve: Curve
-    attitude: AttitudeLaw
+    attitude: AttitudeLaw = field(default_factory=FreeAttitude)
 
     def __post_init__(self) -> None:
         places = np.array([self.curve(float(s)) for s in _LOOKS])
