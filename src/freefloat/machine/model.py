@@ -74,7 +74,8 @@ class FreeFloatingModel:
             attached: Further URDFs, fixed to links.
 
         Raises:
-            ModelError: If there is no such URDF, or it is unfit, or has no such frame, or no joint moves it.
+            ModelError: If there is no such URDF, or it is unfit, or has no such frame, or no joint
+                moves it.
         """
         urdf = _named(urdf)
         if spacecraft is None and payload is None and not attached:

@@ -60,8 +60,8 @@ def measure(model: FreeFloatingModel, task: Task | str, name: str) -> Measure:
             S(q2, q3) (40). ``sigma``: smallest singular value of S*, lengths in units of the reach.
 
     Raises:
-        InputError: If there is no such task or measure, or ``arm`` is asked of an arm that has no such
-            factor.
+        InputError: If there is no such task or measure, or ``arm`` is asked of an arm that has no
+            such factor.
     """
     task = Task.of(task)
     m, n = len(task.rows), model.dof

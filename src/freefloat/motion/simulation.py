@@ -34,6 +34,14 @@ class FollowedBranch:
     motion: Motion
     least: Least
 
+    @property
+    def title(self) -> str:
+        """``branch 2 shoulder+ elbow- wrist+``, say; of arms with joints to spare ``start 2``."""
+        number, label = self.branch.index, self.branch.label
+        problem = self.motion.problem
+        kind = "start" if problem.model.dof > len(problem.task.rows) else "branch"
+        return f"{kind} {number}" + ("" if label == str(number) else f" {label}")
+
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
@@ -49,6 +57,14 @@ class Simulation:
 
     followed: tuple[FollowedBranch, ...]
     chosen: FollowedBranch
+
+    def named_motions(self) -> dict[str, Motion]:
+        """All motions by arm branch, the chosen one first."""
+        named: dict[str, Motion] = {}
+        for one in sorted(self.followed, key=lambda one: one is not self.chosen):
+            name = one.title
+            named[name if name not in named else f"{name} ({len(named)})"] = one.motion
+        return named
 
 
 def simulate(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.limits.limits import LimitFinding
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import FollowedBranch
 from freefloat.proof.certificate import Certificate, certify
@@ -84,6 +85,16 @@ class Plan:
     excluded: Mapping[str, int] = field(default_factory=dict)
     stretch: float | None = None
 
+    def named_motions(self) -> dict[str, Motion]:
+        """The chosen motion, by the name of its arm branch.
+
+        Raises:
+            InputError: If the plan has none, with the reason.
+        """
+        if self.chosen is None:
+            raise InputError("plan", f"it has no motion to show: {self.reason}", "a feasible plan")
+        return {self.chosen.title: self.chosen.motion}
+
     def show(self, height: int = 600) -> None:
         """Play the chosen motion in a notebook, elsewhere in a browser.
 
@@ -95,9 +106,7 @@ class Plan:
         """
         from freefloat.playback.playback import play
 
-        if self.chosen is None:
-            raise InputError("plan", f"it has no motion to show: {self.reason}", "a feasible plan")
-        play({self.chosen.branch.label: self.chosen.motion}).show(height)
+        play(self).show(height)
 
     @cached_property
     def certificate(self) -> Certificate | None:

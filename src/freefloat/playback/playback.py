@@ -8,11 +8,12 @@ import webbrowser
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import umsgpack
 
 from freefloat.brief import brief
+from freefloat.errors import refuse_other
 from freefloat.motion.motion import Motion
 from freefloat.output_file import written_beside
 from freefloat.playback.page import Capture, page
@@ -132,12 +133,37 @@ def _in_notebook() -> bool:
     return shell is not None and hasattr(shell, "kernel")
 
 
-def play(motions: Motion | Mapping[str, Motion], title: str = "freefloat") -> Playback:
+@runtime_checkable
+class NamesMotions(Protocol):
+    """What has motions to show: plans, simulations, plans read from files."""
+
+    def named_motions(self) -> Mapping[str, Motion]:
+        """Motions by name.
+
+        Raises:
+            InputError: If there is none, telling why.
+        """
+
+
+def play(
+    motions: Motion | NamesMotions | Mapping[str, Motion], title: str = "freefloat"
+) -> Playback:
     """Prepare motions for showing.
 
     Args:
-        motions: One, or several by name.
+        motions: One; or several by name; or a plan, whose chosen motion is shown; or a simulation,
+            whose arm branches are shown.
         title: Of the page.
+
+    Raises:
+        InputError: If it is none of them, or a plan without a motion.
     """
-    named = {"motion": motions} if isinstance(motions, Motion) else motions
-    return Playback(record(named, title))
+    if isinstance(motions, Motion):
+        motions = {"motion": motions}
+    elif isinstance(motions, NamesMotions):
+        motions = motions.named_motions()
+    accepted = "a Motion, Plan or Simulation, or motions by name"
+    refuse_other("motions", motions, Mapping, accepted)
+    for one in motions.values():
+        refuse_other("motions", one, Motion, accepted)
+    return Playback(record(motions, title))

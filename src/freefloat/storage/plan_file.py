@@ -147,6 +147,18 @@ class StoredPlan:
             raise InputError("file", told, accepted_file(PLAN, MOTION), self.source)
         return Motion(problem, self.ending, self.times, self.attitudes, self.joints)
 
+    def named_motions(self) -> dict[str, Motion]:
+        """The motion, by the name of the file: so :func:`~freefloat.playback.playback.play` has it.
+
+        Raises:
+            InputError: As for :meth:`motion`, or if there is none.
+        """
+        motion = self.motion()
+        if motion is None:
+            told = f"it has no motion to show: {self.document.get('reason')}"
+            raise InputError("file", told, "a feasible plan", self.source)
+        return {Path(self.source).stem: motion}
+
 
 def load_plan(path: str | Path) -> StoredPlan:
     """Read a plan or motion file.

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from freefloat.errors import InputError
-from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import Simulation
 from freefloat.spatial import heading_quaternion
@@ -54,10 +53,4 @@ def save_page(file: Path, simulation: Simulation, title: str) -> None:
     """
     from freefloat.playback.playback import play  # MeshCat takes a third of a second to import
 
-    motions: dict[str, Motion] = {}
-    followed = sorted(simulation.followed, key=lambda one: one is not simulation.chosen)
-    for one in followed:
-        number, label = one.branch.index, one.branch.label
-        name = f"branch {number}" + ("" if label == str(number) else f" {label}")
-        motions[name if name not in motions else f"{name} ({len(motions)})"] = one.motion
-    play(motions, title).save(file)
+    play(simulation, title).save(file)
