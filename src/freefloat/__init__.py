@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from freefloat.attitudes.outlook import Outlook as Outlook
     from freefloat.errors import FreeFloatError as FreeFloatError
     from freefloat.errors import InputError as InputError
+    from freefloat.figures.plots import plan_figures as plan_figures
     from freefloat.limits.limit_checks import LimitChecker as LimitChecker
     from freefloat.limits.limits import LimitFinding as LimitFinding
     from freefloat.limits.limits import Limits as Limits
@@ -57,6 +58,8 @@ if TYPE_CHECKING:
     from freefloat.scenario.scenario import load_scenario as load_scenario
     from freefloat.storage.map_file import load_map as load_map
     from freefloat.storage.plan_file import load_plan as load_plan
+    from freefloat.storage.saving import save_map as save_map
+    from freefloat.storage.saving import save_plan as save_plan
     from freefloat.studies.study import Study as Study
     from freefloat.studies.study import load_study as load_study
     from freefloat.tasks.batching import run_study as run_study
@@ -127,7 +130,10 @@ _ROOMS = {
     # a look
     "play": "playback.playback",
     "Playback": "playback.playback",
+    "plan_figures": "figures.plots",
     # files
+    "save_plan": "storage.saving",
+    "save_map": "storage.saving",
     "load_plan": "storage.plan_file",
     "load_map": "storage.map_file",
     # many cases

@@ -7,8 +7,11 @@ processes. Expected endings of a computation (singular, infeasible) are data, no
 import difflib
 import traceback
 from collections.abc import Iterable
+from enum import StrEnum
 from pathlib import Path
+from typing import TypeVar
 
+_Words = TypeVar("_Words", bound=StrEnum)
 _PACKAGE = Path(__file__).parent
 
 
@@ -82,6 +85,25 @@ def refuse_other(key: str, given: object, kind: type, accepted: str) -> None:
     if not isinstance(given, kind):
         told = repr(given) if given is None or isinstance(given, str) else type(given).__name__
         raise InputError(key, f"{told} was given", accepted)
+
+
+def member(key: str, kind: type[_Words], given: str) -> _Words:
+    """A member of an enumeration of words, or the one with that word.
+
+    Args:
+        key: Named in the error.
+        kind: The enumeration.
+        given: A member, or a text.
+
+    Raises:
+        InputError: Listing the words when it is none of them.
+    """
+    try:
+        return kind(given)
+    except ValueError:
+        known = [str(one) for one in kind]
+        near = did_you_mean(str(given), known)
+        raise InputError(key, f"{given!r} was given{near}", ", ".join(known)) from None
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

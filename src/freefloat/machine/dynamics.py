@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dgetrf, dtrtrs
 
-from freefloat.errors import InputError, did_you_mean
+from freefloat.errors import InputError, member
 from freefloat.machine.model import FreeFloatingModel
 from freefloat.machine.null_space import NullSpaceMotion
 from freefloat.machine.redundancy import Redundancy
@@ -43,13 +43,7 @@ class Task(StrEnum):
         Raises:
             InputError: Listing the tasks where there is none.
         """
-        try:
-            return cls(given)
-        except ValueError:
-            told = given if isinstance(given, str) else type(given).__name__
-            known = [str(one) for one in cls]
-            near = did_you_mean(told, known)
-            raise InputError("task", f"{told!r} was given{near}", ", ".join(known)) from None
+        return member("task", cls, given)
 
     @property
     def rows(self) -> list[int]:

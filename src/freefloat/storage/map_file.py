@@ -29,6 +29,7 @@ from freefloat.storage.result_file import (
 )
 
 if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
+    from freefloat.attitudes.attitude_map import AttitudeMap
     from freefloat.attitudes.outlook import Prospects
     from freefloat.attitudes.planar_search import HeadingMap
 
@@ -37,6 +38,7 @@ _UNITS = {
     "radius_deg": "deg", "deviation_deg": "deg", "depth_deg": "deg",
 }  # fmt: skip
 _ENDINGS = "code: 0 completed, 1 singular, 3 given up, -1 no such branch"
+_CLEARANCE = "1, smallest over largest det S*"
 _COMPLETED, _SINGULAR, _UNREACHED = 0, 1, -1
 
 
@@ -100,7 +102,7 @@ class MapWriter:
             "ending": (found.endings, _ENDINGS),
             "ended_at": (spread(rollout.ended_at), "s"),
             "least": (found.least, self._unit),
-            "clearance": (found.clearances, "1, smallest over largest det S*"),
+            "clearance": (found.clearances, _CLEARANCE),
             "least_at": (spread(rollout.least_at), "s"),
             "final_attitude": (_single(spread(rollout.attitudes)), QUATERNION),
             "largest_rates": (_single(spread(rollout.rates)), "rad/s or m/s"),
@@ -113,6 +115,17 @@ class MapWriter:
                 self._file.create_dataset(name, shape, values.dtype).attrs["unit"] = unit
             self._file[name][self._done : beyond] = values
         self._done = beyond
+
+    def write_map(self, found: AttitudeMap) -> None:
+        """Write what a map holds, all at once: less than its blocks told when followed."""
+        tables = {
+            "attitude": (found.attitudes, QUATERNION),
+            "ending": (found.endings, _ENDINGS),
+            "least": (found.least, self._unit),
+            "clearance": (found.clearances, _CLEARANCE),
+        }
+        for name, (values, unit) in tables.items():
+            self._file.create_dataset(name, data=values).attrs["unit"] = unit
 
     def conclude(self, document: Mapping[str, Any]) -> None:
         """Write what the command line told, as JSON and as arrays; -1 stands for no one branch."""

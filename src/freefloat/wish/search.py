@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from freefloat.brief import brief
-from freefloat.errors import InputError
+from freefloat.errors import InputError, member
 from freefloat.spatial import Array
 
 Progress = Callable[[float], None]
@@ -42,6 +42,7 @@ class Search:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "objective", member("search.objective", Objective, self.objective))
         if self.samples is not None and self.samples < 8:
             raise InputError("search.samples", f"{self.samples} was given", "8 or more")
         if self.objective is Objective.NEAREST and self.from_attitude is None:

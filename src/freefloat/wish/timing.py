@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from freefloat.brief import brief
-from freefloat.errors import InputError
+from freefloat.errors import InputError, member
 from freefloat.spatial import Array, Pose
 from freefloat.wish.path import EndEffectorPath
 
@@ -92,6 +92,7 @@ class Timing:
     stops: tuple[Stop, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "law", member("timing.law", TimeLaw, self.law))
         if not _SHORTEST <= self.duration <= _LONGEST:
             accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
             raise InputError("timing.duration", f"{self.duration} was given", accepted)
