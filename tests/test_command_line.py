@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from freefloat.answers.catalogue import bundled_file, catalogue
@@ -59,6 +60,16 @@ def test_the_help_of_a_command_has_an_example_that_names_it(
     assert result.exit_code == 0
     assert f"Example: freefloat {name}" in result.stdout
     assert "--quiet" in result.stdout
+
+
+def test_help_shows_its_words_whole_brackets_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "300")
+    shown = {name: run(name, "--help").stdout for name in COMMANDS}
+    assert "pip install 'freefloat[mujoco]'." in shown["check"]
+    for name, command in get_command(app).commands.items():
+        for parameter in command.params:
+            words = (parameter.help or "").replace("\\[", "[")
+            assert words in " ".join(shown[name].split()), (name, words)
 
 
 def test_the_help_lists_every_command() -> None:

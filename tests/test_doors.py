@@ -1,0 +1,186 @@
+"""What Python's doors take beside the plainest: names for things, and words on what is no such."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.attitudes.attitude_search import Candidate
+from freefloat.plans import spatial_planner
+from tests.redundant import redundant
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+LINE = ff.PolynomialCurve.line([1.2, 0.2, 0.0], [0.8, 0.6, 0.0])
+TIMING = ff.Timing(20.0)
+
+
+@pytest.fixture(scope="module")
+def model() -> ff.FreeFloatingModel:
+    """Of three planar joints, by name: one to spare for a position."""
+    return ff.FreeFloatingModel.from_urdf("planar_3dof", "end_effector")
+
+
+@pytest.fixture(scope="module")
+def problem(model: ff.FreeFloatingModel) -> ff.Problem:
+    """A path that says nothing of the attitude, and a task by its word."""
+    margin = ff.Margin(ff.measure(model, "planar-position", "gjm"), 0.05)
+    timed = ff.TimedPath(ff.EndEffectorPath(LINE), TIMING)
+    return ff.Problem(model, timed, "planar-position", [0, 0, 0.5], margin)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def simulation() -> ff.Simulation:
+    """Of both branches of an elbow, the second chosen."""
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    return ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=1)
+
+
+def refused(function, *given) -> ff.InputError:
+    with pytest.raises(ff.InputError) as caught:
+        function(*given)
+    return caught.value
+
+
+# --- problems -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("function", "others"),
+    [
+        (ff.plan, ()),
+        (ff.simulate, ([0, 0, 0, 1],)),
+        (ff.integrate_motion, ([0, 0, 0, 1], [0.0] * 3)),
+        (ff.Outlook, ()),
+        (ff.map_attitudes, (64,)),
+    ],
+)
+def test_who_wants_a_problem_tells_the_way_from_a_scenario(function, others) -> None:
+    scenario = ff.load_scenario("planar_3dof/parabola")
+    for given, told in ((scenario, "Scenario"), ("spatial_6dof/line", "'spatial_6dof/line'")):
+        error = refused(function, given, *others)
+        assert (error.key, error.problem) == ("problem", f"{told} was given")
+        assert "load_scenario(...).problem()" in error.accepted
+
+
+def test_a_problem_tells_which_of_its_parts_is_something_else(problem: ff.Problem) -> None:
+    for name, other in (("path", problem.path.path), ("model", "planar_3dof"), ("margin", 0.05)):
+        error = refused(lambda: replace(problem, **{name: other}))  # noqa: B023
+        assert error.key == name
+        told = repr(other) if isinstance(other, str) else type(other).__name__
+        assert error.problem == f"{told} was given"
+
+
+def test_a_map_makes_its_outlook_itself() -> None:
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    own, given = ff.map_attitudes(problem, 16), ff.map_attitudes(ff.Outlook(problem), 16)
+    assert np.array_equal(own.least, given.least)
+    assert own.motions > 0
+
+
+# --- words --------------------------------------------------------------------------------------
+
+
+def test_tasks_laws_and_objectives_are_taken_by_their_words(
+    model: ff.FreeFloatingModel, problem: ff.Problem
+) -> None:
+    q = np.array([0.3, -1.1, 0.7])
+    assert problem.task is ff.Task.PLANAR_POSITION
+    for task in (ff.Task.POSITION, ff.Task.PLANAR_POSITION, ff.Task.PLANAR_POSE):
+        by_word = ff.generalized_jacobian(model, q, str(task))
+        assert np.array_equal(by_word, ff.generalized_jacobian(model, q, task))
+        assert by_word.shape == (len(task.rows), 3)
+    words = ff.measure(model, "planar-position", "gjm")
+    assert words.value(q) == ff.measure(model, ff.Task.PLANAR_POSITION, "gjm").value(q) > 0.0
+    assert ff.Timing(2.0, "cubic").s(0.5) == pytest.approx(3 / 16 - 2 / 64)  # type: ignore[arg-type]
+    assert ff.Search("robust").objective is ff.Objective.ROBUST  # type: ignore[arg-type]
+
+
+def test_an_unknown_word_is_answered_with_those_there_are(model: ff.FreeFloatingModel) -> None:
+    tasks = "pose, position, planar-pose, planar-position"
+    for function, *given in (
+        (ff.measure, model, "positon", "gjm"),
+        (ff.generalized_jacobian, model, [0.0] * 3, "positon"),
+    ):
+        error = refused(function, *given)
+        assert (error.key, error.accepted) == ("task", tasks)
+        assert error.problem == "'positon' was given (did you mean position?)"
+    assert refused(ff.Timing, 2.0, "septic").accepted == "quintic, cubic, trapezoidal"
+    assert refused(ff.Search, "best").key == "search.objective"
+
+
+# --- robots -------------------------------------------------------------------------------------
+
+
+def test_robots_are_taken_by_the_names_of_the_command_line(
+    model: ff.FreeFloatingModel, tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert model.total_mass == 471.0
+    (tmp_path / "planar_3dof").mkdir()
+    monkeypatch.chdir(tmp_path)  # a folder of that name is no robot
+    assert ff.FreeFloatingModel.from_urdf("planar_3dof.urdf").dof == 3
+    assert ff.FreeFloatingModel.from_urdf("example-robot-data:ur10", "tool0").dof == 6
+    error = refused(ff.FreeFloatingModel.from_urdf, "spatial_6dfo")
+    assert error.problem.endswith("(did you mean spatial_6dof?)")
+
+
+# --- paths --------------------------------------------------------------------------------------
+
+
+def test_position_tasks_may_leave_the_attitude_out(problem: ff.Problem) -> None:
+    motion = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]).chosen.motion
+    assert motion.completed
+    assert motion.residuals().end_effector_position < 1e-8
+    error = refused(lambda: replace(problem, task=ff.Task.PLANAR_POSE))
+    assert error.key == "path.attitude"
+    assert "task planar-pose needs it" in error.problem
+
+
+# --- shows --------------------------------------------------------------------------------------
+
+
+def test_a_simulation_is_played_with_all_its_branches_the_chosen_one_first(
+    simulation: ff.Simulation,
+) -> None:
+    assert ff.play(simulation).titles == ("branch 1 elbow-", "branch 0 elbow+")
+
+
+def test_a_plan_is_played_or_tells_why_it_cannot_be(simulation: ff.Simulation) -> None:
+    problem = simulation.chosen.motion.problem
+    found = ff.Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
+    assert ff.play(found, "Example 1").titles == ("branch 1 elbow-",)
+    error = refused(ff.play, ff.Plan(problem, ff.Search(), False, "none keeps gjm 9"))
+    assert error.problem == "it has no motion to show: none keeps gjm 9"
+
+
+def test_what_has_no_motions_is_not_played(problem: ff.Problem) -> None:
+    empty = ff.AttitudeMap(problem, 0, *np.zeros((3, 0, 4)), np.zeros((0, 4), np.int8))
+    for given in (problem, [1], {"a": 3}, empty):
+        assert "a Motion, Plan or Simulation" in refused(ff.play, given).accepted
+
+
+# --- joints to spare ----------------------------------------------------------------------------
+
+
+def test_arms_with_joints_to_spare_are_told_by_where_they_start(
+    problem: ff.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0])
+    chosen = simulation.chosen
+    assert ff.play(simulation).titles[0] == f"start {chosen.branch.index}"
+    free = redundant("RPRR", ff.Task.POSITION, None).problem
+    beyond = replace(free, margin=ff.Margin(free.margin.measure, 1e9))
+
+    def best(outlook: ff.Outlook, found: ff.AttitudeMap) -> list[Candidate]:
+        sample = np.argmax(found.margins.max(axis=1))
+        return [Candidate(found.attitudes[sample], None, found.margins.max())]
+
+    monkeypatch.setattr(spatial_planner, "largest_margins", best)
+    reason = ff.plan(beyond, ff.Search(samples=8)).reason
+    joints = re.search(r"with the arm at \[(.*)\]$", reason)
+    assert joints, reason
+    assert len(joints[1].split(", ")) == 4
