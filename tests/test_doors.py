@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.answers.report import plan_document, simulation_document
+from freefloat.answers.tables import plan_tables, simulation_tables
 from freefloat.attitudes.attitude_search import Candidate
+from freefloat.kernels import arm_branches
 from freefloat.plans import spatial_planner
+from freefloat.ranges.planar_ranges import BranchRanges
 from tests.redundant import redundant
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -132,7 +136,8 @@ def test_robots_are_taken_by_the_names_of_the_command_line(
 
 
 def test_position_tasks_may_leave_the_attitude_out(problem: ff.Problem) -> None:
-    motion = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]).chosen.motion
+    start = problem.branches([0.0, 0.0, 0.0, 1.0])[0].joints
+    motion = ff.integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], start)
     assert motion.completed
     assert motion.residuals().end_effector_position < 1e-8
     error = refused(lambda: replace(problem, task=ff.Task.PLANAR_POSE))
@@ -166,12 +171,32 @@ def test_what_has_no_motions_is_not_played(problem: ff.Problem) -> None:
 # --- joints to spare ----------------------------------------------------------------------------
 
 
-def test_arms_with_joints_to_spare_are_told_by_where_they_start(
-    problem: ff.Problem, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture
+def few_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arm_branches, "_REDUNDANT_STARTS", 8)
+
+
+@pytest.mark.usefixtures("few_starts")
+def test_motions_of_arms_with_joints_to_spare_are_told_by_where_they_start(
+    problem: ff.Problem,
 ) -> None:
     simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0])
     chosen = simulation.chosen
-    assert ff.play(simulation).titles[0] == f"start {chosen.branch.index}"
+    assert chosen.title == f"start {chosen.branch.index}"
+    assert next(iter(simulation.named_motions())) == chosen.title
+    tables = simulation_tables(simulation_document(simulation), "mine")
+    joints = " ".join(f"{value:.3f}" for value in chosen.branch.joints)
+    assert f"Followed: from joints {joints} (*)." in "\n".join(map(str, tables))
+    ranges = BranchRanges(0, "any", (), ())
+    found = ff.Plan(problem, ff.Search(), False, "a test", (ranges,))
+    _, table, *_ = plan_tables(plan_document(found), "mine")
+    assert list(table.columns[0].cells) == ["any"]
+
+
+@pytest.mark.usefixtures("few_starts")
+def test_plans_tell_where_arms_with_joints_to_spare_came_nearest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     free = redundant("RPRR", ff.Task.POSITION, None).problem
     beyond = replace(free, margin=ff.Margin(free.margin.measure, 1e9))
 
