@@ -98,7 +98,7 @@ class StoredPlan:
         kind: ``"plan"`` or ``"motion"``.
         feasible: Whether there is a motion that keeps the margin.
         origin: Scenario and robot, as texts.
-        document: What the command line told.
+        document: What was told, as JSON has it: of a plan ``reason``, ``certificate`` and so on.
         ranges: Arm branch to headings [rad], shape (K, 2).
         ending: How the motion ended; None where an infeasible plan has none.
         times: Of the motion's nodes [s], shape (N,).
@@ -162,6 +162,11 @@ class StoredPlan:
 
 def load_plan(path: str | Path) -> StoredPlan:
     """Read a plan or motion file.
+
+    Returns:
+        What the file holds: :meth:`~StoredPlan.motion` is the chosen motion,
+        :meth:`~StoredPlan.problem` what was asked, ``document`` what was told of it, such as
+        ``reason``, ``branch``, ``min_margin`` and ``certificate``.
 
     Raises:
         InputError: If it is none, or of another version, or broken.
