@@ -18,7 +18,7 @@ HEAVY = ("matplotlib", "meshcat", "numba", "dask", "pinocchio", "scipy", "numpy"
 NEVER_NEEDED = ("matplotlib", "meshcat", "numba", "dask")
 """What none of the public names needs, but those in COMPILED and SHOWN."""
 COMPILED = ("AttitudeMap", "Outlook", "load_map", "map_attitudes")
-SHOWN = ("Playback", "play")
+SHOWN = ("Playback", "plan_figures", "play")
 SCRIPT = str(Path(sys.executable).parent / "freefloat")
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from freefloat.answers.map_report import attitude_map_document
 from freefloat.answers.report import plan_document
-from freefloat.attitudes.attitude_map import AttitudeMap, regions
-from freefloat.attitudes.attitude_search import Candidate
 from freefloat.errors import InputError, refuse_other
 from freefloat.limits.limit_checks import LimitChecker
 from freefloat.motion.problem import Problem
@@ -20,6 +19,10 @@ from freefloat.scenario.scenario import Scenario
 from freefloat.storage import plan_file
 from freefloat.storage.map_file import map_file
 from freefloat.wish.search import Search
+
+if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
+    from freefloat.attitudes.attitude_map import AttitudeMap
+    from freefloat.attitudes.attitude_search import Candidate
 
 
 def save_plan(path: str | Path, plan: Plan, scenario: Scenario | None = None) -> None:
@@ -68,6 +71,8 @@ def save_map(path: str | Path, map_: AttitudeMap, scenario: Scenario | None = No
         InputError: If the file cannot be written, the scenario is not that of the map, or one is
             needed.
     """
+    from freefloat.attitudes.attitude_map import AttitudeMap, regions
+
     refuse_other("map", map_, AttitudeMap, "an AttitudeMap, as map_attitudes returns it")
     problem, samples = map_.problem, len(map_.attitudes)
     own = Search(samples=samples, seed=map_.seed)
@@ -80,6 +85,8 @@ def save_map(path: str | Path, map_: AttitudeMap, scenario: Scenario | None = No
 
 def _best(map_: AttitudeMap) -> Candidate | None:
     """The sample of the largest margin, if that is kept."""
+    from freefloat.attitudes.attitude_search import Candidate
+
     if not map_.kept.any():
         return None
     peaks = [(branch, int(np.argmax(own)), own) for branch, own in map_.families()]
