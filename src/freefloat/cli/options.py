@@ -142,8 +142,8 @@ Scene = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="Of several, the one in pictures and video: a file's name, of a map an arm branch, or "
-        '"side by side".',
+        help="Of several, the one that the page opens on and that is in pictures and video: a "
+        'file\'s name, of a map an arm branch, or "side by side".',
     ),
 ]
 
