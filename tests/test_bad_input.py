@@ -176,7 +176,7 @@ KEYS = {
     "NaN momentum": edited("momentum.2", "a finite number", "0.5]", ".nan]", problem="nan"),
     "infinite momentum": edited("momentum.2", "a finite number", "0.5]", "-.inf]"),
     "momentum with two entries": edited("momentum", "", "[0, 0, 0.5]", "[0, 0.5]"),
-    "momentum with four entries": edited("momentum", "3", "[0, 0, 0.5]", "[0, 0, 0.5, 1]"),
+    "momentum with four entries": edited("momentum", "three numbers", "[0, 0, 0.5]", "[0, 0, 0.5, 1]"),
     "momentum as text": edited("momentum", "", "[0, 0, 0.5]", "fast"),
     "empty momentum": edited("momentum", "", "[0, 0, 0.5]", ""),
     "a boolean where a number is due": edited(
@@ -341,7 +341,7 @@ PATHS = {
         "margin.measure", "gjm, system or sigma", "measure: system", "measure: arm"
     ),
     "unreachable start": edited(
-        *("attitude", "begins nearer", "from: [1, 0, 0]", "from: [10, 0, 0]"),
+        *("path", "begins within the reach", "from: [1, 0, 0]", "from: [10, 0, 0]"),
         scenario=SPATIAL,
         file="",
         problem="[10.0, 0.0, 0.0]",

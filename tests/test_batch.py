@@ -265,8 +265,11 @@ def test_a_dry_run_lists_cases_and_estimates_without_writing(folder: Path) -> No
     assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler, "as Ctrl-C"
     assert [case["case"] for case in document["cases"]] == list(range(60))
     assert document["cases"][59]["parameters"]["timing.duration"] == 6
-    assert document["timed"] == "case 0"
-    assert document["seconds"] == pytest.approx(document["seconds_each"] * 60 / 3)
+    assert document["timed"] == "the longer of cases 0 and 30"
+    side_by_side = min(3, len(os.sched_getaffinity(0)))
+    whole = document["start_up_seconds"] + document["seconds_each"] * 60 / side_by_side
+    assert document["seconds"] == pytest.approx(whole)
+    assert document["start_up_seconds"] > 3.0
     result = run("study.yaml", "--dry-run")
     assert result.exit_code == 0
     assert "60 cases" in result.stdout

@@ -261,7 +261,7 @@ Scheduler = Annotated[
 ]
 DryRun = Annotated[
     bool,
-    typer.Option("--dry-run", help="List the cases and estimate the time, run no more than one."),
+    typer.Option("--dry-run", help="List the cases and estimate the time, run no more than two."),
 ]
 Report = Annotated[
     bool, typer.Option("--report", help="Also write report.html, one page with figure and cases.")

@@ -247,10 +247,10 @@ def _only_tip(description: Description) -> str:
     if len(tips) != 1:
         carried = {link.parentJoint for link in links if link.name in tips and link.parentJoint > 1}
         hands = [link.name for link in links if link.parentJoint in carried] or tips
+        accepted = "--end-effector, or end_effector of a scenario, with a link such as "
         raise ModelError(
             "end_effector", "none was given and the robot has several last links",
-            f"--end-effector, or end_effector of a scenario, with a link such as {', '.join(hands)}",
-            description.source,
+            accepted + ", ".join(hands), description.source,
         )  # fmt: skip
     return str(tips[0])
 

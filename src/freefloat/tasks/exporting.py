@@ -61,6 +61,8 @@ class Export:
         if to_stdout and as_json:
             raise InputError("output", "- was given, and --json, too", "one of the two")
         given = None if output is None or to_stdout else Path(output)
+        if given is not None:
+            refuse_same_files(file=source, output=given)
         kind = _format(format_) or Format.of(given)
         if kind is None and given is not None and given.suffix:
             endings = ", ".join(one.suffix for one in Format)
