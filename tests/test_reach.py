@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,19 +62,10 @@ def test_a_simulation_tells_it_of_the_start_and_of_the_end() -> None:
 
 def test_a_spacecraft_lighter_than_its_arm_is_told() -> None:
     """The UR5's base link alone, 4 kg, carries the arm."""
-    text = EASY.replace("urdf: spatial_6dof.urdf, end_effector: end_effector", BARE)
-    text = text.replace("urdf: spatial_6dof, end_effector: end_effector", BARE)
-    assert BARE in text
-    light = parse_scenario(text.replace("measure: arm", "measure: gjm"), ff_source()).problem()
+    bare = "urdf: 'example-robot-data:ur5', end_effector: tool0"
+    text = EASY.replace("urdf: spatial_6dof, end_effector: end_effector", bare)
+    text = text.replace("measure: arm", "measure: gjm")
+    light = parse_scenario(text, Path("bare.yaml")).problem()
     assert light_spacecraft(light).startswith("; the spacecraft has 4 kg of ")
     assert "robot.spacecraft" in light_spacecraft(light)
     assert light_spacecraft(ff.load_scenario("spatial_6dof/line").problem()) == ""
-
-
-BARE = "urdf: 'example-robot-data:ur5', end_effector: tool0"
-
-
-def ff_source():  # type: ignore[no-untyped-def]
-    from pathlib import Path
-
-    return Path("bare.yaml")
