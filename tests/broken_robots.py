@@ -260,6 +260,11 @@ PATIENTS = {
         *('<axis xyz="0 0 1"/>', '<axis xyz="0 3 4"/>', "joint shoulder", "has length 5"),
         *('<axis xyz="0 0.6 0.8"/>', ('xyz="0 3 4"', 'xyz="0 0.6 0.8"')),
     ),
+    "angles in degrees": one(
+        *('rpy="0 0 0"/>\n    <axis', 'rpy="0 90 0"/>\n    <axis', "joint shoulder"),
+        *("turns by more than a turn", 'write rpy="0 1.57079633 0"'),
+        ('rpy="0 90 0"', 'rpy="0 1.57079633 0"'),
+    ),
     "an axis without direction": one(
         *('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "joint shoulder"),
         *('<axis xyz="0 0 0"> has no direction', 'xyz="0 0 1"'),

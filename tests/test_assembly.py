@@ -531,11 +531,11 @@ def test_a_payload_of_a_scenario_is_held(tmp_path: Path) -> None:
 BAD = {
     "negative mass": ("mass: 200", "mass: -200", "spacecraft.mass", "greater than 0"),
     "mass in words": ("mass: 200", "mass: heavy", "spacecraft.mass", "a number"),
-    "no inertia": ("inertia: [35, 35, 35], ", "", "spacecraft.inertia", "a value"),
+    "no inertia": ("inertia: [35, 35, 35], ", "", "spacecraft.inertia", "principal"),
     "broken triangle": ("[35, 35, 35]", "[35, 35, 71]", "spacecraft.inertia", "smaller two"),
     "negative moment": ("[35, 35, 35]", "[35, 35, -1]", "spacecraft.inertia", "positive definite"),
-    "two moments": ("[35, 35, 35]", "[35, 35]", "spacecraft.inertia", "more entries"),
-    "one moment": ("[35, 35, 35]", "35", "spacecraft.inertia", "a list"),
+    "two moments": ("[35, 35, 35]", "[35, 35]", "spacecraft.inertia", "three principal"),
+    "one moment": ("[35, 35, 35]", "35", "spacecraft.inertia", "principal moments"),
     "flat box": ("size: [1, 1, 1]", "size: [1, 1, 0]", "spacecraft.size.2", "greater than 0"),
     "unknown key": (
         "mass: 200",

@@ -175,8 +175,29 @@ KEYS = {
     "missing coordinate": edited("path.polynomial.z", "", ", z: [0]", ""),
     "NaN momentum": edited("momentum.2", "a finite number", "0.5]", ".nan]", problem="nan"),
     "infinite momentum": edited("momentum.2", "a finite number", "0.5]", "-.inf]"),
-    "momentum with two entries": edited("momentum", "", "[0, 0, 0.5]", "[0, 0.5]"),
-    "momentum with four entries": edited("momentum", "3", "[0, 0, 0.5]", "[0, 0, 0.5, 1]"),
+    "degrees of an attitude": edited(
+        *("path.attitude.fixed.rpy", "radians", QUATERNION, "rpy: [0, 90, 45]"),
+        scenario=SPATIAL,
+    ),
+    "a momentum that is one number": edited("momentum", "three numbers", "[0, 0, 0.5]", "0.5"),
+    "a robot that is a name": edited(
+        *("robot", "keys: urdf, end_effector"),
+        *("{urdf: planar_3dof.urdf, end_effector: end_effector}", "planar_3dof"),
+    ),
+    "nothing but a robot": Bad(
+        *("task", "planar-pose"),
+        problem="missing",
+        content="robot: {urdf: planar_3dof.urdf, end_effector: end_effector}\n",
+    ),
+    "no path": Bad(
+        *("path", "keys: line, polynomial, arc, waypoints, samples"),
+        problem="missing",
+        content=PARABOLA[: PARABOLA.index("path:")] + PARABOLA[PARABOLA.index("timing:") :],
+    ),
+    "momentum with two entries": edited("momentum", "three numbers", "[0, 0, 0.5]", "[0, 0.5]"),
+    "momentum with four entries": edited(
+        "momentum", "three numbers", "[0, 0, 0.5]", "[0, 0, 0.5, 1]"
+    ),
     "momentum as text": edited("momentum", "", "[0, 0, 0.5]", "fast"),
     "empty momentum": edited("momentum", "", "[0, 0, 0.5]", ""),
     "a boolean where a number is due": edited(
@@ -341,9 +362,8 @@ PATHS = {
         "margin.measure", "gjm, system or sigma", "measure: system", "measure: arm"
     ),
     "unreachable start": edited(
-        *("attitude", "begins nearer", "from: [1, 0, 0]", "from: [10, 0, 0]"),
+        *("path", "begins within the reach", "from: [1, 0, 0]", "from: [10, 0, 0]"),
         scenario=SPATIAL,
-        file="",
         problem="[10.0, 0.0, 0.0]",
     ),
 }

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from freefloat import bundled
 from freefloat.bundled import (
@@ -21,9 +22,12 @@ from freefloat.bundled import (
     find_scenario,
     models_folder,
 )
-from freefloat.errors import InputError
+from freefloat.cli.entry import app
+from freefloat.errors import InputError, ModelError
 from freefloat.machine.model import FreeFloatingModel
 from freefloat.scenario.scenario import load_scenario
+from freefloat.urdf.assembly import assemble
+from freefloat.urdf.parts import Payload
 from freefloat.urdf.urdf import read_urdf
 
 
@@ -34,6 +38,31 @@ def test_the_papers_robots_and_scenarios_are_there() -> None:
     )
     assert {"ur5_servicer/arc", "panda_servicer/line"} <= set(bundled_scenarios())
     assert list(bundled_scenarios()) == sorted(bundled_scenarios())
+
+
+def test_a_robot_of_the_other_package_is_meant_by_its_name_alone() -> None:
+    with pytest.raises(InputError, match=r"did you mean example-robot-data:ur10\?"):
+        find_robot("ur10", Path("/"))
+
+
+def test_a_folder_of_scenarios_is_told_with_them() -> None:
+    result = CliRunner().invoke(app, ["info", "ur5_servicer"])
+    assert result.exit_code == 2
+    assert "accepted: one of them: freefloat info ur5_servicer/arc | ur5" in result.stderr
+
+
+def test_hands_that_hold_something_are_told_where_none_was_named(tmp_path: Path) -> None:
+    """Not the foot's frame, which is a last link as well."""
+    file = tmp_path / "laden.urdf"
+    load = Payload(mass=10.0, inertia=np.full(3, 0.2))
+    file.write_text(assemble(find_robot(f"{EXAMPLE}ur10", Path("/")), None, load, "tool0"))
+    with pytest.raises(ModelError) as caught:
+        FreeFloatingModel.from_urdf(file)
+    accepted = caught.value.accepted
+    assert accepted.startswith("--end-effector, or end_effector of a scenario, with a link such as")
+    assert set(accepted.rpartition("such as ")[2].split(", ")) == {
+        "wrist_3_link", "ee_link", "tool0", "payload"
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", bundled_robots())

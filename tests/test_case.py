@@ -125,7 +125,7 @@ def test_a_motion_that_breaks_margin_or_limits_is_infeasible_and_says_why(tmp_pa
     [
         ({"momentum.2": {"list": [0, float("nan")]}}, ["wish.yaml: momentum.2: nan", "finite"]),
         ({"timing.duration": {"list": [9, "long"]}}, ["wish.yaml: timing.duration: 'long'"]),
-        ({"path.polynomial.x.0": {"list": [2, 9]}}, ["no arm configuration puts"]),
+        ({"path.polynomial.x.0": {"list": [2, 9]}}, ["begins out of reach"]),
         ({"robot.urdf": {"list": ["planar_3dof", "none.urdf"]}}, ["wish.yaml: robot.urdf: no"]),
         ({"robot.urdf": {"list": ["planar_3dof", "bad.urdf"]}}, ["bad.urdf:1: urdf: not well-"]),
         ({"heading_deg": {"list": [9, float("inf")]}}, ["heading_deg: inf was given"]),

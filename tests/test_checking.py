@@ -85,6 +85,8 @@ def test_a_plan_proves_itself_with_both_engines(request, name):
                    "certificate in the file", "robust radius",
                    "mujoco: wrench on the base", "mujoco: final attitude"):  # fmt: skip
         assert wanted in names
+    radius = next(one for one in verdict.checks if one.name == "robust radius")
+    assert radius.unit.startswith("deg") or (radius.found, radius.allowed) == (0.0, 1.0)
     assert verdict.engine["forward"]["attitude"] < 1e-3
     assert verdict.engine["inverse"]["wrench"] < 1e-4 * verdict.engine["inverse"]["torque"]
 

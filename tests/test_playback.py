@@ -295,6 +295,16 @@ def test_motions_are_switched_or_side_by_side(page: Shown) -> None:
     assert page.page.locator("#states h2").all_inner_texts() == [FEASIBLE, SINGULAR]
 
 
+def test_a_page_opens_on_the_scene_asked_for(
+    browser: Browser, motions: dict[str, Motion], tmp_path: Path
+) -> None:
+    file = play(motions, "Example 2").save(tmp_path / "both.html", "side by side")
+    with shown(browser, file) as seen:
+        assert seen.visible(FEASIBLE)
+        assert seen.visible(SINGULAR)
+        assert seen.page.locator("#motion").input_value() == "side by side"
+
+
 def test_planar_areas_are_drawn_around_the_centre(browser: Browser, tmp_path: Path) -> None:
     problem = load_scenario("planar_3dof/parabola").problem()
     motion = simulate(problem, heading_quaternion(np.deg2rad(200.0)), branch=0).chosen.motion

@@ -101,7 +101,7 @@ def test_scenarios_ask_for_it():
         ("{toward: sigma, bound: 0}", "redundancy.bound", "0"),
         ("{gain: 2}", "redundancy", "toward: sigma or middle"),
         ("{weights: 3}", "redundancy.weights", "metric, toward, gain, bound"),
-        ("energy", "redundancy", "keys and values"),
+        ("energy", "redundancy", "keys: metric, toward"),
     ],
 )
 def test_scenarios_that_are_wrong_say_where(given, key, accepted):

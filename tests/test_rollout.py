@@ -379,6 +379,24 @@ def test_the_least_does_not_depend_on_where_steps_end(spatial: Problem, toleranc
     )
 
 
+def test_a_skewed_dip_between_nodes_is_found() -> None:
+    """Before it the measure falls twenty times as steeply as it rises behind, near the end."""
+    line = bundled("spatial_6dof/line")
+    curve = ArcCurve(
+        np.array([1.0, 0.0, 0.3]), np.array([1.3, 0.0, 0.3]), np.array([0.0, 0.0, 1.0]), 2.0 * np.pi
+    )
+    path = EndEffectorPath(curve, line.path.path.attitude)
+    problem = replace(line, path=TimedPath(path, Timing(60.0, TimeLaw.QUINTIC)))
+    attitude = np.array(
+        [-0.5258695578591587, -0.774324080597602, -0.1540999826222065, -0.3164437101279262]
+    )
+    start = next(one.joints for one in problem.branches(attitude) if one.index == 2)
+    found = Roller(problem, 1).follow(attitude[None], start[None])
+    precise = least(integrate_motion(problem, attitude, start), problem.margin.measure)
+    assert found.least[0] == pytest.approx(precise.value, rel=2e-5)
+    assert found.least_at[0] == pytest.approx(precise.time, abs=0.1)
+
+
 @pytest.mark.parametrize("end", ["first", "last"])
 def test_a_dip_beside_an_end_is_found(spatial: Problem, end: str) -> None:
     """A motion cut a little before or after the minimum of the whole: no node stands beyond it.

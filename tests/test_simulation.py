@@ -140,7 +140,7 @@ def test_a_path_out_of_reach_is_told_as_such(spatial):
     far = EndEffectorPath(PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedAttitude(np.eye(3)))
     with pytest.raises(UnreachableError, match=r"\[4.0, 0.0, 0.0\] m") as caught:
         simulate(replace(spatial, path=TimedPath(far, Timing(10.0))), GOOD)
-    assert caught.value.key == "attitude"
+    assert caught.value.key == "path"
 
 
 def test_what_is_no_attitude_is_refused(spatial, planar):

@@ -116,6 +116,13 @@ def test_at_a_singular_end_rates_are_unknown_and_states_known(singular):
     assert np.isfinite(found.measure).all()
 
 
+def test_times_are_written_as_short_as_they_are_meant(motion):
+    """Not 99.80000000000001; a third of a second has no short text."""
+    for times in (even_times(motion, 501), times_at_rate(motion, 10.0)):
+        assert max(len(repr(time)) for time in times.tolist()) <= 5
+    assert times_at_rate(motion, 3.0)[1] == 1.0 / 3.0
+
+
 def test_even_times_reach_from_end_to_end(motion):
     times = even_times(motion, 5)
     assert_close(times, np.linspace(0.0, motion.problem.path.duration, 5), atol=0)

@@ -222,6 +222,10 @@ def test_people_are_told_what_was_written_and_that_a_motion_ends_early(files):
         (("good.h5", "-o", "good.h5"), "output: good.h5 is the file of file, too"),
         (("good.h5", "-o", "link.h5"), "output: link.h5 is the file of file, too"),
         (("good.h5", "-o", ""), "output: an empty name was given"),
+        (
+            ("good.h5", "-o", "motion.xlsx"),
+            "accepted: a name that ends in .csv, .mat, .json, .yaml",
+        ),
         (("good.h5", "-o", "-", "--format", "mat"), "output: - was given for mat"),
         (("good.h5", "-o", "nowhere/a.csv"), "No such file or directory"),
     ],

@@ -83,7 +83,9 @@ def scenes(page: Path) -> list[str]:
 
 
 def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
-    document = answer("view", files / "good.h5", files / "bad.h5", "--html", "both.html")
+    words = ("--html", "both.html", "--scene", "bad")
+    document = answer("view", files / "good.h5", files / "bad.h5", *words)
+    assert '"opens": "bad"' in (elsewhere / "both.html").read_text(encoding="utf-8")
     assert document == {
         "address": None, "html": "both.html", "snapshots": [], "video": None,
         "scenes": ["good", "bad"], "remarks": [],

@@ -86,7 +86,17 @@ def find_robot(name: str, folder: Path) -> Path:
     stem = name.removesuffix(".urdf")
     if stem in bundled_robots():
         return models_folder() / stem / f"{stem}.urdf"
-    raise unknown("urdf", name, bundled_robots(), "a URDF file, or one of")
+    error = unknown("urdf", name, (*bundled_robots(), f"{EXAMPLE}NAME"), "a URDF file, or one of")
+    raise InputError(error.key, error.problem + _example_meant(stem), error.accepted)
+
+
+def _example_meant(name: str) -> str:
+    """A hint where a robot of example-robot-data was named without its package."""
+    with suppress(InputError):
+        short = name.removesuffix("_robot")
+        if short in example_robots():
+            return f" (did you mean {EXAMPLE}{short}?)"
+    return ""
 
 
 def example_robots() -> dict[str, Path]:

@@ -29,7 +29,8 @@ def dry_run_tables(document: Document) -> list[RenderableType]:
         on = "one worker" if document["workers"] in (None, 1) else f"{document['workers']} workers"
         lines.append(
             f"{left:,} to run, about {duration(document['seconds_each'])} each "
-            f"({document['timed']}): {duration(document['seconds'])} on {on}"
+            f"({document['timed']}): {duration(document['seconds'])} on {on}, "
+            f"{duration(document['start_up_seconds'])} of it to start"
         )
     elif left:
         lines.append(f"{left:,} to run; no estimate: {document['timed']}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from freefloat.motion.reach import told_reach
 from freefloat.spatial import Array, heading_quaternion
 
 if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
@@ -99,6 +100,7 @@ def attitude_map_document(
         "regions": [_region_document(region) for region in regions],
         "branches": _branch_documents(found),
         "endings": _endings_document(found),
+        "out_of_reach": told_reach(found.problem),
         "seconds": seconds,
     }
 

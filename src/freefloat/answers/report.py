@@ -17,6 +17,7 @@ from freefloat.machine.virtual_manipulator import VirtualManipulator
 from freefloat.motion.closeness import Least
 from freefloat.motion.motion import Ending, Motion, State
 from freefloat.motion.problem import Problem
+from freefloat.motion.reach import told_reach
 from freefloat.motion.simulation import FollowedBranch, Simulation
 from freefloat.plans.plans import Plan, Segment
 from freefloat.ranges.planar_ranges import BranchRanges, Limit
@@ -34,6 +35,7 @@ def simulation_document(simulation: Simulation, findings: Iterable[LimitFinding]
         **_followed_document(simulation.chosen),
         "limits": limits_document(findings),
         "branches": [_branch_document(one) for one in simulation.followed],
+        "out_of_reach": told_reach(simulation.chosen.motion.problem),
     }
 
 

@@ -12,6 +12,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.answers.limit_tables import limit_tables, plain_table
+from freefloat.answers.shares import share_text
 
 Document = dict[str, Any]
 _REGIONS = 12
@@ -59,7 +60,9 @@ def simulation_tables(document: Document, name: str) -> list[RenderableType]:
             f"{one['min_margin']['sign'] * one['min_margin']['value']:.4g}",
             _verdict(one),
         )
-    return [title, table, *_chosen_lines(document, " (*)"), *limit_tables(document["limits"])]
+    told = [Text(f"  {document['out_of_reach']}", "red")] if document["out_of_reach"] else []
+    chosen = _chosen_lines(document, " (*)")
+    return [title, table, *chosen, *told, *limit_tables(document["limits"])]
 
 
 def _verdict(one: Document) -> Text:
@@ -156,8 +159,13 @@ def _sampled_line(document: Document, name: str) -> Text:
 
 
 def _share(document: Document) -> str:
-    """``12.3% ± 0.2%``."""
-    return f"{document['feasible_fraction']:.2%} ± {document['feasible_fraction_error']:.2%}"
+    error = document["feasible_fraction_error"]
+    return share_text(document["feasible_fraction"], error, document["samples"])
+
+
+def _percents(share: float, error: float) -> str:
+    """An error of zero is that of a sample in which all agree: it tells nothing."""
+    return f"{100.0 * share:.2f}" + (f" ± {100.0 * error:.2f}" if error > 0.0 else "")
 
 
 def _ranges(entry: Document) -> str:
@@ -217,6 +225,8 @@ def map_tables(document: Document, name: str) -> list[RenderableType]:
             f"best: {best['heading_deg']:.3f} deg, branch {best['branch']}, "
             f"margin {best['value']:.6g}"
         )
+    if document["out_of_reach"]:
+        lines.append(document["out_of_reach"])
     lines.append(f"{document['seconds']:.1f} s")
     return [title, table, *(Text(line) for line in lines)]
 
@@ -235,7 +245,7 @@ def attitude_map_tables(document: Document, name: str) -> list[RenderableType]:
         regions.add_row(
             str(number + 1),
             _number(region),
-            f"{100.0 * region['fraction']:.2f} ± {100.0 * region['error']:.2f}",
+            _percents(region["fraction"], region["error"]),
             _numbers(region["centre"], 5),
             f"{region['depth_deg']:.2f}",
         )
@@ -256,7 +266,8 @@ def attitude_map_tables(document: Document, name: str) -> list[RenderableType]:
 def _known_attitudes(document: Document) -> Iterator[str]:
     """Lines on the best, the deepest and the nearest attitude, as far as there are such."""
     if document["best"] is None:
-        yield "no attitude was found that keeps the margin"
+        why = document["out_of_reach"]
+        yield "no attitude was found that keeps the margin" + (f": {why}" if why else "")
     for key, value, unit in (
         ("best", "value", document["margin"]["measure"]),
         ("robust", "radius_deg", "deg around keep the margin"),

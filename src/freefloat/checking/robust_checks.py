@@ -131,9 +131,12 @@ def _ball(stored: StoredPlan, motion: Motion, told: float) -> Check:
     radius, count = np.radians(told), _TRIED // outlook.thrift
     cloud = attitudes_within(motion.initial.attitude, min(radius, np.pi), count, _SEED)
     bad = int((~outlook.safe(cloud, None if spare else branch)).sum())
-    passed = bad <= _MAY_FAIL * count
+    allowed = int(_MAY_FAIL * count)
+    passed = bad <= allowed
     words = f"{count - bad} of {count} attitudes within {told:.4g} deg serve"
-    return Check("robust radius", passed, words, bad / count, _MAY_FAIL, "of the attitudes")
+    return Check(
+        "robust radius", passed, words, float(bad), float(allowed), f"of {count} attitudes fail"
+    )
 
 
 def _bearing(stored: StoredPlan, motion: Motion) -> Check:

@@ -65,6 +65,10 @@ def info(
             model = FreeFloatingModel.from_urdf(urdf, end_effector)
             document = info_document(model, natural_task(model), findings)
         else:
+            own = [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]
+            if own:
+                told = f"{robot} is no URDF, but put together in scenarios"
+                raise InputError("robot", told, f"one of them: freefloat info {' | '.join(own)}")
             names = (*bundled_robots(), *bundled_scenarios())
             raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
     from freefloat.answers.tables import info_tables

@@ -142,8 +142,8 @@ Scene = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="Of several, the one in pictures and video: a file's name, of a map an arm branch, or "
-        '"side by side".',
+        help="Of several, the one that the page opens on and that is in pictures and video: a "
+        'file\'s name, of a map an arm branch, or "side by side".',
     ),
 ]
 
@@ -261,7 +261,7 @@ Scheduler = Annotated[
 ]
 DryRun = Annotated[
     bool,
-    typer.Option("--dry-run", help="List the cases and estimate the time, run no more than one."),
+    typer.Option("--dry-run", help="List the cases and estimate the time, run no more than two."),
 ]
 Report = Annotated[
     bool, typer.Option("--report", help="Also write report.html, one page with figure and cases.")

@@ -46,13 +46,14 @@ def simulate(
             checker = LimitChecker(problem, loaded.limits(problem.model))
         start = start_attitude(problem, attitude, heading)
         warm_up_branches(problem)
-        simulation = run(
-            problem,
-            start,
-            branch=branch,
-            joints=joint_values(joints),
-            stop_at_margin=stop_at_margin,
-        )
+        with loaded.told_path():
+            simulation = run(
+                problem,
+                start,
+                branch=branch,
+                joints=joint_values(joints),
+                stop_at_margin=stop_at_margin,
+            )
         motion = simulation.chosen.motion
         document = simulation_document(simulation, checker.findings(motion))
         if output is not None:

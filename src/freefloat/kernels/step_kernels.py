@@ -19,6 +19,9 @@ TABLEAU[:6, :5], TABLEAU[:6, 6], TABLEAU[6, :6], TABLEAU[7] = RK45.A, RK45.C, RK
 TABLEAU[8:12] = RK45.P.T
 _DOUBT = 3.0
 """A dip between nodes may be as many times as deep as the parabola says."""
+_SKEWED = 0.02
+"""Beside a node lower than its neighbours it may also be this share of the value deep: where the
+measure falls steeply and rises slowly, the parabola sees next to nothing of it."""
 
 
 @compiled
@@ -129,4 +132,5 @@ def may_dip(
     fall, rise = (before - middle) / back, (after - middle) / on
     bend = (rise + fall) / (back + on)
     slope = (rise * back - fall * on) / (back + on)
-    return bend > 0.0 and middle - _DOUBT * slope * slope / (4.0 * bend) < least
+    deep = max(_DOUBT * slope * slope / (4.0 * bend), _SKEWED * middle) if bend > 0.0 else 0.0
+    return bend > 0.0 and middle - deep < least

@@ -260,9 +260,12 @@ def _only_tip(description: Description) -> str:
     parents = {model.frames[frame.parentFrame].parentFrame for frame in links}
     tips = [link.name for link in links if _frame_id(model, link.name) not in parents]
     if len(tips) != 1:
+        carried = {link.parentJoint for link in links if link.name in tips and link.parentJoint > 1}
+        hands = [link.name for link in links if link.parentJoint in carried] or tips
+        accepted = "--end-effector, or end_effector of a scenario, with a link such as "
         raise ModelError(
             "end_effector", "none was given and the robot has several last links",
-            ", ".join(tips), description.source,
+            accepted + ", ".join(hands), description.source,
         )  # fmt: skip
     return str(tips[0])
 

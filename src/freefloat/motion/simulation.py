@@ -15,6 +15,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.joint_spans import wound
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, refuse_no_problem
+from freefloat.motion.reach import light_spacecraft, out_of_reach
 from freefloat.spatial import Array
 
 
@@ -136,10 +137,15 @@ def _merit(one: FollowedBranch) -> tuple[bool, float, float]:
 
 
 def _unreachable(problem: Problem, attitude: Array) -> UnreachableError:
+    beyond = out_of_reach(problem)
+    if beyond is not None and beyond.s == 0.0:
+        told = f"{beyond}{light_spacecraft(problem)}"
+        return UnreachableError("path", told, "a path that begins within the reach")
     where = problem.path.pose(0.0).position
     return UnreachableError(
         "attitude",
         f"from {np.round(attitude, 6).tolist()} no arm configuration puts the end-effector at the "
-        f"start of the path, {np.round(where, 6).tolist()} m from the centre of mass",
+        f"start of the path, {np.round(where, 6).tolist()} m from the centre of mass"
+        + light_spacecraft(problem),
         "an attitude from which the arm reaches it, or a path that begins nearer",
     )

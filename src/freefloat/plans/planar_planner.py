@@ -15,6 +15,7 @@ from freefloat.attitudes.planar_search import (
 )
 from freefloat.kernels.rollout_kernels import COMPLETED, SINGULAR
 from freefloat.motion.problem import Problem
+from freefloat.motion.reach import light_spacecraft, told_reach, unreached_start
 from freefloat.motion.simulation import simulate
 from freefloat.plans.plans import Plan, Segment
 from freefloat.ranges.planar_ranges import (
@@ -94,7 +95,7 @@ def _hopeless(problem: Problem) -> str | None:
             return (
                 f"the path is out of reach at s = {s:.3g}: it wants the {workspace.point} at "
                 f"{_point(place)} m, {abs(place):.4g} m from the centre of mass; the arm reaches "
-                f"{inner:.4g} to {outer:.4g} m"
+                f"{inner:.4g} to {outer:.4g} m{light_spacecraft(problem)}"
             )
     s, largest = most_singular_place(problem)
     if largest < _SURE * problem.margin.value:
@@ -133,6 +134,8 @@ def _choose(
     if not (chosen.motion.completed and chosen.least.keeps(problem.margin.value)):
         reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
         return Plan(problem, search, False, reason, ranges, segments)
+    if search.objective is Objective.MARGIN:
+        reason = f"{reason}, {chosen.least.measure} {chosen.least.value:.6g}"
     return Plan(
         problem, search, True, reason, ranges, segments, chosen, max(0.0, one.depth(heading))
     )
@@ -170,9 +173,8 @@ def _largest_margin(outlook: Outlook, now: float, pairs: list[Pair]) -> Choice:
         looks = np.linspace(one.low + inside, one.high - inside, _LOOKS)
         value, heading = best_heading(outlook, looks, _number(entry))
         found.append((value, heading, entry, one))
-    value, heading, entry, one = max(found, key=lambda candidate: candidate[0])
-    reason = f"the largest margin, {outlook.problem.margin.measure.name} about {value:.4g}"
-    return heading % TURN, entry, one, reason
+    _, heading, entry, one = max(found, key=lambda candidate: candidate[0])
+    return heading % TURN, entry, one, "the largest margin"
 
 
 def _nearest_miss(outlook: Outlook) -> str:
@@ -181,9 +183,11 @@ def _nearest_miss(outlook: Outlook) -> str:
     attitudes = attitudes_at(np.arange(_TRIED) * (TURN / _TRIED))
     found = outlook.prospects(attitudes)
     tried = np.argwhere(np.isin(found.endings, (COMPLETED, SINGULAR)))
+    beyond = told_reach(problem)
+    if beyond is not None:
+        return beyond
     if not len(tried):
-        pose = problem.path.pose(0.0)
-        return f"no heading lets the arm reach the start of the path, {pose.position.tolist()} m"
+        return f"from no heading does {unreached_start(problem)}"
     ended, least = found.spread(found.rollout.ended_at), found.least
     n, branch = max(tried, key=lambda place: (ended[tuple(place)], least[tuple(place)]))
     one = simulate(problem, attitudes[n], branch=int(branch)).chosen

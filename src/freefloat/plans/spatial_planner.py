@@ -16,6 +16,7 @@ from freefloat.attitudes.attitude_search import (
 from freefloat.attitudes.outlook import UNREACHED, Outlook
 from freefloat.attitudes.rollout import kept
 from freefloat.motion.problem import Problem
+from freefloat.motion.reach import told_reach, unreached_start
 from freefloat.motion.simulation import FollowedBranch, simulate
 from freefloat.plans.plans import Plan
 from freefloat.spatial import Array, angle_between, grid_spacing
@@ -65,7 +66,7 @@ def plan_in_space(
     if progress is not None:
         progress(1.0)
     return Plan(
-        problem, search, True, _reason(search.objective, candidate, problem), chosen=chosen,
+        problem, search, True, _reason(search.objective, candidate, chosen), chosen=chosen,
         robust_radius=candidate.merit if search.objective is Objective.ROBUST else None,
         map=found, disagreements=tuple(disagreements),
     )  # fmt: skip
@@ -110,10 +111,10 @@ def _keeps(chosen: FollowedBranch, problem: Problem) -> bool:
     return chosen.motion.completed and chosen.least.keeps(problem.margin.value)
 
 
-def _reason(objective: Objective, candidate: Candidate, problem: Problem) -> str:
+def _reason(objective: Objective, candidate: Candidate, chosen: FollowedBranch) -> str:
     degrees = np.degrees(candidate.merit)
     if objective is Objective.MARGIN:
-        return f"the largest margin, {problem.margin.measure.name} {candidate.merit:.6g}"
+        return f"the largest margin, {chosen.least.measure} {chosen.least.value:.6g}"
     if objective is Objective.ROBUST:
         return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
     if candidate.merit == 0.0:
@@ -124,9 +125,11 @@ def _reason(objective: Objective, candidate: Candidate, problem: Problem) -> str
 def _nearest_miss(outlook: Outlook, found: AttitudeMap) -> str:
     """Why there is no attitude, as far as the map tells."""
     problem, N = found.problem, len(found.attitudes)
+    beyond = told_reach(problem)
+    if beyond is not None:
+        return beyond
     if (found.endings == UNREACHED).all():
-        place = np.round(problem.path.pose(0.0).position, 6).tolist()
-        return f"from none of {N} attitudes does the arm reach the start of the path, {place} m"
+        return f"from none of {N} attitudes does {unreached_start(problem)}"
     best = max(largest_margins(outlook, found), key=lambda one: one.merit, default=None)
     name, value = problem.margin.measure.name, problem.margin.value
     if best is None:

@@ -44,7 +44,7 @@ class Capture:
     motion: str | None = None
 
 
-def page(recording: Recording, capture: Capture | None = None) -> str:
+def page(recording: Recording, capture: Capture | None = None, opens: str | None = None) -> str:
     """The page as HTML text.
 
     It may not load anything from anywhere: its content security policy says so to the browser.
@@ -52,11 +52,13 @@ def page(recording: Recording, capture: Capture | None = None) -> str:
     Args:
         recording: What it shows.
         capture: Pictures to take, for a page that comes from a server.
+        opens: Title of the motion shown first, or ``"side by side"``; the first when left out.
     """
     about = {
         **recording.about,
         "copies": recording.copies,
         "capture": None if capture is None else asdict(capture),
+        "opens": opens,
     }
     parts = {
         "TITLE": html.escape(str(recording.about["title"])),

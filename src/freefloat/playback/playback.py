@@ -48,18 +48,22 @@ class Playback:
         """What could not be shown as the robot's file has it, such as missing meshes."""
         return tuple(self.recording.about["remarks"])
 
-    def html(self, capture: Capture | None = None) -> str:
+    def html(self, capture: Capture | None = None, opens: str | None = None) -> str:
         """The page as text; with a capture one that takes pictures."""
-        return page(self.recording, capture)
+        return page(self.recording, capture, opens)
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, opens: str | None = None) -> Path:
         """Write the page: one file that plays without a network.
+
+        Args:
+            path: The file.
+            opens: Title of the motion shown first, or ``"side by side"``.
 
         Raises:
             InputError: If the file cannot be written.
         """
         with written_beside(Path(path)) as temporary:
-            temporary.write_text(self.html(), encoding="utf-8")
+            temporary.write_text(self.html(opens=opens), encoding="utf-8")
         return Path(path)
 
     def show(self, height: int = 600) -> None:

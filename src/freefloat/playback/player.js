@@ -423,6 +423,10 @@ async function begin() {
   viewer.set_3d_pane_size();
   player.arrange();
   player.look();
+  if (about.opens) {
+    player.show(about.opens);
+    element("motion").value = about.opens;
+  }
   let moved = false; // a view that somebody chose is kept
   viewer.controls.addEventListener("start", () => { moved = true; });
   new ResizeObserver(() => {

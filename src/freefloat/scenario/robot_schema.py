@@ -12,6 +12,7 @@ from freefloat.scenario.schema_types import (
     Positive,
     Section,
     Size,
+    Turns,
     Vector,
 )
 
@@ -21,7 +22,7 @@ class MountSection(Section):
 
     xyz: Vector = (0.0, 0.0, 0.0)
     """Its origin in the carrier's frame [m]."""
-    rpy: Vector = (0.0, 0.0, 0.0)
+    rpy: Turns = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about the carrier's x, y, z axes in this order [rad]."""
 
 

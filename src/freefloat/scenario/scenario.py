@@ -181,6 +181,14 @@ class Scenario:
         return FreeAttitude()
 
     @contextmanager
+    def told_path(self) -> Iterator[None]:
+        """Tell errors about the path with this file, and others as they are."""
+        try:
+            yield
+        except InputError as error:
+            raise (error.found_in(str(self.source)) if error.key == "path" else error) from None
+
+    @contextmanager
     def told(self, prefix: str = "") -> Iterator[None]:
         """Tell errors with this file and the key in it, unless they name another file."""
         try:

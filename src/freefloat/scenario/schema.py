@@ -24,6 +24,7 @@ from freefloat.scenario.schema_types import (
     Positive,
     Quaternion,
     Section,
+    Turns,
     Vector,
     one_of,
 )
@@ -82,7 +83,7 @@ class OrientationSection(Section):
 
     quaternion: Quaternion | None = None
     """x, y, z, w."""
-    rpy: Vector | None = None
+    rpy: Turns | None = None
     """Roll, pitch, yaw about the inertial x, y, z axes in this order [rad]."""
     axes: Axes | None = None
     """Inertial directions of two of its axes x, y, z; the first one named is kept."""

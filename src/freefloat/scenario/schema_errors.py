@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from freefloat.errors import InputError, did_you_mean
+from freefloat.scenario.schema_words import described_at, keys_of, sections_in
 
 _File = TypeVar("_File", bound=BaseModel)
 
@@ -58,13 +59,14 @@ def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) 
     if kind == "missing":
         if len(first["loc"]) > 1 and isinstance(first["loc"][-1], int):
             short = ".".join(steps[:-1])
-            return InputError(
-                short, "it is too short", "more entries, see freefloat schema", str(source)
-            )
-        return InputError(key, "it is missing", "a value, see freefloat schema", str(source))
+            return InputError(short, "it is too short", _wanted(schema, first), str(source))
+        return InputError(key, "it is missing", _wanted(schema, first), str(source))
     accepted = _WORDS.get(kind) or str(first["msg"]).removeprefix("Value error, ")
+    if kind in ("tuple_type", "model_type", "model_attributes_type"):
+        accepted = described_at(schema, first["loc"]) or accepted
     if kind == "too_long":
-        accepted = f"{details['max_length']} entries at most"
+        most = f"{details['max_length']} entries at most"
+        accepted = described_at(schema, first["loc"]) or most
     if kind == "too_short":
         accepted = f"{details['min_length']} entries or more"
     if len(location) != len(steps):  # one number, or a map
@@ -77,6 +79,10 @@ def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) 
     return InputError(key, f"{_short(first['input'])} was given{hint}", accepted, str(source))
 
 
+def _wanted(schema: type[BaseModel], error: Mapping[str, Any]) -> str:
+    return described_at(schema, error["loc"]) or "a value, see freefloat schema"
+
+
 def _short(given: Any) -> str:
     text = "nothing" if given is None else repr(given)
     return text if len(text) <= 80 else text[:77] + "..."
@@ -87,12 +93,5 @@ def _keys_at(schema: type[BaseModel], location: tuple[int | str, ...]) -> list[s
     for part in location:
         for name, info in schema.model_fields.items():
             if part in (name, info.alias):
-                schema = next(_sections_in(info.annotation), schema)
-    return [info.alias or name for name, info in schema.model_fields.items()]
-
-
-def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for part in getattr(annotation, "__args__", ()):
-        yield from _sections_in(part)
+                schema = next(sections_in(info.annotation), schema)
+    return keys_of(schema)

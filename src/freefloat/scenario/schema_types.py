@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 _LARGEST = 1e9
 """No length, time or momentum of a spacecraft comes near; beyond it squares leave the numbers."""
@@ -17,6 +18,17 @@ NotNegative = Annotated[float, Field(strict=True, ge=0.0, le=_LARGEST)]
 Vector = tuple[Number, Number, Number]
 Moments = tuple[Number, Number, Number, Number, Number, Number]
 Inertia = Vector | Moments | tuple[Vector, Vector, Vector]
+
+
+def _in_radians(angles: tuple[float, float, float]) -> tuple[float, float, float]:
+    if max(map(abs, angles)) > 2.0 * math.pi:
+        raise ValueError(RADIANS)
+    return angles
+
+
+RADIANS = "radians of at most one turn each; 90 degrees are 1.5708"
+Turns = Annotated[Vector, AfterValidator(_in_radians)]
+"""Roll, pitch, yaw; degrees are larger than any angle in radians has to be."""
 Size = tuple[Positive, Positive, Positive]
 Quaternion = tuple[Number, Number, Number, Number]
 Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]

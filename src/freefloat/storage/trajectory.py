@@ -15,6 +15,8 @@ from freefloat.spatial import Array, frozen, without_jumps
 
 MOST_TIMES = 1_000_000
 """More would fill gigabytes of text."""
+_DIGITS, _NOISE = 9, 8.0
+"""Times are rounded to nanoseconds where that changes no more than their last bits."""
 _ROUNDING = 1e-9
 """Share of a step by which the last time of a rate may miss the end."""
 
@@ -114,7 +116,7 @@ def even_times(motion: Motion, count: int) -> Array:
     if not 2 <= count <= MOST_TIMES:
         raise InputError("times", f"{count} was given", f"2 to {MOST_TIMES:,}")
     first, last = _span(motion)
-    return np.linspace(first, last, count if last > first else 1)
+    return _plain(np.linspace(first, last, count if last > first else 1))
 
 
 def times_at_rate(motion: Motion, rate: float) -> Array:
@@ -133,7 +135,16 @@ def times_at_rate(motion: Motion, rate: float) -> Array:
         accepted = f"above 0 Hz, and {MOST_TIMES:,} times at most in {last - first:g} s"
         raise InputError("rate", f"{rate:g} Hz was given", accepted)
     steps = np.ceil(whole * (1.0 - _ROUNDING))
-    return np.append(first + np.arange(steps) / rate, last)
+    return _plain(np.append(first + np.arange(steps) / rate, last))
+
+
+def _plain(times: Array) -> Array:
+    """Times as one would write them, 99.8 for 99.80000000000001; first and last as they are."""
+    rounded = np.round(times, _DIGITS)
+    noise = _NOISE * np.spacing(np.abs(times).max())
+    plain = np.where(np.abs(rounded - times) <= noise, rounded, times)
+    plain[[0, -1]] = times[[0, -1]]
+    return np.asarray(plain)
 
 
 def _span(motion: Motion) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from freefloat.bundled import bundled_scenarios, find_robot
 from freefloat.errors import InputError
 from freefloat.scenario.robot_parts import RobotParts
 from freefloat.scenario.scenario import load_robot
+from freefloat.scenario.schema_types import RADIANS
 from freefloat.spatial import Array
 from freefloat.urdf.assembly import hand_of
 from freefloat.urdf.parts import Attachment, Mount, Payload, Spacecraft
@@ -134,7 +135,9 @@ def _parts(urdf: Path, wishes: Wishes) -> RobotParts:
     return RobotParts(
         urdf,
         wishes.end_effector,
-        spacecraft=Spacecraft(**body.body(), mount=_mount(body.mount)) if body.wanted else None,
+        spacecraft=Spacecraft(**body.body(), mount=_mount("mount", body.mount))
+        if body.wanted
+        else None,
         payload=Payload(**held.body()) if held.wanted else None,
         attached=tuple(attached),
     )
@@ -143,14 +146,20 @@ def _parts(urdf: Path, wishes: Wishes) -> RobotParts:
 def _attachment(
     key: str, name: str, link: str | None, where: Place | None, prefix: str
 ) -> Attachment:
+    mount = _mount(f"{key.removesuffix('_arm')}_mount", where)
     try:
-        return Attachment(find_robot(name, Path()), link, _mount(where), prefix)
+        return Attachment(find_robot(name, Path()), link, mount, prefix)
     except InputError as error:
         raise InputError(key, error.problem, error.accepted) from None
 
 
-def _mount(where: Place | None) -> Mount:
-    return Mount() if where is None else Mount(np.array(where[:3]), np.array(where[3:]))
+def _mount(key: str, where: Place | None) -> Mount:
+    if where is None:
+        return Mount()
+    if np.abs(where[3:]).max() > 2.0 * np.pi:
+        angles = " ".join(f"{angle:g}" for angle in where[3:])
+        raise InputError(key, f"the angles {angles} were given", f"x y z [m], then {RADIANS}")
+    return Mount(np.array(where[:3]), np.array(where[3:]))
 
 
 def _numbers(key: str, text: str) -> Array:

@@ -24,6 +24,8 @@ from freefloat.studies.study_summary import study_summary
 from freefloat.tasks.console import case_progress
 from freefloat.tasks.warm_up import warm_up, warm_up_branches
 
+_START_UP = 3.0
+"""Seconds until workers on this machine are there; on a busy one it is twice as long."""
 _TRIED = 20
 """Cases looked at for one that can be built."""
 
@@ -170,7 +172,7 @@ def _conclude(
 
 
 def dry_run_document(study: Study, wishes: Wishes) -> dict[str, Any]:
-    """The cases of a study, and how long they will take; at most one of them is run."""
+    """The cases of a study, and how long they will take; two of them are run, where none was."""
     files = StudyFiles.of(study)
     rows = {} if wishes.output is None else finished_rows(wishes.output, study, files)
     missing = [number for number in range(study.count) if number not in rows]
@@ -179,9 +181,13 @@ def dry_run_document(study: Study, wishes: Wishes) -> dict[str, Any]:
 
     workers = None if wishes.scheduler is not None else wishes.workers or cores()
     each, timed = (sum(seconds) / len(seconds), "journal") if seconds else (None, None)
+    start_up = 0.0 if wishes.scheduler is not None or not missing else _START_UP
     if each is None and missing:
+        begin = time.perf_counter()
         each, timed = _timed(study, files, missing)
-    total = None if each is None else each * len(missing) / (workers or 1)
+        start_up += max(0.0, time.perf_counter() - begin - 2.0 * (each or 0.0))
+    side_by_side = min(workers or 1, cores(), len(missing) or 1)
+    total = None if each is None else start_up + each * len(missing) / side_by_side
     return {
         "study": study.source,
         "base": str(study.base_source),
@@ -190,6 +196,7 @@ def dry_run_document(study: Study, wishes: Wishes) -> dict[str, Any]:
         "done": len(rows),
         "workers": workers,
         "seconds_each": each,
+        "start_up_seconds": start_up,
         "timed": timed,
         "seconds": total,
         "cases": [{"case": number, "done": number in rows,
@@ -199,7 +206,11 @@ def dry_run_document(study: Study, wishes: Wishes) -> dict[str, Any]:
 
 
 def _timed(study: Study, files: StudyFiles, missing: Sequence[int]) -> tuple[float | None, str]:
-    """Seconds of the first case that is answered, kernels compiled before."""
+    """Seconds of the longer of two cases, kernels compiled before.
+
+    They are the first that is answered, which may end early in a singularity, and one of the middle
+    after it.
+    """
     from freefloat.studies.case import CaseRunner
 
     problem = _first_problem(study, missing)
@@ -211,7 +222,12 @@ def _timed(study: Study, files: StudyFiles, missing: Sequence[int]) -> tuple[flo
         for number in missing[:_TRIED]:
             row = runner.run(number).row
             if row["verdict"] != ERROR:
-                return row["seconds"], f"case {number}"
+                middle = missing[len(missing) // 2]
+                again = runner.run(middle).row if middle > number else row
+                if again is row or again["verdict"] == ERROR:
+                    return row["seconds"], f"case {number}"
+                longer = max(row["seconds"], again["seconds"])
+                return longer, f"the longer of cases {number} and {middle}"
             tried.append(row)
     first = tried[0]
     told = f"none of the first cases can be answered, case {first['case']}: {first['error']}"

@@ -61,7 +61,15 @@ class Export:
         if to_stdout and as_json:
             raise InputError("output", "- was given, and --json, too", "one of the two")
         given = None if output is None or to_stdout else Path(output)
-        kind = _format(format_) or Format.of(given) or Format.CSV
+        if given is not None:
+            refuse_same_files(file=source, output=given)
+        kind = _format(format_) or Format.of(given)
+        if kind is None and given is not None and given.suffix:
+            endings = ", ".join(one.suffix for one in Format)
+            raise InputError(
+                "output", f"{given} was given", f"a name that ends in {endings}; or --format"
+            )
+        kind = kind or Format.CSV
         if to_stdout:
             if kind is Format.MAT:
                 raise InputError("output", "- was given for mat, which is no text", "a file")

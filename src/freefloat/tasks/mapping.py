@@ -20,6 +20,7 @@ from freefloat.answers.map_report import (
 )
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.motion.reach import told_reach
 from freefloat.scenario.scenario import Scenario
 from freefloat.storage.map_file import map_file, save_map
 from freefloat.tasks.console import progress_bar
@@ -75,6 +76,7 @@ def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
     with scenario.told(), progress_bar(f"following {samples:,} headings") as progress:
         found = heading_map(problem, samples, progress, threads=wishes.threads)
     document = map_document(found, time.perf_counter() - start)
+    document["out_of_reach"] = told_reach(problem)
     if wishes.output is not None:
         save_map(wishes.output, found, scenario, problem, document)
     return document | draw_heading_map(wishes.plots, problem, found)

@@ -41,7 +41,8 @@ class Wishes:
         rate: Of the video, pictures a second.
         speed: Seconds of the motion in a second of the video.
         size: Width and height of pictures and video [pixels].
-        scene: Title of what is seen in pictures and video, or "side by side"; else the first.
+        scene: Title of what the page opens on and of what is seen in pictures and video, or "side
+            by side"; else the first.
     """
 
     html: Path | None = None
@@ -60,7 +61,11 @@ class Wishes:
             "speed": (self.speed, moving, "--video"),
             "output": (self.folder, pictured, "--snapshots"),
             "size": (self.size, moving or pictured, "--snapshots or --video"),
-            "scene": (self.scene, moving or pictured, "--snapshots or --video"),
+            "scene": (
+                self.scene,
+                moving or pictured or self.html is not None,
+                "--html, --snapshots or --video",
+            ),
         }
         for key, (given, used, options) in needs.items():
             if given is not None and not used:
@@ -146,7 +151,7 @@ class View:
             shots = takes(wishes.video, duration, wishes.rate, wishes.speed)
         document = self.document()
         if wishes.html is not None:
-            document["html"] = str(self.playback.save(wishes.html))
+            document["html"] = str(self.playback.save(wishes.html, wishes.scene))
         if wishes.snapshots is not None:
             shown = re.sub(r"[^\w.+-]+", "_", name)
             folder = wishes.folder or Path(f"{shown}_snapshots")

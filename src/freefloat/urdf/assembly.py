@@ -86,7 +86,8 @@ def hand_of(robot: ET.Element, end_effector: str | None, source: str) -> str:
     tips = [link for link in _names(robot, "link") if link not in _ends(robot, "parent")]
     if len(tips) > 1:
         problem = "none was given and the robot has several last links"
-        raise ModelError("end_effector", problem, ", ".join(tips), source)
+        accepted = "--end-effector, or end_effector of a scenario, with a link such as "
+        raise ModelError("end_effector", problem, accepted + ", ".join(tips), source)
     return tips[0]
 
 

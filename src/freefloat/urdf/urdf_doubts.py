@@ -36,7 +36,9 @@ def doubts(urdf: UrdfText, carried: bool) -> Iterator[Finding]:
     anatomy = Anatomy(urdf)
     for link in urdf.links:
         yield from _inertia_doubts(urdf, link)
+        yield from _turn_doubts(urdf, link)
     for joint in urdf.joints:
+        yield from _turn_doubts(urdf, joint)
         yield from _joint_doubts(urdf, joint)
     for first, body in anatomy.fixtures.items():
         if first in anatomy.roots:
@@ -50,6 +52,17 @@ def doubts(urdf: UrdfText, carried: bool) -> Iterator[Finding]:
             yield from _centre_doubts(urdf, anatomy, body)
         for name in body.places:
             yield from _gyration_doubts(urdf, anatomy, name)
+
+
+def _turn_doubts(urdf: UrdfText, owner: ET.Element) -> Iterator[Finding]:
+    """Angles that were hardly meant in radians."""
+    for origin in owner.iter("origin"):
+        angles = plain_numbers(origin, "rpy", "0 0 0")
+        if np.abs(np.nan_to_num(angles)).max() > 2.0 * np.pi:
+            radians = " ".join(f"{angle:.9g}" for angle in np.radians(angles) + 0.0)
+            problem = f'<origin rpy="{origin.get("rpy")}"> turns by more than a turn'
+            remedy = f'angles are in radians; if these are degrees, write rpy="{radians}"'
+            yield urdf.doubt(origin, owner, problem, remedy)
 
 
 def _moments(link: ET.Element) -> Array:
