@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -27,7 +25,8 @@ def _terse(label: str) -> str:
     return " ".join(word[0] + word[-1] for word in words)
 
 
-def _numbers(values: Sequence[float], digits: int = 4) -> str:
+def decimals(values: Sequence[float], digits: int = 4) -> str:
+    """Numbers with so many decimals, in a row."""
     return " ".join(f"{value:.{digits}f}" for value in values)
 
 
@@ -56,7 +55,7 @@ def simulation_tables(document: Document, name: str) -> list[RenderableType]:
     for one in document["branches"]:
         table.add_row(
             f"{one['branch']}{'*' if one['branch'] == chosen else ''} {_terse(one['label'])}",
-            _numbers(one["joints"], 3),
+            decimals(one["joints"], 3),
             f"{one['min_margin']['sign'] * one['min_margin']['value']:.4g}",
             _verdict(one),
         )
@@ -83,9 +82,9 @@ def _chosen_lines(document: Document, mark: str = "") -> list[RenderableType]:
         f"Followed: {_followed(document)}{mark}. {document['ending']}",
         f"  least |{margin['measure']}| {margin['value']:.6g} at t = {margin['time']:.4f} s, "
         f"{'kept' if margin['kept'] else 'below'} the margin {margin['required']:g}",
-        f"  initial attitude x y z w  {_numbers(initial['attitude'], 5)}",
-        f"  final attitude   x y z w  {_numbers(final['attitude'], 5)}, t = {final['time']:.4f} s",
-        f"  final joints              {_numbers(final['joints'])}",
+        f"  initial attitude x y z w  {decimals(initial['attitude'], 5)}",
+        f"  final attitude   x y z w  {decimals(final['attitude'], 5)}, t = {final['time']:.4f} s",
+        f"  final joints              {decimals(final['joints'])}",
     ]
     if singular:
         lines.append(
@@ -105,7 +104,7 @@ def _followed(document: Document) -> str:
     """Which arm branch; of an arm with joints to spare, whose branches have no numbers, whence."""
     if document["redundancy"] is None:
         return f"branch {document['branch']}"
-    return f"from joints {_numbers(document['initial']['joints'], 3)}"
+    return f"from joints {decimals(document['initial']['joints'], 3)}"
 
 
 def plan_tables(document: Document, name: str) -> list[RenderableType]:
@@ -246,7 +245,7 @@ def attitude_map_tables(document: Document, name: str) -> list[RenderableType]:
             str(number + 1),
             _number(region),
             _percents(region["fraction"], region["error"]),
-            _numbers(region["centre"], 5),
+            decimals(region["centre"], 5),
             f"{region['depth_deg']:.2f}",
         )
     margin, more = document["margin"], len(document["regions"]) - _REGIONS
@@ -277,7 +276,7 @@ def _known_attitudes(document: Document) -> Iterator[str]:
         if one is not None:
             amount = f"{one[value]:.6g}"
             told = f"{unit} {amount}" if key == "best" else f"{amount} {unit}"
-            yield f"{key + ':':9}{_numbers(one['attitude'], 5)}, branch {_number(one)}, {told}"
+            yield f"{key + ':':9}{decimals(one['attitude'], 5)}, branch {_number(one)}, {told}"
     if "touch" in document:
         touch, worst = document["touch"], document["touch"]["worst_gap_deg"]
         told = "" if worst is None else f"; bisection finds it within {worst:.2g} deg of them"
@@ -305,55 +304,3 @@ def view_tables(document: Document) -> list[RenderableType]:
         pace = "" if video["speed"] == 1.0 else f", {video['speed']:g} times as fast as the motion"
         lines.append(f"video: {video['file']}, {video['duration']:.1f} s{pace}")
     return [Text(line) for line in lines]
-
-
-def info_tables(document: Document) -> list[RenderableType]:
-    """A robot: its bodies, its joints, what it can reach, and what was found in its file."""
-    title = Text(f"{document['urdf']}: {document['total_mass']:.6g} kg")
-    bodies = plain_table(
-        "moved by", "mass [kg]", "range", "centre of mass [m]", "moments about it [kg m²]"
-    )
-    ranges = {joint["name"]: _range(joint) for joint in document["joints"]}
-    for body in document["bodies"]:
-        moments = [body["inertia"][k][k] for k in range(3)]
-        bodies.add_row(
-            body["moved_by"], f"{body['mass']:.6g}", ranges.get(body["moved_by"], ""),
-            _numbers(body["centre_of_mass"]), _numbers(moments),
-        )  # fmt: skip
-    of = document["measure"]
-    lines = [
-        f"end-effector {document['end_effector']}, task {document['task']}, "
-        f"{document['dof']} joints",
-        f"barycentric lengths {_numbers(document['barycentric_lengths'])} m, "
-        f"reach {document['reach']:.4f} m from the centre of mass",
-        f"{of['name']}: {of['definition']}; over the joint space from {document['s_min']:.6g} to "
-        f"{document['s_max']:.6g} {of['unit']}",
-    ]
-    return [title, bodies, *(Text(line) for line in lines), *_finding_lines(document["findings"])]
-
-
-def _finding_lines(findings: Sequence[Document]) -> Iterator[RenderableType]:
-    """What was found in a file; what several links or joints have in common is told once."""
-    alike: dict[tuple[str, str, str, str], list[Document]] = {}
-    for one in findings:
-        kind, _, _ = one["element"].partition(" ")
-        alike.setdefault((one["severity"], kind, one["problem"], one["remedy"]), []).append(one)
-    if findings:
-        counts = Counter(one["severity"] for one in findings)
-        told = ", ".join(f"{n} {word}{'s' * (n > 1)}" for word, n in counts.items())
-        yield Text(f"{findings[0]['file']}: {told}")
-    for (severity, kind, problem, remedy), ones in alike.items():
-        several = "s" * (len(ones) > 1)
-        where = f"line{several} {', '.join(str(one['line']) for one in ones)}"
-        names = ", ".join(one["element"].removeprefix(kind).strip() for one in ones)
-        style = "yellow" if severity == "doubt" else ""
-        yield Text(f"  {severity}, {where}, {kind}{several} {names}: {problem}", style)
-        yield Text(f"    {remedy}")
-
-
-def _range(joint: Document) -> str:
-    if joint["lower"] is None:
-        return "endless"
-    if joint["type"] == "prismatic":
-        return f"{joint['lower']:g} to {joint['upper']:g} m"
-    return f"{math.degrees(joint['lower']):.4g}° to {math.degrees(joint['upper']):.4g}°"

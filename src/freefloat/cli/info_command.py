@@ -71,6 +71,6 @@ def info(
                 raise InputError("robot", told, f"one of them: freefloat info {' | '.join(own)}")
             names = (*bundled_robots(), *bundled_scenarios())
             raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
-    from freefloat.answers.tables import info_tables
+    from freefloat.answers.info_tables import info_tables
 
     answer(document, info_tables(document), as_json)
