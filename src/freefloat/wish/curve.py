@@ -19,7 +19,7 @@ from freefloat.errors import InputError
 from freefloat.spatial import Array, finite_vector, frozen, unit_vector
 from freefloat.wish.pieces import Pieces, breaks_that_count
 
-_NEGLIGIBLE = 1e-9
+_NEGLIGIBLE = 1e-8
 """Share of its size by which a spline's jumps may move it unnoticed."""
 
 

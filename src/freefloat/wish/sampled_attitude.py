@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from freefloat.spatial import Array, cross, frozen
 from freefloat.wish.pieces import Pieces, breaks_that_count
 
-_NEGLIGIBLE = 1e-9
+_NEGLIGIBLE = 1e-8
 """Angle [rad] by which a spline's jumps may turn it unnoticed."""
 _SMALL = 1e-3
 """Rotation vectors shorter than this [rad] are turned by a series."""
