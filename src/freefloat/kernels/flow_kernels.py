@@ -24,7 +24,9 @@ class Robot(NamedTuple):
     law: (
         Array  # (P, 2, K): s and its derivative by time, highest power of (t - origin) / span first
     )
-    tangents: Array  # (N, 6, 4): the path's tangent by s, cubics on N equal intervals of [0, 1]; where  # they are not equal, (N, 7, 4): the last row begins with where they begin
+    # the path's tangent by s, cubics on N equal intervals of [0, 1], (N, 6, 4); where they are not
+    # equal, (N, 7, 4), the last row begins with their beginnings
+    tangents: Array
     duration: float  # [s]
 
 
