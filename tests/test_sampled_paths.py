@@ -28,7 +28,6 @@ from tests.motions import rolled
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
-COUNTS = (21, 61, 201)
 FIXED = "attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}"
 
 
@@ -108,12 +107,11 @@ def first_motion(problem: Problem, **options: object) -> Motion:
     raise AssertionError("none completes the path")
 
 
-KINDS = ("spatial", "spatial, quaternions", "planar", "planar, quaternions")
-
-
 @pytest.mark.parametrize(
-    ("kind", "count"), [*((kind, count) for kind in KINDS for count in COUNTS), ("noise", 100)]
-)
+    ("kind", "count"),
+    [("spatial", 21), ("spatial", 61), ("spatial, quaternions", 201), ("planar", 201),
+     ("planar, quaternions", 61), ("noise", 60)],
+)  # fmt: skip
 def test_recorded_paths_are_followed_as_precisely_as_others(kind: str, count: int) -> None:
     """A hundredth of what is allowed; kernels as precise as they are asked to be."""
     motion = first_motion(wish(kind, count).problem())
@@ -127,7 +125,7 @@ def test_recorded_paths_are_followed_as_precisely_as_others(kind: str, count: in
 
 
 @pytest.mark.parametrize(
-    ("kind", "count"), [("spatial, quaternions", 61), ("planar, quaternions", 21), ("spatial", 201)]
+    ("kind", "count"), [("spatial, quaternions", 21), ("planar, quaternions", 21), ("spatial", 61)]
 )
 def test_plans_for_recorded_paths_are_proved_again(kind: str, count: int, tmp_path: Path) -> None:
     scenario = wish(kind, count)

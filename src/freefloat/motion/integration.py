@@ -28,6 +28,7 @@ _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
 _AIM, _SLOWEST = 1.1, 1e-3
 """By how much a step that is to reach a time is made longer; pace below which none is aimed."""
+_FINEST = 1e-13
 _RANK_LOST = 1e-9
 """A start is singular when S*'s smallest singular value is below this share of its largest."""
 _MEETS = 1e-6
@@ -153,10 +154,11 @@ class _Stepping:
 
     def panels(self, row: Array, end: float) -> Iterator[tuple[Array, bool]]:
         """Panels up to a time, each with whether time turned back at its end."""
-        flow, e = self._flow, self._tolerance
+        flow = self._flow
         direction = np.sign(flow.reference[0])
         goal = end / flow.unit
         start = np.concatenate([[row[0] / flow.unit], row[1:]])
+        e = self._tolerance_on(abs(goal - start[0]))
         solver = DOP853(
             flow, 0.0, start, np.inf, max_step=_LONGEST_STEP, rtol=e, atol=e,
             first_step=self._proposed,
@@ -188,6 +190,12 @@ class _Stepping:
             "a shorter duration or less momentum: the system may tumble hundreds of times on the "
             "way",
         )
+
+    def _tolerance_on(self, leg: float) -> float:
+        """Per step of a leg: rates are differences of states by its length, and as precise."""
+        if not self.aimed:
+            return self._tolerance
+        return max(self._tolerance * min(leg, 1.0), min(self._tolerance, _FINEST))
 
     def _aim(self, solver: DOP853, goal: float) -> None:
         """Make the next step no longer than it takes to reach a time, and a little."""
