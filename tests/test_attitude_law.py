@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.wish.attitude_law import (
     FixedAttitude,
-    SampledAttitude,
     SlerpAttitude,
     follow_attitude,
     point_at_attitude,
 )
 from freefloat.wish.curve import ArcCurve, PolynomialCurve, SplineCurve
+from freefloat.wish.sampled_attitude import SampledAttitude
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

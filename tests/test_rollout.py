@@ -26,12 +26,12 @@ from freefloat.spatial import angle_between, heading_quaternion
 from freefloat.wish.attitude_law import (
     AttitudeLaw,
     FixedAttitude,
-    SampledAttitude,
     SlerpAttitude,
     follow_attitude,
 )
 from freefloat.wish.curve import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.wish.path import EndEffectorPath
+from freefloat.wish.sampled_attitude import SampledAttitude
 from freefloat.wish.timing import Stop, TimedPath, TimeLaw, Timing
 from tests.robots import planar_robot, random_robot
 

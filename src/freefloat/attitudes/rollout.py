@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -34,11 +35,15 @@ from freefloat.machine.redundancy import Metric, Redundancy, Toward
 from freefloat.machine.singularity import NAMES, arm_axes
 from freefloat.motion.problem import Problem
 from freefloat.spatial import Array
+from freefloat.wish.path import EndEffectorPath
 from freefloat.wish.search import Progress
 
 TOLERANCE = 1e-6
 _CELLS = 512
 """Cubics that stand for the path's tangent."""
+_THIRDS = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
+_THROUGH_THIRDS = np.linalg.inv(np.vander(_THIRDS, increasing=True))
+"""Values at the thirds of an interval as powers of its share, lowest first."""
 _CHUNK = 128
 """Motions between two looks at the clock and the keyboard."""
 _ROUNDING = 1e-6
@@ -198,9 +203,8 @@ def _robot(problem: Problem) -> Robot:
         facts[LEVEL:METRIC] = arm_axes(model, task).ravel()
     if problem.redundancy is not None and not problem.redundancy.plain:
         _choose(problem.redundancy, model, bodies, facts)
-    s = np.linspace(0.0, 1.0, _CELLS + 1)
-    cubics = CubicSpline(s, [path.path.tangent(float(place)) for place in s]).c
-    pieces = path.timing.pieces
+    ends = np.append(path.breaks, path.duration)
+    pieces = [path.timing.pieces[path.timing.piece_at(t)] for t in _middles(ends)]
     law = np.zeros((len(pieces), 2, max(len(piece.orders[0]) for piece in pieces)))
     for number, piece in enumerate(pieces):
         for order in (0, 1):
@@ -211,13 +215,39 @@ def _robot(problem: Problem) -> Robot:
         facts=facts,
         rows=np.array(task.rows, dtype=np.int64),
         measure=NAMES.index(name),
-        ends=np.array([piece.end for piece in pieces]),
+        ends=ends,
         origins=np.array([piece.origin for piece in pieces]),
         spans=np.array([piece.span for piece in pieces]),
         law=law,
-        tangents=np.ascontiguousarray(cubics.transpose(1, 2, 0)),
+        tangents=_tangents(path.path),
         duration=path.duration,
     )
+
+
+def _middles(ends: Array) -> list[float]:
+    """Of intervals that begin at 0 and end at the times given [s]."""
+    return [(low + high) / 2.0 for low, high in pairwise([0.0, *ends.tolist()])]
+
+
+def _tangents(path: EndEffectorPath) -> Array:
+    """A path's tangent as cubics in s, see :class:`freefloat.kernels.flow_kernels.Robot`.
+
+    On equal intervals through the tangents at their ends; of a path whose derivatives jump, between
+    the jumps and through four places in each interval.
+    """
+    if not len(path.breaks):
+        s = np.linspace(0.0, 1.0, _CELLS + 1)
+        cubics = CubicSpline(s, [path.tangent(float(place)) for place in s]).c
+        return np.ascontiguousarray(cubics.transpose(1, 2, 0))
+    cells = []
+    for low, high in pairwise([0.0, *path.breaks.tolist(), 1.0]):
+        tangent = path.tangent_within(low, high)
+        edges = np.linspace(low, high, int(np.ceil(_CELLS * (high - low))) + 1)
+        for start, width in zip(edges.tolist(), np.diff(edges).tolist(), strict=False):
+            values = [tangent(start + share * width) for share in _THIRDS]
+            cubic = _THROUGH_THIRDS @ np.array(values) / width ** np.arange(4.0)[:, None]
+            cells.append(np.vstack([cubic[::-1].T, [start, 0.0, 0.0, 0.0]]))
+    return np.array(cells)
 
 
 def _choose(redundancy: Redundancy, model: FreeFloatingModel, bodies: Array, facts: Array) -> None:

@@ -24,7 +24,9 @@ class Robot(NamedTuple):
     law: (
         Array  # (P, 2, K): s and its derivative by time, highest power of (t - origin) / span first
     )
-    tangents: Array  # (N, 6, 4): the path's tangent by s, cubics on N equal intervals of [0, 1]
+    # the path's tangent by s, cubics on N equal intervals of [0, 1], (N, 6, 4); where they are not
+    # equal, (N, 7, 4), the last row begins with their beginnings
+    tangents: Array
     duration: float  # [s]
 
 
@@ -39,9 +41,19 @@ def twist_at(
         s = s * tau + law[piece, 0, k]
         rate = rate * tau + law[piece, 1, k]
     cells = len(tangents)
-    place = s * cells
-    cell = min(max(math.floor(place), 0), cells - 1)
-    u = (place - cell) / cells
+    if tangents.shape[1] > 6:
+        cell, beyond = 0, cells
+        while beyond - cell > 1:
+            middle = (cell + beyond) // 2
+            if tangents[middle, 6, 0] <= s:
+                cell = middle
+            else:
+                beyond = middle
+        u = s - tangents[cell, 6, 0]
+    else:
+        place = s * cells
+        cell = min(max(math.floor(place), 0), cells - 1)
+        u = (place - cell) / cells
     for i in range(6):
         value = tangents[cell, i, 0]
         for k in range(1, 4):

@@ -32,6 +32,7 @@ class ArcFlow(Protocol):
         unit: In which the curve counts time [s].
         stalled: Time that passes slower than this per arc length stands still.
         piece: Of the time law, which holds a little beyond its ends, too.
+        tangent: Of the path, as a function of s.
         reference: Shape (5 + n,).
         determinant: Det S* at joint values, where it is square.
     """
@@ -39,6 +40,7 @@ class ArcFlow(Protocol):
     unit: float
     stalled: float
     piece: int
+    tangent: Callable[[float], Array]
     reference: Array
     determinant: Callable[[Array], float] | None
 
@@ -75,7 +77,8 @@ class _CompiledFlow:
         self.stalled = 0.0
         self.piece = 0
         self.reference = reference
-        self._path, self._timing = problem.path.path, problem.path.timing
+        self.tangent: Callable[[float], Array] = problem.path.path.tangent
+        self._timing = problem.path.timing
         self._law, self._tangents = np.zeros((1, 2, 1)), np.zeros((1, 6, 4))
         robot = robot_rows(model), robot_facts(model, task), np.array(task.rows, dtype=np.int64)
         room = np.zeros((n + 1, WORK_COLUMNS)), np.zeros((n, n)), np.zeros((n, n + 1))
@@ -93,7 +96,7 @@ class _CompiledFlow:
         t = float(y[0]) * self.unit
         s = self._timing.s(t, 0, self.piece)
         self._law[0, 1, 0] = self._timing.s(t, 1, self.piece)
-        self._tangents[0, :, 3] = self._path.tangent(s)
+        self._tangents[0, :, 3] = self.tangent(s)
         tangent = np.empty(len(y))
         tangent[0] = _TIME_UNITS
         if self._tangent_at(*self._given, y, self.reference, tangent, *self._room):
@@ -110,12 +113,15 @@ class _RedundantFlow:
         self.piece = 0
         self.reference = reference
         self.determinant: Callable[[Array], float] | None = None
-        self._path = problem.path
+        self.tangent: Callable[[float], Array] = problem.path.path.tangent
+        self._timing = problem.path.timing
         self._equation = problem.drift_equation()
 
     def __call__(self, _: float, y: Array) -> Array:
         attitude = y[1:5] / math.sqrt(y[1:5] @ y[1:5])
-        twist, speed = self._path.twist_and_speed(y[0] * self.unit, self.piece)
+        t = y[0] * self.unit
+        speed = self._timing.s(t, 1, self.piece)
+        twist = self.tangent(self._timing.s(t, 0, self.piece)) * speed
         omega, rates = self._equation.rates(attitude, y[5:], twist, speed)
         tangent = np.empty_like(y)
         tangent[0] = 1.0 / self.unit

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,9 @@ from freefloat.spatial import Array, turn_between
 
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
+_AIM, _SLOWEST = 1.1, 1e-3
+"""By how much a step that is to reach a time is made longer; pace below which none is aimed."""
+_FINEST = 1e-13
 _RANK_LOST = 1e-9
 """A start is singular when S*'s smallest singular value is below this share of its largest."""
 _MEETS = 1e-6
@@ -107,12 +111,12 @@ def _follow(
     problem: Problem, flow: ArcFlow, row: Array, end: float, tolerance: float
 ) -> tuple[Array, Ending]:
     """Nodes (time, attitude, joints) of the motion from a first one to a time or a singularity."""
-    panels = [row[None]]
+    panels, stepping = [row[None]], _Stepping(flow, tolerance, bool(len(problem.path.path.breaks)))
     if _is_singular(problem, row[5:]):
         return panels[0], Ending.SINGULAR
-    for piece, leg_end in _legs(problem, float(row[0]), end):
-        flow.piece = piece
-        for panel, turned in _panels(flow, panels[-1][-1], leg_end, tolerance):
+    for start, leg_end in pairwise(_legs(problem, float(row[0]), end)):
+        flow.piece, flow.tangent = problem.path.between(start, leg_end)
+        for panel, turned in stepping.panels(panels[-1][-1], leg_end):
             panels.append(panel[1:])
             if turned:
                 return np.vstack(panels), Ending.SINGULAR
@@ -126,54 +130,79 @@ def _is_singular(problem: Problem, joints: Array) -> bool:
     return bool(values[-1] < _RANK_LOST * values[0])
 
 
-def _legs(problem: Problem, start: float, end: float) -> Iterator[tuple[int, float]]:
-    """Pieces of the time law from start to end, and where the motion leaves each."""
-    timing = problem.path.timing
-    starts = (0.0, *timing.ends[:-1])
-    pieces = list(enumerate(zip(starts, timing.ends, strict=True)))
-    if end >= start:
-        for piece, (low, high) in pieces:
-            if low < end and high > start:
-                yield piece, min(high, end)
-    else:
-        for piece, (low, high) in reversed(pieces):
-            if high > end and low < start:
-                yield piece, max(low, end)
+def _legs(problem: Problem, start: float, end: float) -> list[float]:
+    """Times from start to end between which nothing jumps."""
+    if start == end:
+        return [start]
+    breaks = problem.path.breaks
+    low, high = sorted((start, end))
+    between = breaks[(breaks > low) & (breaks < high)].tolist()
+    return [start, *(between if end > start else reversed(between)), end]
 
 
-def _panels(
-    flow: ArcFlow, row: Array, end: float, tolerance: float
-) -> Iterator[tuple[Array, bool]]:
-    """Panels up to a time, each with whether time turned back at its end."""
-    direction = np.sign(flow.reference[0])
-    goal = end / flow.unit
-    start = np.concatenate([[row[0] / flow.unit], row[1:]])
-    solver = DOP853(
-        flow, 0.0, start, np.inf, max_step=_LONGEST_STEP, rtol=tolerance, atol=tolerance
-    )
-    flow.reference = solver.f
-    for _ in range(_MAX_STEPS):
-        message = solver.step()
-        if solver.status == "failed":
-            raise IntegrationError(float(solver.y[0] * flow.unit), str(message))
-        dense = solver.dense_output()
-        stop, pace = solver.t, direction * solver.f[0]
-        turned = bool(pace <= flow.stalled)
-        if pace < 0.0:
-            stop = brentq(partial(_pace, flow, dense), solver.t_old, stop, xtol=1e-14)
-        if direction * (dense(stop)[0] - goal) >= 0.0:
-            stop = brentq(partial(_lateness, dense, goal), solver.t_old, stop, xtol=1e-14)
-            yield _nodes(flow, dense, solver.t_old, stop), False
-            return
-        yield _nodes(flow, dense, solver.t_old, stop), turned
-        if turned:
-            return
+class _Stepping:
+    """Steps of DOP853 along legs.
+
+    Attributes:
+        aimed: Legs end where the path's derivatives jump, maybe after one step each: steps are made
+            no longer than their legs, and a leg begins with the step that the one before proposed.
+    """
+
+    def __init__(self, flow: ArcFlow, tolerance: float, aimed: bool) -> None:
+        self._flow, self._tolerance, self.aimed = flow, tolerance, aimed
+        self._proposed: float | None = None
+        self._left = _MAX_STEPS
+
+    def panels(self, row: Array, end: float) -> Iterator[tuple[Array, bool]]:
+        """Panels up to a time, each with whether time turned back at its end."""
+        flow = self._flow
+        direction = np.sign(flow.reference[0])
+        goal = end / flow.unit
+        start = np.concatenate([[row[0] / flow.unit], row[1:]])
+        e = self._tolerance_on(abs(goal - start[0]))
+        solver = DOP853(
+            flow, 0.0, start, np.inf, max_step=_LONGEST_STEP, rtol=e, atol=e,
+            first_step=self._proposed,
+        )  # fmt: skip
         flow.reference = solver.f
-    raise IntegrationError(
-        float(solver.y[0] * flow.unit),
-        f"{_MAX_STEPS} steps were not enough",
-        "a shorter duration or less momentum: the system may tumble hundreds of times on the way",
-    )
+        while self._left:
+            self._left -= 1
+            self._aim(solver, goal)
+            message = solver.step()
+            if solver.status == "failed":
+                raise IntegrationError(float(solver.y[0] * flow.unit), str(message))
+            dense = solver.dense_output()
+            stop, pace = solver.t, direction * solver.f[0]
+            turned = bool(pace <= flow.stalled)
+            if pace < 0.0:
+                stop = brentq(partial(_pace, flow, dense), solver.t_old, stop, xtol=1e-14)
+            if direction * (dense(stop)[0] - goal) >= 0.0:
+                stop = brentq(partial(_lateness, dense, goal), solver.t_old, stop, xtol=1e-14)
+                yield _nodes(flow, dense, solver.t_old, stop), False
+                self._proposed = solver.h_abs if self.aimed else None
+                return
+            yield _nodes(flow, dense, solver.t_old, stop), turned
+            if turned:
+                return
+            flow.reference = solver.f
+        raise IntegrationError(
+            float(solver.y[0] * flow.unit),
+            f"{_MAX_STEPS} steps were not enough",
+            "a shorter duration or less momentum: the system may tumble hundreds of times on the "
+            "way",
+        )
+
+    def _tolerance_on(self, leg: float) -> float:
+        """Per step of a leg: rates are differences of states by its length, and as precise."""
+        if not self.aimed:
+            return self._tolerance
+        return max(self._tolerance * min(leg, 1.0), min(self._tolerance, _FINEST))
+
+    def _aim(self, solver: DOP853, goal: float) -> None:
+        """Make the next step no longer than it takes to reach a time, and a little."""
+        if self.aimed:
+            needed = _AIM * abs(goal - solver.y[0]) / max(abs(solver.f[0]), _SLOWEST)
+            solver.h_abs = min(solver.h_abs, needed)
 
 
 def _pace(flow: ArcFlow, dense: Callable[[float], Array], along: float) -> float:

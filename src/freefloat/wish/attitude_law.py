@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
-from scipy.spatial.transform import Rotation, RotationSpline
+from scipy.spatial.transform import Rotation
 
 from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.spatial import Array, axes_rotation, cross, finite_vector, frozen, unit_vector
 from freefloat.wish.curve import Curve
+from freefloat.wish.pieces import breaks_of, within
 
 _LOOKS = np.linspace(0.0, 1.0, 201)
 """Where a directed attitude is inspected when it is made."""
@@ -113,6 +114,29 @@ class SlerpAttitude:
 
 
 @dataclass(frozen=True, eq=False)
+class Travel:
+    """The direction of travel along a curve."""
+
+    curve: Curve
+
+    def __call__(self, s: float) -> tuple[Array, Array]:
+        """The direction and its derivative by s, not normalized, shape (3,) each."""
+        return self.curve(s, 1), self.curve(s, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """The direction from a curve to a point [m], shape (3,)."""
+
+    curve: Curve
+    point: Array
+
+    def __call__(self, s: float) -> tuple[Array, Array]:
+        """As of :class:`Travel`."""
+        return self.point - self.curve(s), -self.curve(s, 1)
+
+
+@dataclass(frozen=True, eq=False)
 class DirectedAttitude:
     """One end-effector axis along a moving direction, a second as near as can be to a fixed one.
 
@@ -120,7 +144,7 @@ class DirectedAttitude:
         axis: Letter of the first axis, with a minus sign where it points backwards.
         second: Letter of the second axis.
         reference: Unit vector that the second axis keeps to, inertial frame, shape (3,).
-        direction: The moving direction and its derivative by s, not normalized.
+        direction: The moving direction.
     """
 
     __repr__ = brief
@@ -128,7 +152,7 @@ class DirectedAttitude:
     axis: str
     second: str
     reference: Array
-    direction: Callable[[float], tuple[Array, Array]]
+    direction: Travel | Sight
 
     def _axes(self, s: float) -> tuple[_Vector, _Vector, _Vector, _Vector]:
         """The two named axes, and their derivatives by s."""
@@ -154,6 +178,16 @@ class DirectedAttitude:
         p, q, r = _dot(second1, third), _dot(first1, third), _dot(first1, second)
         u, v, w = third
         return np.array([p * a - q * x + r * u, p * b - q * y + r * v, p * c - q * z + r * w])
+
+    @property
+    def breaks(self) -> Array:
+        """See :class:`freefloat.wish.pieces.Piecewise`."""
+        return breaks_of(self.direction.curve)
+
+    def within(self, low: float, high: float) -> DirectedAttitude:
+        """See :class:`freefloat.wish.pieces.Piecewise`."""
+        curve = within(self.direction.curve, low, high)
+        return replace(self, direction=replace(self.direction, curve=curve))
 
     def refuse_gaps(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""
@@ -222,16 +256,12 @@ def follow_attitude(curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedA
     if axis not in ("x", "-x", "y", "-y"):
         raise InputError("attitude.follow.axis", f"{axis!r} was given", "x, -x, y or -y")
     reference = unit_vector("attitude.follow.normal", normal)
-    law = DirectedAttitude(axis, "z", frozen(reference), partial(_travel, curve))
+    law = DirectedAttitude(axis, "z", frozen(reference), Travel(curve))
     law.refuse_gaps(
         "attitude.follow", "the path has no direction of travel", "normal lies along the path",
         "a path that never stands still and a normal across it",
     )  # fmt: skip
     return law
-
-
-def _travel(curve: Curve, s: float) -> tuple[Array, Array]:
-    return curve(s, 1), curve(s, 2)
 
 
 def point_at_attitude(curve: Curve, axis: str, target: npt.ArrayLike) -> DirectedAttitude:
@@ -255,30 +285,10 @@ def point_at_attitude(curve: Curve, axis: str, target: npt.ArrayLike) -> Directe
     sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
     reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
     second = "yzx"["xyz".index(axis[-1])]
-    law = DirectedAttitude(axis, second, frozen(reference), partial(_sight, curve, point))
+    law = DirectedAttitude(axis, second, frozen(reference), Sight(curve, point))
     law.refuse_gaps(
         "attitude.point_at", "the path passes through the target",
         "no inertial axis stays clear of the directions of sight",
         "a target off the path, seen within less than half a sphere",
     )  # fmt: skip
     return law
-
-
-def _sight(curve: Curve, point: Array, s: float) -> tuple[Array, Array]:
-    return point - curve(s), -curve(s, 1)
-
-
-class SampledAttitude:
-    """A rotation spline with continuous angular acceleration through given attitudes."""
-
-    def __init__(self, quaternions: npt.ArrayLike, s: npt.ArrayLike) -> None:
-        """Interpolate quaternions x, y, z, w (N, 4) passed at ``s`` (N,)."""
-        self._spline = RotationSpline(np.asarray(s, dtype=float), Rotation.from_quat(quaternions))
-
-    def rotation(self, s: float) -> Array:
-        """See :class:`AttitudeLaw`."""
-        return np.asarray(self._spline(s).as_matrix())
-
-    def rate(self, s: float) -> Array:
-        """See :class:`AttitudeLaw`."""
-        return np.asarray(self.rotation(s) @ self._spline(s, 1))

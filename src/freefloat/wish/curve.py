@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,10 @@ from scipy.interpolate import CubicSpline
 from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.spatial import Array, finite_vector, frozen, unit_vector
+from freefloat.wish.pieces import Pieces, breaks_that_count
+
+_NEGLIGIBLE = 1e-8
+"""Share of its size by which a spline's jumps may move it unnoticed."""
 
 
 class Curve(Protocol):
@@ -31,11 +36,13 @@ class PolynomialCurve:
 
     Attributes:
         coefficients: Lowest power first [m], shape (degree + 1, 3).
+        origin: From which s counts.
     """
 
     __repr__ = brief
 
     coefficients: Array
+    origin: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "coefficients", frozen(self.coefficients))
@@ -56,7 +63,7 @@ class PolynomialCurve:
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
-        s, x, y, z = float(s), 0.0, 0.0, 0.0
+        s, x, y, z = float(s) - self.origin, 0.0, 0.0, 0.0
         for a, b, c in self._orders[order]:
             x, y, z = x * s + a, y * s + b, z * s + c
         return np.array([x, y, z])
@@ -100,7 +107,13 @@ class ArcCurve:
 
 
 class SplineCurve:
-    """A twice continuously differentiable cubic spline through points."""
+    """A twice continuously differentiable cubic spline through points.
+
+    Attributes:
+        points: [m], shape (N, 3).
+        knots: Values of s at which they are passed, shape (N,).
+        breaks: See :class:`freefloat.wish.pieces.Piecewise`.
+    """
 
     def __init__(self, points: npt.ArrayLike, s: npt.ArrayLike | None = None) -> None:
         """Interpolate.
@@ -128,8 +141,19 @@ class SplineCurve:
                 )
             s = np.append(0.0, np.cumsum(chords)) / chords.sum()
         self.knots = frozen(s)
-        self._spline: Any = CubicSpline(self.knots, self.points)
+        powers = np.asarray(CubicSpline(self.knots, self.points).c)[::-1].transpose(1, 0, 2)
+        starts = self.knots[:-1].tolist()
+        pieces = tuple(map(PolynomialCurve, powers, starts))
+        self._pieces = Pieces(tuple(self.knots.tolist()), pieces, 0, len(pieces) - 1)
+        size = float(np.ptp(self.points, axis=0).max())
+        self.breaks = breaks_that_count(self.knots, 6.0 * powers[:, 3], _NEGLIGIBLE * size)
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
-        return np.asarray(self._spline(s, order))
+        return self._pieces.at(s)(s, order)
+
+    def within(self, low: float, high: float) -> SplineCurve:
+        """See :class:`freefloat.wish.pieces.Piecewise`."""
+        part = copy(self)
+        part._pieces = self._pieces.within(low, high)
+        return part

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from freefloat.brief import brief
 from freefloat.errors import InputError
-from freefloat.spatial import Array, Pose, unit_quaternion
-from freefloat.wish.attitude_law import AttitudeLaw, FreeAttitude, SampledAttitude
+from freefloat.spatial import Array, Pose, frozen, unit_quaternion
+from freefloat.wish.attitude_law import AttitudeLaw, FreeAttitude
 from freefloat.wish.curve import Curve, SplineCurve
+from freefloat.wish.pieces import breaks_of, within
+from freefloat.wish.sampled_attitude import SampledAttitude
 
 _LOOKS = np.linspace(0.0, 1.0, 101)
 """Where a path is inspected when it is made."""
@@ -50,6 +54,16 @@ class EndEffectorPath:
     def tangent(self, s: float) -> Array:
         """Derivative of the pose by s: [linear; angular], inertial axes [m; rad], shape (6,)."""
         return np.concatenate([self.curve(s, 1), self.attitude.rate(s)])
+
+    @cached_property
+    def breaks(self) -> Array:
+        """Values of s, rising, inside (0, 1), at which high derivatives jump."""
+        return frozen(np.union1d(breaks_of(self.curve), breaks_of(self.attitude)))
+
+    def tangent_within(self, low: float, high: float) -> Callable[[float], Array]:
+        """The tangent between two places; beyond them it goes on as smoothly as there."""
+        curve, attitude = within(self.curve, low, high), within(self.attitude, low, high)
+        return lambda s: np.concatenate([curve(s, 1), attitude.rate(s)])
 
     def bend(self, s: float) -> Array:
         """Derivative of the tangent by s [m; rad], shape (6,).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -10,16 +11,19 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from scipy.optimize import brentq
 
 from freefloat.brief import brief
 from freefloat.errors import InputError, member
-from freefloat.spatial import Array, Pose
+from freefloat.spatial import Array, Pose, frozen
 from freefloat.wish.path import EndEffectorPath
 
 _BLEND = 0.25
 """Share of a trapezoidal segment spent speeding up, and again slowing down."""
 _SHORTEST, _LONGEST = 1e-6, 1e12
 """Durations [s] between which rates and their squares stay far from the ends of the numbers."""
+_APART = 1e-6
+"""Share of the duration by which breaks must be apart to count as several."""
 _CLOSEST = 1e-9
 """Shares of the whole by which stops must be apart in s and t."""
 
@@ -168,6 +172,28 @@ class TimedPath:
     def pose(self, t: float) -> Pose:
         """End-effector pose at time t [s], inertial frame."""
         return self.path.pose(self.timing.s(t))
+
+    @cached_property
+    def breaks(self) -> Array:
+        """Times, rising, at which high derivatives by time jump: the path's or the law's [s]."""
+        times, law, apart = [0.0], self.timing, _APART * self.duration
+        for piece, (low, high) in enumerate(pairwise((0.0, *law.ends))):
+            first, last = law.s(low, 0, piece), law.s(high, 0, piece)
+            for s in self.path.breaks[(self.path.breaks > first) & (self.path.breaks < last)]:
+                t = brentq(lambda t, s=s, p=piece: law.s(t, 0, p) - s, low, high, xtol=1e-300)
+                if t - times[-1] > apart and high - t > apart:
+                    times.append(t)
+            times.append(high)
+        return frozen(times[1:-1])
+
+    def between(self, start: float, end: float) -> tuple[int, Callable[[float], Array]]:
+        """Piece of the time law, and the path's tangent by s, that hold between two times [s].
+
+        Both hold a little beyond, too, without a jump where there is none between.
+        """
+        piece = self.timing.piece_at((start + end) / 2.0)
+        low, high = sorted(self.timing.s(t, 0, piece) for t in (start, end))
+        return piece, self.path.tangent_within(low, high)
 
     def twist(self, t: float, piece: int | None = None) -> Array:
         """End-effector twist: [linear; angular], inertial axes [m/s; rad/s], shape (6,).
