@@ -79,7 +79,7 @@ path:
   attitude: {fixed: {rpy: [0, 1.5707963268, 0]}}
 timing: {law: quintic, duration: 30}
 margin: {measure: gjm, value: 0.01}
-search: {samples: 32}
+search: {objective: nearest, from_attitude: [0, 0, 0, 1], samples: 16}
 """
 """An arm of six joints on a rail, a second one held still behind it."""
 

@@ -155,7 +155,7 @@ def is_file(path: Path) -> bool:
 
 def unknown(key: str, name: str, names: tuple[str, ...], what: str) -> InputError:
     """The error for a name that does not exist, with the nearest one that does."""
-    shown = name if len(name) <= 80 else name[:77] + "..."
+    shown = name if len(name) <= 240 else name[:237] + "..."
     problem = f"no such file or name: {shown}{did_you_mean(name, names)}"
     if name and len(name) < 256 and "\0" not in name and Path(name).is_dir():
         problem = f"{name} is a directory"

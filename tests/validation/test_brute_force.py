@@ -36,7 +36,7 @@ def verify():
 def test_random_ranges_agree_with_brute_force(verify, number):
     """Random arms, paths, momenta: every range found, none invented, limits even in number."""
     problem = verify.random_problem(np.random.default_rng(1000 + number))
-    verdict = verify.judge(problem, number, spacing=1.0)
+    verdict = verify.judge(problem, number, spacing=1.0, steps=700)
     assert verdict.trouble == []
     assert verdict.limits % 2 == 0
     agrees("test_random_ranges_agree_with_brute_force", verdict.worst)
