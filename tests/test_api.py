@@ -133,10 +133,11 @@ def test_a_stored_plan_is_told_in_one_line(tmp_path: Path) -> None:
 
 
 def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from IPython.core.interactiveshell import InteractiveShell
 
+    monkeypatch.delenv("VIRTUAL_ENV", raising=False)  # IPython warns of another than its own
     shell = InteractiveShell()
     shell.run_cell("import freefloat as ff\n\nff.load_scenario('spatial_6dof/lin')")
     shown = re.sub(r"\x1b\[[\d;]*m", "", "".join(capsys.readouterr())).splitlines()
