@@ -12,6 +12,7 @@ from multiprocessing import resource_tracker
 from typing import Any
 
 import dask
+import psutil
 from distributed import Client, LocalCluster
 from distributed.utils import LoopRunner
 from tornado.ioloop import IOLoop
@@ -80,6 +81,7 @@ def own_cluster(workers: int) -> Iterator[Client]:
 def _deaf_loop() -> Iterator[IOLoop]:
     """A loop whose thread, and the processes that it starts, do not hear Ctrl-C: we do."""
     resource_tracker.ensure_running()  # started later it would open that thread's ears
+    before = set(_spawned())
     heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         runner = LoopRunner()
@@ -90,6 +92,19 @@ def _deaf_loop() -> Iterator[IOLoop]:
         yield runner.loop
     finally:
         runner.stop()
+        for child in set(_spawned()) - before:  # begun so late that no nanny knows of it
+            with suppress(psutil.Error):
+                child.kill()
+
+
+def _spawned() -> list[psutil.Process]:
+    """Processes that multiprocessing started from this one."""
+    found = []
+    for child in psutil.Process().children():
+        with suppress(psutil.Error):
+            if "--multiprocessing-fork" in child.cmdline():
+                found.append(child)
+    return found
 
 
 def _started(workers: int, loop: IOLoop, more: int = RETRIES) -> LocalCluster:
