@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ def problem(model: ff.FreeFloatingModel) -> ff.Problem:
     """A path that says nothing of the attitude, and a task by its word."""
     margin = ff.Margin(ff.measure(model, "planar-position", "gjm"), 0.05)
     timed = ff.TimedPath(ff.EndEffectorPath(LINE), TIMING)
-    return ff.Problem(model, timed, "planar-position", [0, 0, 0.5], margin)  # type: ignore[arg-type]
+    return ff.Problem(model, timed, "planar-position", [0, 0, 0.5], margin)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +74,7 @@ def test_who_wants_a_problem_tells_the_way_from_a_scenario(function, others) -> 
 
 def test_a_problem_tells_which_of_its_parts_is_something_else(problem: ff.Problem) -> None:
     for name, other in (("path", problem.path.path), ("model", "planar_3dof"), ("margin", 0.05)):
-        error = refused(lambda: replace(problem, **{name: other}))  # noqa: B023
+        error = refused(partial(replace, problem, **{name: other}))
         assert error.key == name
         told = repr(other) if isinstance(other, str) else type(other).__name__
         assert error.problem == f"{told} was given"
@@ -100,8 +101,8 @@ def test_tasks_laws_and_objectives_are_taken_by_their_words(
         assert by_word.shape == (len(task.rows), 3)
     words = ff.measure(model, "planar-position", "gjm")
     assert words.value(q) == ff.measure(model, ff.Task.PLANAR_POSITION, "gjm").value(q) > 0.0
-    assert ff.Timing(2.0, "cubic").s(0.5) == pytest.approx(3 / 16 - 2 / 64)  # type: ignore[arg-type]
-    assert ff.Search("robust").objective is ff.Objective.ROBUST  # type: ignore[arg-type]
+    assert ff.Timing(2.0, "cubic").s(0.5) == pytest.approx(3 / 16 - 2 / 64)
+    assert ff.Search("robust").objective is ff.Objective.ROBUST
 
 
 def test_an_unknown_word_is_answered_with_those_there_are(model: ff.FreeFloatingModel) -> None:

@@ -24,18 +24,10 @@ from freefloat.plans.plans import Plan
 from freefloat.scenario.scenario import load_scenario
 from freefloat.wish.search import Search
 from tests.figures import labels, line, overlaps, unlabelled
+from tests.wishes import PARABOLA
 
 OF_A_MOTION = ["snapshots", "motion", "margin", "momentum"]
-SCENARIO = """\
-robot: {urdf: planar_3dof.urdf, end_effector: end_effector}
-task: planar-pose
-momentum: [0, 0, 1.5]
-path:
-  polynomial: {x: [2, -3], y: [0, 0.5, 1.5], z: [0]}
-  attitude: {follow: {axis: -y, normal: [0, 0, 1]}}
-timing: {law: quintic, duration: 100}
-margin: {measure: system, value: 5}
-"""
+SCENARIO = PARABOLA.replace("0.5]\n", "1.5]\n", 1)
 
 
 @pytest.fixture(autouse=True)

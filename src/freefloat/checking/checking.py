@@ -243,7 +243,7 @@ def _same_certificate(stored: StoredPlan, found: Certificate | None) -> Check:
 def _robustness(stored: StoredPlan, motion: Motion) -> Iterable[Check]:
     if not stored.feasible:
         return []
-        # its kernels take half a second to import
+    # its kernels take half a second to import
     from freefloat.checking.robust_checks import robust_checks
 
     return robust_checks(stored, motion)

@@ -37,9 +37,22 @@ _NEARLY_SQUARE = 1e-6
 
 
 @compiled
+def across_axis(axis: Vector, v: Vector) -> Vector:
+    """The part of a vector that is normal to an axis."""
+    return plus(v, axis, -dot(axis, v))
+
+
+@compiled
+def shares(axis: Vector, along: Vector, v: Vector) -> Vector:
+    """What ``along . rotated(v, axis, q)`` is made of: constant, and factors of cos q and sin q."""
+    level = dot(axis, along) * dot(axis, v)
+    return (level, dot(along, v) - level, dot(along, cross(axis, v)))
+
+
+@compiled
 def angle_onto(axis: Vector, start: Vector, end: Vector) -> float:
     """The angle about an axis that brings one vector's direction onto another's."""
-    a, b = plus(start, axis, -dot(axis, start)), plus(end, axis, -dot(axis, end))
+    a, b = across_axis(axis, start), across_axis(axis, end)
     return float(np.arctan2(dot(axis, cross(a, b)), dot(a, b)))
 
 
@@ -48,8 +61,7 @@ def angle_to_height(
     axis: Vector, vector: Vector, along: Vector, height: float, sign: float
 ) -> float:
     """One of the two angles with ``along . rotated(vector) = height``; nan where there is none."""
-    level = dot(axis, along) * dot(axis, vector)
-    cosine, sine = dot(along, vector) - level, dot(along, cross(axis, vector))
+    level, cosine, sine = shares(axis, along, vector)
     amplitude = np.hypot(cosine, sine)
     if amplitude < 1e-14:
         return 0.0

@@ -2,17 +2,25 @@
 
 Seen along those axes, h, two numbers of a pose depend on the first and the fifth joint alone: how
 high it stands, and how the last axis leans. After Elias and Wen, "IK-Geo: unified robot inverse
-kinematics using subproblem decomposition", Mechanism and Machine Theory 209 (2025) 105971: two
-ellipses meet in up to four places, each with two ways to bend the elbow.
+kinematics using subproblem decomposition", arXiv:2211.05737: two ellipses meet in up to four
+places, each with two ways to bend the elbow.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from freefloat.kernels.branch_kernels import angle_onto, angle_to_height, sign_of, turned_hand
+from freefloat.kernels.branch_kernels import (
+    across_axis,
+    angle_onto,
+    angle_to_height,
+    shares,
+    sign_of,
+    turned_hand,
+)
 from freefloat.kernels.chain_kernels import (
     MET,
+    NOTHING,
     Chain,
     Rows,
     Scratch,
@@ -29,7 +37,7 @@ from freefloat.kernels.chain_kernels import (
     times,
 )
 from freefloat.kernels.compiled import compiled
-from freefloat.kernels.search_kernels import MOST, gap, keep, search, settle, sort
+from freefloat.kernels.search_kernels import MOST, SAME, gap, keep, search, settle, sort
 from freefloat.spatial import Array, IntArray
 
 _POLISHING_STEPS = 8
@@ -37,15 +45,7 @@ _FLAT = 1e-6
 """Ellipses, and wrists, flatter than this are left to a search."""
 _CLOSE = 1e-4
 """How near roots may come to not being any, before a search has to tell."""
-_SAME = 1e-5
 UNCLEAR = -1
-
-
-@compiled
-def shares(axis: Vector, along: Vector, v: Vector) -> Vector:
-    """What ``along . rotated(v, axis, q)`` is made of: constant, and factors of cos q and sin q."""
-    level = dot(axis, along) * dot(axis, v)
-    return (level, dot(along, v) - level, dot(along, cross(axis, v)))
 
 
 @compiled
@@ -115,12 +115,6 @@ def first_and_fifth(points: Array, h: Array, u: Vector, last: Vector, q1: Array,
 
 
 @compiled
-def across_axis(axis: Vector, v: Vector) -> Vector:
-    """The part of a vector that is normal to an axis."""
-    return plus(v, axis, -dot(axis, v))
-
-
-@compiled
 def bend_elbow(points: Array, h: Array, u: Vector, turned: Rows, q: Array, sign: float) -> int:
     """The other joints, from the first and the fifth; 1 where there are any, 0, or UNCLEAR."""
     h1, h2, h3, h4 = row(h, 0), row(h, 1), row(h, 2), row(h, 3)
@@ -133,9 +127,7 @@ def bend_elbow(points: Array, h: Array, u: Vector, turned: Rows, q: Array, sign:
     # what is left to the last joint: where it has to take a direction across its axis
     across = rotated(h2, h5, -q[4])
     seen = rotated(h2, h1, q[0])
-    back = (dot((turned[0][0], turned[1][0], turned[2][0]), seen),
-            dot((turned[0][1], turned[1][1], turned[2][1]), seen),
-            dot((turned[0][2], turned[1][2], turned[2][2]), seen))  # fmt: skip
+    back = plus(plus(plus(NOTHING, turned[0], seen[0]), turned[1], seen[1]), turned[2], seen[2])
     q[5] = -angle_onto(h6, across, back)
     hand = plus(
         plus(row(points, 4), row(points, 3), -1.0),
@@ -193,7 +185,7 @@ def parallel_branches(
                 return UNCLEAR
             keep(chain, q, q)
             for known in range(count):
-                if gap(chain, q, found[known]) < _SAME:
+                if gap(chain, q, found[known]) < SAME:
                     return UNCLEAR
             count += 1
     sort(found[:count])

@@ -28,7 +28,7 @@ _STEPS = 60
 _FEWEST_STARTS = 96
 _HITS = 3
 """The search ends when every configuration was found this often and their number is even."""
-_SAME = 1e-5
+SAME = 1e-5
 """Configurations nearer than this in every joint are one [rad, m]."""
 
 
@@ -96,7 +96,7 @@ def search(
         q[:] = starts[tried]
         if descend(chain, rows, position, rotation, q, scratch, _STEPS) < MET:
             known = 0
-            while known < count and gap(chain, q, found[known]) > _SAME:
+            while known < count and gap(chain, q, found[known]) > SAME:
                 known += 1
             hits[known] += 1
             if known == count:
@@ -127,7 +127,7 @@ def spread(
     sort(met[:count])
     distance, farthest = np.full(count, np.inf), 0
     for chosen in range(min(len(found), count)):
-        if distance[farthest] < _SAME:
+        if distance[farthest] < SAME:
             return chosen
         found[chosen] = met[farthest]
         for k in range(count):

@@ -39,9 +39,8 @@ class _StudyPlugin(WorkerPlugin):
 
     def setup(self, worker: Any) -> None:
         """Unpack the files on a worker that joins."""
-        from freefloat.studies.case import (
-            CaseRunner,  # takes a second: the coordinator does without it
-        )
+        # it takes a second to import: the coordinator does without it
+        from freefloat.studies.case import CaseRunner
 
         if self._own:  # Ctrl-C is the coordinator's business
             with suppress(ValueError):
