@@ -30,12 +30,13 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
+
+from mutants import Mutant, mutants_of
 
 ROOT = Path(__file__).parents[1]
 RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
@@ -53,143 +54,6 @@ LIBRARIES = [
     "scipy.spatial.transform", "pydantic", "yaml", "pytest", "hypothesis", "mujoco", "pyarrow",
     "playwright.sync_api",
 ]  # fmt: skip
-
-OPERATORS: dict[type, list[type]] = {
-    ast.Add: [ast.Sub], ast.Sub: [ast.Add], ast.Mult: [ast.Div], ast.Div: [ast.Mult],
-    ast.FloorDiv: [ast.Mult], ast.Mod: [ast.Mult], ast.Pow: [ast.Mult],
-    ast.BitAnd: [ast.BitOr], ast.BitOr: [ast.BitAnd], ast.And: [ast.Or], ast.Or: [ast.And],
-    ast.Lt: [ast.LtE, ast.GtE], ast.LtE: [ast.Lt, ast.Gt], ast.Gt: [ast.GtE, ast.LtE],
-    ast.GtE: [ast.Gt, ast.Lt], ast.Eq: [ast.NotEq], ast.NotEq: [ast.Eq],
-    ast.Is: [ast.IsNot], ast.IsNot: [ast.Is], ast.In: [ast.NotIn], ast.NotIn: [ast.In],
-}  # fmt: skip
-NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "minimum": "maximum",
-         "maximum": "minimum", "hstack": "vstack"}  # fmt: skip
-SYMMETRIC = {"min", "max", "minimum", "maximum"}
-UNTOLD = {"dtype", "order", "strict", "frozen", "eq"}
-"""Keywords whose loss changes types or checks, not results."""
-
-
-@dataclass
-class Mutant:
-    """One small change and what became of it."""
-
-    line: int
-    kind: str
-    before: str
-    after: str
-    outcome: str = ""
-    by: str = ""
-    seconds: float = 0.0
-
-    def __str__(self) -> str:
-        return f"{self.line}: {self.kind}: {self.before}  ->  {self.after}"
-
-
-def numbers_beside(value: float) -> list[float]:
-    """Other numbers for a number; tolerances and counts take more to matter."""
-    if isinstance(value, int):
-        return [value + 1, value - 1] if abs(value) < 20 else [value // 10]
-    return [1.0] if value == 0.0 else [1e3 * value, 1e-3 * value] if value < 0.01 else [2.0 * value]
-
-
-def other_expressions(node: ast.expr) -> Iterator[tuple[str, ast.expr]]:
-    """What might stand in place of an expression."""
-    match node:
-        case ast.BinOp(a, ast.MatMult(), b):
-            yield "swap", ast.BinOp(b, ast.MatMult(), a)
-        case ast.BinOp(a, op, b):
-            yield from (("operator", ast.BinOp(a, new(), b)) for new in OPERATORS.get(type(op), ()))
-        case ast.BoolOp(op, values):
-            yield "operator", ast.BoolOp(OPERATORS[type(op)][0](), values)
-        case ast.Compare(a, [op, *more], values):
-            for new in OPERATORS[type(op)]:
-                yield "comparison", ast.Compare(a, [new(), *more], values)
-        case ast.UnaryOp(ast.USub() | ast.Not() | ast.Invert(), operand):
-            yield "sign", operand
-        case ast.Constant(bool(value)):
-            yield "constant", ast.Constant(not value)
-        case ast.Constant(int(value) | float(value)):
-            yield from (("constant", ast.Constant(new)) for new in numbers_beside(value))
-        case ast.IfExp(test, body, orelse):
-            yield "branches", ast.IfExp(test, orelse, body)
-        case ast.Call(function, args, keywords):
-            yield from other_calls(function, args, keywords)
-        case ast.Attribute(value, name, context) if name in NAMES:
-            yield "name", ast.Attribute(value, NAMES[name], context)
-        case ast.Name(name, context) if name in NAMES:
-            yield "name", ast.Name(NAMES[name], context)
-
-
-def other_calls(
-    function: ast.expr, args: list[ast.expr], keywords: list[ast.keyword]
-) -> Iterator[tuple[str, ast.expr]]:
-    symmetric = getattr(function, "id", getattr(function, "attr", "")) in SYMMETRIC
-    for i in range(0 if symmetric else len(args) - 1):
-        if not isinstance(args[i], ast.Starred) and ast.dump(args[i]) != ast.dump(args[i + 1]):
-            swapped = [*args[:i], args[i + 1], args[i], *args[i + 2 :]]
-            yield "arguments", ast.Call(function, swapped, keywords)
-    for i, keyword in enumerate(keywords):
-        if keyword.arg and keyword.arg not in UNTOLD:
-            yield "arguments", ast.Call(function, args, keywords[:i] + keywords[i + 1 :])
-
-
-def other_statements(node: ast.stmt) -> Iterator[tuple[str, ast.stmt]]:
-    """What might stand in place of a statement."""
-    match node:
-        case ast.Return(value) if value is not None and not isinstance(value, ast.Constant):
-            yield "answer", ast.Return(ast.Constant(None))
-        case ast.Expr(ast.Constant()):
-            return
-        case ast.Expr() | ast.AugAssign() | ast.Raise() | ast.Continue() | ast.Break():
-            yield "removed", ast.Pass()
-        case ast.Assign([ast.Attribute() | ast.Subscript()]):
-            yield "removed", ast.Pass()
-        case ast.If(_, body, orelse) | ast.While(_, body, orelse):
-            yield "condition", type(node)(ast.Constant(False), body, orelse)
-            if isinstance(node, ast.If):
-                yield "condition", ast.If(ast.Constant(True), body, orelse)
-
-
-def sites(node: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, str, ast.AST]]:
-    """Every possible change below a node: its parent, where in it, the kind, what comes there."""
-    for field, value in ast.iter_fields(node):
-        if field in ("annotation", "returns", "decorator_list"):
-            continue
-        for index, child in enumerate(value if isinstance(value, list) else [value]):
-            place = index if isinstance(value, list) else None
-            if isinstance(child, ast.expr):
-                changes: Iterator[tuple[str, ast.AST]] = other_expressions(child)
-            elif isinstance(child, ast.stmt):
-                changes = other_statements(child)
-            else:
-                changes = iter(())
-            yield from ((node, field, place, kind, new) for kind, new in changes)
-            told = isinstance(child, ast.JoinedStr | ast.Raise | ast.Import | ast.ImportFrom)
-            if isinstance(child, ast.AST) and not told:
-                yield from sites(child)
-
-
-def mutants_of(source: str) -> list[tuple[Mutant, str]]:
-    """All mutants of a source, and the sources they make of it."""
-    found = []
-    tree = ast.parse(source)
-    for parent, field, index, kind, new in sites(tree):
-        held = getattr(parent, field)
-        old = held if index is None else held[index]
-        line = getattr(old, "lineno", getattr(parent, "lineno", 0))
-        put(parent, field, index, new)
-        changed = ast.unparse(ast.fix_missing_locations(tree))
-        put(parent, field, index, old)
-        words = [" ".join(ast.unparse(one).split())[:120] for one in (old, new)]
-        found.append((Mutant(line, kind, *words), changed))
-    return found
-
-
-def put(parent: ast.AST, field: str, index: int | None, child: ast.AST) -> None:
-    if index is None:
-        setattr(parent, field, child)
-    else:
-        getattr(parent, field)[index] = child
 
 
 class Hasty:
