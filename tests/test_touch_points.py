@@ -8,6 +8,7 @@ from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
+from freefloat.bundled import models_folder
 from freefloat.machine.dynamics import DriftEquation
 from freefloat.machine.virtual_manipulator import VirtualManipulator
 from freefloat.ranges.states_on_path import StatesOnPath
@@ -389,6 +390,34 @@ def test_what_meets_two_of_three_conditions_is_no_touch(problem, monkeypatch):
     assert len(_refined(through, 1.0, -5.0, done, 1.0)) == len(done)
     turned = done + np.array([0.0, 0.0, 0.01])  # changes dS/dt alone
     assert len(_refined(through, 1.0, -5.0, turned, 1.0)) == 0
+
+
+def test_states_that_are_touches_already_cost_one_look(problem, monkeypatch):
+    """Newton's method ends as soon as nothing is left to mend."""
+    through = StatesOnPath(problem, 0.1, 2.0)
+    starts = np.random.default_rng(2).uniform([0.0, -3.0, -3.0], [100.0, 3.0, 3.0], (18, 3))
+    done = _refined(through, 1.0, -5.0, starts, 1.0)
+    looks, at = [], through.at
+    monkeypatch.setattr(through, "at", lambda *told: looks.append(1) or at(*told))
+    np.testing.assert_allclose(_refined(through, 1.0, -5.0, done, 1.0), done, rtol=0, atol=1e-9)
+    assert len(looks) == 8  # there, to both sides of each unknown, and to judge
+
+
+def test_states_beyond_a_skew_wrist_are_given_up(problem, tmp_path):
+    """Axes 4 and 5 at 53 degrees bend the hand by 106 at most; touches within that are found."""
+    text = (models_folder() / "spatial_6dof" / "spatial_6dof.urdf").read_text()
+    first, joint_5 = text.split('<joint name="q5"')
+    skew = first + '<joint name="q5"' + joint_5.replace("0 -1 0", "0.6 -0.8 0", 1)
+    (tmp_path / "skew.urdf").write_text(skew)
+    model = ff.FreeFloatingModel.from_urdf(tmp_path / "skew.urdf")
+    margin = ff.Margin(ff.measure(model, problem.task, "arm"), 5.0)
+    asked = ff.Problem(model, problem.path, problem.task, MOMENTUM, margin)
+    through = StatesOnPath(asked, 0.1, 2.0)
+    starts = np.random.default_rng(2).uniform([0.0, -3.0, -3.0], [100.0, 3.0, 3.0], (60, 3))
+    reached = np.isfinite(through.at(starts, 1.0)[1]).all(axis=1)
+    assert 5 < np.count_nonzero(reached) < 55
+    assert len(_refined(through, 1.0, 5.0, starts[~reached], 1.0)) == 0
+    assert len(touch_points(asked, 0.1, 2.0)) > 0
 
 
 def test_a_given_level_is_signed(problem):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.answers.report import Document, margin_document, singular_document, state_document
+from freefloat.machine.joint_gap import joint_gap
 from freefloat.motion.closeness import least
 from freefloat.motion.motion import Motion
 from freefloat.scenario.scenario import Scenario
@@ -170,10 +171,7 @@ def _branch(told: Any, motion: Motion) -> Difference | None:
     if problem.model.dof > len(problem.task.rows) or told is None:
         return None
     joints, nearest = motion.initial.joints, None
-    turning = np.array([not body.prismatic for body in problem.model.bodies[1:]])
     for one in problem.branches(motion.initial.attitude, motion.initial.time):
-        gap = one.joints - joints
-        gap[turning] = (gap[turning] + np.pi) % (2.0 * np.pi) - np.pi
-        if np.abs(gap).max() < _NEAR:
+        if joint_gap(problem.model, one.joints, joints) < _NEAR:
             nearest = one.index
     return None if told == nearest else Difference("branch", told, nearest)

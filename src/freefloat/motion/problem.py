@@ -20,6 +20,7 @@ from freefloat.kernels.arm_branches import (
     nearest_configuration,
 )
 from freefloat.machine.dynamics import DriftEquation, Task, momentum_map
+from freefloat.machine.joint_gap import joint_gap
 from freefloat.machine.model import FreeFloatingModel
 from freefloat.machine.redundancy import Redundancy
 from freefloat.machine.singularity import Measure
@@ -201,11 +202,8 @@ class Problem:
         if self.model.dof > len(self.task.rows):
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
             candidates += nearest_configuration(self.model, target, self.task, given)
-        turning = [not body.prismatic for body in self.model.bodies[1:]]
         for branch in candidates:
-            gap = branch.joints - given
-            gap[turning] = (gap[turning] + np.pi) % (2.0 * np.pi) - np.pi
-            if np.abs(gap).max() <= _NEAR:
+            if joint_gap(self.model, branch.joints, given) <= _NEAR:
                 return branch
         raise InputError(
             "joints",

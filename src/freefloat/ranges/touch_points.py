@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
 from freefloat.machine.dynamics import Task
+from freefloat.machine.joint_gap import joint_gap
 from freefloat.machine.virtual_manipulator import VirtualManipulator
 from freefloat.motion.closeness import least
 from freefloat.motion.integration import integrate_motion
@@ -113,7 +114,7 @@ def touch_points(
         for each, line in margin_lines(through, bend, levels)
         for touch in _touches_on(through, bend, each, line)
     ]
-    return tuple(_distinct(found))
+    return tuple(_distinct(problem, found))
 
 
 def touch_family(problem: Problem, count: int, seed: int = 0) -> tuple[TouchPoint, ...]:
@@ -210,7 +211,7 @@ def _refined(
         Time, q3 and turn of those that converged on the way, shape (K, 3).
     """
     units = np.array([through.problem.path.duration, 1.0, 1.0])
-    steps = np.vstack([np.zeros(3), _STEP * np.eye(3), -_STEP * np.eye(3)])
+    steps = _STEP * np.eye(3)
 
     def misses(x: Array) -> Array:
         states = units * x
@@ -224,14 +225,15 @@ def _refined(
 
     x = starts / units
     for _ in range(_ITERATIONS):
-        around = misses((x[:, None] + steps).reshape(-1, 3)).reshape(-1, 7, 3)
-        x, around = (v[np.isfinite(around).all(axis=(1, 2))] for v in (x, around))
+        now = misses(x)
+        change = np.stack([misses(x + step) - misses(x - step) for step in steps], axis=1)
+        J = change / (2.0 * _STEP)  # transposed
+        known = np.isfinite(now.sum(axis=1) + J.sum(axis=(1, 2)))
+        x, now, J = x[known], now[known], J[known]
         if not len(x):
-            return x
-        now = around[:, 0]
+            return np.empty((0, 3))
         if np.abs(now).max() < _CONVERGED:
             break
-        J = (around[:, 1:4] - around[:, 4:]) / (2.0 * _STEP)  # transposed
         normal = J @ J.transpose(0, 2, 1) + 1e-14 * np.eye(3)
         step = np.linalg.solve(normal, J @ now[:, :, None])[:, :, 0]
         x = x - step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / _LONGEST)
@@ -245,23 +247,18 @@ def _told(
     """The record of a touch, its joints those of the arm branch that it lies on."""
     quaternion = attitude.as_quat()
     branches = problem.branches(quaternion, t)
-    nearest = min(branches, key=lambda one: _gap(one.joints, joints))
+    nearest = min(branches, key=lambda one: joint_gap(problem.model, one.joints, joints))
     return TouchPoint(t, t / problem.path.duration, frozen(quaternion), nearest.joints, level,
                       nearest.index, nearest.label)  # fmt: skip
 
 
-def _gap(a: Array, b: Array) -> float:
-    """Largest difference of angles, whole turns not counted."""
-    return float(np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max())
-
-
-def _distinct(touches: list[TouchPoint]) -> Iterator[TouchPoint]:
+def _distinct(problem: Problem, touches: list[TouchPoint]) -> Iterator[TouchPoint]:
     kept: list[TouchPoint] = []
     for touch in sorted(touches, key=lambda touch: touch.time):
         same = (
             abs(touch.tau - other.tau) < _SAME
             and abs(abs(touch.attitude @ other.attitude) - 1.0) < _SAME**2
-            and _gap(touch.joints, other.joints) < _SAME
+            and joint_gap(problem.model, touch.joints, other.joints) < _SAME
             for other in kept
         )
         if not any(same):

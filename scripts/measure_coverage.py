@@ -1,0 +1,62 @@
+"""Which lines of ``src`` the tests run, kernels included: ``python scripts/measure_coverage.py``.
+
+Coverage is blind to machine code. So the tests run twice, the second time those of the kernels
+alone, and there every kernel is plain Python, the same source without its compiler. Processes that
+tests start are followed, too. Needs ``pip install 'coverage>=7.10'``; takes about twenty minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+SETTINGS = """\
+[run]
+source = {root}/src
+data_file = {folder}/data
+parallel = true
+concurrency = thread, multiprocessing
+patch = subprocess, fork, _exit
+sigterm = true
+"""
+"""Of coverage: whatever process a test starts writes a file of its own."""
+OF_KERNELS = [
+    f"tests/test_{name}.py"
+    for name in ("drift_kernels", "branch_kernels", "arm_branches", "parallel_kernels",
+                 "redundancy_kernels", "rollout", "arc_flow")
+]  # fmt: skip
+PLAIN = """\
+import sys
+import freefloat.kernels.compiled as compiled
+compiled.compiled = compiled.borrowed = lambda thing: thing
+import pytest
+sys.exit(pytest.main(sys.argv[1:]))
+"""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--least", type=float, default=95.0, help="per cent; less is an error")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        (folder / "settings").write_text(SETTINGS.format(root=ROOT, folder=folder))
+        (folder / "plain.py").write_text(PLAIN)
+
+        def coverage(*words: str) -> int:
+            command = [sys.executable, "-m", "coverage", words[0], f"--rcfile={folder}/settings"]
+            return subprocess.run([*command, *words[1:]], cwd=ROOT, check=False).returncode
+
+        coverage("run", "-m", "pytest", "-q", "--numprocesses", str(os.cpu_count()))
+        coverage("run", str(folder / "plain.py"), "-q", *OF_KERNELS)
+        coverage("combine", "-q")
+        return coverage("report", "--skip-covered", "--show-missing", f"--fail-under={given.least}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
