@@ -8,8 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from freefloat.kernels.compiled import compiled
+from freefloat.motion.arc_flow import arc_flow
+from freefloat.motion.problem import Margin, Problem
+from freefloat.plans.planner import plan
+from freefloat.scenario.scenario import load_scenario
+from freefloat.wish.search import Search
+from freefloat.wish.timing import TimedPath, Timing
 
 HELPER = """
 from freefloat.kernels.compiled import compiled
@@ -67,3 +74,32 @@ def test_division_by_zero_is_numpys() -> None:
         return 1.0 / x
 
     assert inverse(0.0) == np.inf
+
+
+def machine_code() -> dict[str, int]:
+    """For how many kinds of arguments each kernel is compiled."""
+    return {
+        f"{name}.{kernel}": len(thing.signatures)
+        for name in sys.modules if name.startswith("freefloat.kernels.")
+        for kernel, thing in vars(sys.modules[name]).items() if isinstance(thing, Dispatcher)
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["planar_3dof/parabola_nonstop", "spatial_6dof/line"])
+def test_whole_numbers_and_those_that_nobody_may_change_take_the_same_machine_code(
+    name: str,
+) -> None:
+    """Compiling it again would be a quarter of a minute in which nothing seems to happen."""
+    problem = load_scenario(name).problem()
+    found = plan(problem, Search(samples=8))
+    before = machine_code()
+    path = TimedPath(problem.path.path, Timing(round(problem.path.duration)))
+    margin = Margin(problem.margin.measure, round(problem.margin.value))
+    whole = Problem(problem.model, path, problem.task, (0, 0, 1), margin)
+    plan(whole, Search(samples=8))
+    assert found.chosen is not None
+    flow = arc_flow(whole, 1.0)
+    assert flow.determinant is not None
+    assert flow.determinant(found.chosen.motion.joints[0]) != 0.0
+    assert before["freefloat.kernels.rollout_kernels.follow_many"] > 0
+    assert machine_code() == before

@@ -1,6 +1,7 @@
 """Touch points in space: states through which a motion has S = S0 as its smallest magnitude."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -346,6 +347,15 @@ def test_a_spoiled_touch_gives_no_boundary_attitude(problem):
     assert set(spoiled) == {True, False}
 
 
+def test_the_smallest_s_is_that_of_the_touch_but_for_a_small_share(problem):
+    """A thousandth of S0 less is another smallest S, also where S0 is far below one."""
+    asked = changed(problem, measure="arm", value=0.1)
+    touch = next(t for t in touch_points(asked, -2.5, 2.3656) if boundary_attitude(asked, t))
+    assert boundary_attitude(asked, replace(touch, level=1.00001 * touch.level))
+    for share in (0.999, 1.001):
+        assert boundary_attitude(asked, replace(touch, level=share * touch.level)) is None
+
+
 def test_a_family_is_spread_and_repeatable(problem):
     """As many as asked for, from several pairs (q1, q2), the same for the same seed."""
     family = touch_family(problem, 12, seed=1)
@@ -403,7 +413,7 @@ def test_states_that_are_touches_already_cost_one_look(problem, monkeypatch):
     assert len(looks) == 8  # there, to both sides of each unknown, and to judge
 
 
-def test_states_beyond_a_skew_wrist_are_given_up(problem, tmp_path):
+def test_states_that_cannot_be_bent_to_are_given_up(problem, tmp_path):
     """Axes 4 and 5 at 53 degrees bend the hand by 106 at most; touches within that are found."""
     text = (models_folder() / "spatial_6dof" / "spatial_6dof.urdf").read_text()
     first, joint_5 = text.split('<joint name="q5"')
@@ -413,11 +423,13 @@ def test_states_beyond_a_skew_wrist_are_given_up(problem, tmp_path):
     margin = ff.Margin(ff.measure(model, problem.task, "arm"), 5.0)
     asked = ff.Problem(model, problem.path, problem.task, MOMENTUM, margin)
     through = StatesOnPath(asked, 0.1, 2.0)
-    starts = np.random.default_rng(2).uniform([0.0, -3.0, -3.0], [100.0, 3.0, 3.0], (60, 3))
+    starts = np.random.default_rng(2).uniform([0.0, -3.0, -3.0], [100.0, 3.0, 3.0], (120, 3))
     reached = np.isfinite(through.at(starts, 1.0)[1]).all(axis=1)
-    assert 5 < np.count_nonzero(reached) < 55
-    assert len(_refined(through, 1.0, 5.0, starts[~reached], 1.0)) == 0
+    assert 30 < np.count_nonzero(reached) < 90
+    assert len(_refined(through, 1.0, 5.0, starts[~reached][:5], 1.0)) == 0
     assert len(touch_points(asked, 0.1, 2.0)) > 0
+    both = np.vstack([starts[~reached][:5], starts[reached]])
+    assert len(_refined(through, 1.0, -5.0, both, 1.0)) > 0
 
 
 def test_a_given_level_is_signed(problem):

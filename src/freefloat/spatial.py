@@ -77,6 +77,17 @@ def finite_vector(key: str, values: npt.ArrayLike, length: int) -> Array:
     return array
 
 
+def finite_number(key: str, value: object, accepted: str) -> float:
+    """Check that ``value`` is a finite number; whole numbers become floats like any other.
+
+    Raises:
+        InputError: Naming ``key`` and what is ``accepted`` when it is not.
+    """
+    if not isinstance(value, int | float | np.integer | np.floating) or not np.isfinite(value):
+        raise InputError(key, f"{value!r} was given", accepted)
+    return float(value)
+
+
 def unit_vector(key: str, values: npt.ArrayLike) -> Array:
     """A direction, normalized; refused when it has none."""
     vector = finite_vector(key, values, 3)

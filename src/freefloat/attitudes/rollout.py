@@ -140,6 +140,7 @@ class Roller:
             np.array(joints, dtype=float, order="C"),  # arrays that may be written to
             np.array(
                 np.broadcast_to(self.problem.momentum if momenta is None else momenta, (K, 3)),
+                dtype=float,
                 order="C",
             ),
             np.zeros(K) if starts is None else np.array(starts, dtype=float),

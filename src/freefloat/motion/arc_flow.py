@@ -89,7 +89,9 @@ class _CompiledFlow:
         self._room = (*room, np.zeros((3, max(n, 9))))
         self._tangent_at = kernels.tangent_at
         self.determinant: Callable[[Array], float] | None = lambda joints: kernels.determinant_at(
-            *robot, joints, *room
+            *robot,
+            np.array(joints),
+            *room,  # a copy: compiled for arrays that may be written to
         )
 
     def __call__(self, _: float, y: Array) -> Array:

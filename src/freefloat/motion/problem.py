@@ -27,6 +27,7 @@ from freefloat.machine.singularity import Measure
 from freefloat.machine.virtual_manipulator import VirtualManipulator
 from freefloat.spatial import (
     Array,
+    finite_number,
     finite_vector,
     frozen,
     low_discrepancy,
@@ -55,8 +56,10 @@ class Margin:
     value: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.value) and self.value >= 0.0):
-            raise InputError("margin.value", f"{self.value} was given", "a magnitude, 0 or more")
+        accepted = "a magnitude, 0 or more"
+        object.__setattr__(self, "value", finite_number("margin.value", self.value, accepted))
+        if self.value < 0.0:
+            raise InputError("margin.value", f"{self.value} was given", accepted)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ import numpy as np
 
 from freefloat.brief import brief
 from freefloat.errors import IntegrationError
+from freefloat.machine.joint_gap import joint_gap
 from freefloat.machine.singularity import largest_magnitude
 from freefloat.motion.closeness import least
 from freefloat.motion.integration import integrate_motion
@@ -29,6 +30,8 @@ TURN = 2.0 * np.pi
 _SMALLEST_LEVEL = 1e-4
 """Share of S_max that stands for a margin of zero, at which no motion can be started."""
 _TOLERANCE = 1e-9
+_NEAR = 1e-4
+"""How near joint values must be to mean a branch [rad]."""
 
 Span = tuple[float, float]
 
@@ -206,8 +209,7 @@ def _edges(problem: Problem, limits: tuple[Limit, ...], at: float) -> list[Edge]
 def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:
     """The number of the branch with these joints; None where branches meet."""
     branches = problem.branches(heading_quaternion(heading), at)
-    gaps = [np.abs(np.angle(np.exp(1j * (branch.joints - joints)))).max() for branch in branches]
-    near = [b.index for b, gap in zip(branches, gaps, strict=True) if gap < 1e-4]
+    near = [b.index for b in branches if joint_gap(problem.model, b.joints, joints) < _NEAR]
     return near[0] if len(near) == 1 else None
 
 

@@ -231,7 +231,7 @@ def _refined(
         known = np.isfinite(now.sum(axis=1) + J.sum(axis=(1, 2)))
         x, now, J = x[known], now[known], J[known]
         if not len(x):
-            return np.empty((0, 3))
+            return starts[:0]
         if np.abs(now).max() < _CONVERGED:
             break
         normal = J @ J.transpose(0, 2, 1) + 1e-14 * np.eye(3)

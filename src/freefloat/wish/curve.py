@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from freefloat.brief import brief
 from freefloat.errors import InputError
-from freefloat.spatial import Array, finite_vector, frozen, unit_vector
+from freefloat.spatial import Array, finite_number, finite_vector, frozen, unit_vector
 from freefloat.wish.pieces import Pieces, breaks_that_count
 
 _NEGLIGIBLE = 1e-8
@@ -91,6 +91,8 @@ class ArcCurve:
         object.__setattr__(self, "centre", frozen(finite_vector("arc.center", self.centre, 3)))
         object.__setattr__(self, "start", frozen(finite_vector("arc.from", self.start, 3)))
         object.__setattr__(self, "normal", frozen(unit_vector("arc.normal", self.normal)))
+        angle = finite_number("arc.angle", self.angle, "a finite angle in rad")
+        object.__setattr__(self, "angle", angle)
         arm = self.start - self.centre
         if abs(arm @ self.normal) > 1e-6 * max(1.0, float(np.linalg.norm(arm))):
             raise InputError(

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from freefloat.brief import brief
 from freefloat.errors import InputError, member
-from freefloat.spatial import Array, Pose, frozen
+from freefloat.spatial import Array, Pose, finite_number, frozen
 from freefloat.wish.path import EndEffectorPath
 
 _BLEND = 0.25
@@ -97,8 +97,10 @@ class Timing:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "law", member("timing.law", TimeLaw, self.law))
+        accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
+        duration = finite_number("timing.duration", self.duration, accepted)
+        object.__setattr__(self, "duration", duration)
         if not _SHORTEST <= self.duration <= _LONGEST:
-            accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
             raise InputError("timing.duration", f"{self.duration} was given", accepted)
         times = (0.0, *(stop.t for stop in self.stops), self.duration)
         places = (0.0, *(stop.s for stop in self.stops), 1.0)
