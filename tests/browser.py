@@ -59,6 +59,14 @@ class Shown:
         for item in self.ask("freefloat.about.items"):
             self.toggle(item["name"], item["name"] in names)
 
+    def as_at_first(self) -> None:
+        """Back to the scene, the time and the items with which a page opens."""
+        about = self.ask("freefloat.about")
+        self.ask("title => freefloat.show(title)", about["scenes"][0]["title"])
+        self.at(0.0)
+        for item in about["items"]:
+            self.toggle(item["name"], item["visible"])
+
     def picture(self) -> np.ndarray:
         """What is seen, panels left out: red, green, blue, shape (height, width, 3)."""
         data = self.ask("freefloat.picture()").split(",")[1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -127,10 +126,19 @@ def test_very_many_samples_are_thinned_evenly(found: AttitudeMap) -> None:
     assert share == pytest.approx(1.0 - found.feasible_fraction, abs=0.005)
 
 
-@pytest.fixture
-def page(browser: Browser, recording: Recording, tmp_path: Path) -> Iterator[Shown]:
-    with shown(browser, Playback(recording).save(tmp_path / "map.html")) as seen:
+@pytest.fixture(scope="module")
+def opened(
+    browser: Browser, recording: Recording, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Shown]:
+    file = tmp_path_factory.mktemp("page") / "map.html"
+    with shown(browser, Playback(recording).save(file)) as seen:
         yield seen
+
+
+@pytest.fixture
+def page(opened: Shown) -> Shown:
+    opened.as_at_first()
+    return opened
 
 
 def test_the_page_shows_a_ball_with_marks_where_they_belong(page: Shown) -> None:

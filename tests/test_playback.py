@@ -37,14 +37,33 @@ def motions() -> dict[str, Motion]:
 
 
 @pytest.fixture(scope="module")
-def example_2(motions: dict[str, Motion], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return play(motions, "Example 2").save(tmp_path_factory.mktemp("page") / "example 2.html")
+def played(motions: dict[str, Motion]) -> Playback:
+    return play(motions, "Example 2")
+
+
+@pytest.fixture(scope="module")
+def example_2(played: Playback, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return played.save(tmp_path_factory.mktemp("page") / "example 2.html")
 
 
 @pytest.fixture
 def page(browser: Browser, example_2: Path) -> Iterator[Shown]:
+    """A page that nobody has touched."""
     with shown(browser, example_2) as seen:
         yield seen
+
+
+@pytest.fixture(scope="module")
+def opened(browser: Browser, example_2: Path) -> Iterator[Shown]:
+    with shown(browser, example_2) as seen:
+        yield seen
+
+
+@pytest.fixture
+def scene(opened: Shown) -> Shown:
+    """A page as it opens, for tests that use none of its controls."""
+    opened.as_at_first()
+    return opened
 
 
 def turned_apart(first: np.ndarray, second: np.ndarray) -> float:
@@ -63,52 +82,52 @@ def test_the_page_loads_by_itself_and_soon(page: Shown, example_2: Path) -> None
     assert example_2.stat().st_size < 5e6
 
 
-def test_the_viewer_is_the_one_the_page_was_written_for(page: Shown) -> None:
-    assert page.ask("MeshCat.THREE.REVISION") == "132"
+def test_the_viewer_is_the_one_the_page_was_written_for(scene: Shown) -> None:
+    assert scene.ask("MeshCat.THREE.REVISION") == "132"
 
 
 def test_bodies_and_gripper_are_where_the_motion_says(
-    page: Shown, motions: dict[str, Motion], rng: np.random.Generator
+    scene: Shown, motions: dict[str, Motion], rng: np.random.Generator
 ) -> None:
     for title, motion in motions.items():
-        page.ask("title => freefloat.show(title)", title)
+        scene.ask("title => freefloat.show(title)", title)
         model = motion.problem.model
         for state in motion.sample([0.0, *rng.uniform(0.0, motion.times[-1], 6), motion.times[-1]]):
-            page.at(state.time)
+            scene.at(state.time)
             bodies = model.body_poses(state.attitude, state.joints)
             for name, pose in zip(model.body_names, bodies, strict=True):
-                assert page.position(f"{title}/Robot/{name}") == pytest.approx(
+                assert scene.position(f"{title}/Robot/{name}") == pytest.approx(
                     pose.position, abs=1e-6
                 )
-            assert page.position(f"{title}/Robot/spacecraft") == pytest.approx(
+            assert scene.position(f"{title}/Robot/spacecraft") == pytest.approx(
                 state.base_position, abs=1e-6
             )
-            turn = turned_apart(page.quaternion(f"{title}/Robot/spacecraft"), state.attitude)
+            turn = turned_apart(scene.quaternion(f"{title}/Robot/spacecraft"), state.attitude)
             assert turn < ANGLES
             hand = model.end_effector_pose(state.attitude, state.joints).position
-            assert page.position(f"{title}/End-effector axes") == pytest.approx(hand, abs=1e-6)
+            assert scene.position(f"{title}/End-effector axes") == pytest.approx(hand, abs=1e-6)
             wanted = motion.problem.path.pose(state.time).position
-            assert page.position(f"{title}/End-effector axes") == pytest.approx(wanted, abs=2e-6)
+            assert scene.position(f"{title}/End-effector axes") == pytest.approx(wanted, abs=2e-6)
 
 
-def test_the_spacecraft_turns_on_screen(page: Shown) -> None:
-    page.only("Robot")
-    page.at(0.0)
-    before = page.picture()
-    page.at(70.0)
-    assert differing(before, page.picture()) > 2000
-    page.at(0.0)
-    assert (page.picture() == before).all()
+def test_the_spacecraft_turns_on_screen(scene: Shown) -> None:
+    scene.only("Robot")
+    scene.at(0.0)
+    before = scene.picture()
+    scene.at(70.0)
+    assert differing(before, scene.picture()) > 2000
+    scene.at(0.0)
+    assert (scene.picture() == before).all()
 
 
-def test_the_robot_is_seen_and_stands_where_it_is(page: Shown) -> None:
-    page.only("Robot")
-    page.at(30.0)
-    with_robot = page.picture()
-    page.only()
-    without = page.picture()
+def test_the_robot_is_seen_and_stands_where_it_is(scene: Shown) -> None:
+    scene.only("Robot")
+    scene.at(30.0)
+    with_robot = scene.picture()
+    scene.only()
+    without = scene.picture()
     assert differing(with_robot, without) > 5000
-    x, y = page.ask("freefloat.onScreen('meshcat/feasible attitude/Robot/spacecraft')")
+    x, y = scene.ask("freefloat.onScreen('meshcat/feasible attitude/Robot/spacecraft')")
     height, width, _ = with_robot.shape
     spot = np.s_[int(y * height) - 3 : int(y * height) + 4, int(x * width) - 3 : int(x * width) + 4]
     assert differing(with_robot[spot], without[spot]) == 49
@@ -195,13 +214,13 @@ def test_toggles_hide_and_show(page: Shown) -> None:
     ["End-effector path", "Trail", "Areas", "Centre of mass", "Momentum", "Spacecraft axes",
      "End-effector axes", "Singularity"],
 )  # fmt: skip
-def test_every_item_is_seen_also_inside_the_spacecraft(page: Shown, name: str) -> None:
-    page.ask("title => freefloat.show(title)", SINGULAR)
-    page.at(60.0)
-    page.only("Robot")
-    without = page.picture()
-    page.only("Robot", name)
-    assert differing(page.picture(), without) > 5
+def test_every_item_is_seen_also_inside_the_spacecraft(scene: Shown, name: str) -> None:
+    scene.ask("title => freefloat.show(title)", SINGULAR)
+    scene.at(60.0)
+    scene.only("Robot")
+    without = scene.picture()
+    scene.only("Robot", name)
+    assert differing(scene.picture(), without) > 5
 
 
 def test_only_items_that_there_are_can_be_switched(page: Shown) -> None:
@@ -212,9 +231,9 @@ def test_only_items_that_there_are_can_be_switched(page: Shown) -> None:
     assert page.page.get_by_label("Singularity", exact=True).is_visible()
 
 
-def test_the_scene_tree_has_plain_names(page: Shown) -> None:
-    names = page.page.locator(".dg li.title").all_inner_texts() + [
-        text.strip() for text in page.page.locator(".dg li.title").all_text_contents()
+def test_the_scene_tree_has_plain_names(scene: Shown) -> None:
+    names = scene.page.locator(".dg li.title").all_inner_texts() + [
+        text.strip() for text in scene.page.locator(".dg li.title").all_text_contents()
     ]
     for item in (
         "Robot",
@@ -227,23 +246,23 @@ def test_the_scene_tree_has_plain_names(page: Shown) -> None:
         assert item in names
 
 
-def test_no_floor_is_drawn(page: Shown) -> None:
+def test_no_floor_is_drawn(scene: Shown) -> None:
     for path in ("Grid", "Axes"):
-        assert not page.ask("p => freefloat.visible(p)", path)
+        assert not scene.ask("p => freefloat.visible(p)", path)
 
 
-def test_the_trail_grows(page: Shown) -> None:
-    page.only()
-    page.at(60.0)
-    empty = page.picture()
-    page.only("Trail")
+def test_the_trail_grows(scene: Shown) -> None:
+    scene.only()
+    scene.at(60.0)
+    empty = scene.picture()
+    scene.only("Trail")
     lengths = []
     for time in (0.0, 40.0, 60.0, 100.0):
-        page.only()
-        page.at(time)
-        empty = page.picture()
-        page.only("Trail")
-        lengths.append(differing(page.picture(), empty))
+        scene.only()
+        scene.at(time)
+        empty = scene.picture()
+        scene.only("Trail")
+        lengths.append(differing(scene.picture(), empty))
     assert lengths[0] < 30
     assert lengths[0] < lengths[1] < lengths[2] < lengths[3]
 
@@ -270,10 +289,10 @@ def test_a_singular_motion_stops_and_says_when(page: Shown, motions: dict[str, M
     )
 
 
-def test_the_panel_tells_the_measure(page: Shown, motions: dict[str, Motion]) -> None:
-    page.at(40.0)
-    page.page.wait_for_timeout(100)
-    told = re.search(r"\|arm\| = ([0-9.]+), to keep: 5", page.page.locator("#states").inner_text())
+def test_the_panel_tells_the_measure(scene: Shown, motions: dict[str, Motion]) -> None:
+    scene.at(40.0)
+    scene.page.wait_for_timeout(100)
+    told = re.search(r"\|arm\| = ([0-9.]+), to keep: 5", scene.page.locator("#states").inner_text())
     assert told is not None
     motion = motions[FEASIBLE]
     value = abs(motion.problem.margin.measure.value(motion.sample([40.0])[0].joints))
@@ -296,9 +315,9 @@ def test_motions_are_switched_or_side_by_side(page: Shown) -> None:
 
 
 def test_a_page_opens_on_the_scene_asked_for(
-    browser: Browser, motions: dict[str, Motion], tmp_path: Path
+    browser: Browser, played: Playback, tmp_path: Path
 ) -> None:
-    file = play(motions, "Example 2").save(tmp_path / "both.html", "side by side")
+    file = played.save(tmp_path / "both.html", "side by side")
     with shown(browser, file) as seen:
         assert seen.visible(FEASIBLE)
         assert seen.visible(SINGULAR)
@@ -343,13 +362,15 @@ class Window:
         self.sent.append(command.lower())  # type: ignore[attr-defined]
 
 
-def test_it_goes_into_a_visualizer_of_the_users(motions: dict[str, Motion]) -> None:
+def test_it_goes_into_a_visualizer_of_the_users(
+    played: Playback, motions: dict[str, Motion]
+) -> None:
     from meshcat import Visualizer
     from meshcat.path import Path as ScenePath
 
     window = Window()
     visualizer = Visualizer.view_into(window, ScenePath(("meshcat", "mine")))
-    play(motions).into(visualizer)
+    played.into(visualizer)
     objects = [one["path"] for one in window.sent if one["type"] == "set_object"]
     for title in motions:
         shapes = [
@@ -362,12 +383,12 @@ def test_it_goes_into_a_visualizer_of_the_users(motions: dict[str, Motion]) -> N
     assert f"/meshcat/mine/{FEASIBLE}/Robot/spacecraft" in paths
 
 
-def test_the_same_motions_give_the_same_page(motions: dict[str, Motion]) -> None:
-    assert play(motions).html() == play(motions).html()
+def test_the_same_motions_give_the_same_page(motions: dict[str, Motion], example_2: Path) -> None:
+    assert play(motions, "Example 2").html() == example_2.read_text(encoding="utf-8")
 
 
-def test_what_is_shown_twice_is_told_once(motions: dict[str, Motion]) -> None:
-    copies = play(motions).recording.copies
+def test_what_is_shown_twice_is_told_once(played: Playback) -> None:
+    copies = played.recording.copies
     robot = {target.split("/", 3)[3] for _, target in copies if f"/{SINGULAR}/Robot/" in target}
     assert len(robot) == 13
     again = {target for _, target in copies}
