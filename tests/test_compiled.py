@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
+from freefloat.attitudes.outlook import Outlook
 from freefloat.kernels.compiled import compiled
 from freefloat.motion.arc_flow import arc_flow
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Margin, Problem
-from freefloat.plans.planner import plan
+from freefloat.motion.simulation import simulate
 from freefloat.scenario.scenario import load_scenario
-from freefloat.wish.search import Search
 from freefloat.wish.timing import TimedPath, Timing
 
 HELPER = """
@@ -91,15 +92,22 @@ def test_whole_numbers_and_those_that_nobody_may_change_take_the_same_machine_co
 ) -> None:
     """Compiling it again would be a quarter of a minute in which nothing seems to happen."""
     problem = load_scenario(name).problem()
-    found = plan(problem, Search(samples=8))
+    motion = used(problem)
     before = machine_code()
     path = TimedPath(problem.path.path, Timing(round(problem.path.duration)))
     margin = Margin(problem.margin.measure, round(problem.margin.value))
     whole = Problem(problem.model, path, problem.task, (0, 0, 1), margin)
-    plan(whole, Search(samples=8))
-    assert found.chosen is not None
-    flow = arc_flow(whole, 1.0)
-    assert flow.determinant is not None
-    assert flow.determinant(found.chosen.motion.joints[0]) != 0.0
+    used(whole)
+    determinant = arc_flow(whole, 1.0).determinant
+    assert determinant is not None
+    assert determinant(motion.joints[0]) != 0.0
     assert before["freefloat.kernels.rollout_kernels.follow_many"] > 0
     assert machine_code() == before
+
+
+def used(problem: Problem) -> Motion:
+    """Its first motion, after many branches were found and followed."""
+    attitude = np.array([0.0, 0.0, 0.0, 1.0])
+    found = Outlook(problem, 1).prospects(attitude[None], stop_at_margin=True)
+    assert (found.endings >= 0).any()
+    return simulate(problem, attitude).chosen.motion
