@@ -18,7 +18,7 @@ NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "minimum": "max
          "maximum": "minimum", "hstack": "vstack"}  # fmt: skip
 SYMMETRIC = {"min", "max", "minimum", "maximum", "joint_gap"}
 UNTOLD = {"dtype", "order", "strict", "frozen", "eq"}
-"""Keywords whose loss changes types or checks, not results."""
+"""Keywords whose loss, or change, changes types or checks, not results."""
 
 
 @dataclass
@@ -116,9 +116,15 @@ def sites(node: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, str, ast.AS
             else:
                 changes = iter(())
             yield from ((node, field, place, kind, new) for kind, new in changes)
-            told = isinstance(child, ast.JoinedStr | ast.Raise | ast.Import | ast.ImportFrom)
-            if isinstance(child, ast.AST) and not told:
+            if isinstance(child, ast.AST) and not is_left_alone(child):
                 yield from sites(child)
+
+
+def is_left_alone(node: ast.AST) -> bool:
+    """Whether changes inside make no difference to results."""
+    if isinstance(node, ast.keyword):
+        return node.arg in UNTOLD
+    return isinstance(node, ast.JoinedStr | ast.Raise | ast.Import | ast.ImportFrom)
 
 
 def mutants_of(source: str) -> list[tuple[Mutant, str]]:
