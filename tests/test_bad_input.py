@@ -124,6 +124,12 @@ FILES = {
     "empty name": Bad("scenario", "a scenario file", name="", file=""),
     "empty": Bad("file", "keys and values", content="", problem="empty"),
     "only a comment": Bad("file", "keys and values", content="# later\n", problem="empty"),
+    "a key with a bracket": edited(
+        "task[0]", "task", "task: planar-pose", "task[0]: planar-pose", problem="no such key"
+    ),
+    "a key of pydantic's": edited(
+        "timing.float", "law", "law: quintic", "float: quintic", problem="no such key"
+    ),
     "a list": Bad("file", "keys and values", content="- task: pose\n"),
     "invalid YAML": Bad("line 2", "valid YAML", content="robot: {urdf: x\n"),
     "tabs": Bad("line 2", "valid YAML", content="robot:\n\turdf: x\n"),

@@ -110,6 +110,14 @@ def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
     assert len(str(caught.value).splitlines()) == 1
 
 
+def test_a_reason_is_short_however_much_of_the_file_it_cites(tmp_path: Path) -> None:
+    path = tmp_path / "long.dae"
+    path.write_text(f"<COLLADA><{'a' * 70_000}")
+    with pytest.raises(MeshFileError, match=r"cannot be read .*aaa\.\.\..*\)$") as caught:
+        read_mesh(path)
+    assert len(str(caught.value)) <= 1000
+
+
 def test_a_mesh_scaled_to_nothing_is_refused(tmp_path: Path) -> None:
     """A scale of zero leaves no triangle."""
     path = saved(trimesh.creation.box((1, 1, 1)), tmp_path / "box.stl")

@@ -47,14 +47,14 @@ class InputError(FreeFloatError):
         line: int | None = None,
     ) -> None:
         super().__init__(key, problem, accepted, source, line)
-        self.key = _one_line(key, _LONGEST)
-        self.problem = _one_line(problem, _LONGEST)
-        self.accepted = _one_line(accepted, 8 * _LONGEST)
+        self.key = one_line(key, _LONGEST)
+        self.problem = one_line(problem, _LONGEST)
+        self.accepted = one_line(accepted, 8 * _LONGEST)
         self.source = source
         self.line = line
 
     def __str__(self) -> str:
-        file = _one_line(self.source or "", 8 * _LONGEST)
+        file = one_line(self.source or "", 8 * _LONGEST)
         file = f"{file}:{self.line}" if file and self.line else file
         place = f"{file}: {self.key}" if file else self.key
         return f"{place}: {self.problem}; accepted: {self.accepted}"
@@ -127,7 +127,7 @@ _LONGEST = 1000
 """Characters of a key and of a problem that are told."""
 
 
-def _one_line(text: str, longest: int) -> str:
+def one_line(text: str, longest: int = _LONGEST) -> str:
     """A text from who knows where as a terminal may get it: nothing in it moves the cursor."""
     if len(text) > longest:
         text = f"{text[: longest * 3 // 4]}...{text[-longest // 5 :]}"

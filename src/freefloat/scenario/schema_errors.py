@@ -41,6 +41,8 @@ _WORDS = {
     "string_too_short": "a name",
 }
 """What is accepted, for the kinds of pydantic's errors whose own words are Python's."""
+_PYDANTICS = ("constrained-float", "float")
+"""Steps of a location that are pydantic's, not the file's; so is any with a bracket."""
 
 
 def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) -> InputError:
@@ -48,14 +50,12 @@ def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) 
     order = {"extra_forbidden": 0, "missing": 1}
     found = sorted(error.errors(), key=lambda e: order.get(e["type"], 2))
     first = found[0]
-    location = [str(part) for part in first["loc"] if "[" not in str(part)]
-    steps = [part for part in location if part not in ("constrained-float", "float")]
-    key = ".".join(steps) or "file"
     kind, details = first["type"], first.get("ctx", {})
     if kind == "extra_forbidden":
-        keys = _keys_at(schema, first["loc"][:-1])
-        told = f"there is no such key{did_you_mean(steps[-1], keys)}"
-        return InputError(key, told, ", ".join(keys), str(source))
+        return _unknown_key(schema, first["loc"], source)
+    location = [str(part) for part in first["loc"] if "[" not in str(part)]
+    steps = [part for part in location if part not in _PYDANTICS]
+    key = ".".join(steps) or "file"
     if kind == "missing":
         if len(first["loc"]) > 1 and isinstance(first["loc"][-1], int):
             short = ".".join(steps[:-1])
@@ -77,6 +77,17 @@ def _first_error(error: ValidationError, schema: type[BaseModel], source: Path) 
     known = re.findall("'([^']*)'", details.get("expected", ""))  # of an enumeration
     hint = did_you_mean(_short(first["input"]).strip("'"), known)
     return InputError(key, f"{_short(first['input'])} was given{hint}", accepted, str(source))
+
+
+def _unknown_key(
+    schema: type[BaseModel], location: tuple[int | str, ...], source: Path
+) -> InputError:
+    """The last step is as it was written, whatever it looks like."""
+    *within, given = map(str, location)
+    steps = [step for step in within if "[" not in step and step not in _PYDANTICS]
+    keys = _keys_at(schema, location[:-1])
+    told = f"there is no such key{did_you_mean(given, keys)}"
+    return InputError(".".join([*steps, given]), told, ", ".join(keys), str(source))
 
 
 def _wanted(schema: type[BaseModel], error: Mapping[str, Any]) -> str:

@@ -9,11 +9,14 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from freefloat.bundled import examples_folder, is_file
-from freefloat.errors import InputError
+from freefloat.errors import InputError, one_line
 
 
 class MeshFileError(Exception):
-    """A mesh file that is not there or cannot be read; its text says why."""
+    """A mesh file that is not there or cannot be read; its text says why, in one line."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(one_line(reason))
 
 
 def find_mesh(name: str, urdf: str) -> Path:
