@@ -35,7 +35,7 @@ settings.load_profile("freefloat")
 
 
 def pytest_configure() -> None:
-    """Commands that tests start hear Ctrl-C, also where a shell runs the tests in the background."""
+    """Commands that tests start hear Ctrl-C, also where tests run in a shell's background."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -410,7 +410,7 @@ def test_states_that_are_touches_already_cost_one_look(problem, monkeypatch):
     looks, at = [], through.at
     monkeypatch.setattr(through, "at", lambda *told: looks.append(1) or at(*told))
     np.testing.assert_allclose(_refined(through, 1.0, -5.0, done, 1.0), done, rtol=0, atol=1e-9)
-    assert len(looks) == 8  # there, to both sides of each unknown, and to judge
+    assert len(looks) == 2  # there and to both sides of each unknown, and to judge
 
 
 def test_states_that_cannot_be_bent_to_are_given_up(problem, tmp_path):

@@ -211,7 +211,7 @@ def _refined(
         Time, q3 and turn of those that converged on the way, shape (K, 3).
     """
     units = np.array([through.problem.path.duration, 1.0, 1.0])
-    steps = _STEP * np.eye(3)
+    steps = np.vstack([np.zeros(3), _STEP * np.eye(3), -_STEP * np.eye(3)])
 
     def misses(x: Array) -> Array:
         states = units * x
@@ -225,10 +225,10 @@ def _refined(
 
     x = starts / units
     for _ in range(_ITERATIONS):
-        now = misses(x)
-        change = np.stack([misses(x + step) - misses(x - step) for step in steps], axis=1)
+        now, *moved = np.split(misses(np.vstack(x + steps[:, None])), 7)
+        known = np.isfinite(np.hstack([now, *moved])).all(axis=1)
+        change = np.stack(moved[:3], axis=1) - np.stack(moved[3:], axis=1)
         J = change / (2.0 * _STEP)  # transposed
-        known = np.isfinite(now.sum(axis=1) + J.sum(axis=(1, 2)))
         x, now, J = x[known], now[known], J[known]
         if not len(x):
             return starts[:0]
