@@ -168,7 +168,7 @@ def brute_force(
             low, high = float(headings[k]), float(headings[k]) + np.radians(spacing)
             at_low, at_high = (precise(problem, x, index) for x in (low, high))
             while at_low == at_high:  # the fixed-step verdict was off by a sample or so
-                low, high = low - np.radians(spacing) / 2, high + np.radians(spacing) / 2
+                low, high = low - (high - low) / 2, high + (high - low) / 2
                 at_low, at_high = (precise(problem, x, index) for x in (low, high))
                 if high - low > np.radians(8 * spacing):
                     break

@@ -52,7 +52,8 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
 @pytest.fixture(scope="session")
 def kernels() -> None:
     """Kernels compiled before anyone listens to stderr, where their compilation is announced."""
-    for name in ("planar_3dof/parabola", "spatial_6dof/line", "ur5_servicer/arc"):
+    kinds = ("planar_3dof/parabola", "spatial_6dof/line", "ur5_servicer/arc", "panda_servicer/line")
+    for name in kinds:
         warm_up(load_scenario(name).problem())
 
 
