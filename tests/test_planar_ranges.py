@@ -13,6 +13,7 @@ from freefloat.ranges.planar_ranges import (
     TURN,
     HeadingRange,
     LimitCause,
+    _arcs,
     _branch_of,
     _joined,
     find_limits,
@@ -126,6 +127,22 @@ def test_neighbouring_arcs_with_one_verdict_are_one_range():
     ]
     last = _joined(0, "e+", arcs, [False, True, True, False]).ranges
     assert [(one.low, one.high, one.causes) for one in last] == [(2.0, 5.0, (margin, reach))]
+
+
+def test_limits_are_the_ends_of_ranges_within_one_turn():
+    """In order, those of a range across zero among them."""
+    margin = LimitCause.MARGIN
+    arcs = [(1.0, 3.0, (margin,) * 2), (3.0, 5.0, (margin,) * 2), (5.0, 1.0 + TURN, (margin,) * 2)]
+    assert _joined(0, "e+", arcs, [False, False, True]).limits == pytest.approx((1.0, 5.0))
+    assert _joined(0, "e+", arcs, [False, True, False]).limits == pytest.approx((3.0, 5.0))
+
+
+def test_limits_that_coincide_leave_no_arc_between_them():
+    margin, reach = LimitCause.MARGIN, LimitCause.REACH
+    edges = [(1.0, margin), (1.0 + 1e-12, reach), (3.0, margin)]
+    assert [(low, high) for low, high, _ in _arcs(edges)] == pytest.approx(
+        [(1.0, 3.0), (3.0, 1.0 + TURN)]
+    )
 
 
 def test_depth_is_the_distance_to_the_nearer_end():
