@@ -19,6 +19,7 @@ from freefloat.cli.entry import app
 from freefloat.errors import InputError
 from freefloat.limits.limit_checks import LimitChecker
 from freefloat.scenario.scenario import parse_scenario
+from freefloat.spatial import angle_between
 from freefloat.storage.plan_file import load_plan, save_motion, save_plan
 from freefloat.storage.seal import seal
 from tests.wishes import PARABOLA
@@ -42,6 +43,16 @@ path:
 timing: {law: quintic, duration: 100}
 margin: {measure: arm, value: 5}
 search: {samples: 256}
+"""
+
+
+HARDLY = """\
+robot: {urdf: planar_2dof, end_effector: end_effector}
+task: planar-position
+path:
+  line: {from: [1.5, 0, 0], to: [1.500001, 0, 0]}
+timing: {law: quintic, duration: 100}
+margin: {fraction: 0.01}
 """
 
 
@@ -138,6 +149,26 @@ def moved(name, row, column, by):
     return change
 
 
+def replaced(name, values):
+    def change(file):
+        attributes = dict(file[name].attrs)
+        del file[name]
+        file[name] = values
+        file[name].attrs.update(attributes)
+
+    return change
+
+
+def shortened(first, beyond):
+    """Only some nodes of the motion."""
+
+    def change(file):
+        for name in NODES:
+            replaced(f"motion/{name}", file[f"motion/{name}"][first:beyond])(file)
+
+    return change
+
+
 def turned(file):
     attitudes = file["motion/attitude"][()]
     turn = Rotation.from_rotvec([0.0, 0.0, 1e-4])
@@ -182,8 +213,8 @@ TAMPERINGS = {
         "off its path by 0.01",
     ),
     "the duration": (
-        rewritten("scenario", "duration: 100", "duration: 101"), "what the file tells",
-        "duration says 100, but it is 101",
+        rewritten("scenario", "duration: 100", "duration: 101"), "whole motion",
+        "a completed motion of 101 s that goes from 0 to 100 s",
     ),
     "the margin": (
         rewritten("scenario", "value: 5", "value: 50"), "what the file tells",
@@ -247,6 +278,34 @@ TAMPERINGS = {
     ),
     "no certificate": (
         retold("certificate", by=lambda _: None), "certificate in the file", "there is none",
+    ),
+    "the end left out": (shortened(0, -16), "whole motion", "motion of 100 s that goes from 0 to"),
+    "the beginning left out": (shortened(8, None), "whole motion", "of 100 s that goes from 0."),
+    "all but the start left out": (shortened(0, 1), "whole motion", "goes from 0 to 0 s"),
+    "its success denied": (attribute("feasible", False), "motion", "told to be infeasible"),
+    "another full turn": (
+        replaced("ranges/branch_0", [[0.0, 2.0 * np.pi]]), "ranges of headings",
+        "breaks the margin in a range of branch 0",
+    ),
+    "a branch without ranges": (
+        replaced("ranges/branch_1", np.empty((0, 2))), "ranges of headings",
+        "keeps the margin outside a range of branch 1",
+    ),
+    "the branch of ranges": (
+        retold("attitude_ranges_deg", 0, "branch", by=lambda _: 7), "what the file tells",
+        "attitude_ranges_deg[0].branch says 7, but it is 0",
+    ),
+    "no branch told": (retold("branch", by=lambda _: None), "what the file tells", "branch says"),
+    "a negative radius": (
+        retold("robust_radius_deg", by=lambda _: -5.0), "robustness", "robust_radius_deg says -5",
+    ),
+    "the attitude's error told": (
+        retold("certificate", "end_effector_attitude", "value", by=lambda _: 0.5),
+        "certificate in the file", "end_effector_attitude says 0.5",
+    ),
+    "the scale of its momentum told": (
+        retold("certificate", "momentum_scale", by=doubled), "certificate in the file",
+        "momentum_scale says",
     ),
     "the ending": (
         attribute("ending", "SINGULAR", "motion"), "singular end", "differs from zero by",
@@ -381,14 +440,61 @@ def test_a_singular_motion_is_proved_to_be_singular(simulated):
 
 
 def test_a_singular_motion_cut_short_is_not(simulated, tmp_path):
+    told = failed(altered(simulated, tmp_path / "altered.h5", shortened(0, -40)))
+    assert "differs from zero" in told["singular end"]
+
+
+def test_what_is_singular_cannot_be_sold_as_a_plan(simulated, tmp_path):
+    """Cut before its singularity and told to be completed."""
+
     def change(file):
-        for name in NODES:
-            values = file[f"motion/{name}"][:-40]
-            del file[f"motion/{name}"]
-            file[f"motion/{name}"] = values
+        shortened(0, -40)(file)
+        attribute("ending", "COMPLETED", "motion")(file)
+        file.attrs["feasible"] = True
 
     told = failed(altered(simulated, tmp_path / "altered.h5", change))
-    assert "differs from zero" in told["singular end"]
+    assert "a completed motion of 100 s that goes from 0 to" in told["whole motion"]
+
+
+def followed(text, path, **how):
+    """The file of a motion that was simulated from the identity attitude."""
+    scenario = parse_scenario(text, Path("wish.yaml"))
+    problem = scenario.problem()
+    simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], **how)
+    assert simulation.chosen.motion.completed
+    save_motion(path, simulation.chosen.motion, scenario, simulation_document(simulation, ()))
+    return path
+
+
+def test_a_spacecraft_that_tumbles_many_times_is_proved(tmp_path):
+    """Errors of integration grow with every turn, and so does what is allowed."""
+    tumbling = SPATIAL.replace("[0.5, 0.3, 0.1]", "[50, 0, 20]").replace("value: 5", "value: 0")
+    tumbling = tumbling.replace("[-0.5, 0.8, 0.33]", "[0.6, 0.5, 0.2]")
+    path = followed(tumbling, tmp_path / "tumbling.h5")
+    attitudes = load_plan(path).attitudes
+    assert angle_between(attitudes[1:], attitudes[:-1]).sum() > 20.0 * np.pi
+    assert check_plan(path).reasons == ()
+
+
+def test_an_arm_that_hardly_moves_is_proved(tmp_path):
+    """A micrometre in a hundred seconds: momenta and torques are no larger than rounding."""
+    path = followed(HARDLY, tmp_path / "hardly.h5")
+    assert check_plan(path, "mujoco").reasons == ()
+
+
+def test_a_recorded_path_with_many_knots_is_proved_by_mujoco(tmp_path):
+    """Accelerations bend at every knot; motions are differentiated between knots."""
+    s = np.linspace(0.0, 1.0, 81)
+    noise = 1e-3 * np.random.default_rng(3).standard_normal((81, 2))
+    rows = np.column_stack([2.0 - s, -0.5 + 1.2 * s]) + noise
+    lines = "".join(f"{x:.6f},{y:.6f},0\n" for x, y in rows.tolist())
+    (tmp_path / "noisy.csv").write_text("x,y,z\n" + lines)
+    text = HARDLY.replace("line: {from: [1.5, 0, 0], to: [1.500001, 0, 0]}",
+                          f"samples: {tmp_path / 'noisy.csv'}")  # fmt: skip
+    path = followed(text, tmp_path / "noisy.h5")
+    verdict = check_plan(path, "mujoco")
+    assert verdict.reasons == ()
+    assert verdict.engine["inverse"]["looks"] > 40
 
 
 def test_an_infeasible_plan_has_nothing_to_prove(tmp_path):

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from freefloat.answers.report import limits_document
-from freefloat.checking.checks import Check, below, certificate_checks
+from freefloat.checking.checks import Check, below, certificate_checks, span_check
 from freefloat.checking.claims import differences, same_number
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.limits.limit_checks import LimitChecker
 from freefloat.limits.limits import LimitFinding, LimitKind
+from freefloat.machine.dynamics import inertia_matrices
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.proof.certificate import Certificate, certify
@@ -30,10 +31,14 @@ _MALFORMED = (
 """What comes of a file whose numbers are texts, whose lists are numbers and so on."""
 _WRENCH, _DRIFT = 1e-4, 1e-3
 """Share of the largest torque that may push the base; angle by which a simulation may end off."""
+_ROUNDED = 1e-9
+"""And share of the moment that would turn the system by one radian in the motion's time, which is
+rounding where an arm hardly moves."""
 _AIR = 2e-4
 """To this distances are found [m]."""
 _SHARE = 1e-4
 """By how much worst values of limits, found by search, may differ."""
+_ERRORS = ("end_effector_position", "end_effector_attitude", "momentum", "rates", "centre_of_mass")
 _FACTOR, _LITTLE = 10.0, 1e-7
 """Numbers that are errors themselves may differ by this factor, and by a little."""
 
@@ -125,6 +130,12 @@ def check_plan(
     if motion is None:
         told = f"it has no motion to prove: {stored.document.get('reason')}"
         return Verdict(str(path), kind, (sealed, Check("motion", False, told)))
+    if kind == PLAN and not stored.feasible:
+        told = "it is told to be infeasible, and has a motion"
+        return Verdict(str(path), kind, (sealed, Check("motion", False, told)))
+    whole = span_check(motion)
+    if not whole.passed:
+        return Verdict(str(path), kind, (sealed, whole))
     if prepare is not None and stored.kind == PLAN and stored.feasible:
         prepare(motion.problem)
     return _verdict(stored, wish, motion, sealed, engine)
@@ -229,10 +240,17 @@ def _same_certificate(stored: StoredPlan, found: Certificate | None) -> Check:
             if one["measure"] != own["measure"] or not same_number(one[key], own[key], _SHARE):
                 words = f"{one['measure']}.{key} says {one[key]}, but it is {own[key]:.6g}"
                 return Check(name, False, words)
-    for key in ("end_effector_position", "momentum", "rates", "centre_of_mass"):
+    for key in _ERRORS:
+        if (told[key] is None) is not (getattr(found, key) is None):
+            return Check(name, False, f"{key} says {told[key]}")
+        if told[key] is None:
+            continue
         value, own = told[key]["value"], getattr(found, key).value
         if not own / _FACTOR - _LITTLE <= value <= own * _FACTOR + _LITTLE:
             return Check(name, False, f"{key} says {value:.3g}, but it is {own:.3g}")
+    if not same_number(told["momentum_scale"], found.momentum_scale, _SHARE):
+        words = f"momentum_scale says {told['momentum_scale']}, but it is"
+        return Check(name, False, f"{words} {found.momentum_scale:.6g}")
     for key in ("attitude", "joints", "halving_attitude", "halving_joints"):
         value, own = told["integration"][key], getattr(found.integration, key)
         if not own / _FACTOR - _LITTLE <= value <= own * _FACTOR + _LITTLE:
@@ -257,9 +275,11 @@ def _repeated(motion: Motion) -> tuple[list[Check], dict[str, Any]]:
     engine = Engine(motion.problem.model)
     inverse, forward = inverse_run(motion, engine), forward_run(motion, engine)
     told = {"name": "mujoco", "inverse": asdict(inverse), "forward": asdict(forward)}
+    inertia = float(np.trace(inertia_matrices(motion.problem.model, motion.initial.joints)[0]))
+    rounding = _ROUNDED * inertia / motion.problem.path.duration**2
     checks = [
-        below("mujoco: wrench on the base", inverse.wrench, _WRENCH * inverse.torque, "N m",
-              inverse.wrench_time, "inverse dynamics pushes the free base"),
+        below("mujoco: wrench on the base", inverse.wrench, _WRENCH * inverse.torque + rounding,
+              "N m", inverse.wrench_time, "inverse dynamics pushes the free base"),
         below("mujoco: final attitude", forward.attitude, _DRIFT, "rad", forward.until,
               "with servos on the joints the spacecraft ends elsewhere: it is off"),
     ]  # fmt: skip

@@ -6,16 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from freefloat.machine.dynamics import inertia_matrices
 from freefloat.machine.singularity import measure
 from freefloat.machine.virtual_manipulator import VirtualManipulator
 from freefloat.motion.closeness import Least
 from freefloat.motion.motion import Ending, Motion
 from freefloat.proof.certificate import Certificate, Proven
+from freefloat.spatial import angle_between
 
 _ON_PATH = 1e-7
-"""Share of the reach, and angle [rad], by which a motion may leave its path."""
-_MOMENTUM = 1e-6
-"""Share of the arm's own momentum by which that of the system may be off."""
+"""Share of the reach, and angle [rad], by which a motion may leave its path, per turn of the
+spacecraft."""
+_MOMENTUM, _ROUNDED = 1e-6, 1e-12
+"""Share of the arm's own momentum by which that of the system may be off, and of what the system
+has when it turns by one radian in the motion's time: an arm that hardly moves has next to none."""
+_ENDS = 1e-9
+"""Share of the path's duration by which a motion may miss its ends."""
 _CENTRE = 1e-9
 """Share of the reach by which the centre of mass may move."""
 _RATES = 1e-5
@@ -66,6 +72,17 @@ def below(
     return Check(name, passed, "" if passed else words, found, allowed, unit, time)
 
 
+def span_check(motion: Motion) -> Check:
+    """Whether a motion begins where its path does and, when it is completed, ends there, too."""
+    first, last = float(motion.times[0]), float(motion.times[-1])
+    duration = motion.problem.path.duration
+    off = max(abs(first), abs(last - duration) if motion.completed else last - duration)
+    passed = motion.panels > 0 and off <= _ENDS * duration
+    told = f"a {motion.ending.value} motion" if not motion.completed else "a completed motion"
+    words = "" if passed else f"{told} of {duration:g} s that goes from {first:g} to {last:g} s"
+    return Check("whole motion", passed, words, last, duration, "s")
+
+
 def certificate_checks(certificate: Certificate, motion: Motion, promised: bool) -> list[Check]:
     """A certificate held against what is allowed.
 
@@ -74,23 +91,28 @@ def certificate_checks(certificate: Certificate, motion: Motion, promised: bool)
         motion: The motion.
         promised: Whether the motion is said to keep its margin.
     """
-    reach = VirtualManipulator.of(motion.problem.model).reach
+    model, duration = motion.problem.model, motion.problem.path.duration
+    reach = VirtualManipulator.of(model).reach
+    inertia = float(np.trace(inertia_matrices(model, motion.initial.joints)[0]))
+    turns = float(angle_between(motion.attitudes[1:], motion.attitudes[:-1]).sum()) / (2.0 * np.pi)
+    on_path = _ON_PATH * max(1.0, turns)
+    drift = _MOMENTUM * certificate.momentum_scale + _ROUNDED * inertia / duration
     hand, centre = certificate.end_effector_position, certificate.centre_of_mass
     turn, momentum, rates = (
         certificate.end_effector_attitude, certificate.momentum, certificate.rates
     )  # fmt: skip
     checks = [
-        below("end-effector position", hand.value, _ON_PATH * max(1.0, reach), "m", hand.time,
+        below("end-effector position", hand.value, on_path * max(1.0, reach), "m", hand.time,
               "the end-effector is off its path"),
         below("centre of mass", centre.value, _CENTRE * max(1.0, reach), "m", centre.time,
               "the recorded base position moves the centre of mass"),
-        below("angular momentum", momentum.value, _MOMENTUM * certificate.momentum_scale,
-              "N m s", momentum.time, "the momentum is not the one given: it is off"),
+        below("angular momentum", momentum.value, drift, "N m s", momentum.time,
+              "the momentum is not the one given: it is off"),
         below("joint rates", rates.value, _RATES, "of the largest", rates.time,
               "recorded joint rates are not those of the equations: they differ"),
     ]  # fmt: skip
     if turn is not None:
-        checks.insert(1, below("end-effector attitude", turn.value, _ON_PATH, "rad", turn.time,
+        checks.insert(1, below("end-effector attitude", turn.value, on_path, "rad", turn.time,
                                "the end-effector is turned away from its path"))  # fmt: skip
     return [*checks, *_again(certificate), *_singularities(certificate, motion, promised)]
 

@@ -92,13 +92,14 @@ def _expected(stored: StoredPlan, wish: Scenario, motion: Motion) -> Document:
     away = None
     if search.from_attitude is not None:
         away = float(np.degrees(angle_between(initial, search.from_attitude)))
-    headings = [_degrees(stored.ranges[branch]) for branch in sorted(stored.ranges)]
+    headings = [{"branch": branch, "ranges": _degrees(stored.ranges[branch])}
+                for branch in sorted(stored.ranges)]  # fmt: skip
     told = {
         "feasible": stored.feasible,
         "objective": str(search.objective),
         "heading_deg": heading,
         "deviation_deg": away,
-        "attitude_ranges_deg": [{"ranges": one} for one in headings],
+        "attitude_ranges_deg": headings,
     }
     return {**expected, **told}
 
@@ -168,7 +169,7 @@ def _machine(stored: StoredPlan, wish: Scenario) -> Iterator[Difference]:
 def _branch(told: Any, motion: Motion) -> Difference | None:
     """The arm branch by its number, where branches have numbers."""
     problem = motion.problem
-    if problem.model.dof > len(problem.task.rows) or told is None:
+    if problem.model.dof > len(problem.task.rows):
         return None
     joints, nearest = motion.initial.joints, None
     for one in problem.branches(motion.initial.attitude, motion.initial.time):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from freefloat.answers.report import Document
 from freefloat.attitudes.outlook import Outlook
-from freefloat.attitudes.rollout import Roller
+from freefloat.attitudes.rollout import Roller, kept
 from freefloat.checking.checks import Check
 from freefloat.checking.claims import same_number
 from freefloat.motion.integration import integrate_motion
@@ -28,6 +30,8 @@ _BESIDE = 5e-4
 """How far inside and outside the ends of ranges headings are tried [rad]."""
 _PRECISE = 1e-8
 """Tolerance of the motions that try them."""
+_ROUND = 720
+"""Headings tried all round."""
 _TRIED, _SEED = 1024, 8128
 """Attitudes tried in a ball, others than those that made the plan sure of it."""
 _MAY_FAIL = 1e-3
@@ -46,6 +50,10 @@ def robust_checks(stored: StoredPlan, motion: Motion) -> Iterator[Check]:
         motion: Its motion.
     """
     told = stored.document.get("robust_radius_deg")
+    for key, value in _promised(stored.document):
+        if type(value) not in (int, float) or not 0.0 <= value < np.inf:
+            yield Check("robustness", False, f"{key} says {value}")
+            return
     if motion.problem.task.planar:
         yield _headings(stored, motion.problem)
         yield _depth(stored, motion, told)
@@ -54,6 +62,14 @@ def robust_checks(stored: StoredPlan, motion: Motion) -> Iterator[Check]:
         yield _ball(stored, motion, told)
     if stored.document.get("tolerance") is not None:
         yield _bearing(stored, motion)
+
+
+def _promised(document: Document) -> Iterator[tuple[str, Any]]:
+    """Numbers that are promises, where there are any: none may be negative."""
+    if document.get("robust_radius_deg") is not None:
+        yield "robust_radius_deg", document["robust_radius_deg"]
+    yield from ((f"tolerance.{key}", value) for key, value in
+                (document.get("tolerance") or {}).items() if value is not None)  # fmt: skip
 
 
 # --- in the plane -------------------------------------------------------------------------------
@@ -74,16 +90,39 @@ def _headings(stored: StoredPlan, problem: Problem) -> Check:
             for heading, promised in probes:
                 count += 1
                 if _serves(problem, heading, branch) is not promised:
-                    degrees = np.degrees(heading % TURN)
-                    verb = "breaks" if promised else "keeps"
-                    where = "in" if promised else "outside"
-                    return Check(
-                        "ranges of headings", False,
-                        f"heading {degrees:.4f} deg {verb} the margin {where} a range of "
-                        f"branch {branch}",
-                        float(degrees), None, "deg",
-                    )  # fmt: skip
-    return Check("ranges of headings", True, f"{count} headings tried at their ends and middles")
+                    return _wrong(heading, branch, promised)
+    words = f"{count} headings tried at their ends and middles, and all round"
+    return _all_round(stored, problem) or Check("ranges of headings", True, words)
+
+
+def _wrong(heading: float, branch: int, promised: bool) -> Check:
+    degrees = float(np.degrees(heading % TURN))
+    verb, where = ("breaks", "in") if promised else ("keeps", "outside")
+    words = f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
+    return Check("ranges of headings", False, words, degrees, None, "deg")
+
+
+def _all_round(stored: StoredPlan, problem: Problem) -> Check | None:
+    """A heading all round that serves otherwise than its branch's ranges say; None without one.
+
+    Kernels try them; what they find otherwise is tried once more, precisely.
+    """
+    outlook = Outlook(problem)
+    headings = np.linspace(0.0, TURN, _ROUND // outlook.thrift, endpoint=False)
+    attitudes = np.array([heading_quaternion(heading) for heading in headings.tolist()])
+    found = outlook.prospects(attitudes, stop_at_margin=True)
+    serve = kept(found.margins, problem.margin.value)
+    if problem.model.dof > len(problem.task.rows):
+        serve = np.array(serve.any(axis=1, keepdims=True))
+    for branch in sorted({*range(serve.shape[1]), *stored.ranges}):
+        ranges = [_range(*row) for row in stored.ranges.get(branch, np.empty((0, 2))).tolist()]
+        column = serve[:, branch] if branch < serve.shape[1] else np.zeros(len(headings), bool)
+        for heading, good in zip(headings.tolist(), column.tolist(), strict=True):
+            depth = max((one.depth(heading) for one in ranges), default=-np.pi)
+            doubtful = good is not (depth > 0.0) and abs(depth) > _BESIDE
+            if doubtful and _serves(problem, heading, branch) is not (depth > 0.0):
+                return _wrong(heading, branch, depth > 0.0)
+    return None
 
 
 def _range(low: float, high: float) -> HeadingRange:

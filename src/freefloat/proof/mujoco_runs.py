@@ -20,10 +20,13 @@ _SAMPLES, _DEGREE = 15, 6
 _WINDOW, _WINDOW_TURN = 5e-3, 0.1
 """Half the time over which a motion is differentiated: a share of it, in which no more is turned
 at the motion's fastest [rad, m]."""
+_WITHIN, _SHORTEST = 0.49, 0.02
+"""The most of it, as a share of a smooth piece; the share of it over which rates can be told."""
 _BEFORE_SINGULAR = 0.9
 """Share of a motion's time that is looked at when its end is singular."""
-_STEPS, _STEPS_PER_TURN, _MOST_STEPS = 4000, 150, 40_000
-"""Least number, number per radian or metre that spacecraft and joints move, and largest."""
+_STEPS, _STEPS_PER_TURN, _STEPS_PER_PIECE, _MOST_STEPS = 4000, 150, 40, 40_000
+"""Least number, number per radian or metre that spacecraft and joints move, and per smooth piece of
+the path, and largest."""
 _SPLINE = 0.3
 """Joint values that a servo is given, as splines between them, per step."""
 _STIFFNESS = 0.2
@@ -81,10 +84,8 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
     problem, window = motion.problem, _window(motion, first, last)
     reach = VirtualManipulator.of(problem.model).reach
     wrenches, torques, momenta, hands, times = [], [], [], [], []
-    for t in np.linspace(first + window, last - window, _LOOKS).tolist():
-        if _near_a_bend(motion, t, window):
-            continue
-        state = _differentiated(motion, t, window)
+    for t, half in _looks(motion, first, last, window):
+        state = _differentiated(motion, t, half)
         wrench, torque = engine.inverse(*state)
         momenta.append(np.linalg.norm(engine.momentum(*state)[2] - problem.momentum))
         hands.append(_off_path(motion, engine, t))
@@ -122,9 +123,21 @@ def _window(motion: Motion, first: float, last: float) -> float:
     return min(_WINDOW * (last - first), _WINDOW_TURN / max(fastest, 1e-300))
 
 
-def _near_a_bend(motion: Motion, t: float, window: float) -> bool:
-    """Whether pieces of the time law meet nearby: accelerations may jump there."""
-    return any(abs(t - end) <= window for end in motion.problem.path.timing.ends[:-1])
+def _looks(motion: Motion, first: float, last: float, window: float) -> list[tuple[float, float]]:
+    """Times to differentiate at [s], and half the time over which to do so.
+
+    Where pieces of the time law or of the path meet accelerations, or their slopes, jump: a look
+    keeps to one side.
+    """
+    breaks = motion.problem.path.breaks
+    edges = np.array([first, *breaks[(breaks > first) & (breaks < last)], last])
+    found = []
+    for t in np.linspace(first, last, _LOOKS).tolist():
+        piece = min(int(np.searchsorted(edges, t, "right")), len(edges) - 1)
+        low, high = float(edges[piece - 1]), float(edges[piece])
+        half = min(window, _WITHIN * (high - low))
+        found.append((float(np.clip(t, low + half, high - half)), half))
+    return [look for look in found if look[1] > _SHORTEST * window] or found
 
 
 def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Array, Array]:
@@ -158,7 +171,10 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
         engine: Of the same robot.
     """
     first, last = _known(motion)
-    steps = int(np.clip(_STEPS_PER_TURN * _moved(motion).sum(), _STEPS, _MOST_STEPS))
+    wanted_steps = max(
+        _STEPS_PER_TURN * _moved(motion).sum(), _STEPS_PER_PIECE * len(motion.problem.path.breaks)
+    )
+    steps = int(np.clip(wanted_steps, _STEPS, _MOST_STEPS))
     nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
     _, _, rows = motion.at_place(motion.place_of(nodes))
     wanted = CubicSpline(nodes, rows)

@@ -17,7 +17,7 @@ from freefloat.studies.journal import Journal, read_rows
 from freefloat.studies.study import Study
 from freefloat.studies.study_files import StudyFiles
 
-JOURNAL, ASKED, CASES = "journal.jsonl", "study.json", "cases"
+JOURNAL, ASKED, CASES, _LOCK = "journal.jsonl", "study.json", "cases", ".lock"
 """Names in the folder."""
 FORMAT_VERSION = 1
 _ACCEPTED = "a folder, there or to be made, that may be written to and has room"
@@ -94,9 +94,12 @@ def study_folder(path: Path, study: Study, files: StudyFiles) -> Iterator[StudyF
         InputError: If it cannot be written to, is in use, or holds another study; then with the
             first keys that differ.
     """
+    for name in (CASES, JOURNAL, ASKED, _LOCK):
+        if (path / name).is_symlink():
+            raise InputError("output", f"{path / name} leads out of the folder", _ACCEPTED)
     try:
         (path / CASES).mkdir(parents=True, exist_ok=True)
-        lock = (path / ".lock").open("a")
+        lock = (path / _LOCK).open("a")
     except FileExistsError:
         raise InputError("output", f"{path} is there and is no folder", _ACCEPTED) from None
     except OSError as error:
