@@ -210,3 +210,28 @@ def test_plans_tell_where_arms_with_joints_to_spare_came_nearest(
     joints = re.search(r"with the arm at \[(.*)\]$", reason)
     assert joints, reason
     assert len(joints[1].split(", ")) == 4
+
+
+# --- numbers ------------------------------------------------------------------------------------
+
+
+def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
+    spatial = ff.load_scenario("spatial_6dof/line").problem()
+    doors = (
+        ("search.samples", 8, lambda x: ff.Search(samples=x)),
+        ("search.seed", 0, lambda x: ff.Search(seed=x)),
+        ("samples", 8, partial(ff.map_attitudes, spatial)),
+        ("seed", 0, partial(ff.map_attitudes, spatial, 8)),
+        ("threads", 1, lambda x: ff.plan(problem, threads=x)),
+        ("threads", 1, lambda x: ff.Outlook(spatial, threads=x)),
+    )
+    for key, least, door in doors:
+        for given in (64.5, 64.0, "64", True, float("nan"), [64]):
+            error = refused(door, given)
+            assert (error.key, error.problem) == (key, f"{given!r} was given")
+            assert error.accepted == f"a whole number, {least} or more"
+        error = refused(door, np.int64(least - 1))
+        assert (error.key, error.problem) == (key, f"{least - 1} was given")
+        assert error.accepted == f"{least} or more"
+    assert type(ff.Search(samples=np.int64(64)).samples) is int
+    assert ff.map_attitudes(spatial, np.int64(8)).attitudes.shape == (8, 4)
