@@ -16,6 +16,7 @@ from freefloat.attitudes.attitude_search import Candidate
 from freefloat.kernels import arm_branches
 from freefloat.plans import spatial_planner
 from freefloat.ranges.planar_ranges import BranchRanges
+from freefloat.wish.timing import Stop
 from tests.redundant import redundant
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -235,3 +236,64 @@ def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
         assert error.accepted == f"{least} or more"
     assert type(ff.Search(samples=np.int64(64)).samples) is int
     assert ff.map_attitudes(spatial, np.int64(8)).attitudes.shape == (8, 4)
+
+
+# --- something else -----------------------------------------------------------------------------
+
+
+def test_a_wish_tells_which_of_its_parts_is_something_else(problem: ff.Problem) -> None:
+    path, upright = problem.path.path, ff.FixedAttitude([0, 0, 0, 1])
+    for key, given, accepted, door in (
+        ("margin.measure", "'arm'", "measure(model, task, name)", lambda: ff.Margin("arm", 5)),
+        ("timing", "int", "Timing(duration)", lambda: ff.TimedPath(path, 100)),
+        ("path", "Timing", "EndEffectorPath(", lambda: ff.TimedPath(TIMING, path)),
+        ("path.curve", "list", "PolynomialCurve", lambda: ff.EndEffectorPath([[0, 0, 0]])),
+        ("path.curve", "FixedAttitude", "ArcCurve", lambda: ff.EndEffectorPath(upright, LINE)),
+        ("path.attitude", "list", "FixedAttitude", lambda: ff.EndEffectorPath(LINE, [0, 0, 0, 1])),
+        ("timing.stops.0", "tuple", "Stop(s=", lambda: ff.Timing(100, stops=[(0.5, 40)])),
+        ("timing.stops", "float", "Stop(s=", lambda: ff.Timing(100, stops=0.5)),
+        ("stop.t", "'40'", "Stop(s, t)", lambda: Stop(0.5, "40")),
+    ):
+        error = refused(door)
+        assert (error.key, error.problem) == (key, f"{given} was given")
+        assert accepted in error.accepted
+    assert ff.Timing(100, stops=[Stop(0.5, 40)]).stops == (Stop(0.5, 40),)
+
+
+def test_those_who_answer_tell_what_they_want_beside_a_problem(
+    problem: ff.Problem, simulation: ff.Simulation
+) -> None:
+    motion = simulation.chosen.motion
+    of = motion.problem.margin.measure
+    for key, given, accepted, door in (
+        ("of", "'arm'", "measure(model, task, name)", lambda: ff.least(motion, "arm")),
+        ("motion", "Simulation", ".chosen.motion", lambda: ff.least(simulation, of)),
+        ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {"samples": 64})),
+        ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {})),
+        ("limits", "dict", "Limits(", lambda: ff.plan(problem, limits={"base_rate": 1})),
+        ("plan", "Simulation", "plan(problem)", lambda: ff.plan_figures(simulation)),
+    ):
+        error = refused(door)
+        assert (error.key, error.problem) == (key, f"{given} was given")
+        assert accepted in error.accepted
+
+
+def test_robots_tell_which_of_their_parts_is_something_else() -> None:
+    load = partial(ff.FreeFloatingModel.from_urdf, "planar_3dof")
+    tool = ff.Attachment("planar_3dof")
+    for key, given, accepted, door in (
+        ("urdf", "None", "XML text", lambda: ff.FreeFloatingModel.from_urdf(None)),
+        ("urdf", "int", "XML text", lambda: ff.FreeFloatingModel.from_urdf(3)),
+        ("spacecraft", "dict", "Spacecraft(", lambda: load(spacecraft={"mass": 10})),
+        ("payload", "dict", "Payload(", lambda: load(payload={})),
+        ("attached", "Attachment", "[Attachment(", lambda: load(attached=tool)),
+        ("attached.1", "'tool'", "[Attachment(", lambda: load(attached=[tool, "tool"])),
+        ("scale_mass", "'2'", "a positive number", lambda: load(scale_mass="2")),
+        ("scale_mass.link_1", "'2'", "positive", lambda: load(scale_mass={"link_1": "2"})),
+        ("spacecraft.mount", "list", "Mount(", lambda: ff.Spacecraft(1, [1] * 3, [0, 0, 1])),
+        ("attachment.mount", "list", "Mount(", lambda: ff.Attachment("tool", mount=[0, 0, 1])),
+        ("urdf", "None", "a file", lambda: ff.Attachment(None)),
+    ):
+        error = refused(door)
+        assert (error.key, error.problem) == (key, f"{given} was given")
+        assert accepted in error.accepted

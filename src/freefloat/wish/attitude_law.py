@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +42,7 @@ _Vector = tuple[float, float, float]
 """Integrators ask for rates by the hundred thousand: of three numbers tuples are the fastest."""
 
 
+@runtime_checkable
 class AttitudeLaw(Protocol):
     """An end-effector attitude as a function of s."""
 
