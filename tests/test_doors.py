@@ -134,6 +134,28 @@ def test_robots_are_taken_by_the_names_of_the_command_line(
     assert error.problem.endswith("(did you mean spatial_6dof?)")
 
 
+def test_joints_of_another_robot_have_no_jacobian(model: ff.FreeFloatingModel) -> None:
+    tasks = ("pose", "position", "planar-pose")
+    accepted = "3 values: " + ", ".join(model.joint_names)
+    for task in tasks:
+        for given, problem in (
+            ([0.1] * 6, "6 values were given"),
+            (0.1, "1 values were given"),
+            (np.zeros((3, 1)), "3 values were given"),
+            (["a", "b", "c"], "['a', 'b', 'c'] was given"),
+            (None, "1 values were given"),
+        ):
+            error = refused(ff.generalized_jacobian, model, given, task)
+            assert (error.key, error.accepted) == ("joints", accepted)
+            assert problem in error.problem
+        by_name = dict.fromkeys(model.joint_names, 0.0)
+        error = refused(ff.generalized_jacobian, model, by_name, task)
+        assert error.accepted == "model.joint_vector(...) of it"
+        whole = [ff.generalized_jacobian(model, q, task) for q in ([1, 0, 2], (1, 0, 2))]
+        assert np.array_equal(whole[0], ff.generalized_jacobian(model, np.array([1.0, 0, 2]), task))
+        assert np.array_equal(*whole)
+
+
 # --- paths --------------------------------------------------------------------------------------
 
 
@@ -166,8 +188,15 @@ def test_a_plan_is_played_or_tells_why_it_cannot_be(simulation: ff.Simulation) -
 
 def test_what_has_no_motions_is_not_played(problem: ff.Problem) -> None:
     empty = ff.AttitudeMap(problem, 0, *np.zeros((3, 0, 4)), np.zeros((0, 4), np.int8))
-    for given in (problem, [1], {"a": 3}, empty):
+    for given in (problem, [1], empty):
         assert "a Motion, Plan or Simulation" in refused(ff.play, given).accepted
+
+
+def test_by_name_motions_alone_are_played(simulation: ff.Simulation) -> None:
+    for given, told in ((simulation, "Simulation"), (3, "int")):
+        error = refused(ff.play, {"x/y": given})
+        assert (error.key, error.problem) == ("motions.x/y", f"{told} was given")
+        assert error.accepted == "a Motion for each name, such as simulate(...).chosen.motion"
 
 
 # --- joints to spare ----------------------------------------------------------------------------
