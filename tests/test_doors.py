@@ -16,7 +16,6 @@ from freefloat.attitudes.attitude_search import Candidate
 from freefloat.kernels import arm_branches
 from freefloat.plans import spatial_planner
 from freefloat.ranges.planar_ranges import BranchRanges
-from freefloat.wish.timing import Stop
 from tests.redundant import redundant
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -281,12 +280,12 @@ def test_a_wish_tells_which_of_its_parts_is_something_else(problem: ff.Problem) 
         ("path.attitude", "list", "FixedAttitude", lambda: ff.EndEffectorPath(LINE, [0, 0, 0, 1])),
         ("timing.stops.0", "tuple", "Stop(s=", lambda: ff.Timing(100, stops=[(0.5, 40)])),
         ("timing.stops", "float", "Stop(s=", lambda: ff.Timing(100, stops=0.5)),
-        ("stop.t", "'40'", "Stop(s, t)", lambda: Stop(0.5, "40")),
+        ("stop.t", "'40'", "Stop(s, t)", lambda: ff.Stop(0.5, "40")),
     ):
         error = refused(door)
         assert (error.key, error.problem) == (key, f"{given} was given")
         assert accepted in error.accepted
-    assert ff.Timing(100, stops=[Stop(0.5, 40)]).stops == (Stop(0.5, 40),)
+    assert ff.Timing(100, stops=[ff.Stop(0.5, 40)]).stops == (ff.Stop(0.5, 40),)
 
 
 def test_those_who_answer_tell_what_they_want_beside_a_problem(
