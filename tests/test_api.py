@@ -9,6 +9,7 @@ import re
 import shutil
 import textwrap
 from dataclasses import is_dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,13 @@ def test_every_public_name_has_words_and_types(name: str) -> None:
         hints = inspect.signature(public)
         assert hints.return_annotation is not inspect.Signature.empty
         assert all(one.annotation is not one.empty for one in hints.parameters.values())
+
+
+def test_the_version_is_the_installed_one() -> None:
+    assert ff.__version__ == version("freefloat")
+    assert "__version__" not in ff.__all__
+    with pytest.raises(AttributeError, match="__verson__"):
+        _ = ff.__verson__
 
 
 def test_help_begins_with_ten_lines_that_run(

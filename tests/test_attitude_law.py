@@ -244,3 +244,40 @@ def test_a_sampled_attitude_turns_with_continuous_acceleration():
         assert np.abs(jump).max() < 1e-6
         both = acceleration(knot, 1.0), acceleration(knot, -1.0)
         assert_close(both[0], both[1], atol=1e-4 * np.abs(both[0]).max() + 1e-4)
+
+
+# --- what stands for an attitude ----------------------------------------------------------------
+
+
+def test_quaternions_stand_for_axes_and_axes_are_kept_to_the_bit():
+    first, second = TURNS[0].as_quat(), TURNS[1].as_quat()
+    assert_close(FixedAttitude(list(first * 1.004)).axes, START, atol=1e-14)
+    law = SlerpAttitude(first, END)
+    assert_close(law.rotation(0.5), SlerpAttitude(START, second).rotation(0.5), atol=1e-14)
+    assert np.array_equal(law.end, END)
+    assert not law.start.flags.writeable
+    assert not law.end.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        (2.0 * START, "its columns are not square to each other and of length 1, off by 3"),
+        (START + 1e-5, "its columns are not square"),
+        (-START, "it is left-handed, its determinant is -1"),
+        (np.zeros((3, 3)), "off by 1"),
+        (np.full((3, 3), np.nan), "nan"),
+        ([0.0, 0.0, 0.0, 2.0], "norm 2 was given"),
+        ([0.1, 0.2, 0.3], r"an array of shape (3,) was given"),
+        (np.eye(4), "an array of shape (4, 4) was given"),
+        ("upright", "'upright' was given"),
+        (None, "was given"),
+    ],
+)
+def test_what_is_no_rotation_is_refused_when_a_law_is_made(given, problem):
+    for made in (FixedAttitude, partial(SlerpAttitude, START), lambda x: SlerpAttitude(x, START)):
+        with pytest.raises(InputError) as caught:
+            made(given)
+        assert caught.value.key == "attitude"
+        assert problem in caught.value.problem
+        assert "a unit quaternion x, y, z, w" in caught.value.accepted

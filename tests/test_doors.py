@@ -133,6 +133,28 @@ def test_robots_are_taken_by_the_names_of_the_command_line(
     assert error.problem.endswith("(did you mean spatial_6dof?)")
 
 
+def test_joints_of_another_robot_have_no_jacobian(model: ff.FreeFloatingModel) -> None:
+    tasks = ("pose", "position", "planar-pose")
+    accepted = "3 values: " + ", ".join(model.joint_names)
+    for task in tasks:
+        for given, problem in (
+            ([0.1] * 6, "6 values were given"),
+            (0.1, "1 values were given"),
+            (np.zeros((3, 1)), "3 values were given"),
+            (["a", "b", "c"], "['a', 'b', 'c'] was given"),
+            (None, "1 values were given"),
+        ):
+            error = refused(ff.generalized_jacobian, model, given, task)
+            assert (error.key, error.accepted) == ("joints", accepted)
+            assert problem in error.problem
+        by_name = dict.fromkeys(model.joint_names, 0.0)
+        error = refused(ff.generalized_jacobian, model, by_name, task)
+        assert error.accepted == "model.joint_vector(...) of it"
+        whole = [ff.generalized_jacobian(model, q, task) for q in ([1, 0, 2], (1, 0, 2))]
+        assert np.array_equal(whole[0], ff.generalized_jacobian(model, np.array([1.0, 0, 2]), task))
+        assert np.array_equal(*whole)
+
+
 # --- paths --------------------------------------------------------------------------------------
 
 
@@ -165,8 +187,15 @@ def test_a_plan_is_played_or_tells_why_it_cannot_be(simulation: ff.Simulation) -
 
 def test_what_has_no_motions_is_not_played(problem: ff.Problem) -> None:
     empty = ff.AttitudeMap(problem, 0, *np.zeros((3, 0, 4)), np.zeros((0, 4), np.int8))
-    for given in (problem, [1], {"a": 3}, empty):
+    for given in (problem, [1], empty):
         assert "a Motion, Plan or Simulation" in refused(ff.play, given).accepted
+
+
+def test_by_name_motions_alone_are_played(simulation: ff.Simulation) -> None:
+    for given, told in ((simulation, "Simulation"), (3, "int")):
+        error = refused(ff.play, {"x/y": given})
+        assert (error.key, error.problem) == ("motions.x/y", f"{told} was given")
+        assert error.accepted == "a Motion for each name, such as simulate(...).chosen.motion"
 
 
 # --- joints to spare ----------------------------------------------------------------------------
@@ -210,3 +239,89 @@ def test_plans_tell_where_arms_with_joints_to_spare_came_nearest(
     joints = re.search(r"with the arm at \[(.*)\]$", reason)
     assert joints, reason
     assert len(joints[1].split(", ")) == 4
+
+
+# --- numbers ------------------------------------------------------------------------------------
+
+
+def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
+    spatial = ff.load_scenario("spatial_6dof/line").problem()
+    doors = (
+        ("search.samples", 8, lambda x: ff.Search(samples=x)),
+        ("search.seed", 0, lambda x: ff.Search(seed=x)),
+        ("samples", 8, partial(ff.map_attitudes, spatial)),
+        ("seed", 0, partial(ff.map_attitudes, spatial, 8)),
+        ("threads", 1, lambda x: ff.plan(problem, threads=x)),
+        ("threads", 1, lambda x: ff.Outlook(spatial, threads=x)),
+    )
+    for key, least, door in doors:
+        for given in (64.5, 64.0, "64", True, float("nan"), [64]):
+            error = refused(door, given)
+            assert (error.key, error.problem) == (key, f"{given!r} was given")
+            assert error.accepted == f"a whole number, {least} or more"
+        error = refused(door, np.int64(least - 1))
+        assert (error.key, error.problem) == (key, f"{least - 1} was given")
+        assert error.accepted == f"{least} or more"
+    assert type(ff.Search(samples=np.int64(64)).samples) is int
+    assert ff.map_attitudes(spatial, np.int64(8)).attitudes.shape == (8, 4)
+
+
+# --- something else -----------------------------------------------------------------------------
+
+
+def test_a_wish_tells_which_of_its_parts_is_something_else(problem: ff.Problem) -> None:
+    path, upright = problem.path.path, ff.FixedAttitude([0, 0, 0, 1])
+    for key, given, accepted, door in (
+        ("margin.measure", "'arm'", "measure(model, task, name)", lambda: ff.Margin("arm", 5)),
+        ("timing", "int", "Timing(duration)", lambda: ff.TimedPath(path, 100)),
+        ("path", "Timing", "EndEffectorPath(", lambda: ff.TimedPath(TIMING, path)),
+        ("path.curve", "list", "PolynomialCurve", lambda: ff.EndEffectorPath([[0, 0, 0]])),
+        ("path.curve", "FixedAttitude", "ArcCurve", lambda: ff.EndEffectorPath(upright, LINE)),
+        ("path.attitude", "list", "FixedAttitude", lambda: ff.EndEffectorPath(LINE, [0, 0, 0, 1])),
+        ("timing.stops.0", "tuple", "Stop(s=", lambda: ff.Timing(100, stops=[(0.5, 40)])),
+        ("timing.stops", "float", "Stop(s=", lambda: ff.Timing(100, stops=0.5)),
+        ("stop.t", "'40'", "Stop(s, t)", lambda: ff.Stop(0.5, "40")),
+    ):
+        error = refused(door)
+        assert (error.key, error.problem) == (key, f"{given} was given")
+        assert accepted in error.accepted
+    assert ff.Timing(100, stops=[ff.Stop(0.5, 40)]).stops == (ff.Stop(0.5, 40),)
+
+
+def test_those_who_answer_tell_what_they_want_beside_a_problem(
+    problem: ff.Problem, simulation: ff.Simulation
+) -> None:
+    motion = simulation.chosen.motion
+    of = motion.problem.margin.measure
+    for key, given, accepted, door in (
+        ("of", "'arm'", "measure(model, task, name)", lambda: ff.least(motion, "arm")),
+        ("motion", "Simulation", ".chosen.motion", lambda: ff.least(simulation, of)),
+        ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {"samples": 64})),
+        ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {})),
+        ("limits", "dict", "Limits(", lambda: ff.plan(problem, limits={"base_rate": 1})),
+        ("plan", "Simulation", "plan(problem)", lambda: ff.plan_figures(simulation)),
+    ):
+        error = refused(door)
+        assert (error.key, error.problem) == (key, f"{given} was given")
+        assert accepted in error.accepted
+
+
+def test_robots_tell_which_of_their_parts_is_something_else() -> None:
+    load = partial(ff.FreeFloatingModel.from_urdf, "planar_3dof")
+    tool = ff.Attachment("planar_3dof")
+    for key, given, accepted, door in (
+        ("urdf", "None", "XML text", lambda: ff.FreeFloatingModel.from_urdf(None)),
+        ("urdf", "int", "XML text", lambda: ff.FreeFloatingModel.from_urdf(3)),
+        ("spacecraft", "dict", "Spacecraft(", lambda: load(spacecraft={"mass": 10})),
+        ("payload", "dict", "Payload(", lambda: load(payload={})),
+        ("attached", "Attachment", "[Attachment(", lambda: load(attached=tool)),
+        ("attached.1", "'tool'", "[Attachment(", lambda: load(attached=[tool, "tool"])),
+        ("scale_mass", "'2'", "a positive number", lambda: load(scale_mass="2")),
+        ("scale_mass.link_1", "'2'", "positive", lambda: load(scale_mass={"link_1": "2"})),
+        ("spacecraft.mount", "list", "Mount(", lambda: ff.Spacecraft(1, [1] * 3, [0, 0, 1])),
+        ("attachment.mount", "list", "Mount(", lambda: ff.Attachment("tool", mount=[0, 0, 1])),
+        ("urdf", "None", "a file", lambda: ff.Attachment(None)),
+    ):
+        error = refused(door)
+        assert (error.key, error.problem) == (key, f"{given} was given")
+        assert accepted in error.accepted

@@ -398,3 +398,11 @@ def test_a_circle_is_followed_with_the_hand_looking_along_it(spatial):
     assert completed
     for motion in completed:
         assert max(tracking(motion, np.linspace(0.0, 50.0, 200))) < 1e-8
+
+
+@pytest.mark.parametrize("tolerance", [0, -1, 1e-20, 0.1, np.nan, np.inf, "1e-8", None, True])
+def test_tolerances_that_no_integrator_meets_are_refused(spatial, tolerance):
+    with pytest.raises(InputError) as caught:
+        integrate_motion(spatial, GOOD, np.zeros(6), tolerance=tolerance)
+    assert caught.value.key == "tolerance"
+    assert caught.value.accepted == "a number from 1e-13 to 0.01"

@@ -76,7 +76,9 @@ if TYPE_CHECKING:
     from freefloat.wish.path import EndEffectorPath as EndEffectorPath
     from freefloat.wish.search import Objective as Objective
     from freefloat.wish.search import Search as Search
+    from freefloat.wish.timing import Stop as Stop
     from freefloat.wish.timing import TimedPath as TimedPath
+    from freefloat.wish.timing import TimeLaw as TimeLaw
     from freefloat.wish.timing import Timing as Timing
 
 _ROOMS = {
@@ -99,6 +101,8 @@ _ROOMS = {
     "DirectedAttitude": "wish.attitude_law",
     "EndEffectorPath": "wish.path",
     "Timing": "wish.timing",
+    "TimeLaw": "wish.timing",
+    "Stop": "wish.timing",
     "TimedPath": "wish.timing",
     "Margin": "motion.problem",
     "Problem": "motion.problem",
@@ -148,6 +152,10 @@ __all__ = list(_ROOMS)  # in the order in which they are needed
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("freefloat")
     if name not in _ROOMS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = globals()[name] = getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)

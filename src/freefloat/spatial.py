@@ -88,6 +88,19 @@ def finite_number(key: str, value: object, accepted: str) -> float:
     return float(value)
 
 
+def whole_number(key: str, value: object, least: int) -> int:
+    """Check that ``value`` is a whole number, ``least`` or more; 64.0 is none.
+
+    Raises:
+        InputError: Naming ``key`` when it is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise InputError(key, f"{value!r} was given", f"a whole number, {least} or more")
+    if value < least:
+        raise InputError(key, f"{value} was given", f"{least} or more")
+    return int(value)
+
+
 def unit_vector(key: str, values: npt.ArrayLike) -> Array:
     """A direction, normalized; refused when it has none."""
     vector = finite_vector(key, values, 3)
@@ -109,6 +122,44 @@ def unit_quaternion(key: str, values: npt.ArrayLike) -> Array:
     if abs(norm - 1.0) > 0.01:
         raise InputError(key, f"norm {norm:.4g} was given", "a unit quaternion x, y, z, w")
     return quaternion / norm
+
+
+def attitude_axes(key: str, values: npt.ArrayLike) -> Array:
+    """The axes of an attitude, told by themselves or by a quaternion.
+
+    Args:
+        key: Named in errors.
+        values: Axes as columns, shape (3, 3), or a quaternion x, y, z, w, shape (4,), taken as by
+            :func:`unit_quaternion`.
+
+    Returns:
+        Shape (3, 3), read-only; axes are as they were given.
+
+    Raises:
+        InputError: If it is neither, or axes are no right-handed rotation to a millionth.
+    """
+    accepted = "a rotation, shape (3, 3), or a unit quaternion x, y, z, w"
+    try:
+        array = frozen(values)
+    except (TypeError, ValueError):
+        raise InputError(key, f"{values!r} was given", accepted) from None
+    if array.shape == (4,):
+        return frozen(rotation_matrix(unit_quaternion(key, array)))
+    if array.shape != (3, 3):
+        raise InputError(key, f"an array of shape {array.shape} was given", accepted)
+    if not np.isfinite(array).all():
+        raise InputError(key, f"{array.tolist()} was given", accepted)
+    off, hand = float(np.abs(array.T @ array - np.eye(3)).max()), float(np.linalg.det(array))
+    if off > _SKEW:
+        problem = f"its columns are not square to each other and of length 1, off by {off:.3g}"
+        raise InputError(key, problem, accepted)
+    if hand < 0.0:
+        raise InputError(key, f"it is left-handed, its determinant is {hand:.3g}", accepted)
+    return array
+
+
+_SKEW = 1e-6
+"""By how much products of axes may differ from those of a rotation."""
 
 
 def cross(u: Array, v: Array) -> Array:

@@ -17,7 +17,7 @@ from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.kernels.rollout_kernels import COMPLETED
 from freefloat.motion.problem import Problem
-from freefloat.spatial import Array, attitude_grid, frozen, grid_spacing
+from freefloat.spatial import Array, attitude_grid, frozen, grid_spacing, whole_number
 from freefloat.wish.search import Progress
 
 _BLOCK = 2048
@@ -143,15 +143,15 @@ def map_attitudes(
         sink: Receives every block of attitudes when it is done.
 
     Raises:
-        InputError: If it is neither, the task is planar or the samples are too few.
+        InputError: If it is neither, the task is planar, or the samples are too few or not whole.
     """
     if not isinstance(outlook, Outlook):
         outlook = Outlook(outlook)
     problem = outlook.problem
     if problem.task.planar:
         raise InputError("task", f"{problem.task} was given", "pose or position")
-    if samples < _FEWEST:
-        raise InputError("samples", f"{samples} was given", f"{_FEWEST} or more")
+    samples = whole_number("samples", samples, _FEWEST)
+    seed = whole_number("seed", seed, 0)
     attitudes = attitude_grid(samples, seed)
     least, clearances, endings = [], [], []
     for first in range(0, samples, _BLOCK):

@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from freefloat.errors import InputError
 from freefloat.kernels.drift_kernels import LEVEL, METRIC, MIDDLE, WEIGHT
 from freefloat.kernels.flow_kernels import Robot
 from freefloat.kernels.redundancy_kernels import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
@@ -34,7 +33,7 @@ from freefloat.machine.null_space import middles, weights
 from freefloat.machine.redundancy import Metric, Redundancy, Toward
 from freefloat.machine.singularity import NAMES, arm_axes
 from freefloat.motion.problem import Problem
-from freefloat.spatial import Array
+from freefloat.spatial import Array, whole_number
 from freefloat.wish.path import EndEffectorPath
 from freefloat.wish.search import Progress
 
@@ -102,10 +101,9 @@ class Roller:
             problem: Robot, path and momentum.
             threads: How many cores to use; all this process may when left out.
         """
-        if threads is not None and threads < 1:
-            raise InputError("threads", f"{threads} was given", "1 or more")
+        cores = len(os.sched_getaffinity(0))
+        self.threads = cores if threads is None else whole_number("threads", threads, 1)
         self.problem = problem
-        self.threads = threads or len(os.sched_getaffinity(0))
         self._robot = _robot(problem)
 
     def follow(

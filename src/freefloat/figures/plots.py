@@ -11,7 +11,7 @@ from freefloat.attitudes.attitude_map import AttitudeMap
 from freefloat.attitudes.map_slices import Mark, map_slices
 from freefloat.attitudes.outlook import Outlook
 from freefloat.attitudes.planar_search import HeadingMap, heading_map
-from freefloat.errors import UnreachableError
+from freefloat.errors import UnreachableError, refuse_other
 from freefloat.figures.figure_style import axis_label
 from freefloat.figures.map_plots import map_figures
 from freefloat.figures.motion_plots import motion_figures
@@ -47,7 +47,12 @@ def plan_figures(
 
     Returns:
         Figures by name.
+
+    Raises:
+        InputError: If it is no plan.
     """
+    accepted = "a Plan, as plan(problem) returns it; load_plan(file).problem() is a problem"
+    refuse_other("plan", plan, Plan, accepted)
     problem, chosen = plan.problem, plan.chosen
     figures: dict[str, Figure] = {}
     areas = workspace_of(problem)

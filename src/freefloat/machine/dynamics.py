@@ -6,6 +6,7 @@ are ordered linear before angular. Base columns belong to the base twist in the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 
 import numpy as np
@@ -160,20 +161,31 @@ def generalized_jacobian(
         frame, per joint rate, while the momentum is zero.
 
     Raises:
-        InputError: If there is no such task.
+        InputError: If there is no such task, or the joints are not those of the robot.
     """
-    if task is not Task.POSE:
-        task = Task.of(task)
-        if task.planar:
-            A = system_matrix(model, joints, task)
-            return np.asarray(A[1:, 1:] - A[1:, :1] * (A[:1, 1:] / A[0, 0]))
-    A, J = _maps(model, joints)
+    try:
+        if task is not Task.POSE:
+            task = Task.of(task)
+            if task.planar:
+                A = system_matrix(model, joints, task)
+                return np.asarray(A[1:, 1:] - A[1:, :1] * (A[:1, 1:] / A[0, 0]))
+        A, J = _maps(model, joints)
+    except (TypeError, ValueError):  # joints are looked at when it is too late: that costs nothing
+        _refuse_other_joints(model, joints)
+        raise
     A = np.asfortranarray(A)  # solved in place
     _, _, base, singular = dgesv(A[:, :6], A[:, 6:], 1, 1)
     if singular:
         raise np.linalg.LinAlgError("the momentum does not determine the spacecraft's rates")
     S: Array = J[:, 6:] - J[:, :6].dot(base)
     return S if task is Task.POSE else S[task.rows]
+
+
+def _refuse_other_joints(model: FreeFloatingModel, joints: object) -> None:
+    if isinstance(joints, Mapping):
+        told = type(joints).__name__
+        raise InputError("joints", f"{told} was given", "model.joint_vector(...) of it")
+    model.joint_vector(joints)  # type: ignore[arg-type] # which refuses what is no array
 
 
 def generalized_determinant(

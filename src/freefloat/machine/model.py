@@ -20,8 +20,9 @@ from freefloat.machine.body import Body
 from freefloat.spatial import Array, Pose, finite_vector, frozen
 from freefloat.urdf.assembly import Attachment, Payload, Spacecraft, assemble
 from freefloat.urdf.findings import Finding
+from freefloat.urdf.parts import refuse_other_parts
 from freefloat.urdf.urdf import UNLIMITED, Description, read_urdf, told_of, without_shapes
-from freefloat.urdf.urdf_text import is_text, source_of
+from freefloat.urdf.urdf_text import is_text, refuse_no_urdf, source_of
 
 _MOVING_JOINTS = ("JointModelR", "JointModelP")
 
@@ -74,9 +75,12 @@ class FreeFloatingModel:
             attached: Further URDFs, fixed to links.
 
         Raises:
+            InputError: If a part or a factor is something else.
             ModelError: If there is no such URDF, or it is unfit, or has no such frame, or no joint
                 moves it.
         """
+        refuse_no_urdf(urdf)
+        refuse_other_parts(spacecraft, payload, attached)
         urdf = _named(urdf)
         if spacecraft is None and payload is None and not attached:
             description = read_urdf(urdf, scale_mass)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from freefloat.errors import refuse_other
 from freefloat.machine.singularity import Measure
 from freefloat.motion.motion import Motion
 from freefloat.spatial import Array
@@ -43,7 +44,12 @@ def least(motion: Motion, of: Measure) -> Least:
     Args:
         motion: The motion.
         of: A measure of the same robot.
+
+    Raises:
+        InputError: If they are something else.
     """
+    refuse_other("motion", motion, Motion, "a Motion, such as simulate(...).chosen.motion")
+    refuse_other("of", of, Measure, "a Measure: measure(model, task, name), or margin.measure")
     profile = _Profile(motion, of.value)
     place, value = profile.first_place_below(0.0), 0.0
     if place is None:

@@ -22,13 +22,15 @@ from freefloat.motion.arc_flow import ArcFlow, arc_flow
 from freefloat.motion.closeness import first_place_below
 from freefloat.motion.motion import NODES, Ending, Motion
 from freefloat.motion.problem import Problem, refuse_no_problem
-from freefloat.spatial import Array, turn_between
+from freefloat.spatial import Array, finite_number, turn_between
 
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
 _AIM, _SLOWEST = 1.1, 1e-3
 """By how much a step that is to reach a time is made longer; pace below which none is aimed."""
 _FINEST = 1e-13
+_ROUGHEST = 1e-2
+"""Tolerances lie between these: finer ones are lost in rounding, rougher ones say nothing."""
 _RANK_LOST = 1e-9
 """A start is singular when S*'s smallest singular value is below this share of its largest."""
 _MEETS = 1e-6
@@ -58,16 +60,18 @@ def integrate_motion(
         end: Where to stop [s]; the duration when left out. An ``end`` before ``start`` retraces the
             motion that leads to ``start``: the paper's reverse motion with -h (Appendix A).
         stop_at_margin: End where the problem's margin is used up.
-        tolerance: Relative and absolute, of the integrator, per step.
+        tolerance: Relative and absolute, of the integrator, per step; from 1e-13 to 1e-2.
 
     Returns:
         The motion, whatever its ending.
 
     Raises:
-        InputError: If it is no problem, or the joints do not meet the path at ``start``.
+        InputError: If it is no problem, the joints do not meet the path at ``start``, or a time or
+            the tolerance is none.
         IntegrationError: If the integrator gives up for a reason other than a singularity.
     """
     refuse_no_problem(problem)
+    tolerance = _checked_tolerance(tolerance)
     attitude = problem.attitude("attitude", attitude)
     joints = problem.model.joint_vector(joints)
     duration = problem.path.duration
@@ -87,6 +91,14 @@ def integrate_motion(
         place = first_place_below(motion, margin.measure.value, margin.value)
         motion = _cut(motion, place, Ending.MARGIN)
     return motion
+
+
+def _checked_tolerance(given: float) -> float:
+    accepted = f"a number from {_FINEST:g} to {_ROUGHEST:g}"
+    tolerance = finite_number("tolerance", given, accepted)
+    if not _FINEST <= tolerance <= _ROUGHEST:
+        raise InputError("tolerance", f"{given} was given", accepted)
+    return tolerance
 
 
 def _cut(motion: Motion, place: float | None, ending: Ending) -> Motion:

@@ -56,6 +56,8 @@ class Margin:
     value: float
 
     def __post_init__(self) -> None:
+        accepted = "measure(model, task, name), such as measure(model, Task.POSE, 'gjm')"
+        refuse_other("margin.measure", self.measure, Measure, accepted)
         accepted = "a magnitude, 0 or more"
         object.__setattr__(self, "value", finite_number("margin.value", self.value, accepted))
         if self.value < 0.0:

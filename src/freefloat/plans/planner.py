@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from freefloat.errors import refuse_other
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, refuse_no_problem
 from freefloat.plans.plans import Plan
@@ -33,10 +34,15 @@ def plan(
         The plan; an infeasible one says why.
 
     Raises:
-        InputError: If it is no problem, or ``search.from_attitude`` does not suit it.
+        InputError: If it is no problem, ``search.from_attitude`` does not suit it, or the search,
+            the threads or the limits are something else.
     """
     refuse_no_problem(problem)
-    search = search or Search()
+    search = Search() if search is None else search
+    refuse_other("search", search, Search, "a Search, such as Search(samples=1024)")
+    if limits is not None:
+        accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
+        refuse_other("limits", limits, Limits, accepted)
     if search.from_attitude is not None:
         problem.attitude("search.from_attitude", search.from_attitude)
     # kernels take half a second to import: not before they are needed

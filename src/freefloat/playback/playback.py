@@ -137,6 +137,9 @@ def _in_notebook() -> bool:
     return shell is not None and hasattr(shell, "kernel")
 
 
+_BY_NAME = "a Motion for each name, such as simulate(...).chosen.motion"
+
+
 @runtime_checkable
 class NamesMotions(Protocol):
     """What has motions to show: plans, simulations, plans read from files."""
@@ -166,8 +169,8 @@ def play(
         motions = {"motion": motions}
     elif isinstance(motions, NamesMotions):
         motions = motions.named_motions()
-    accepted = "a Motion, Plan or Simulation, or motions by name"
+    accepted = "a Motion, Plan or Simulation, or motions by name: a Motion for each name"
     refuse_other("motions", motions, Mapping, accepted)
-    for one in motions.values():
-        refuse_other("motions", one, Motion, accepted)
+    for name, one in motions.items():
+        refuse_other(f"motions.{name}", one, Motion, _BY_NAME)
     return Playback(record(motions, title))

@@ -14,6 +14,9 @@ from freefloat.errors import InputError
 from freefloat.spatial import Array, unit_quaternion
 from freefloat.studies.study_schema import MOST_CASES, DrawSection, GridSection, TurnSection
 
+_DIGITS = 12
+_NOISE = 1e-15
+"""Share of the largest value by which sums of steps are off at most."""
 _ROUNDING = 1e-9
 """Share of a step by which rounding may make a range miss its last value."""
 
@@ -41,16 +44,30 @@ def listed(draw: DrawSection) -> list[Any] | None:
     if draw.steps is not None:
         first, last, step = draw.steps
         count = _steps(first, last, step)
-        return _whole([first + step * index for index in range(count)])
+        return _whole(_shortened([first + step * index for index in range(count)]))
     return None if draw.grid is None else _grid(draw.grid)
 
 
 def _grid(grid: GridSection) -> list[Any]:
     start, end, count = grid.start, grid.end, grid.count
     if isinstance(start, list) and isinstance(end, list) and isinstance(count, list):
-        axes = [np.linspace(*ends).tolist() for ends in zip(start, end, count, strict=True)]
+        axes = [
+            _shortened(np.linspace(*ends).tolist()) for ends in zip(start, end, count, strict=True)
+        ]
         return [list(point) for point in itertools.product(*axes)]
-    return _whole(np.linspace(start, end, count).tolist())  # type: ignore[arg-type]
+    return _whole(_shortened(np.linspace(start, end, count).tolist()))  # type: ignore[arg-type]
+
+
+def _shortened(values: list[float]) -> list[float]:
+    """Values without what adding steps leaves behind: 0.3, not 0.30000000000000004.
+
+    What has more digits of its own keeps them.
+    """
+    largest = max(map(abs, values))
+    digits = _DIGITS - math.ceil(math.log10(largest)) if largest > 0.0 else 0
+    short = [round(value, digits) + 0.0 for value in values]  # never -0.0
+    near = [abs(a - b) <= _NOISE * largest for a, b in zip(short, values, strict=True)]
+    return [a if close else b for a, b, close in zip(short, values, near, strict=True)]
 
 
 def _whole(values: list[float]) -> list[Any]:

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.brief import brief
 from freefloat.bundled import is_file
-from freefloat.errors import InputError
+from freefloat.errors import InputError, refuse_other
 from freefloat.spatial import Array, Pose, breaks_triangle, finite_vector, frozen
+from freefloat.urdf.urdf_text import refuse_no_urdf
 
 INERTIA = (
     "three principal moments or a symmetric 3x3 matrix, or its six moments ixx ixy ixz iyy iyz izz "
     "[kg m²]"
 )
 """How an inertia may be written."""
+
+_MOUNT = "Mount(xyz, rpy), in m and rad, such as Mount([0, 0, 1])"
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +84,7 @@ class Spacecraft:
     com: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
+        refuse_other("spacecraft.mount", self.mount, Mount, _MOUNT)
         _check_body("spacecraft", self)
 
 
@@ -125,6 +131,24 @@ class Attachment:
     link: str | None = None
     mount: Mount = field(default_factory=Mount)
     prefix: str = ""
+
+    def __post_init__(self) -> None:
+        refuse_no_urdf(self.urdf)
+        refuse_other("attachment.mount", self.mount, Mount, _MOUNT)
+
+
+def refuse_other_parts(spacecraft: object, payload: object, attached: Any) -> None:
+    """Raise an InputError where what is to be put to an arm is no such part."""
+    if spacecraft is not None:
+        accepted = "Spacecraft(mass, inertia, mount), in kg and kg m²"
+        refuse_other("spacecraft", spacecraft, Spacecraft, accepted)
+    if payload is not None:
+        accepted = "Payload(mass, inertia, com), in kg, kg m² and m"
+        refuse_other("payload", payload, Payload, accepted)
+    accepted = "a list of parts, such as [Attachment(urdf, link)]"
+    refuse_other("attached", attached, Sequence, accepted)
+    for index, one in enumerate(attached):
+        refuse_other(f"attached.{index}", one, Attachment, accepted)
 
 
 def inertia_matrix(key: str, given: npt.ArrayLike) -> Array:

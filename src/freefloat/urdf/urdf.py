@@ -6,9 +6,10 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 
-from freefloat.errors import ModelError
+from freefloat.errors import ModelError, refuse_other
 from freefloat.urdf.findings import Finding, Severity, by_severity
 from freefloat.urdf.urdf_defects import MOMENTS, defects
 from freefloat.urdf.urdf_doubts import doubts
@@ -84,10 +85,12 @@ def scale_masses(robot: ET.Element, scale_mass: float | Mapping[str, float]) -> 
     if isinstance(scale_mass, Mapping):
         factors = dict(scale_mass)
     else:
+        refuse_other("scale_mass", scale_mass, Real, "a positive number, or a map of them by link")
         factors = dict.fromkeys(links, float(scale_mass))
     for name, factor in factors.items():
         if name not in links:
             raise ModelError(f"scale_mass.{name}", "the robot has no such link", ", ".join(links))
+        refuse_other(f"scale_mass.{name}", factor, Real, "a positive number")
         if not (math.isfinite(factor) and factor > 0.0):
             raise ModelError(f"scale_mass.{name}", f"{factor} was given", "a positive number")
         for tag in ("inertial/mass", "inertial/inertia"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -12,7 +13,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from freefloat.errors import ModelError
+from freefloat.errors import ModelError, refuse_other
 from freefloat.spatial import Array
 from freefloat.urdf.findings import Finding, Severity
 
@@ -110,6 +111,12 @@ def plain_numbers(element: ET.Element | None, key: str, default: str) -> Array:
 def plain_number(element: ET.Element | None, key: str, default: str = "0") -> float:
     """The single number of an attribute, likewise."""
     return float(plain_numbers(element, key, default)[0])
+
+
+def refuse_no_urdf(given: object) -> None:
+    """Raise an InputError unless it is a text or a path."""
+    if not isinstance(given, os.PathLike):
+        refuse_other("urdf", given, str, "a file, XML text, or a name such as spatial_6dof")
 
 
 def is_text(urdf: str | Path) -> bool:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,15 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.brief import brief
 from freefloat.errors import InputError
-from freefloat.spatial import Array, axes_rotation, cross, finite_vector, frozen, unit_vector
+from freefloat.spatial import (
+    Array,
+    attitude_axes,
+    axes_rotation,
+    cross,
+    finite_vector,
+    frozen,
+    unit_vector,
+)
 from freefloat.wish.curve import Curve
 from freefloat.wish.pieces import breaks_of, within
 
@@ -34,6 +42,7 @@ _Vector = tuple[float, float, float]
 """Integrators ask for rates by the hundred thousand: of three numbers tuples are the fastest."""
 
 
+@runtime_checkable
 class AttitudeLaw(Protocol):
     """An end-effector attitude as a function of s."""
 
@@ -49,7 +58,8 @@ class FixedAttitude:
     """An end-effector that does not turn.
 
     Attributes:
-        axes: Its axes in the inertial frame, shape (3, 3).
+        axes: Its axes in the inertial frame as columns, or a quaternion x, y, z, w; kept as axes,
+            shape (3, 3).
     """
 
     __repr__ = brief
@@ -57,7 +67,7 @@ class FixedAttitude:
     axes: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "axes", frozen(self.axes))
+        object.__setattr__(self, "axes", attitude_axes("attitude", self.axes))
 
     def rotation(self, s: float) -> Array:
         """See :class:`AttitudeLaw`."""
@@ -86,8 +96,8 @@ class SlerpAttitude:
     """The shortest turn between two attitudes, at a constant rate.
 
     Attributes:
-        start: Axes at s = 0, shape (3, 3).
-        end: Axes at s = 1, shape (3, 3).
+        start: At s = 0: axes as columns, or a quaternion x, y, z, w; kept as axes, shape (3, 3).
+        end: At s = 1, likewise.
     """
 
     __repr__ = brief
@@ -96,8 +106,8 @@ class SlerpAttitude:
     end: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", frozen(self.start))
-        object.__setattr__(self, "end", frozen(self.end))
+        object.__setattr__(self, "start", attitude_axes("attitude", self.start))
+        object.__setattr__(self, "end", attitude_axes("attitude", self.end))
 
     @cached_property
     def _turn(self) -> Array:

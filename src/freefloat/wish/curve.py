@@ -8,7 +8,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,7 @@ _NEGLIGIBLE = 1e-8
 """Share of its size by which a spline's jumps may move it unnoticed."""
 
 
+@runtime_checkable
 class Curve(Protocol):
     """A position [m] as a function of s."""
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from freefloat.brief import brief
-from freefloat.errors import InputError
+from freefloat.errors import InputError, refuse_other
 from freefloat.spatial import Array, Pose, frozen, unit_quaternion
 from freefloat.wish.attitude_law import AttitudeLaw, FreeAttitude
 from freefloat.wish.curve import Curve, SplineCurve
@@ -40,6 +40,10 @@ class EndEffectorPath:
     attitude: AttitudeLaw = field(default_factory=FreeAttitude)
 
     def __post_init__(self) -> None:
+        accepted = "a curve, such as PolynomialCurve.line(start, end), ArcCurve or SplineCurve"
+        refuse_other("path.curve", self.curve, Curve, accepted)
+        accepted = "an attitude law, such as FixedAttitude(axes) or SlerpAttitude(start, end)"
+        refuse_other("path.attitude", self.attitude, AttitudeLaw, accepted)
         places = np.array([self.curve(float(s)) for s in _LOOKS])
         turns = [np.linalg.norm(self.attitude.rate(float(s))) for s in _LOOKS[::10]]
         if not np.isfinite(places).all():

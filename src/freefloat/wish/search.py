@@ -8,10 +8,13 @@ from enum import StrEnum
 
 from freefloat.brief import brief
 from freefloat.errors import InputError, member
-from freefloat.spatial import Array
+from freefloat.spatial import Array, whole_number
 
 Progress = Callable[[float], None]
 """Called with the share done, in [0, 1], while a search goes on."""
+
+_FEWEST = 8
+"""Samples."""
 
 
 class Objective(StrEnum):
@@ -43,8 +46,10 @@ class Search:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", member("search.objective", Objective, self.objective))
-        if self.samples is not None and self.samples < 8:
-            raise InputError("search.samples", f"{self.samples} was given", "8 or more")
+        if self.samples is not None:
+            samples = whole_number("search.samples", self.samples, _FEWEST)
+            object.__setattr__(self, "samples", samples)
+        object.__setattr__(self, "seed", whole_number("search.seed", self.seed, 0))
         if self.objective is Objective.NEAREST and self.from_attitude is None:
             raise InputError(
                 "search.from_attitude", "it is missing, objective nearest needs it", "x, y, z, w"

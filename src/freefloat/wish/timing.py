@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
+from numbers import Real
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 from freefloat.brief import brief
-from freefloat.errors import InputError, member
+from freefloat.errors import InputError, member, refuse_other
 from freefloat.spatial import Array, Pose, finite_number, frozen
 from freefloat.wish.path import EndEffectorPath
 
@@ -24,6 +25,7 @@ _SHORTEST, _LONGEST = 1e-6, 1e12
 """Durations [s] between which rates and their squares stay far from the ends of the numbers."""
 _APART = 1e-6
 """Share of the duration by which breaks must be apart to count as several."""
+_STOPS = "a list of stops, such as [Stop(s=0.5, t=40)], t in seconds"
 _CLOSEST = 1e-9
 """Shares of the whole by which stops must be apart in s and t."""
 
@@ -62,6 +64,10 @@ class Stop:
 
     s: float
     t: float
+
+    def __post_init__(self) -> None:
+        for name in ("s", "t"):
+            refuse_other(f"stop.{name}", getattr(self, name), Real, "a number: Stop(s, t)")
 
 
 @dataclass(frozen=True)
@@ -102,6 +108,10 @@ class Timing:
         object.__setattr__(self, "duration", duration)
         if not _SHORTEST <= self.duration <= _LONGEST:
             raise InputError("timing.duration", f"{self.duration} was given", accepted)
+        refuse_other("timing.stops", self.stops, Sequence, _STOPS)
+        for index, stop in enumerate(self.stops):
+            refuse_other(f"timing.stops.{index}", stop, Stop, _STOPS)
+        object.__setattr__(self, "stops", tuple(self.stops))
         times = (0.0, *(stop.t for stop in self.stops), self.duration)
         places = (0.0, *(stop.s for stop in self.stops), 1.0)
         steps = np.diff([np.array(times) / self.duration, places])
@@ -165,6 +175,10 @@ class TimedPath:
 
     path: EndEffectorPath
     timing: Timing
+
+    def __post_init__(self) -> None:
+        refuse_other("path", self.path, EndEffectorPath, "EndEffectorPath(curve, attitude)")
+        refuse_other("timing", self.timing, Timing, "Timing(duration), in seconds")
 
     @property
     def duration(self) -> float:
