@@ -132,7 +132,7 @@ def run(*words: str) -> Any:
 @pytest.fixture
 def planned_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """The planning, which is not at issue here, is done once."""
-    monkeypatch.setattr("freefloat.plans.planner.plan", lambda *_, **__: planned("good.yaml"))
+    monkeypatch.setattr("freefloat.tasks.planning.plan", lambda *_, **__: planned("good.yaml"))
 
 
 @pytest.mark.usefixtures("planned_before")
@@ -166,7 +166,7 @@ def test_map_draws_its_headings(folder: Path) -> None:
 @pytest.fixture
 def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """Long work fails the test."""
-    for name in ("freefloat.plans.planner.plan", "freefloat.attitudes.planar_search.heading_map"):
+    for name in ("freefloat.tasks.planning.plan", "freefloat.attitudes.planar_search.heading_map"):
         monkeypatch.setattr(name, lambda *_, **__: pytest.fail("the work was begun"))
 
 
