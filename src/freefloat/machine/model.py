@@ -20,7 +20,6 @@ from freefloat.machine.body import Body
 from freefloat.spatial import Array, Pose, finite_vector, frozen
 from freefloat.urdf.assembly import Attachment, Payload, Spacecraft, assemble
 from freefloat.urdf.findings import Finding
-from freefloat.urdf.parts import refuse_other_parts
 from freefloat.urdf.urdf import UNLIMITED, Description, read_urdf, told_of, without_shapes
 from freefloat.urdf.urdf_text import is_text, refuse_no_urdf, source_of
 
@@ -80,7 +79,6 @@ class FreeFloatingModel:
                 moves it.
         """
         refuse_no_urdf(urdf)
-        refuse_other_parts(spacecraft, payload, attached)
         urdf = _named(urdf)
         if spacecraft is None and payload is None and not attached:
             description = read_urdf(urdf, scale_mass)

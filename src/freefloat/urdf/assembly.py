@@ -17,6 +17,7 @@ from freefloat.urdf.parts import Attachment as Attachment
 from freefloat.urdf.parts import Mount as Mount
 from freefloat.urdf.parts import Payload as Payload
 from freefloat.urdf.parts import Spacecraft as Spacecraft
+from freefloat.urdf.parts import refuse_other_parts
 from freefloat.urdf.urdf import checked_robot
 from freefloat.urdf.urdf_text import source_of
 
@@ -51,9 +52,11 @@ def assemble(
         where they came from elsewhere.
 
     Raises:
+        InputError: If a part is something else.
         ModelError: If a URDF is unfit, has no such end-effector or link, or brings a name that is
             taken.
     """
+    refuse_other_parts(spacecraft, payload, attached)
     robot, source = checked_robot(urdf), source_of(urdf)
     root = _root(robot)
     if spacecraft is not None:
