@@ -62,7 +62,11 @@ def test_a_journal_of_nothing_but_a_torn_line_is_empty(file: Path) -> None:
     assert file.read_bytes() == b""
 
 
-@pytest.mark.parametrize("line", ["nonsense", "[]", "{}", '{"case": "a"}', "null", "", "\x00"])
+@pytest.mark.parametrize(
+    "line",
+    ["nonsense", "[]", "{}", '{"case": "a"}', "null", "", "\x00", '{"case": 1, "s": 1e999}',
+     '{"case": 1, "s": NaN}'],
+)  # fmt: skip
 def test_a_broken_line_in_the_midst_is_told_with_its_number(line: str, file: Path) -> None:
     lines = file.read_text().splitlines()
     file.write_text("\n".join([lines[0], line, *lines[1:]]) + "\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Collection
 from pathlib import Path
@@ -106,12 +107,19 @@ def _refuse(word: str) -> None:
     raise ValueError(f"{word} is no JSON")
 
 
+def _finite(word: str) -> float:
+    number = float(word)
+    if math.isinf(number):
+        raise ValueError(f"{word} is too large")
+    return number
+
+
 def _rows(whole: bytes, path: Path, key: str) -> tuple[dict[int, dict[str, Any]], int]:
     """The rows of a journal by number, and how many bytes they take."""
     end, rows = whole.rfind(b"\n") + 1, {}
     for number, line in enumerate(whole[:end].splitlines(), start=1):
         try:
-            row = json.loads(line, parse_constant=_refuse)
+            row = json.loads(line, parse_constant=_refuse, parse_float=_finite)
             if type(row[key]) is not int:
                 raise ValueError(key)
             rows[row[key]] = row
