@@ -916,10 +916,3 @@ def test_the_command_refuses_bad_input_with_one_line(tmp_path: Path) -> None:
     done = command(tmp_path, "simulate", "nothing.yaml", "--heading", "0", "--json")
     assert done.returncode == 2
     assert "nothing.yaml" in json.loads(done.stdout)["error"]["message"]
-
-
-def test_what_vanishes_has_no_sign() -> None:
-    """From here a branch becomes singular with S < 0 at the start."""
-    result = run("simulate", "planar_3dof/parabola", "--attitude", "0", "0", "0", "1")
-    assert "singular at" in result.stdout
-    assert not re.search(r"-0\s", result.stdout)

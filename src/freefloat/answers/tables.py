@@ -56,7 +56,7 @@ def simulation_tables(document: Document, name: str) -> list[RenderableType]:
         table.add_row(
             f"{one['branch']}{'*' if one['branch'] == chosen else ''} {_terse(one['label'])}",
             decimals(one["joints"], 3),
-            f"{one['min_margin']['sign'] * one['min_margin']['value'] + 0.0:.4g}",  # no -0
+            f"{one['min_margin']['sign'] * one['min_margin']['value']:.4g}",
             _verdict(one),
         )
     told = [Text(f"  {document['out_of_reach']}", "red")] if document["out_of_reach"] else []
