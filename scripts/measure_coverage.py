@@ -9,7 +9,6 @@ few tests fail, those that hold how long something takes and those that need mac
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile
@@ -55,7 +54,7 @@ def main() -> int:
             command = [sys.executable, "-m", "coverage", words[0], f"--rcfile={folder}/settings"]
             return subprocess.run([*command, *words[1:]], cwd=ROOT, check=False).returncode
 
-        coverage("run", "-m", "pytest", "-q", "--numprocesses", str(os.cpu_count()))
+        coverage("run", "-m", "pytest", "-q", "--numprocesses", "auto", "--dist", "loadfile")
         quiet = ("-q", "-W", "ignore::RuntimeWarning")  # of divisions by zero
         coverage("run", str(folder / "plain.py"), *quiet, *OF_KERNELS, "-k", " or ".join(QUICK))
         coverage("combine", "-q")

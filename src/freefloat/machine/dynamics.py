@@ -181,11 +181,11 @@ def generalized_jacobian(
     return S if task is Task.POSE else S[task.rows]
 
 
-def _refuse_other_joints(model: FreeFloatingModel, joints: object) -> None:
+def _refuse_other_joints(model: FreeFloatingModel, joints: npt.ArrayLike) -> None:
     if isinstance(joints, Mapping):
         told = type(joints).__name__
         raise InputError("joints", f"{told} was given", "model.joint_vector(...) of it")
-    model.joint_vector(joints)  # type: ignore[arg-type] # which refuses what is no array
+    model.joint_vector(joints)  # which refuses what is no array
 
 
 def generalized_determinant(

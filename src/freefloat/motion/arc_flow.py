@@ -88,10 +88,9 @@ class _CompiledFlow:
         )  # fmt: skip
         self._room = (*room, np.zeros((3, max(n, 9))))
         self._tangent_at = kernels.tangent_at
+        # joints are copied: kernels are compiled for arrays that may be written to
         self.determinant: Callable[[Array], float] | None = lambda joints: kernels.determinant_at(
-            *robot,
-            np.array(joints),
-            *room,  # a copy: compiled for arrays that may be written to
+            *robot, np.array(joints), *room
         )
 
     def __call__(self, _: float, y: Array) -> Array:

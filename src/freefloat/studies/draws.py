@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from hashlib import sha256
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -55,7 +55,8 @@ def _grid(grid: GridSection) -> list[Any]:
             _shortened(np.linspace(*ends).tolist()) for ends in zip(start, end, count, strict=True)
         ]
         return [list(point) for point in itertools.product(*axes)]
-    return _whole(_shortened(np.linspace(start, end, count).tolist()))  # type: ignore[arg-type]
+    points = cast(int, count)  # the schema has all three as lists, or none
+    return _whole(_shortened(np.linspace(start, end, points).tolist()))
 
 
 def _shortened(values: list[float]) -> list[float]:
