@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.bundled import example_robots, find_robot
+from freefloat.robot.names import example_robots, find_robot
 
 # Any URDF will do whose root link is the spacecraft; this one comes with freefloat.
 urdf = find_robot("spatial_6dof", Path())

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 import freefloat as ff
-from freefloat.bundled import find_robot
-from freefloat.machine.dynamics import end_effector_jacobian
+from freefloat.dynamics.momentum import end_effector_jacobian
+from freefloat.robot.names import find_robot
 
 model = ff.FreeFloatingModel.from_urdf(find_robot("planar_2dof", Path()))
 task = ff.Task.PLANAR_POSITION  # two joints, two coordinates

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.attitudes.attitude_map import regions
-from freefloat.figures.figure_style import save_figures
-from freefloat.figures.map_plots import histogram_figure
+from freefloat.planning.attitude_map import regions
+from freefloat.visualization.figure_style import save_figures
+from freefloat.visualization.map_figures import histogram_figure
 
 SAMPLES = 512  # attitudes, evenly spread; 36,864 make a fine map
 
 problem = ff.load_scenario("spatial_6dof/line").problem()
-found = ff.map_attitudes(ff.Outlook(problem), SAMPLES)
+found = ff.map_attitudes(ff.FeasibilityEvaluator(problem), SAMPLES)
 print(f"{found.motions:,} motions followed")
 
 # Attitudes that hang together, arm branch by arm branch, and the one deepest inside.

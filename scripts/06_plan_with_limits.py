@@ -17,7 +17,7 @@ plan = ff.plan(problem, limits=limits)
 print(f"chosen for {plan.reason}")
 
 
-def tell(findings: tuple[ff.LimitFinding, ...]) -> None:
+def tell(findings: tuple[ff.LimitResult, ...]) -> None:
     """Every limit where it is nearest to being broken."""
     for one in findings:
         verdict = "kept" if one.kept else "broken"

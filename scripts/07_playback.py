@@ -7,7 +7,7 @@ and ends in how far apart the two spacecraft point at the end [degrees].
 import numpy as np
 
 import freefloat as ff
-from freefloat.spatial import angle_between
+from freefloat.so3 import angle_between
 
 problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
 

@@ -31,7 +31,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.dont_write_bytecode = True
 
-from freefloat.storage import result_file  # noqa: E402
+from freefloat.io import result_file  # noqa: E402
 from tests.hostile import KINDS, MEMORY, OUTCOMES, READ, REFUSED, Watch, outcome  # noqa: E402
 
 PROCESSES = 2

@@ -13,18 +13,18 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import freefloat as ff
-from freefloat.figures.figure_style import PAGE, new_figure, save_figures, styled
-from freefloat.figures.motion_plots import motion_figures
-from freefloat.figures.planar_plots import joint_space_figure
-from freefloat.figures.scene_plots import draw_snapshots
+from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.output_file import written_beside
-from freefloat.playback.page import Capture
-from freefloat.playback.stills import take_pictures
-from freefloat.playback.video import save_video
-from freefloat.spatial import heading_quaternion
-from freefloat.workspace.workspace import planar_workspace
+from freefloat.so3 import heading_quaternion
+from freefloat.visualization.figure_style import PAGE, new_figure, save_figures, styled
+from freefloat.visualization.motion_figures import motion_figures
+from freefloat.visualization.page import Capture
+from freefloat.visualization.planar_figures import joint_space_figure
+from freefloat.visualization.scene_figures import draw_snapshots
+from freefloat.visualization.stills import take_pictures
+from freefloat.visualization.video import save_video
+from freefloat.workspace.margin_curves import planar_workspace
 
 DOTS = 120
 """Per inch: a picture as wide as a page of README, and small."""

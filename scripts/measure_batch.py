@@ -18,7 +18,7 @@ from typing import Any
 import psutil
 import yaml
 
-from freefloat.bundled import find_scenario
+from freefloat.robot.names import find_scenario
 
 SPEEDUP: dict[str, Any] = {
     "base": "spatial_6dof/line",

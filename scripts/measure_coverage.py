@@ -26,15 +26,21 @@ sigterm = true
 """
 """Of coverage: whatever process a test starts writes a file of its own."""
 OF_KERNELS = [
-    f"tests/test_{name}.py"
-    for name in ("drift_kernels", "arc_flow", "redundancy_kernels", "rollout")
+    f"tests/{name}.py"
+    for name in (
+        "dynamics/test_kernel_equation",
+        "motion/test_arc_length",
+        "dynamics/test_kernel_null_space",
+        "ensemble/test_ensemble",
+    )
 ]
-QUICK = ("kernels", "arc_flow", "every_branch_of", "stretched", "clearances", "straight_wrist",
+QUICK = ("kernels", "arc_flow", "every_branch_of", "stretched", "determinant",
+         "straight_wrist",
          "breaks_the_margin")  # fmt: skip
 """Parts of the names of tests that do not take minutes without a compiler."""
 PLAIN = """\
 import sys
-import freefloat.kernels.compiled as compiled
+import freefloat.dynamics.kernels.compilation as compiled
 compiled.compiled = compiled.borrowed = lambda thing: thing
 import pytest
 sys.exit(pytest.main(sys.argv[1:]))

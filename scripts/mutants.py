@@ -16,7 +16,7 @@ OPERATORS: dict[type, list[type]] = {
 }  # fmt: skip
 NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "minimum": "maximum",
          "maximum": "minimum", "hstack": "vstack"}  # fmt: skip
-SYMMETRIC = {"min", "max", "minimum", "maximum", "joint_gap"}
+SYMMETRIC = {"min", "max", "minimum", "maximum", "joint_distance"}
 UNTOLD = {"dtype", "order", "strict", "frozen", "eq"}
 """Keywords whose loss, or change, changes types or checks, not results."""
 

@@ -45,7 +45,7 @@ TESTS = {  # what pytest is told: the tests that concern a room, but for the slo
     "tests/test_null_space.py",
     "motion": "tests/test_motion.py tests/test_closeness.py tests/test_time_series.py",
     "planar_ranges": f"tests/test_planar_ranges.py {RANGES}[0] {RANGES}[2] {RANGES}[4]",
-    "touch_points": "tests/test_touch_points.py -k 'not brute_force and not gjm and not wrist'",
+    "tangency_points": "tests/test_touch_points.py -k 'not brute_force and not gjm and not wrist'",
     "rollout": "tests/test_rollout.py tests/test_redundancy_kernels.py -k 'not random_arms'",
     "rollout_kernels": "tests/test_rollout.py -k 'not random_arms and not threads'",
 }
@@ -87,14 +87,16 @@ class Laboratory:
             with suppress(ImportError):
                 import_module(library)
         # remembered, so that kernels on disk are found although the room differs
-        import_module("freefloat.kernels.compiled")._digest(house / "kernels")
+        import_module("freefloat.dynamics.kernels.compilation")._digest(house)
         self.seconds = 600.0
 
     def try_out(self, source: str) -> tuple[str, str, float]:
         """What becomes of a source of the room, by which test, and in how many seconds."""
-        if self.room.endswith("kernels"):
+        if "kernels" in self.file.parts:
             python = "borrowed = compiled = lambda thing: thing"
-            source = re.sub(r"from freefloat.kernels.compiled import .*", python, source)
+            source = re.sub(
+                r"from freefloat.dynamics.kernels.compilation import .*", python, source
+            )
         for stale in (self.file.parent / "__pycache__").glob(f"{self.room}.cpython*.pyc"):
             stale.unlink()
         self.file.write_text(source)

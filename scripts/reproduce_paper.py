@@ -20,14 +20,14 @@ from scipy.optimize import brentq
 
 import freefloat as ff
 from freefloat.answers.report import plan_document
-from freefloat.machine.singularity import joint_space_extremes
-from freefloat.machine.virtual_manipulator import VirtualManipulator
-from freefloat.ranges.states_on_path import StatesOnPath
-from freefloat.ranges.touch_points import TouchPoint, boundary_attitude, touch_points
-from freefloat.spatial import axes_rotation, unit_quaternion
-from freefloat.wish.attitude_law import FixedAttitude
-from freefloat.wish.curve import PolynomialCurve
-from freefloat.workspace.workspace import merged, path_areas, planar_workspace
+from freefloat.dynamics.measures import joint_space_extremes
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.planning.states_on_path import StatesOnPath
+from freefloat.planning.tangency import TangencyPoint, boundary_attitude, tangency_points
+from freefloat.so3 import axes_rotation, unit_quaternion
+from freefloat.workspace.margin_curves import merged, path_areas, planar_workspace
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def planar_ranges() -> Iterator[Line]:
     """
     document = plan_document(ff.plan(ff.load_scenario("planar_3dof/parabola").problem()))
     AF, FB = (
-        sorted((t for t in segment["touch_points"] if t["level"] > 0), key=lambda t: t["tau"])
+        sorted((t for t in segment["tangency_points"] if t["level"] > 0), key=lambda t: t["tau"])
         for segment in document["segments"]
     )
     touches = (
@@ -149,7 +149,7 @@ def example_2() -> ff.Problem:
     A, B = (given.path.path.curve(s) for s in (0.0, 1.0))
     B = np.array([*B[:2], (offset - normal[:2] @ B[:2]) / normal[2]])
     axes = axes_rotation("attitude", ("x", normal), ("z", A - B))
-    path = ff.EndEffectorPath(PolynomialCurve.line(A, B), FixedAttitude(axes))
+    path = ff.EndEffectorPath(PolynomialCurve.line(A, B), FixedOrientation(axes))
     return with_momentum(given, given.momentum, ff.TimedPath(path, given.path.timing))
 
 
@@ -229,9 +229,9 @@ def spatial_touch() -> Iterator[Line]:
         yield Line("Example 2: S_max", -5.0, least.sign * least.value, tolerance, remark)
 
 
-def nearest_touch(problem: ff.Problem) -> TouchPoint:
+def nearest_touch(problem: ff.Problem) -> TangencyPoint:
     """The touch point at the printed q1 and q2 that comes nearest to the printed one."""
-    touches = touch_points(problem, *TOUCH_JOINTS[:2], level=-5.0)
+    touches = tangency_points(problem, *TOUCH_JOINTS[:2], level=-5.0)
     return min(touches, key=lambda touch: np.abs(nearby(touch.joints) - TOUCH_JOINTS).max())
 
 
@@ -244,7 +244,7 @@ def towards(printed: list[float], quaternion: np.ndarray) -> np.ndarray:
     return quaternion * np.sign(quaternion @ printed)
 
 
-def touch_lines(what: str, touch: TouchPoint, tolerance: float, remark: str) -> Iterator[Line]:
+def touch_lines(what: str, touch: TangencyPoint, tolerance: float, remark: str) -> Iterator[Line]:
     """Time, elbow and shoulder do not depend on the momentum, wrist and attitude do."""
     yield Line(f"Example 2: {what}: tau", TOUCH_TAU, touch.tau, 2e-4)
     for i, (printed, joint) in enumerate(zip(TOUCH_JOINTS, nearby(touch.joints), strict=True)):

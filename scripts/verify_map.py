@@ -23,15 +23,15 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitudes.attitude_map import AttitudeMap, map_attitudes
-from freefloat.attitudes.attitude_search import nearest_feasible
-from freefloat.attitudes.map_boundary import touched_boundary
-from freefloat.attitudes.outlook import Outlook
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
-from freefloat.plans.planner import plan
-from freefloat.scenario.scenario import load_scenario
-from freefloat.spatial import angle_between, frozen, turned
-from freefloat.wish.search import Objective, Search
+from freefloat.planning.attitude_map import AttitudeMap, map_attitudes
+from freefloat.planning.boundary import touched_boundary
+from freefloat.planning.options import Objective, Search
+from freefloat.planning.planner import plan
+from freefloat.planning.search import nearest_feasible
+from freefloat.so3 import angle_between, frozen, turned
 
 SCENARIO = "spatial_6dof/line"
 BAD = (0.1, 0.5, 0.2, -0.8367)
@@ -67,7 +67,7 @@ class Check:
     seconds: float
 
 
-def touches(outlook: Outlook, seed: int) -> Iterator[Check]:
+def touches(outlook: FeasibilityEvaluator, seed: int) -> Iterator[Check]:
     begun = time.perf_counter()
     points = touched_boundary(outlook, TOUCHES, seed)
     gaps = np.degrees([point.gap for point in points if point.gap is not None])
@@ -89,7 +89,11 @@ def largest(problem: Problem, fine: AttitudeMap, threads: int | None) -> Iterato
 
 
 def nearest(
-    outlook: Outlook, fine: AttitudeMap, nows: list[np.ndarray], names: list[str], seed: int
+    outlook: FeasibilityEvaluator,
+    fine: AttitudeMap,
+    nows: list[np.ndarray],
+    names: list[str],
+    seed: int,
 ) -> Iterator[Check]:
     """Branch by branch and for the best of them."""
     coarse, value = map_attitudes(outlook, COARSE, seed), outlook.problem.margin.value
@@ -126,7 +130,7 @@ def robust(problem: Problem, threads: int | None, seed: int) -> Iterator[Check]:
     axes = generator.normal(size=(WITHIN, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]
     center = found.chosen.motion.initial.attitude
-    keeps = Outlook(problem, threads).keeps(
+    keeps = FeasibilityEvaluator(problem, threads).keeps(
         turned(center, size[:, None] * axes), found.chosen.branch.index
     )
     yield Check(
@@ -141,7 +145,7 @@ def checks(arguments: argparse.Namespace) -> Iterator[Check]:
     problem = load_scenario(SCENARIO).problem()
     harder = replace(problem, margin=Margin(problem.margin.measure, HARDER))
     begun = time.perf_counter()
-    fine = map_attitudes(Outlook(problem, threads), arguments.samples)
+    fine = map_attitudes(FeasibilityEvaluator(problem, threads), arguments.samples)
     yield Check(
         "fine map", f"{fine.motions} motions, {100.0 * fine.feasible_fraction:.2f} % feasible",
         "", True, time.perf_counter() - begun,
@@ -151,7 +155,7 @@ def checks(arguments: argparse.Namespace) -> Iterator[Check]:
     names = ["the bad one", *(f"random {k + 1}" for k in range(NOWS))]
     yield from largest(problem, fine, threads)
     for one in (problem, harder):
-        outlook = Outlook(one, threads)
+        outlook = FeasibilityEvaluator(one, threads)
         yield from touches(outlook, seed)
         yield from nearest(outlook, fine, [frozen(now) for now in nows], names, seed)
         yield from robust(one, threads, seed)

@@ -21,16 +21,16 @@ from rich.progress import track
 from rich.table import Table
 
 import freefloat as ff
-from freefloat.machine.singularity import joint_space_extremes, measure
-from freefloat.motion.closeness import least
+from freefloat.dynamics.measures import joint_space_extremes, measure
+from freefloat.motion.closest_approach import least
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
-from freefloat.ranges.planar_ranges import BranchRanges, find_limits, heading_ranges
-from freefloat.spatial import heading_quaternion
-from freefloat.wish.attitude_law import FixedAttitude, follow_attitude
-from freefloat.wish.curve import PolynomialCurve
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation, follow_orientation
+from freefloat.planning.planar_ranges import BranchRanges, find_range_limits, heading_ranges
+from freefloat.so3 import heading_quaternion
+from freefloat.workspace.margin_curves import path_areas, planar_workspace, point_3_on_path
 from freefloat.workspace.planar_arm import PlanarArm
-from freefloat.workspace.workspace import path_areas, planar_workspace, point_3_on_path
 
 SPACING = 0.25
 AGREEMENT = 0.05
@@ -81,14 +81,14 @@ def random_problem(rng: np.random.Generator) -> Problem:
         start, end = (np.array([z.real, z.imag, 0.0]) for z in ends)
         bow = rng.normal(0.0, 0.5, 3) * [1, 1, 0] * rng.choice([0.0, 1.0])
         curve = PolynomialCurve(np.array([start, end - start - bow, bow]))
-        law = FixedAttitude(np.eye(3))
+        law = FixedOrientation(np.eye(3))
         if joints == 3:
             angle = rng.uniform(0, 2 * np.pi)
-            law = FixedAttitude(
+            law = FixedOrientation(
                 [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
             )
             if rng.random() < 0.5:
-                law = follow_attitude(curve, str(rng.choice(["x", "-y"])), [0, 0, 1])
+                law = follow_orientation(curve, str(rng.choice(["x", "-y"])), [0, 0, 1])
         path = ff.TimedPath(ff.EndEffectorPath(curve, law), ff.Timing(float(rng.uniform(30, 200))))
         problem = Problem(model, path, task, momentum, Margin(of, float(S0)))
         radii = [abs(point_3_on_path(problem, s)) for s in np.linspace(0, 1, 41)]
@@ -211,7 +211,7 @@ def judge(
     """
     span = (0.0, problem.path.duration)
     start = time.perf_counter()
-    entries = heading_ranges(problem, find_limits(problem, span), span, 0.0)
+    entries = heading_ranges(problem, find_range_limits(problem, span), span, 0.0)
     between = time.perf_counter()
     brute = brute_force(problem, spacing, steps)
     end = time.perf_counter()

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import freefloat as ff
 from freefloat.answers.report import plan_document
-from freefloat.bundled import bundled_scenarios
-from freefloat.checking.checking import Verdict, check_plan
-from freefloat.storage.plan_file import save_plan
+from freefloat.io.plan_file import save_plan
+from freefloat.robot.names import bundled_scenarios
 from freefloat.tasks.planning import search_plan
+from freefloat.verification.check import Verdict, check_plan
 
 
 def planned(name: str, folder: Path) -> Path:

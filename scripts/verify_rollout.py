@@ -28,15 +28,15 @@ from rich.progress import track
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitudes.rollout import Roller
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR
 from freefloat.errors import IntegrationError
-from freefloat.kernels.rollout_kernels import COMPLETED, FAILED, SINGULAR
-from freefloat.motion.closeness import least
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.closest_approach import least
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
-from freefloat.scenario.scenario import load_scenario
-from freefloat.spatial import angle_between
+from freefloat.so3 import angle_between
 
 SCENARIOS = ("spatial_6dof/line", "ur5_servicer/arc", "panda_servicer/line")
 REDUNDANT_BRANCHES = 2
@@ -101,10 +101,10 @@ class Comparison:
 
 
 @cache
-def prepared(scenario: str) -> tuple[Problem, Roller]:
+def prepared(scenario: str) -> tuple[Problem, EnsembleIntegrator]:
     """A problem and its kernels, once in every process."""
     problem = load_scenario(scenario).problem()
-    return problem, Roller(problem, 1)
+    return problem, EnsembleIntegrator(problem, 1)
 
 
 def attitudes_of(count: int, seed: int) -> np.ndarray:

@@ -13,12 +13,12 @@ import pytest
 from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, sync_playwright
 
-from freefloat.bundled import models_folder
-from freefloat.machine.model import FreeFloatingModel
+from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Problem
-from freefloat.playback.stills import find_browser
-from freefloat.scenario.scenario import load_scenario
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import models_folder
 from freefloat.tasks.warm_up import warm_up
+from freefloat.visualization.stills import find_browser
 from tests.browser import FLAGS
 from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft

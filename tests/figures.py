@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from freefloat.spatial import Array
+from freefloat.so3 import Array
 
 UNIT = re.compile(r".+ \[.+\]$")
 

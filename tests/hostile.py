@@ -22,27 +22,27 @@ import numpy as np
 import yaml
 
 from freefloat.answers.report import natural_task
-from freefloat.checking.checking import _seals, _verdict
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
+from freefloat.io.map_file import load_map
+from freefloat.io.plan_file import load_plan
+from freefloat.io.scenario import load_scenario
+from freefloat.io.schema import ScenarioFile
+from freefloat.io.schema_errors import validated
 from freefloat.limits.collision_shapes import collision_shapes
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.virtual_manipulator import VirtualManipulator
-from freefloat.scenario.scenario import load_scenario
-from freefloat.scenario.schema import ScenarioFile
-from freefloat.scenario.schema_errors import validated
-from freefloat.scene.visuals import look_of
-from freefloat.storage.map_file import load_map
-from freefloat.storage.plan_file import load_plan
+from freefloat.paths.path import read_samples
+from freefloat.robot.meshes import MeshFileError, read_mesh
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.validation import examine
+from freefloat.studies.files import StudyFiles
+from freefloat.studies.folder import study_folder
 from freefloat.studies.study import load_study
-from freefloat.studies.study_files import StudyFiles
-from freefloat.studies.study_folder import study_folder
-from freefloat.urdf.mesh_files import MeshFileError, read_mesh
-from freefloat.urdf.urdf_doctor import examine
-from freefloat.wish.path import read_samples
+from freefloat.verification.check import _seals, _verdict
+from freefloat.visualization.visuals import look_of
 from tests import hostile_samples as good
 from tests.mutations import CSV, JSON, LINES, XML, YAML, Mutator, mutated
 from tests.result_mutations import HDF5, mutated_result
-from tests.wishes import PARABOLA
+from tests.scenarios import PARABOLA
 
 READ, REFUSED = "read", "refused"
 TRACEBACK, MEMORY, OUTSIDE, MESSAGE = "traceback", "memory", "outside", "message"

@@ -15,15 +15,15 @@ import trimesh
 import yaml
 
 from freefloat.answers.report import simulation_document
-from freefloat.bundled import models_folder
+from freefloat.io.digest import seal
+from freefloat.io.plan_file import save_motion
+from freefloat.io.result_file import ATTITUDE_MAP, new_result, write_document
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.certificate import certify
 from freefloat.motion.simulation import simulate
-from freefloat.proof.certificate import certify
-from freefloat.scenario.scenario import load_scenario
-from freefloat.spatial import heading_quaternion
-from freefloat.storage.plan_file import save_motion
-from freefloat.storage.result_file import ATTITUDE_MAP, new_result, write_document
-from freefloat.storage.seal import seal
-from tests.studies import SHORT
+from freefloat.robot.names import models_folder
+from freefloat.so3 import heading_quaternion
+from tests.example_studies import SHORT
 
 RICH = """\
 robot:

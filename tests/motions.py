@@ -10,19 +10,19 @@ import pinocchio as pin
 from numpy.polynomial import chebyshev
 from scipy.spatial.transform import Rotation
 
-from freefloat.attitudes.rollout import Roller, Rollout
-from freefloat.machine.dynamics import Task
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.singularity import measure
+from freefloat.dynamics.measures import measure
+from freefloat.dynamics.momentum import Task
+from freefloat.ensemble.ensemble import Ensemble, EnsembleIntegrator
+from freefloat.io.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Margin, Problem
-from freefloat.scenario.scenario import load_scenario
-from freefloat.spatial import heading_quaternion, turn_between
-from freefloat.wish.attitude_law import FixedAttitude, SlerpAttitude
-from freefloat.wish.curve import PolynomialCurve
-from freefloat.wish.path import EndEffectorPath
-from freefloat.wish.timing import TimedPath, Timing
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import TimedPath, Timing
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_quaternion, rotation_vector_between
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 """Example 2: from here the path is completed."""
@@ -47,10 +47,12 @@ def followed(problem: Problem, attitude: object, branch: int, **options: object)
     return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
 
 
-def rolled(motion: Motion, **options: object) -> Rollout:
+def rolled(motion: Motion, **options: object) -> Ensemble:
     """The same motion by the compiled kernels."""
     first = motion.initial
-    return Roller(motion.problem, 1).follow(first.attitude[None], first.joints[None], **options)
+    return EnsembleIntegrator(motion.problem, 1).follow(
+        first.attitude[None], first.joints[None], **options
+    )
 
 
 def lasting(problem: Problem, duration: float, momentum: object = None) -> Problem:
@@ -69,7 +71,7 @@ def along(
     momentum: object = (0.0, 0.0, 0.0),
 ) -> Problem:
     """A line with the hand held still; the margin is zero, of det A."""
-    path = EndEffectorPath(PolynomialCurve.line(start, end), FixedAttitude(axes))
+    path = EndEffectorPath(PolynomialCurve.line(start, end), FixedOrientation(axes))
     margin = Margin(measure(model, task, "system"), 0.0)
     return Problem(model, TimedPath(path, Timing(duration)), task, momentum, margin)
 
@@ -156,7 +158,7 @@ def from_here(model, task, momentum, attitude, joints, step, turn, timing):
     pose = model.end_effector_pose(attitude, joints)
     line = PolynomialCurve.line(pose.position, pose.position + step)
     end = Rotation.from_rotvec(turn).as_matrix() @ pose.rotation
-    return asked(model, task, momentum, line, SlerpAttitude(pose.rotation, end), timing)
+    return asked(model, task, momentum, line, SlerpOrientation(pose.rotation, end), timing)
 
 
 def tracking(motion, times):
@@ -169,7 +171,7 @@ def tracking(motion, times):
         pin.framesForwardKinematics(model, data, q)
         wanted = motion.problem.path.pose(state.time)
         off = (data.oMf[tool].translation - wanted.position)[rows]
-        turn = turn_between(data.oMf[tool].rotation, wanted.rotation)
+        turn = rotation_vector_between(data.oMf[tool].rotation, wanted.rotation)
         worst = np.maximum(worst, [np.linalg.norm(off), np.linalg.norm(turn)])
     return worst
 

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.machine.dynamics import Task
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.redundancy import Metric, Redundancy, Toward
-from freefloat.machine.singularity import measure
+from freefloat.dynamics.measures import measure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.motion.problem import Margin, Problem
-from freefloat.spatial import heading_quaternion
-from freefloat.wish.attitude_law import SlerpAttitude
-from freefloat.wish.curve import PolynomialCurve
-from freefloat.wish.path import EndEffectorPath
-from freefloat.wish.timing import Stop, TimedPath, Timing
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import SlerpOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import Stop, TimedPath, Timing
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_quaternion
 from tests.robots import planar_robot, random_robot
 
 ARMS = [
@@ -69,7 +69,7 @@ def redundant(
     p, R = np.array(pose.position), np.array(pose.rotation)
     line = PolynomialCurve.line(p, p + across[0] * rng.uniform(-0.15, 0.15, 3))
     turn = Rotation.from_rotvec(across[1] * rng.uniform(-0.2, 0.2, 3)).as_matrix()
-    path = EndEffectorPath(line, SlerpAttitude(R, turn @ R))
+    path = EndEffectorPath(line, SlerpOrientation(R, turn @ R))
     h = across[1] * rng.normal(size=3) * model.total_mass / 500.0 * momentum
     timed = TimedPath(path, timing or Timing(20.0, stops=(Stop(0.4, 9.0),)))
     margin = Margin(measure(model, task, "gjm"), 0.0)

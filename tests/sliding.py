@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.machine.dynamics import Task
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.singularity import measure
+from freefloat.dynamics.measures import measure
+from freefloat.dynamics.momentum import Task
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
-from freefloat.wish.attitude_law import FixedAttitude
-from freefloat.wish.curve import PolynomialCurve
-from freefloat.wish.path import EndEffectorPath
-from freefloat.wish.timing import TimedPath, TimeLaw, Timing
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import TimedPath, TimeLaw, Timing
+from freefloat.robot.model import FreeFloatingModel
 from tests.robots import inertial_text, joint_text, link_text
 
 BUS, HAND = 90.0, 10.0
@@ -51,7 +51,7 @@ def sliding_problem(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
     """From a place on the x axis [m from the centre of mass] one length further."""
     model = FreeFloatingModel.from_urdf(text, "hand")
     curve = PolynomialCurve.line((start, 0.0, 0.0), (start + LENGTH, 0.0, 0.0))
-    path = EndEffectorPath(curve, FixedAttitude(np.eye(3)))
+    path = EndEffectorPath(curve, FixedOrientation(np.eye(3)))
     margin = Margin(measure(model, Task.POSITION, "gjm"), 0.0)
     return Problem(
         model, TimedPath(path, Timing(duration, law)), Task.POSITION, np.zeros(3), margin

@@ -16,9 +16,9 @@ import pytest
 
 import freefloat as ff
 from freefloat.brief import brief
-from freefloat.bundled import models_folder
+from freefloat.io.plan_file import load_plan
 from freefloat.motion.motion import Motion
-from freefloat.storage.plan_file import load_plan
+from freefloat.robot.names import models_folder
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -73,7 +73,7 @@ def test_help_begins_with_ten_lines_that_run(
     shutil.copy(models_folder() / "spatial_6dof" / "spatial_6dof.urdf", tmp_path / "robot.urdf")
     monkeypatch.chdir(tmp_path)
     shown: list[ff.Plan] = []
-    monkeypatch.setattr("freefloat.plans.plans.Plan.show", lambda plan: shown.append(plan))
+    monkeypatch.setattr("freefloat.planning.plan.Plan.show", lambda plan: shown.append(plan))
     assert code.count("samples=1024") == 1
     exec(code.replace("samples=1024", "samples=64"), {})
     assert [one.feasible for one in shown] == [True]
@@ -117,7 +117,7 @@ def test_short_arrays_are_told_whole_and_long_ones_by_their_shape(
     assert f"ending=Ending.COMPLETED, times=array({count},), attitudes=array({count}, 4)" in told
     assert told.startswith("Motion(problem=Problem(...), ")
     assert "attitude=[0 0 1 0], joints=[" in repr(motion.initial)
-    assert "followed=<2 FollowedBranch>" in repr(simulation)
+    assert "followed=<2 SimulatedBranch>" in repr(simulation)
 
 
 def test_every_record_with_long_arrays_in_public_is_brief() -> None:
@@ -130,7 +130,7 @@ def test_every_record_with_long_arrays_in_public_is_brief() -> None:
 def test_a_stored_plan_is_told_in_one_line(tmp_path: Path) -> None:
     from typer.testing import CliRunner
 
-    from freefloat.cli.entry import app
+    from freefloat.cli.app import app
 
     words = ["simulate", "planar_2dof/line", "--heading", "0", "-o", str(tmp_path / "a.h5")]
     CliRunner().invoke(app, words)

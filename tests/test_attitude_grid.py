@@ -7,12 +7,12 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from freefloat.spatial import (
+from freefloat.so3 import (
     angle_between,
     attitude_grid,
     attitudes_within,
     grid_spacing,
-    turn_to,
+    rotation_vector_to,
     turned,
 )
 
@@ -68,7 +68,7 @@ def test_a_seed_turns_the_grid_as_a_whole() -> None:
     plain, other = attitude_grid(300), attitude_grid(300, 7)
     np.testing.assert_array_equal(other, attitude_grid(300, 7))
     np.testing.assert_array_equal(plain, attitude_grid(300, 0))
-    turns = turn_to(plain, other)
+    turns = rotation_vector_to(plain, other)
     np.testing.assert_allclose(turns, np.broadcast_to(turns[0], turns.shape), atol=1e-12)
     assert np.linalg.norm(turns[0]) > 0.1
     np.testing.assert_allclose(
@@ -90,7 +90,7 @@ def test_a_ball_is_filled_evenly(radius: float) -> None:
         inner = share * radius
         volume = (inner - np.sin(inner)) / (radius - np.sin(radius)) if radius > 0.01 else share**3
         assert (angles < inner).mean() == pytest.approx(volume, abs=4e-3)
-    towards = turn_to(center, cloud) / angles[:, None]
+    towards = rotation_vector_to(center, cloud) / angles[:, None]
     for axis in np.vstack([np.eye(3), [[0.6, 0.0, -0.8]]]):
         assert (towards @ axis > 0.0).mean() == pytest.approx(0.5, abs=0.01)
         assert (towards @ axis > 0.5).mean() == pytest.approx(0.25, abs=0.01)
@@ -120,7 +120,7 @@ def test_the_angle_between_attitudes_is_that_of_the_turn(angle: float) -> None:
     for sign in (1.0, -1.0):
         np.testing.assert_allclose(angle_between(start, sign * end), angle, atol=1e-7, rtol=1e-7)
         np.testing.assert_allclose(angle_between(-sign * end, start), angle, atol=1e-7, rtol=1e-7)
-        turns = turn_to(start, sign * end)
+        turns = rotation_vector_to(start, sign * end)
         np.testing.assert_allclose(np.linalg.norm(turns, axis=1), angle, atol=1e-9)
         np.testing.assert_allclose(angle_between(turned(start, turns), end), 0.0, atol=1e-7)
 

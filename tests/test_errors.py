@@ -20,8 +20,8 @@ from freefloat.errors import (
     ModelError,
     UnreachableError,
 )
+from freefloat.io.scenario import load_scenario
 from freefloat.motion.simulation import simulate
-from freefloat.scenario.scenario import load_scenario
 
 INPUT = ("path.line.from", "[1, nan, 0] was given", "3 finite numbers", "wish.yaml")
 

@@ -12,7 +12,7 @@ from benchmarks.result import Result, race
 _MAP = """
 import resource, time
 import freefloat as ff
-outlook = ff.Outlook(ff.load_scenario("spatial_6dof/line").problem())
+outlook = ff.FeasibilityEvaluator(ff.load_scenario("spatial_6dof/line").problem())
 ff.map_attitudes(outlook, 64)
 before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
 found = ff.map_attitudes(outlook, {samples})

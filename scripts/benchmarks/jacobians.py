@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.arm import arm_urdf
 from benchmarks.plain import PlainJacobian
 from benchmarks.result import Result, race
-from freefloat.machine.dynamics import generalized_jacobian
-from freefloat.machine.model import FreeFloatingModel
+from freefloat.dynamics.momentum import generalized_jacobian
+from freefloat.robot.model import FreeFloatingModel
 
 Jacobian = Callable[[np.ndarray], np.ndarray]
 

@@ -9,11 +9,11 @@ import numpy as np
 import freefloat as ff
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
-from freefloat.attitudes.attitude_map import map_attitudes
-from freefloat.attitudes.outlook import Outlook
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.motion import Motion
-from freefloat.ranges.planar_ranges import BranchRanges, find_limits, heading_ranges
-from freefloat.spatial import attitude_grid, heading_quaternion, unit_quaternion
+from freefloat.planning.attitude_map import map_attitudes
+from freefloat.planning.planar_ranges import BranchRanges, find_range_limits, heading_ranges
+from freefloat.so3 import attitude_grid, heading_quaternion, unit_quaternion
 
 ATTITUDE = unit_quaternion("attitude", (0.46008, 0.09337, 0.73519, -0.48898))
 TOLERANCE = 1e-8
@@ -53,7 +53,7 @@ def ranges(quick: bool) -> list[Result]:
     plain = PlainMotion(problem)
 
     def ours() -> tuple[BranchRanges, ...]:
-        return heading_ranges(problem, find_limits(problem, span), span, 0.0)
+        return heading_ranges(problem, find_range_limits(problem, span), span, 0.0)
 
     limits = sum(len(entry.limits) for entry in ours())
     headings = np.radians(np.arange(0.0, 360.0, 120.0 if quick else 5.0))
@@ -86,7 +86,7 @@ def maps(quick: bool) -> list[Result]:
     second line follows every motion on its own, as arms with a heavy wrist need.
     """
     problem = ff.load_scenario("spatial_6dof/line").problem()
-    outlook, plain = Outlook(problem), PlainMotion(problem)
+    outlook, plain = FeasibilityEvaluator(problem), PlainMotion(problem)
     samples, picks = (64, 2) if quick else (4096, 48)
     map_attitudes(outlook, 64)
     attitudes = attitude_grid(512, seed=1)

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.integrate import solve_ivp
 
-from freefloat.machine.model import FreeFloatingModel
 from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
 
 
 class PlainJacobian:

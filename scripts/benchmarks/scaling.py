@@ -9,13 +9,13 @@ import numpy as np
 import freefloat as ff
 from benchmarks.arm import arm_urdf
 from benchmarks.result import Result, race
-from freefloat.attitudes.attitude_map import map_attitudes
-from freefloat.attitudes.outlook import Outlook
-from freefloat.attitudes.rollout import Roller
-from freefloat.machine.singularity import measure
-from freefloat.spatial import attitude_grid
-from freefloat.wish.attitude_law import FixedAttitude
-from freefloat.wish.curve import PolynomialCurve
+from freefloat.dynamics.measures import measure
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.planning.attitude_map import map_attitudes
+from freefloat.so3 import attitude_grid
 
 SAMPLES = (1024, 4096, 16_384)
 JOINTS = range(3, 9)
@@ -24,7 +24,7 @@ POSE = 6
 
 
 def with_samples(quick: bool) -> list[Result]:
-    outlook = Outlook(ff.load_scenario("spatial_6dof/line").problem())
+    outlook = FeasibilityEvaluator(ff.load_scenario("spatial_6dof/line").problem())
     map_attitudes(outlook, 64)
     sizes = SAMPLES if not quick else (16, 64)
     seconds = race(
@@ -42,7 +42,7 @@ def line_problem(joints: int) -> ff.Problem:
     model = ff.FreeFloatingModel.from_urdf(arm_urdf(joints), f"link_{joints}")
     task = ff.Task.POSE if joints >= POSE else ff.Task.POSITION
     curve = PolynomialCurve.line([1.0, 0.0, 0.0], [1.0, 0.3, 0.25])
-    path = ff.EndEffectorPath(curve, FixedAttitude(np.eye(3)))
+    path = ff.EndEffectorPath(curve, FixedOrientation(np.eye(3)))
     margin = ff.Margin(measure(model, task, "gjm"), 0.0)
     return ff.Problem(model, ff.TimedPath(path, ff.Timing(60.0)), task, np.zeros(3), margin)
 
@@ -56,7 +56,7 @@ def with_joints(quick: bool) -> list[Result]:
     runs, names = [], []
     for joints in JOINTS if not quick else (3, 6):
         problem = line_problem(joints)
-        roller = Roller(problem)
+        roller = EnsembleIntegrator(problem)
         starts, attitudes = rng.uniform(-1.5, 1.5, (count, joints)), attitude_grid(count)
         usual = np.median(np.abs([problem.margin.measure.value(q) for q in starts]))
         roller.follow(attitudes[:1], starts[:1])
@@ -76,7 +76,7 @@ def with_cores(quick: bool) -> list[Result]:
     branches = problem.many_branches(attitudes)
     where, _ = np.nonzero(branches.found)
     starts, joints = attitudes[where], branches.joints[branches.found]
-    rollers = [Roller(problem, threads) for threads in (cores, 1)]
+    rollers = [EnsembleIntegrator(problem, threads) for threads in (cores, 1)]
     all_, one = race(
         *(lambda roller=roller: roller.follow(starts, joints) for roller in rollers),
         rounds=1 if quick else 5,

@@ -8,7 +8,7 @@ From a URDF to a plan, and to MeshCat::
     task = ff.Task.POSE
     model = ff.FreeFloatingModel.from_urdf("robot.urdf", "end_effector")
     curve = ff.PolynomialCurve.line([1, 0, 0], [-0.5, 0.8, 0.33])  # from the centre of mass [m]
-    path = ff.EndEffectorPath(curve, ff.FixedAttitude(np.eye(3)))
+    path = ff.EndEffectorPath(curve, ff.FixedOrientation(np.eye(3)))
     timed = ff.TimedPath(path, ff.Timing(duration=100))  # [s]
     margin = ff.Margin(ff.measure(model, task, "gjm"), 0.02)
     problem = ff.Problem(model, timed, task, np.array([0.5, 0.3, 0.1]), margin)  # [N m s]
@@ -26,22 +26,24 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from freefloat.attitudes.attitude_map import AttitudeMap as AttitudeMap
-    from freefloat.attitudes.attitude_map import map_attitudes as map_attitudes
-    from freefloat.attitudes.outlook import Outlook as Outlook
+    from freefloat.dynamics.measures import measure as measure
+    from freefloat.dynamics.momentum import Task as Task
+    from freefloat.dynamics.momentum import generalized_jacobian as generalized_jacobian
+    from freefloat.dynamics.redundancy import Redundancy as Redundancy
+    from freefloat.ensemble.feasibility import FeasibilityEvaluator as FeasibilityEvaluator
     from freefloat.errors import FreeFloatError as FreeFloatError
     from freefloat.errors import InputError as InputError
-    from freefloat.figures.plots import plan_figures as plan_figures
-    from freefloat.limits.limit_checks import LimitChecker as LimitChecker
-    from freefloat.limits.limits import LimitFinding as LimitFinding
+    from freefloat.io.map_file import load_map as load_map
+    from freefloat.io.plan_file import load_plan as load_plan
+    from freefloat.io.saving import save_map as save_map
+    from freefloat.io.saving import save_plan as save_plan
+    from freefloat.io.scenario import Scenario as Scenario
+    from freefloat.io.scenario import load_scenario as load_scenario
+    from freefloat.limits.check import LimitChecker as LimitChecker
+    from freefloat.limits.limits import LimitResult as LimitResult
     from freefloat.limits.limits import Limits as Limits
-    from freefloat.machine.dynamics import Task as Task
-    from freefloat.machine.dynamics import generalized_jacobian as generalized_jacobian
-    from freefloat.machine.model import FreeFloatingModel as FreeFloatingModel
-    from freefloat.machine.redundancy import Redundancy as Redundancy
-    from freefloat.machine.singularity import measure as measure
-    from freefloat.motion.closeness import Least as Least
-    from freefloat.motion.closeness import least as least
+    from freefloat.motion.closest_approach import ClosestApproach as ClosestApproach
+    from freefloat.motion.closest_approach import least as least
     from freefloat.motion.integration import integrate_motion as integrate_motion
     from freefloat.motion.motion import Ending as Ending
     from freefloat.motion.motion import Motion as Motion
@@ -50,96 +52,94 @@ if TYPE_CHECKING:
     from freefloat.motion.simulation import Simulation as Simulation
     from freefloat.motion.simulation import simulate as simulate
     from freefloat.motion.time_series import TimeSeries as TimeSeries
-    from freefloat.plans.planner import plan as plan
-    from freefloat.plans.plans import Plan as Plan
-    from freefloat.playback.playback import Playback as Playback
-    from freefloat.playback.playback import play as play
-    from freefloat.scenario.scenario import Scenario as Scenario
-    from freefloat.scenario.scenario import load_scenario as load_scenario
-    from freefloat.storage.map_file import load_map as load_map
-    from freefloat.storage.plan_file import load_plan as load_plan
-    from freefloat.storage.saving import save_map as save_map
-    from freefloat.storage.saving import save_plan as save_plan
+    from freefloat.paths.curves import ArcCurve as ArcCurve
+    from freefloat.paths.curves import PolynomialCurve as PolynomialCurve
+    from freefloat.paths.curves import SplineCurve as SplineCurve
+    from freefloat.paths.orientation import DirectedOrientation as DirectedOrientation
+    from freefloat.paths.orientation import FixedOrientation as FixedOrientation
+    from freefloat.paths.orientation import SlerpOrientation as SlerpOrientation
+    from freefloat.paths.path import EndEffectorPath as EndEffectorPath
+    from freefloat.paths.timing import Stop as Stop
+    from freefloat.paths.timing import TimedPath as TimedPath
+    from freefloat.paths.timing import TimeLaw as TimeLaw
+    from freefloat.paths.timing import Timing as Timing
+    from freefloat.planning.attitude_map import AttitudeMap as AttitudeMap
+    from freefloat.planning.attitude_map import map_attitudes as map_attitudes
+    from freefloat.planning.options import Objective as Objective
+    from freefloat.planning.options import Search as Search
+    from freefloat.planning.plan import Plan as Plan
+    from freefloat.planning.planner import plan as plan
+    from freefloat.robot.model import FreeFloatingModel as FreeFloatingModel
+    from freefloat.robot.parts import Attachment as Attachment
+    from freefloat.robot.parts import Mount as Mount
+    from freefloat.robot.parts import Payload as Payload
+    from freefloat.robot.parts import Spacecraft as Spacecraft
     from freefloat.studies.study import Study as Study
     from freefloat.studies.study import load_study as load_study
     from freefloat.tasks.batching import run_study as run_study
-    from freefloat.urdf.parts import Attachment as Attachment
-    from freefloat.urdf.parts import Mount as Mount
-    from freefloat.urdf.parts import Payload as Payload
-    from freefloat.urdf.parts import Spacecraft as Spacecraft
-    from freefloat.wish.attitude_law import DirectedAttitude as DirectedAttitude
-    from freefloat.wish.attitude_law import FixedAttitude as FixedAttitude
-    from freefloat.wish.attitude_law import SlerpAttitude as SlerpAttitude
-    from freefloat.wish.curve import ArcCurve as ArcCurve
-    from freefloat.wish.curve import PolynomialCurve as PolynomialCurve
-    from freefloat.wish.curve import SplineCurve as SplineCurve
-    from freefloat.wish.path import EndEffectorPath as EndEffectorPath
-    from freefloat.wish.search import Objective as Objective
-    from freefloat.wish.search import Search as Search
-    from freefloat.wish.timing import Stop as Stop
-    from freefloat.wish.timing import TimedPath as TimedPath
-    from freefloat.wish.timing import TimeLaw as TimeLaw
-    from freefloat.wish.timing import Timing as Timing
+    from freefloat.visualization.figures import plan_figures as plan_figures
+    from freefloat.visualization.playback import Playback as Playback
+    from freefloat.visualization.playback import play as play
 
 _ROOMS = {
     # the machine
-    "FreeFloatingModel": "machine.model",
-    "Mount": "urdf.parts",
-    "Spacecraft": "urdf.parts",
-    "Payload": "urdf.parts",
-    "Attachment": "urdf.parts",
-    "Task": "machine.dynamics",
-    "generalized_jacobian": "machine.dynamics",
-    "measure": "machine.singularity",
-    "Redundancy": "machine.redundancy",
+    "FreeFloatingModel": "robot.model",
+    "Mount": "robot.parts",
+    "Spacecraft": "robot.parts",
+    "Payload": "robot.parts",
+    "Attachment": "robot.parts",
+    "Task": "dynamics.momentum",
+    "generalized_jacobian": "dynamics.momentum",
+    "measure": "dynamics.measures",
+    "Redundancy": "dynamics.redundancy",
     # the wish
-    "PolynomialCurve": "wish.curve",
-    "ArcCurve": "wish.curve",
-    "SplineCurve": "wish.curve",
-    "FixedAttitude": "wish.attitude_law",
-    "SlerpAttitude": "wish.attitude_law",
-    "DirectedAttitude": "wish.attitude_law",
-    "EndEffectorPath": "wish.path",
-    "Timing": "wish.timing",
-    "TimeLaw": "wish.timing",
-    "Stop": "wish.timing",
-    "TimedPath": "wish.timing",
+    "PolynomialCurve": "paths.curves",
+    "ArcCurve": "paths.curves",
+    "SplineCurve": "paths.curves",
+    "FixedOrientation": "paths.orientation",
+    "SlerpOrientation": "paths.orientation",
+    "DirectedOrientation": "paths.orientation",
+    "EndEffectorPath": "paths.path",
+    "Timing": "paths.timing",
+    "TimeLaw": "paths.timing",
+    "Stop": "paths.timing",
+    "TimedPath": "paths.timing",
     "Margin": "motion.problem",
     "Problem": "motion.problem",
     # or both from a file
-    "load_scenario": "scenario.scenario",
-    "Scenario": "scenario.scenario",
+    "load_scenario": "io.scenario",
+    "Scenario": "io.scenario",
     # one motion
     "simulate": "motion.simulation",
     "Simulation": "motion.simulation",
     "integrate_motion": "motion.integration",
     "Motion": "motion.motion",
     "Ending": "motion.motion",
-    "least": "motion.closeness",
-    "Least": "motion.closeness",
+    "least": "motion.closest_approach",
+    "ClosestApproach": "motion.closest_approach",
     "TimeSeries": "motion.time_series",
     # its limits
     "Limits": "limits.limits",
-    "LimitFinding": "limits.limits",
-    "LimitChecker": "limits.limit_checks",
+    "LimitResult": "limits.limits",
+    "LimitChecker": "limits.check",
     # a plan
-    "plan": "plans.planner",
-    "Plan": "plans.plans",
-    "Search": "wish.search",
-    "Objective": "wish.search",
+    "plan": "planning.planner",
+    "Plan": "planning.plan",
+    "Search": "planning.options",
+    "Objective": "planning.options",
     # a map
-    "Outlook": "attitudes.outlook",
-    "map_attitudes": "attitudes.attitude_map",
-    "AttitudeMap": "attitudes.attitude_map",
+    "FeasibilityEvaluator": "ensemble.feasibility",
+    "map_attitudes": "planning.attitude_map",
+    "AttitudeMap": "planning.attitude_map",
     # a look
-    "play": "playback.playback",
-    "Playback": "playback.playback",
-    "plan_figures": "figures.plots",
+    "play": "visualization.playback",
+    "Playback": "visualization.playback",
+    "plan_figures": "visualization.figures",
     # files
-    "save_plan": "storage.saving",
-    "save_map": "storage.saving",
-    "load_plan": "storage.plan_file",
-    "load_map": "storage.map_file",
+    "save_plan": "io.saving",
+    "save_map": "io.saving",
+    "load_plan": "io.plan_file",
+    "load_map": "io.map_file",
     # many cases
     "load_study": "studies.study",
     "Study": "studies.study",

@@ -1,5 +1,5 @@
 """``python -m freefloat``."""
 
-from freefloat.cli.entry import main
+from freefloat.cli.app import main
 
 main()

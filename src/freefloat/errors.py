@@ -73,7 +73,7 @@ class InputError(FreeFloatError):
         return type(self)(prefix + self.key, self.problem, self.accepted, file, self.line)
 
 
-def refuse_other(key: str, given: object, kind: type, accepted: str) -> None:
+def require_type(key: str, given: object, kind: type, accepted: str) -> None:
     """Raise an InputError unless what was given is of a kind.
 
     Args:

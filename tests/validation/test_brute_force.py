@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.attitudes.outlook import Outlook
-from freefloat.kernels.rollout_kernels import COMPLETED
-from freefloat.motion.closeness import least
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.integration import COMPLETED
+from freefloat.motion.closest_approach import least
 from freefloat.motion.integration import integrate_motion
-from freefloat.spatial import attitude_grid
+from freefloat.so3 import attitude_grid
 from tests.motions import bundled
 from tests.validation.comparisons import agrees
 
@@ -45,7 +45,7 @@ def test_random_ranges_agree_with_brute_force(verify, number):
 def test_a_map_agrees_with_precise_motions():
     """Endings, and the least S beside its first value, of every fifth motion of a small map."""
     problem = bundled("spatial_6dof/line")
-    found = Outlook(problem, 1).prospects(attitude_grid(10))
+    found = FeasibilityEvaluator(problem, 1).prospects(attitude_grid(10))
     for at, branch in np.argwhere(found.endings >= 0)[::5]:
         joints = found.joints[at, branch]
         motion = integrate_motion(problem, found.attitudes[at], joints)

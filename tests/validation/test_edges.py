@@ -12,28 +12,28 @@ from typer.testing import CliRunner
 
 import freefloat as ff
 from freefloat.answers.report import simulation_document
-from freefloat.attitudes.attitude_depth import safe_radius
-from freefloat.attitudes.outlook import Outlook
-from freefloat.bundled import models_folder
-from freefloat.checking.checking import check_plan
-from freefloat.checking.robust_checks import robust_checks
-from freefloat.cli.entry import app
+from freefloat.cli.app import app
+from freefloat.dynamics.momentum import Task
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.errors import IntegrationError
-from freefloat.kernels.rollout_kernels import COMPLETED, SINGULAR
-from freefloat.machine.dynamics import Task
-from freefloat.machine.model import FreeFloatingModel
+from freefloat.io.digest import seal
+from freefloat.io.plan_file import save_motion
 from freefloat.motion import integration
-from freefloat.motion.closeness import least
+from freefloat.motion.certificate import certify
+from freefloat.motion.closest_approach import least
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin
-from freefloat.proof.certificate import certify
-from freefloat.proof.mujoco_engine import Engine
-from freefloat.proof.mujoco_runs import forward_run, inverse_run
-from freefloat.ranges.planar_ranges import find_limits, heading_ranges
-from freefloat.spatial import angle_between, attitude_grid, heading_of
-from freefloat.storage.plan_file import save_motion
-from freefloat.storage.seal import seal
-from freefloat.wish.curve import PolynomialCurve
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
+from freefloat.planning.robust_radius import safe_radius
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import models_folder
+from freefloat.so3 import angle_between, attitude_grid, heading_of
+from freefloat.verification.check import check_plan
+from freefloat.verification.mujoco_engine import Engine
+from freefloat.verification.mujoco_runs import forward_run, inverse_run
+from freefloat.verification.robust_checks import robust_checks
 from tests.motions import GOOD, along, bundled, followed, heading, lasting, rolled
 from tests.robots import in_units, planar_robot
 
@@ -61,7 +61,7 @@ def planar():
 def all_headings(problem):
     """Ranges of headings that keep the margin."""
     span = (0.0, problem.path.duration)
-    return heading_ranges(problem, find_limits(problem, span), span, 0.0)
+    return heading_ranges(problem, find_range_limits(problem, span), span, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def test_a_singular_start_is_the_end_of_the_motion(name, joints, step):
     assert (len(motion.times), motion.final.time) == (1, 0.0)
     found = rolled(motion)
     ended = found.endings[0] == SINGULAR and found.ended_at[0] < 1e-2
-    assert ended or found.clearances[0] < 1e-9
+    assert ended or found.determinant_ratios[0] < 1e-9
     assert not found.keeps(1e-6 * abs(problem.margin.measure.value(np.array(joints) + 0.3)))[0]
 
 
@@ -419,7 +419,7 @@ def test_a_planar_hand_passes_through_the_centre_of_mass():
 def test_a_spatial_hand_passes_through_the_centre_of_mass(spatial):
     """Expected: from some attitude the line is completed, and the hand is there to 1e-8 m."""
     problem = along(spatial.model, Task.POSE, [1, 0, 0], [-1, 0, 0], LEVEL)
-    found = Outlook(problem, 1).prospects(attitude_grid(16))
+    found = FeasibilityEvaluator(problem, 1).prospects(attitude_grid(16))
     completed = np.argwhere(found.endings == COMPLETED)
     assert len(completed)
     at, branch = completed[0]
@@ -438,9 +438,9 @@ def test_a_wrist_that_passes_through_the_centre_of_mass_promises_nothing(spatial
     line = along(spatial.model, Task.POSE, [1, 0.4, 0], [-1, 0.4, 0], LEVEL)
     margin = Margin(ff.measure(spatial.model, Task.POSE, "arm"), 0.5)
     problem = ff.Problem(line.model, line.path, line.task, line.momentum, margin)
-    outlook = Outlook(problem, 1)
+    outlook = FeasibilityEvaluator(problem, 1)
     found = outlook.prospects(attitude_grid(64))
-    assert (found.clearances < 1e-2).all()
+    assert (found.determinant_ratios < 1e-2).all()
     at, branch = np.unravel_index(int(np.argmax(found.margins)), found.margins.shape)
     assert found.margins[at, branch] > 0.5
     assert safe_radius(outlook, found.attitudes[at], int(branch), 0.5) == 0.0
@@ -466,7 +466,7 @@ HALF_TURNS = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 @pytest.mark.parametrize("attitude", [*HALF_TURNS, GOOD])
 def test_both_signs_of_a_quaternion_are_one_start(spatial, attitude):
     """Expected: same joints, same endings, same least S to the last digits; also at half turns."""
-    outlook = Outlook(spatial, 1)
+    outlook = FeasibilityEvaluator(spatial, 1)
     unit = spatial.attitude("attitude", attitude)
     one, other = (outlook.prospects(sign * unit[None]) for sign in (1.0, -1.0))
     assert (one.endings == other.endings).all()
@@ -483,7 +483,7 @@ def test_half_a_turn_from_the_grids_first_attitude_is_nothing_special(spatial):
     turns = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), -np.eye(3)]))
     away = (Rotation.from_quat(pole) * turns).as_quat()
     assert_close(angle_between(away, pole), np.pi, atol=1e-7)
-    found = Outlook(spatial, 1).prospects(away)
+    found = FeasibilityEvaluator(spatial, 1).prospects(away)
     assert (found.endings[:3] == found.endings[3:]).all()  # half a turn either way is one
     assert_close(found.least[:3], found.least[3:], atol=1e-9)
     for k in range(3):

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from freefloat.machine.dynamics import (
+from freefloat.dynamics.momentum import (
     Task,
     end_effector_jacobian,
     generalized_jacobian,
 )
-from freefloat.machine.model import FreeFloatingModel
 from freefloat.motion.integration import integrate_motion
-from freefloat.wish.attitude_law import FixedAttitude
-from freefloat.wish.path import EndEffectorPath
-from freefloat.wish.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.robot.model import FreeFloatingModel
 from tests.motions import (
     BAD,
     GOOD,
@@ -192,7 +192,7 @@ class JointLoop:
 
 
 def looping(aside, turns, law=TimeLaw.QUINTIC):
-    model, upright = FreeFloatingModel.from_urdf(two(aside), "tool"), FixedAttitude(np.eye(3))
+    model, upright = FreeFloatingModel.from_urdf(two(aside), "tool"), FixedOrientation(np.eye(3))
     loop, timing = JointLoop(aside, turns), Timing(30.0 * turns, law)
     problem = asked(model, Task.PLANAR_POSITION, [0, 0, 0], loop, upright, timing)
     return integrate_motion(problem, [0, 0, 0, 1], [0.9, 0.7])

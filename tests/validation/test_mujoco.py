@@ -13,15 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from freefloat.limits.torques import InverseDynamics
-from freefloat.machine.dynamics import (
+from freefloat.dynamics.momentum import (
     generalized_jacobian,
 )
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.proof.mujoco_engine import Engine, wxyz
-from freefloat.proof.mujoco_runs import forward_run
-from freefloat.scenario.scenario import load_scenario
-from freefloat.spatial import heading_quaternion
+from freefloat.io.scenario import load_scenario
+from freefloat.limits.torques import InverseDynamics
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_quaternion
+from freefloat.verification.mujoco_engine import Engine, wxyz
+from freefloat.verification.mujoco_runs import forward_run
 from tests.motions import (
     GOOD,
     differentiated,

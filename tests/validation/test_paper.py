@@ -5,13 +5,13 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.virtual_manipulator import VirtualManipulator
-from freefloat.motion.closeness import least
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.motion.closest_approach import least
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
-from freefloat.ranges.planar_ranges import find_limits, heading_ranges
-from freefloat.spatial import heading_of, heading_quaternion
+from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import (
     BAD,
     GOOD,
@@ -103,7 +103,7 @@ def test_the_limit_at_161_degrees_is_where_it_was_printed(planar, degrees, limit
 
 @pytest.mark.parametrize(("degrees", "kept"), [(62.0, True), (63.6, False), (0.0, True)])
 def test_the_limit_at_63_degrees_is_where_it_was_printed(planar, degrees, kept):
-    """Least S passes S0 = 5 near 63 degrees, coming from 0."""
+    """ClosestApproach S passes S0 = 5 near 63 degrees, coming from 0."""
     found = least(on_side(planar, degrees, 1), planar.margin.measure)
     assert (found.value >= 5.0) == kept
 
@@ -166,7 +166,7 @@ def test_published_ranges_of_example_1(planar):
 
 @cache
 def limits_of(problem, span):
-    return find_limits(problem, span)
+    return find_range_limits(problem, span)
 
 
 def test_published_planar_barycentric_lengths(planar_3dof: FreeFloatingModel) -> None:

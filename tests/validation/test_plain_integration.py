@@ -9,12 +9,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from freefloat.machine.dynamics import (
+from freefloat.dynamics.momentum import (
     Task,
 )
-from freefloat.machine.model import FreeFloatingModel
 from freefloat.motion.integration import integrate_motion
-from freefloat.wish.timing import TimeLaw, Timing
+from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.robot.model import FreeFloatingModel
 from tests.motions import (
     GOOD,
     SLIDING,

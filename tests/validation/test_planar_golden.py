@@ -8,18 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from freefloat.machine.dynamics import (
+from freefloat.dynamics.measures import measure
+from freefloat.dynamics.momentum import (
     Task,
     generalized_jacobian,
     inertia_matrices,
     momentum_map,
     system_matrix,
 )
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.singularity import measure
-from freefloat.machine.virtual_manipulator import VirtualManipulator
-from freefloat.scenario.scenario import load_scenario
-from freefloat.workspace.areas import workspace_of
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.io.scenario import load_scenario
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.workspace.regions import workspace_of
 from tests.motions import (
     bundled,
     relative,

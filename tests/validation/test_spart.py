@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.machine.dynamics import (
+from freefloat.dynamics.momentum import (
     generalized_jacobian,
 )
-from freefloat.machine.model import FreeFloatingModel
+from freefloat.robot.model import FreeFloatingModel
 from tests.motions import (
     relative,
 )

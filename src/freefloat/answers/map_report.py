@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from freefloat.motion.reach import told_reach
-from freefloat.spatial import Array, heading_quaternion
+from freefloat.so3 import Array, heading_quaternion
 
 if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
-    from freefloat.attitudes.attitude_map import AttitudeMap, Region
-    from freefloat.attitudes.attitude_search import Candidate
-    from freefloat.attitudes.map_boundary import BoundaryPoint
-    from freefloat.attitudes.planar_search import HeadingMap
+    from freefloat.planning.attitude_map import AttitudeMap, Region
+    from freefloat.planning.boundary import BoundaryPoint
+    from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.search import Candidate
 
 Document = dict[str, Any]
 _ALL_ATTITUDES = 8.0 * np.pi**2
@@ -145,8 +145,8 @@ def _region_document(region: Region) -> Document:
 
 def _branch_documents(found: AttitudeMap) -> list[Document]:
     """Share of the attitudes where each arm branch exists, and where it keeps the margin."""
-    from freefloat.attitudes.attitude_map import branch_names
-    from freefloat.attitudes.outlook import UNREACHED
+    from freefloat.ensemble.feasibility import UNREACHED
+    from freefloat.planning.attitude_map import branch_names
 
     kept, reached, documents = found.kept, found.endings != UNREACHED, []
     for index, label in branch_names(found).items():
@@ -159,8 +159,8 @@ def _branch_documents(found: AttitudeMap) -> list[Document]:
 
 def _endings_document(found: AttitudeMap) -> Document:
     """How many attitude-branch pairs ended in which way."""
-    from freefloat.attitudes.outlook import UNREACHED
-    from freefloat.kernels.rollout_kernels import COMPLETED, FAILED, SINGULAR
+    from freefloat.ensemble.feasibility import UNREACHED
+    from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR
 
     codes = {"completed": COMPLETED, "singular": SINGULAR, "given_up": FAILED,
              "unreached": UNREACHED}  # fmt: skip

@@ -8,28 +8,28 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.limits.limits import LimitFinding
-from freefloat.machine.dynamics import Task
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.redundancy import Redundancy
-from freefloat.machine.singularity import Measure, joint_space_extremes, measure
-from freefloat.machine.virtual_manipulator import VirtualManipulator
-from freefloat.motion.closeness import Least
+from freefloat.dynamics.measures import Measure, joint_space_extremes, measure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.redundancy import Redundancy
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.limits.limits import LimitResult
+from freefloat.motion.closest_approach import ClosestApproach
 from freefloat.motion.motion import Ending, Motion, State
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import told_reach
-from freefloat.motion.simulation import FollowedBranch, Simulation
-from freefloat.plans.plans import Plan, Segment
-from freefloat.ranges.planar_ranges import BranchRanges, Limit
-from freefloat.spatial import heading_of
-from freefloat.urdf.findings import Finding, Severity
-from freefloat.workspace.areas import workspace_of
-from freefloat.workspace.workspace import Interval, path_areas
+from freefloat.motion.simulation import SimulatedBranch, Simulation
+from freefloat.planning.plan import Plan, Segment
+from freefloat.planning.planar_ranges import BranchRanges, Limit
+from freefloat.robot.diagnostics import Severity, UrdfDiagnostic
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_of
+from freefloat.workspace.margin_curves import Interval, path_areas
+from freefloat.workspace.regions import workspace_of
 
 Document = dict[str, Any]
 
 
-def simulation_document(simulation: Simulation, findings: Iterable[LimitFinding] = ()) -> Document:
+def simulation_document(simulation: Simulation, findings: Iterable[LimitResult] = ()) -> Document:
     """What ``simulate`` answers: the chosen motion, its limits, and every branch in brief."""
     return {
         **_followed_document(simulation.chosen),
@@ -39,7 +39,7 @@ def simulation_document(simulation: Simulation, findings: Iterable[LimitFinding]
     }
 
 
-def _followed_document(chosen: FollowedBranch) -> Document:
+def _followed_document(chosen: SimulatedBranch) -> Document:
     """The motion of one arm branch, whole."""
     motion = chosen.motion
     problem = motion.problem
@@ -72,7 +72,7 @@ def _redundancy_document(problem: Problem) -> Document | None:
     }
 
 
-def limits_document(findings: Iterable[LimitFinding]) -> list[Document]:
+def limits_document(findings: Iterable[LimitResult]) -> list[Document]:
     """Limits along a motion; null stands for what has no bound."""
     return [
         {key: _bounded(value) for key, value in asdict(one).items()}
@@ -85,7 +85,7 @@ def _bounded(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def _branch_document(one: FollowedBranch) -> Document:
+def _branch_document(one: SimulatedBranch) -> Document:
     return {
         "branch": one.branch.index,
         "label": one.branch.label,
@@ -111,7 +111,7 @@ def singular_document(motion: Motion) -> Document | None:
     }
 
 
-def margin_document(motion: Motion, found: Least) -> Document:
+def margin_document(motion: Motion, found: ClosestApproach) -> Document:
     """How near a motion came to a singularity, and whether that is as asked."""
     required = motion.problem.margin.value
     kept = motion.completed and found.keeps(required)
@@ -191,7 +191,7 @@ def _segment_document(segment: Segment) -> Document:
     return {
         "from": start,
         "to": end,
-        "touch_points": [_touch_document(limit, segment.span) for limit in segment.limits],
+        "tangency_points": [_touch_document(limit, segment.span) for limit in segment.limits],
         "ranges_at_start_deg": [ranges_document(entry) for entry in segment.at_start],
         "ranges_at_end_deg": [ranges_document(entry) for entry in segment.at_end],
         "joined_at_end_deg": [ranges_document(entry) for entry in segment.joined_at_end],
@@ -246,7 +246,7 @@ def natural_task(model: FreeFloatingModel) -> Task:
 def info_document(
     model: FreeFloatingModel,
     task: Task,
-    findings: Sequence[Finding],
+    findings: Sequence[UrdfDiagnostic],
     of: Measure | None = None,
 ) -> Document:
     """What ``info`` answers: what the robot is, and what was found in its URDF."""

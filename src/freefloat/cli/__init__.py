@@ -1,1 +1,1 @@
-"""The ``freefloat`` command: what it understands, whom it asks, what it shows."""
+"""The command line."""

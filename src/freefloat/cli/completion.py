@@ -12,21 +12,21 @@ _YAML, _URDF = (".yaml", ".yml"), (".urdf",)
 
 def scenario_names(incomplete: str) -> list[str]:
     """Bundled scenarios, and YAML files."""
-    from freefloat.bundled import bundled_scenarios
+    from freefloat.robot.names import bundled_scenarios
 
     return _offered(incomplete, bundled_scenarios(), _YAML)
 
 
 def study_names(incomplete: str) -> list[str]:
     """Bundled studies, and YAML files."""
-    from freefloat.bundled import bundled_studies
+    from freefloat.robot.names import bundled_studies
 
     return _offered(incomplete, bundled_studies(), _YAML)
 
 
 def robot_names(incomplete: str) -> list[str]:
     """Bundled robots and scenarios, and files of both kinds."""
-    from freefloat.bundled import bundled_robots, bundled_scenarios
+    from freefloat.robot.names import bundled_robots, bundled_scenarios
 
     names = (*bundled_robots(), *bundled_scenarios())
     return _offered(incomplete, names, (*_URDF, *_YAML))
@@ -34,7 +34,7 @@ def robot_names(incomplete: str) -> list[str]:
 
 def bundled_names(incomplete: str) -> list[str]:
     """All that is bundled: robots, scenarios and studies."""
-    from freefloat.bundled import bundled_robots, bundled_scenarios, bundled_studies
+    from freefloat.robot.names import bundled_robots, bundled_scenarios, bundled_studies
 
     names = (*bundled_robots(), *bundled_scenarios(), *bundled_studies())
     return [name for name in names if name.startswith(incomplete)]

@@ -1,1 +1,1 @@
-"""What a motion asks of joints, drives, base and surroundings."""
+"""Limits on joints, rates, torques and clearance along a motion."""

@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 
 from freefloat.limits.collision_pairs import CollisionPairs
 from freefloat.motion.motion import Motion
-from freefloat.spatial import Array, IntArray
+from freefloat.so3 import Array, IntArray
 
 TOLERANCE = 1e-4
 """By how much the true smallest distance may lie below the one found [m]."""
@@ -55,7 +55,7 @@ def nearest(motion: Motion, pairs: CollisionPairs, enough: float | None = None) 
     search.run()
     if enough is None:
         search.polish()
-    time = motion.at_place(search.place)[0][0]
+    time = motion.evaluate(search.place)[0][0]
     time = np.clip(time, motion.times.min(), motion.times.max())
     return Nearest(search.distance, search.pair, float(time))
 
@@ -118,7 +118,7 @@ class _Search:
             self.distance, self.place = float(found.fun), float(found.x)
 
     def _joints(self, places: Array) -> Array:
-        return self._motion.at_place(places)[2]
+        return self._motion.evaluate(places)[2]
 
     def _change(self, pair: IntArray, low: Array, high: Array) -> Array:
         """By how much the distance changes at most inside intervals [m]."""

@@ -13,9 +13,9 @@ import pinocchio as pin
 
 from freefloat.errors import ModelError
 from freefloat.limits.collision_shapes import CollisionShape, collision_shapes
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.motion.joint_spans import joint_ranges
-from freefloat.spatial import Array, IntArray, low_discrepancy
+from freefloat.motion.joint_extents import joint_ranges
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, IntArray, low_discrepancy
 
 _CONFIGURATIONS = 1024
 """In how many a pair must come too near, whatever the joints do, to be left out."""

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
-from freefloat.limits.convex_parts import ConvexPart, convex_parts
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.spatial import Array, Pose
-from freefloat.urdf.mesh_files import MeshFileError, find_mesh, read_mesh
+from freefloat.limits.convex_decomposition import ConvexPart, convex_parts
+from freefloat.robot.meshes import MeshFileError, find_mesh, read_mesh
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, Pose
 
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from freefloat.brief import brief
 from freefloat.errors import InputError
-from freefloat.spatial import Array, frozen
+from freefloat.so3 import Array, frozen
 
 ROUNDING = 1e-6
 """Share of a limit by which rounding may make a motion that just keeps it exceed it."""
@@ -63,7 +63,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class LimitFinding:
+class LimitResult:
     """One limit along one motion, at the place where it is nearest to being broken or worst so.
 
     Attributes:
@@ -96,7 +96,7 @@ _POWERS = {LimitKind.JOINT_RATE: 1.0, LimitKind.BASE_RATE: 1.0, LimitKind.JOINT_
 """How the ratios fall with the duration when the system has no momentum."""
 
 
-def needed_stretch(findings: Iterable[LimitFinding]) -> float:
+def needed_stretch(findings: Iterable[LimitResult]) -> float:
     """Factor on the duration with which rates and torques just keep their limits.
 
     Exact without momentum: then the motion in joint space stays as it is, rates fall with the

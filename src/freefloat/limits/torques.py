@@ -13,9 +13,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from freefloat.machine.dynamics import end_effector_jacobian, momentum_map
+from freefloat.dynamics.momentum import end_effector_jacobian, momentum_map
 from freefloat.motion.problem import Problem
-from freefloat.spatial import Array
+from freefloat.so3 import Array
 
 _STEPS = np.array([1.0, 2.0, 3.0])
 _WEIGHTS = np.array([45.0, -9.0, 1.0]) / 60.0
@@ -49,7 +49,7 @@ class InverseDynamics:
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
-        self._equation = problem.drift_equation()
+        self._equation = problem.resolved_rate_solver()
         self._weightless = problem.model.pin_model.copy()
         self._weightless.gravity = pin.Motion.Zero()
         self._scratch = self._weightless.createData()
@@ -62,7 +62,7 @@ class InverseDynamics:
             t: Time [s].
             attitude: Unit quaternion x, y, z, w.
             joints: Joint values, shape (n,).
-            piece: Of the time law, see :meth:`freefloat.wish.timing.Timing.s`.
+            piece: Of the time law, see :meth:`freefloat.paths.timing.Timing.s`.
 
         Returns:
             Everything nan where the arm is exactly singular: rates have no bound there.

@@ -1,1 +1,1 @@
-"""One motion: the problem it solves, its record, how it is followed."""
+"""One motion: problem, integration, simulation, certificate."""

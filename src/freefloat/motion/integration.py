@@ -16,13 +16,13 @@ import numpy.typing as npt
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
+from freefloat.dynamics.momentum import generalized_jacobian
 from freefloat.errors import InputError, IntegrationError
-from freefloat.machine.dynamics import generalized_jacobian
-from freefloat.motion.arc_flow import ArcFlow, arc_flow
-from freefloat.motion.closeness import first_place_below
+from freefloat.motion.arc_length import ArcFlow, arc_flow
+from freefloat.motion.closest_approach import first_place_below
 from freefloat.motion.motion import NODES, Ending, Motion
-from freefloat.motion.problem import Problem, refuse_no_problem
-from freefloat.spatial import Array, finite_number, turn_between
+from freefloat.motion.problem import Problem, require_problem
+from freefloat.so3 import Array, finite_number, rotation_vector_between
 
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
@@ -70,7 +70,7 @@ def integrate_motion(
             the tolerance is none.
         IntegrationError: If the integrator gives up for a reason other than a singularity.
     """
-    refuse_no_problem(problem)
+    require_problem(problem)
     tolerance = _checked_tolerance(tolerance)
     attitude = problem.attitude("attitude", attitude)
     joints = problem.model.joint_vector(joints)
@@ -108,7 +108,7 @@ def _cut(motion: Motion, place: float | None, ending: Ending) -> Motion:
 def _refuse_off_path(problem: Problem, attitude: Array, joints: Array, start: float) -> None:
     wanted = problem.path.pose(start)
     found = problem.model.end_effector_pose(attitude, joints)
-    turn = turn_between(found.rotation, wanted.rotation)
+    turn = rotation_vector_between(found.rotation, wanted.rotation)
     off = found.position - wanted.position
     if np.abs(np.concatenate([off, turn])[problem.task.rows]).max() > _MEETS:
         raise InputError(

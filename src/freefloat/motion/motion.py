@@ -17,10 +17,10 @@ import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from freefloat.brief import brief
+from freefloat.dynamics.momentum import momentum_map
 from freefloat.errors import InputError
-from freefloat.machine.dynamics import momentum_map
 from freefloat.motion.problem import Problem
-from freefloat.spatial import Array, IntArray, cross, frozen, rotation_matrix, turn_between
+from freefloat.so3 import Array, IntArray, cross, frozen, rotation_matrix, rotation_vector_between
 
 DEGREE = 8
 """Of the polynomials inside a panel; one above the integrator's dense output."""
@@ -156,12 +156,12 @@ class Motion:
         return np.asarray(values[nodes])
 
     @cached_property
-    def node_places(self) -> Array:
-        """Panel coordinates of the nodes, see :meth:`at_place`, shape (N,)."""
+    def node_parameters(self) -> Array:
+        """Panel coordinates of the nodes, see :meth:`evaluate`, shape (N,)."""
         inner = np.arange(self.panels)[:, None] + (NODES[:-1] + 1.0) / 2.0
         return frozen(np.append(inner.ravel(), self.panels))
 
-    def at_place(self, place: npt.ArrayLike) -> tuple[Array, Array, Array]:
+    def evaluate(self, place: npt.ArrayLike) -> tuple[Array, Array, Array]:
         """Evaluate the motion by panel coordinate.
 
         Args:
@@ -186,7 +186,7 @@ class Motion:
         panel = np.clip(places.astype(np.int64), 0, self.panels - 1)
         return panel, np.asarray(2.0 * (places - panel) - 1.0)
 
-    def place_of(self, times: npt.ArrayLike) -> Array:
+    def parameter_at(self, times: npt.ArrayLike) -> Array:
         """Panel coordinates at which the motion is at given times, by bisection, shape (K,)."""
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
         first, last = sorted((float(self.times[0]), float(self.times[-1])))
@@ -200,7 +200,7 @@ class Motion:
         high = low + 1.0
         for _ in range(_BISECTIONS):
             middle = (low + high) / 2.0
-            early = sign * self.at_place(middle)[0] < sign * wanted
+            early = sign * self.evaluate(middle)[0] < sign * wanted
             low, high = np.where(early, middle, low), np.where(early, high, middle)
         found = np.where(wanted == self.times[0], 0.0, (low + high) / 2.0)
         # where time turns, at a singularity, its place is known to half the digits only
@@ -213,7 +213,7 @@ class Motion:
             InputError: If a time lies outside the motion.
         """
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
-        _, attitudes, joints = self.at_place(self.place_of(wanted))
+        _, attitudes, joints = self.evaluate(self.parameter_at(wanted))
         model = self.problem.model
         return tuple(
             State(float(t), frozen(a), frozen(q), frozen(model.base_position(a, q)))
@@ -225,7 +225,7 @@ class Motion:
         whole = min(int(place), max(self.panels - 1, 0))
         kept = slice(0, DEGREE * whole + 1)
         nodes = NODES[1:] if place > whole else NODES[:0]
-        t, a, q = self.at_place(whole + (place - whole) * (nodes + 1.0) / 2.0)
+        t, a, q = self.evaluate(whole + (place - whole) * (nodes + 1.0) / 2.0)
         return Motion(
             self.problem,
             ending,
@@ -256,7 +256,9 @@ class Motion:
         found = [model.end_effector_pose(attitude, joints) for attitude, joints in nodes]
         wanted = [path.pose(float(t)) for t in self.times]
         off = np.array([a.position - b.position for a, b in zip(found, wanted, strict=True)])
-        turn = turn_between([one.rotation for one in found], [one.rotation for one in wanted])
+        turn = rotation_vector_between(
+            [one.rotation for one in found], [one.rotation for one in wanted]
+        )
         errors = [off[:, [row for row in task.rows if row < 3]],
                   turn[:, [row - 3 for row in task.rows if row > 2]]]  # fmt: skip
         return frozen(np.column_stack([np.linalg.norm(error, axis=1) for error in errors]))

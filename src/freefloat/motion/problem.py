@@ -11,21 +11,23 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.brief import brief
-from freefloat.errors import InputError, refuse_other
-from freefloat.kernels.arm_branches import (
+from freefloat.dynamics.measures import Measure
+from freefloat.dynamics.momentum import ResolvedRateSolver, Task, momentum_map
+from freefloat.dynamics.redundancy import Redundancy
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import InputError, require_type
+from freefloat.ik.branches import (
     ArmBranch,
     BranchSets,
     arm_branches,
     many_arm_branches,
     nearest_configuration,
 )
-from freefloat.machine.dynamics import DriftEquation, Task, momentum_map
-from freefloat.machine.joint_gap import joint_gap
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.redundancy import Redundancy
-from freefloat.machine.singularity import Measure
-from freefloat.machine.virtual_manipulator import VirtualManipulator
-from freefloat.spatial import (
+from freefloat.paths.orientation import FreeOrientation
+from freefloat.paths.timing import TimedPath
+from freefloat.robot.joint_distance import joint_distance
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import (
     Array,
     finite_number,
     finite_vector,
@@ -34,8 +36,6 @@ from freefloat.spatial import (
     rotation_matrix,
     unit_quaternion,
 )
-from freefloat.wish.attitude_law import FreeAttitude
-from freefloat.wish.timing import TimedPath
 
 _NEAR = 0.05
 """How near joint values must be to mean a branch [rad, m]."""
@@ -57,7 +57,7 @@ class Margin:
 
     def __post_init__(self) -> None:
         accepted = "measure(model, task, name), such as measure(model, Task.POSE, 'gjm')"
-        refuse_other("margin.measure", self.measure, Measure, accepted)
+        require_type("margin.measure", self.measure, Measure, accepted)
         accepted = "a magnitude, 0 or more"
         object.__setattr__(self, "value", finite_number("margin.value", self.value, accepted))
         if self.value < 0.0:
@@ -88,18 +88,18 @@ class Problem:
     redundancy: Redundancy | None = None
 
     def __post_init__(self) -> None:
-        refuse_other("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
-        refuse_other("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
-        refuse_other("margin", self.margin, Margin, "Margin(measure(model, task, name), value)")
+        require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
+        require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
+        require_type("margin", self.margin, Margin, "Margin(measure(model, task, name), value)")
         object.__setattr__(self, "task", Task.of(self.task))
         momentum = finite_vector("momentum", self.momentum, 3)
         object.__setattr__(self, "momentum", frozen(momentum))
-        self.drift_equation()
-        if self.task.turns and isinstance(self.path.path.attitude, FreeAttitude):
+        self.resolved_rate_solver()
+        if self.task.turns and isinstance(self.path.path.attitude, FreeOrientation):
             raise InputError(
                 "path.attitude",
                 f"it is missing, task {self.task} needs it",
-                "EndEffectorPath(curve, FixedAttitude(axes)), or another law",
+                "EndEffectorPath(curve, FixedOrientation(axes)), or another law",
             )
         if self.task.planar:
             self._refuse_what_is_not_planar()
@@ -109,9 +109,9 @@ class Problem:
         given = (self.model, self.path, self.task, self.momentum, self.margin, self.redundancy)
         return Problem, given
 
-    def drift_equation(self) -> DriftEquation:
+    def resolved_rate_solver(self) -> ResolvedRateSolver:
         """Equation (4) of this problem, ready to be solved."""
-        return DriftEquation(self.model, self.task, self.momentum, self.redundancy)
+        return ResolvedRateSolver(self.model, self.task, self.momentum, self.redundancy)
 
     def _refuse_what_is_not_planar(self) -> None:
         virtual = VirtualManipulator.of(self.model)
@@ -208,7 +208,7 @@ class Problem:
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
             candidates += nearest_configuration(self.model, target, self.task, given)
         for branch in candidates:
-            if joint_gap(self.model, branch.joints, given) <= _NEAR:
+            if joint_distance(self.model, branch.joints, given) <= _NEAR:
                 return branch
         raise InputError(
             "joints",
@@ -218,10 +218,10 @@ class Problem:
         )
 
 
-def refuse_no_problem(given: object) -> None:
+def require_problem(given: object) -> None:
     """Raise an InputError that tells the way to a problem where something else was given."""
     accepted = "a Problem: problem() of a Scenario, such as load_scenario(...).problem()"
-    refuse_other("problem", given, Problem, accepted)
+    require_type("problem", given, Problem, accepted)
 
 
 def _drifts_in_plane(model: FreeFloatingModel) -> bool:

@@ -9,18 +9,18 @@ import numpy.typing as npt
 
 from freefloat.brief import brief
 from freefloat.errors import InputError, UnreachableError
-from freefloat.kernels.arm_branches import ArmBranch
-from freefloat.motion.closeness import Least, least
+from freefloat.ik.branches import ArmBranch
+from freefloat.motion.closest_approach import ClosestApproach, least
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.joint_spans import wound
+from freefloat.motion.joint_extents import unwrapped
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem, refuse_no_problem
+from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.reach import light_spacecraft, out_of_reach
-from freefloat.spatial import Array
+from freefloat.so3 import Array
 
 
 @dataclass(frozen=True, eq=False)
-class FollowedBranch:
+class SimulatedBranch:
     """An arm branch and what became of it.
 
     Attributes:
@@ -33,7 +33,7 @@ class FollowedBranch:
 
     branch: ArmBranch
     motion: Motion
-    least: Least
+    least: ClosestApproach
 
     @property
     def title(self) -> str:
@@ -56,8 +56,8 @@ class Simulation:
 
     __repr__ = brief
 
-    followed: tuple[FollowedBranch, ...]
-    chosen: FollowedBranch
+    followed: tuple[SimulatedBranch, ...]
+    chosen: SimulatedBranch
 
     def named_motions(self) -> dict[str, Motion]:
         """All motions by arm branch, the chosen one first."""
@@ -93,7 +93,7 @@ def simulate(
         UnreachableError: If no branch reaches the start of the path.
         InputError: If it is no problem, or the branch asked for does not exist.
     """
-    refuse_no_problem(problem)
+    require_problem(problem)
     attitude = problem.attitude("attitude", attitude)
     if branch is not None and joints is not None:
         raise InputError("branch", f"{branch} was given, and joints, too", "branch or joints")
@@ -112,11 +112,11 @@ def simulate(
             raise InputError("branch", f"there is no branch {branch} here", numbers)
     followed = []
     for one in branches:
-        motion = wound(integrate_motion(
+        motion = unwrapped(integrate_motion(
             problem, attitude, one.joints, stop_at_margin=stop_at_margin, tolerance=tolerance
         ))  # fmt: skip
         told = replace(one, joints=motion.initial.joints)
-        followed.append(FollowedBranch(told, motion, least(motion, problem.margin.measure)))
+        followed.append(SimulatedBranch(told, motion, least(motion, problem.margin.measure)))
     if wanted is not None:
         chosen = followed[[one is wanted for one in branches].index(True)]
     else:
@@ -124,7 +124,7 @@ def simulate(
     return Simulation(tuple(followed), chosen)
 
 
-def _merit(one: FollowedBranch) -> tuple[bool, float, float]:
+def _merit(one: SimulatedBranch) -> tuple[bool, float, float]:
     """Completed first, then the distance kept from singularities, then how far it came.
 
     To six digits: motions of mirrored branches differ by rounding, and the first one is meant.

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.brief import brief
 from freefloat.motion.motion import Motion
-from freefloat.spatial import Array, frozen, without_jumps
+from freefloat.so3 import Array, frozen, without_jumps
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +64,11 @@ class TimeSeries:
             InputError: If a time lies outside the motion.
         """
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
-        place = motion.place_of(wanted)
-        _, attitudes, joints = motion.at_place(place)
+        place = motion.parameter_at(wanted)
+        _, attitudes, joints = motion.evaluate(place)
         problem = motion.problem
         model, measure = problem.model, problem.margin.measure
-        equation = problem.drift_equation()
+        equation = problem.resolved_rate_solver()
         states = list(zip(wanted.tolist(), attitudes, joints, strict=True))
         rates = [equation.rates(a, q, *problem.path.twist_and_speed(t)) for t, a, q in states]
         turning = np.array([omega for omega, _ in rates])

@@ -1,1 +1,1 @@
-"""Studies: cases drawn, run, kept and told."""
+"""Many runs of a varied scenario."""

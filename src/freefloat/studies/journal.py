@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import InputError
-from freefloat.output_file import written_beside
+from freefloat.io.files import written_beside
 
 _ACCEPTED = "a folder that may be written to and has room"
 

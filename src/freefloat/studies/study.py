@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.brief import brief
-from freefloat.bundled import find_scenario, find_study, is_file
+from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
-from freefloat.machine.dynamics import Task
-from freefloat.scenario.schema import ScenarioFile
-from freefloat.scenario.schema_errors import validated
-from freefloat.scenario.yaml_file import parse_yaml, read_text
-from freefloat.studies.draws import drawn, listed, numbers_listed, refuse_bad_draw
+from freefloat.io.schema import ScenarioFile
+from freefloat.io.schema_errors import validated
+from freefloat.io.yaml import parse_yaml, read_text
+from freefloat.robot.names import find_scenario, find_study, is_file
 from freefloat.studies.key_paths import refuse_unknown_path, with_values
-from freefloat.studies.study_schema import MOST_CASES, Case, Combine, StudyFile
+from freefloat.studies.sampling import drawn, listed, numbers_listed, refuse_bad_draw
+from freefloat.studies.schema import MOST_CASES, Case, Combine, StudyFile
 
 _MOST_NUMBERS = 5 * MOST_CASES
 """Listed in a study, all its keys together."""

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.bundled import bundled_scenarios, find_robot
 from freefloat.errors import InputError
-from freefloat.scenario.robot_parts import RobotParts
-from freefloat.scenario.scenario import load_robot
-from freefloat.scenario.schema_types import RADIANS
-from freefloat.spatial import Array
-from freefloat.urdf.assembly import hand_of
-from freefloat.urdf.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.urdf.urdf import checked_robot
+from freefloat.io.robot_parts import RobotParts
+from freefloat.io.scenario import load_robot
+from freefloat.io.schema_types import RADIANS
+from freefloat.robot.assembly import hand_of
+from freefloat.robot.names import bundled_scenarios, find_robot
+from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
+from freefloat.robot.urdf import checked_robot
+from freefloat.so3 import Array
 
 Place = tuple[float, float, float, float, float, float]
 """x, y, z [m], then roll, pitch, yaw [rad]."""

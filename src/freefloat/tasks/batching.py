@@ -12,16 +12,16 @@ from typing import Any
 
 import yaml
 
+from freefloat.cli.console import case_progress
 from freefloat.errors import FreeFloatError, InputError, ModelError
+from freefloat.io.scenario import parse_scenario
 from freefloat.motion.problem import Problem
-from freefloat.scenario.scenario import parse_scenario
-from freefloat.studies.case_result import ERROR, finite
+from freefloat.studies.files import StudyFiles
+from freefloat.studies.folder import JOURNAL, StudyFolder, finished_rows, study_folder
+from freefloat.studies.result import ERROR, finite
+from freefloat.studies.schema import Case
 from freefloat.studies.study import Study
-from freefloat.studies.study_files import StudyFiles
-from freefloat.studies.study_folder import JOURNAL, StudyFolder, finished_rows, study_folder
-from freefloat.studies.study_schema import Case
-from freefloat.studies.study_summary import study_summary
-from freefloat.tasks.console import case_progress
+from freefloat.studies.summary import study_summary
 from freefloat.tasks.warm_up import warm_up, warm_up_branches
 
 _START_UP = 3.0
@@ -114,7 +114,7 @@ def _run(folder: StudyFolder, files: StudyFiles, missing: Sequence[int], wishes:
     problem = _first_problem(study, missing)
     if wishes.scheduler is None and problem is not None:
         _warm(study, problem)  # else every worker would compile for itself
-    from freefloat.studies.study_run import run_cases  # Dask takes most of a second to import
+    from freefloat.studies.runner import run_cases  # Dask takes most of a second to import
 
     results = run_cases(study, files, missing, workers=wishes.workers, scheduler=wishes.scheduler)
     with case_progress(study.count, study.count - len(missing)) as tell, closing(results):
@@ -153,10 +153,10 @@ def _conclude(
     folder: StudyFolder, summary: dict[str, Any], with_report: bool
 ) -> dict[str, str | None]:
     """Write what tells of all cases; the files by what they are."""
-    from freefloat.figures.figure_style import save_figures
-    from freefloat.studies.study_plots import drawn_columns, study_figure
-    from freefloat.studies.study_report import save_report
-    from freefloat.studies.study_table import save_table, study_table
+    from freefloat.studies.figure import drawn_columns, study_figure
+    from freefloat.studies.report import save_report
+    from freefloat.studies.table import save_table, study_table
+    from freefloat.visualization.figure_style import save_figures
 
     table = study_table(folder.study, folder.rows)
     parquet, csv = save_table(folder.path, table)
@@ -177,7 +177,7 @@ def dry_run_document(study: Study, wishes: Wishes) -> dict[str, Any]:
     rows = {} if wishes.output is None else finished_rows(wishes.output, study, files)
     missing = [number for number in range(study.count) if number not in rows]
     seconds = [row["seconds"] for row in rows.values() if row.get("seconds") is not None]
-    from freefloat.studies.study_cluster import cores
+    from freefloat.studies.cluster import cores
 
     workers = None if wishes.scheduler is not None else wishes.workers or cores()
     each, timed = (sum(seconds) / len(seconds), "journal") if seconds else (None, None)
@@ -211,7 +211,7 @@ def _timed(study: Study, files: StudyFiles, missing: Sequence[int]) -> tuple[flo
     They are the first that is answered, which may end early in a singularity, and one of the middle
     after it.
     """
-    from freefloat.studies.case import CaseRunner
+    from freefloat.studies.run import CaseRunner
 
     problem = _first_problem(study, missing)
     if problem is not None:

@@ -10,11 +10,11 @@ from typing import Any
 from rich.text import Text
 
 from freefloat.errors import InputError
+from freefloat.io.export import Format, save_trajectory, trajectory_text
+from freefloat.io.files import refuse_same_files
+from freefloat.io.plan_file import load_plan
+from freefloat.io.trajectory import Trajectory, even_times, times_at_rate
 from freefloat.motion.motion import Motion
-from freefloat.output_file import refuse_same_files
-from freefloat.storage.plan_file import load_plan
-from freefloat.storage.trajectory import Trajectory, even_times, times_at_rate
-from freefloat.storage.trajectory_file import Format, save_trajectory, trajectory_text
 
 _TIMES = 501
 _STDOUT = "-"

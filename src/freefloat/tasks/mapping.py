@@ -18,19 +18,19 @@ from freefloat.answers.map_report import (
     place_document,
     touch_document,
 )
+from freefloat.cli.console import progress_bar
 from freefloat.errors import InputError
+from freefloat.io.map_file import map_file, save_map
+from freefloat.io.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import told_reach
-from freefloat.scenario.scenario import Scenario
-from freefloat.storage.map_file import map_file, save_map
-from freefloat.tasks.console import progress_bar
 from freefloat.tasks.drawing import draw_attitude_map, draw_heading_map, refuse_bad_folder
 from freefloat.tasks.warm_up import warm_up
 
 if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
-    from freefloat.attitudes.attitude_map import AttitudeMap
-    from freefloat.attitudes.map_boundary import BoundaryPoint
-    from freefloat.attitudes.outlook import Outlook, Prospects
+    from freefloat.ensemble.feasibility import BranchOutcomes, FeasibilityEvaluator
+    from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.boundary import BoundaryPoint
 
 _HEADINGS, _ATTITUDES = 360, 36_864
 
@@ -62,7 +62,7 @@ class Wishes:
 
 def map_in_plane(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[str, Any]:
     """Follow every heading of a planar problem; what ``map`` answers."""
-    from freefloat.attitudes.planar_search import heading_map
+    from freefloat.planning.heading_map import heading_map
 
     for key in ("nearest", "boundary", "touch"):
         if getattr(wishes, key) is not None:
@@ -87,8 +87,8 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
 
     Where a file is wanted, every block of attitudes is written when it is done.
     """
-    from freefloat.attitudes.attitude_map import map_attitudes
-    from freefloat.attitudes.outlook import Outlook
+    from freefloat.ensemble.feasibility import FeasibilityEvaluator
+    from freefloat.planning.attitude_map import map_attitudes
 
     search = scenario.search()
     samples = wishes.samples or search.samples or _ATTITUDES
@@ -100,8 +100,8 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
             _refuse_touches(problem)
     refuse_bad_folder(wishes.plots)
     warm_up(problem, wishes.threads)
-    start, outlook = time.perf_counter(), Outlook(problem, wishes.threads)
-    sink: Callable[[Prospects], None] | None = None
+    start, outlook = time.perf_counter(), FeasibilityEvaluator(problem, wishes.threads)
+    sink: Callable[[BranchOutcomes], None] | None = None
     with ExitStack() as stack:
         if wishes.output is not None:
             writer = stack.enter_context(map_file(wishes.output, scenario, problem, samples, seed))
@@ -117,7 +117,7 @@ def map_in_space(scenario: Scenario, problem: Problem, wishes: Wishes) -> dict[s
 
 def _refuse_touches(problem: Problem) -> None:
     """Say before the work that touch points cannot be had."""
-    from freefloat.ranges.touch_points import refuse_arms_without_touches
+    from freefloat.planning.tangency import refuse_arms_without_touches
 
     refuse_arms_without_touches(problem)
     if problem.margin.value == 0.0:
@@ -126,13 +126,15 @@ def _refuse_touches(problem: Problem) -> None:
         )
 
 
-def _searched(outlook: Outlook, found: AttitudeMap, wishes: Wishes, start: float) -> dict[str, Any]:
+def _searched(
+    outlook: FeasibilityEvaluator, found: AttitudeMap, wishes: Wishes, start: float
+) -> dict[str, Any]:
     """The document of a map, with what lies between its samples."""
-    from freefloat.attitudes.attitude_depth import deepest
-    from freefloat.attitudes.attitude_map import regions
-    from freefloat.attitudes.attitude_search import largest_margins, nearest_feasible
-    from freefloat.attitudes.map_boundary import boundary, touched_boundary
-    from freefloat.attitudes.rollout import kept
+    from freefloat.ensemble.ensemble import kept
+    from freefloat.planning.attitude_map import regions
+    from freefloat.planning.boundary import boundary, touched_boundary
+    from freefloat.planning.robust_radius import deepest
+    from freefloat.planning.search import largest_margins, nearest_feasible
 
     problem = outlook.problem
     extra: dict[str, Any] = {}

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from freefloat.plans.planner import plan
-from freefloat.plans.plans import Plan
-from freefloat.scenario.scenario import Scenario
-from freefloat.wish.search import Progress
+from freefloat.ensemble.ensemble import Progress
+from freefloat.io.scenario import Scenario
+from freefloat.planning.plan import Plan
+from freefloat.planning.planner import plan
 
 _STRETCHES = 6
 """How often the duration is made longer; without momentum once is enough."""
@@ -60,7 +60,7 @@ def save_page(file: Path | None, plan: Plan, scenario: str) -> dict[str, Any]:
         return {}
     if plan.chosen is None:
         return {"html": None}
-    from freefloat.playback.playback import play  # MeshCat takes a third of a second to import
+    from freefloat.visualization.playback import play  # MeshCat takes a third of a second to import
 
     play({f"{scenario}, {plan.chosen.branch.label}": plan.chosen.motion}, scenario).save(file)
     return {"html": str(file)}

@@ -9,7 +9,7 @@ from pathlib import Path
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import Simulation
-from freefloat.spatial import heading_quaternion
+from freefloat.so3 import heading_quaternion
 
 
 def start_attitude(
@@ -51,6 +51,6 @@ def save_page(file: Path, simulation: Simulation, title: str) -> None:
     Raises:
         InputError: If the file cannot be written.
     """
-    from freefloat.playback.playback import play  # MeshCat takes a third of a second to import
+    from freefloat.visualization.playback import play  # MeshCat takes a third of a second to import
 
     play(simulation, title).save(file)

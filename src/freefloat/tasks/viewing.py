@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.ensemble.ensemble import Progress
 from freefloat.errors import InputError
+from freefloat.io.files import written_beside
+from freefloat.io.map_file import load_map
+from freefloat.io.plan_file import load_plan
+from freefloat.io.result_file import ATTITUDE_MAP, MOTION, PLAN, kind_of
 from freefloat.motion.motion import Motion
-from freefloat.output_file import written_beside
-from freefloat.playback.page import Capture
-from freefloat.playback.playback import Playback, play
-from freefloat.playback.stills import browser_for, take_pictures
-from freefloat.playback.video import save_video, takes
-from freefloat.playback.viewer import open_browser, served, until_stopped
-from freefloat.storage.map_file import load_map
-from freefloat.storage.plan_file import load_plan
-from freefloat.storage.result_file import ATTITUDE_MAP, MOTION, PLAN, kind_of
-from freefloat.wish.search import Progress
+from freefloat.visualization.page import Capture
+from freefloat.visualization.playback import Playback, play
+from freefloat.visualization.server import open_browser, served, until_stopped
+from freefloat.visualization.stills import browser_for, take_pictures
+from freefloat.visualization.video import save_video, takes
 
 _ACCEPTED = "plans and motions, several together, or one attitude map (others: map --plots)"
 SIDE_BY_SIDE = "side by side"
@@ -175,7 +175,7 @@ class View:
         """Show the page in a browser until Ctrl-C or SIGTERM.
 
         Args:
-            port: Where to serve it, see :func:`~freefloat.playback.viewer.served`.
+            port: Where to serve it, see :func:`~freefloat.visualization.server.served`.
             told: Called with what ``view`` answers, as soon as the page is there.
             opens: Whether to open it in the user's browser.
 
@@ -238,7 +238,7 @@ def _make(folder: Path) -> None:
 
 def _map_playback(file: Path) -> Playback:
     # kernels take half a second to import: not before they are needed
-    from freefloat.scene.map_recording import map_recording
+    from freefloat.visualization.map_scene import map_recording
 
     stored = load_map(file)
     recording = map_recording(

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.motion.arc_flow import arc_flow
+from freefloat.cli.console import compiling
+from freefloat.motion.arc_length import arc_flow
 from freefloat.motion.problem import Problem
-from freefloat.spatial import Array, attitude_grid, heading_quaternion
-from freefloat.tasks.console import compiling
+from freefloat.so3 import Array, attitude_grid, heading_quaternion
 
 
 def warm_up(problem: Problem, threads: int | None = None) -> None:
     """Have the kernels that plans and maps use compiled, or loaded where they are on disk."""
     with compiling():
-        from freefloat.attitudes.outlook import Outlook
+        from freefloat.ensemble.feasibility import FeasibilityEvaluator
 
-        Outlook(problem, threads).prospects(_some_attitudes(problem))
+        FeasibilityEvaluator(problem, threads).prospects(_some_attitudes(problem))
         _follow_nothing(problem)
 
 

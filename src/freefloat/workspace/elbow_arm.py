@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from freefloat.dynamics.measures import arm_axes, measure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
-from freefloat.machine.dynamics import Task
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.singularity import arm_axes, measure
-from freefloat.machine.virtual_manipulator import VirtualManipulator
-from freefloat.spatial import Array, low_discrepancy
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, low_discrepancy
+from freefloat.workspace.margin_curves import point_3, two_angles
 from freefloat.workspace.planar_arm import Complex, PlanarArm
-from freefloat.workspace.workspace import point_3, two_angles
 
 _GRID = 8
 """S is a trigonometric polynomial of the second degree: far fewer angles than these tell it all."""
@@ -26,7 +26,7 @@ def elbow_arm(model: FreeFloatingModel) -> PlanarArm:
 
     Raises:
         InputError: For arms without that measure, see
-            :func:`~freefloat.machine.singularity.measure`.
+            :func:`~freefloat.dynamics.measures.measure`.
     """
     axes = arm_axes(model, Task.POSE)
     virtual = VirtualManipulator.of(model)

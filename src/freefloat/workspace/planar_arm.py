@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.virtual_manipulator import VirtualManipulator
-from freefloat.spatial import Array
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array
 
 Complex = npt.NDArray[np.complex128]
 

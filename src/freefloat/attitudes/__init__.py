@@ -1,1 +1,0 @@
-"""All attitudes: very many motions, maps, the best and the nearest."""

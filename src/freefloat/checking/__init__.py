@@ -1,1 +1,0 @@
-"""A saved plan proved again."""

@@ -1,0 +1,1 @@
+"""How momentum and joint rates move a free-floating robot."""

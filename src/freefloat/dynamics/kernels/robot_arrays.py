@@ -1,0 +1,38 @@
+"""The arrays of a robot that the kernels read; see :mod:`freefloat.dynamics.kernels.equation`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from freefloat.dynamics.kernels.equation import FACTS, LEVEL
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.robot.body import Body
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array
+
+
+def robot_rows(model: FreeFloatingModel) -> Array:
+    """``bodies``: a row for the spacecraft and one for each body behind a joint."""
+    return np.array([_row(body) for body in model.bodies])
+
+
+def robot_facts(model: FreeFloatingModel, task: Task) -> Array:
+    """``facts`` of a robot, zeros where those of a measure or a redundancy belong."""
+    facts = np.zeros(FACTS)
+    facts[:LEVEL] = [
+        model.total_mass, VirtualManipulator.of(model).reach, task.planar, *model.tool.position,
+    ]  # fmt: skip
+    return facts
+
+
+def _row(body: Body) -> Array:
+    """A body's row; its joint turns by Rodrigues' formula."""
+    x, y, z = body.axis
+    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    P, inertia = body.placement.rotation, body.inertia
+    return np.concatenate([
+        body.placement.position, P.ravel(), (P @ hat).ravel(), (P @ hat @ hat).ravel(), body.axis,
+        [body.prismatic, body.mass], body.centre,
+        inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], [1.0, np.nan],
+    ])  # fmt: skip

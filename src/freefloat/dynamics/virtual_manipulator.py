@@ -1,0 +1,186 @@
+"""The virtual manipulator: seen from the spacecraft, a drifting arm is a fixed-base arm.
+
+Its base stands at the system's centre of mass, its joints turn with the real ones, its links are
+the barycentric vectors (17). So what is known of fixed-base arms holds at a given attitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, Pose, frozen
+
+_TOUCHING = 1e-9
+"""Lines nearer than this share of the reach meet; directions off by less than this are parallel."""
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualManipulator:
+    """A chain of barycentric vectors, in the spacecraft's frame.
+
+    Attributes:
+        links: Barycentric vectors [m], shape (n + 1, 3): the first fixed to the spacecraft, from
+            the centre of mass to the first joint, the others fixed to the body behind each joint.
+            Their lengths are the paper's a, b, c, d.
+        turns: Constant rotation from each joint's frame at zero into the previous body's frame,
+            shape (n, 3, 3).
+        axes: Joint axes in their own frames, shape (n, 3).
+        prismatic: Which joints slide, shape (n,).
+        strokes: Length that the virtual arm gains per metre of a sliding joint, shape (n,).
+        tool: Rotation from the end-effector's frame into the last body's, shape (3, 3).
+        reach: No configuration takes the end-effector farther from the centre of mass [m].
+    """
+
+    links: Array
+    turns: Array
+    axes: Array
+    prismatic: npt.NDArray[np.bool_]
+    strokes: Array
+    tool: Array
+    reach: float
+
+    @classmethod
+    @lru_cache(maxsize=16)
+    def of(cls, model: FreeFloatingModel) -> VirtualManipulator:
+        """The virtual manipulator of a robot."""
+        bodies, arm = model.bodies, model.bodies[1:]
+        shares = np.array([body.mass for body in bodies]) / model.total_mass
+        beyond = np.append(np.cumsum(shares[::-1])[::-1][1:], 0.0)
+        steps = [body.placement.position for body in arm] + [model.tool.position]
+        links = np.array([
+            (1.0 - outer) * step - share * body.centre
+            for body, share, outer, step in zip(bodies, shares, beyond, steps, strict=True)
+        ])  # fmt: skip
+        strokes = 1.0 - beyond[:-1]
+        sliding = sum(
+            stroke * max(abs(body.lower), abs(body.upper))
+            for body, stroke in zip(arm, strokes, strict=True) if body.prismatic
+        )  # fmt: skip
+        prismatic = np.array([body.prismatic for body in arm])
+        prismatic.setflags(write=False)
+        return cls(
+            links=frozen(links),
+            turns=frozen([body.placement.rotation for body in arm]),
+            axes=frozen([body.axis for body in arm]),
+            prismatic=prismatic,
+            strokes=frozen(strokes),
+            tool=frozen(model.tool.rotation),
+            reach=float(np.linalg.norm(links, axis=1).sum() + sliding),
+        )
+
+    @property
+    def lengths(self) -> Array:
+        """Lengths of the barycentric vectors [m], shape (n + 1,)."""
+        return np.asarray(np.linalg.norm(self.links, axis=1))
+
+    def kinematics(self, joints: npt.ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """Where the virtual arm is, for many joint vectors at once.
+
+        Args:
+            joints: Shape (K, n).
+
+        Returns:
+            In the spacecraft's frame: end-effector positions from the centre of mass (K, 3) and
+            rotations (K, 3, 3); joint positions (n, K, 3) and joint axes (n, K, 3).
+        """
+        q = np.atleast_2d(np.asarray(joints, dtype=float))
+        R = np.broadcast_to(np.eye(3), (len(q), 3, 3))
+        p = np.broadcast_to(self.links[0], (len(q), 3))
+        points, axes = [], []
+        for i, turn in enumerate(self.turns):
+            R = R @ turn
+            axis = R @ self.axes[i]
+            points.append(p)
+            axes.append(axis)
+            if self.prismatic[i]:
+                p = p + self.strokes[i] * q[:, i, None] * axis
+            else:
+                R = R @ Rotation.from_rotvec(q[:, i, None] * self.axes[i]).as_matrix()
+            p = p + R @ self.links[i + 1]
+        return p, R @ self.tool, np.array(points), np.array(axes)
+
+    def pose(self, joints: npt.ArrayLike) -> Pose:
+        """End-effector pose from the centre of mass, in the spacecraft's frame; joints (n,)."""
+        p, R, _, _ = self.kinematics(joints)
+        return Pose(p[0], R[0])
+
+    def axes_at(self, joints: npt.ArrayLike) -> Array:
+        """Directions of the joint axes in the spacecraft's frame, shape (n, 3)."""
+        return self.kinematics(joints)[3][:, 0]
+
+    def jacobian(self, joints: npt.ArrayLike) -> Array:
+        """End-effector twist [linear; angular] per joint rate, the spacecraft held still.
+
+        Args:
+            joints: Shape (K, n).
+
+        Returns:
+            Shape (K, 6, n), spacecraft frame.
+        """
+        p, _, points, axes = self.kinematics(joints)
+        columns = []
+        for i, (point, axis) in enumerate(zip(points, axes, strict=True)):
+            if self.prismatic[i]:
+                columns.append(np.hstack([self.strokes[i] * axis, np.zeros_like(axis)]))
+            else:
+                columns.append(np.hstack([np.cross(axis, p - point), axis]))
+        return np.stack(columns, axis=2)
+
+    @cached_property
+    def wrist_centre(self) -> Array | None:
+        """Where the last three axes meet at zero joints, spacecraft frame (3,), if they do."""
+        if len(self.axes) != 6 or self.prismatic.any():
+            return None
+        _, _, points, axes = self.kinematics(np.zeros(6))
+        centre = meeting_point(points[3:, 0], axes[3:, 0], _TOUCHING * self.reach)
+        return None if centre is None else frozen(centre)
+
+    @cached_property
+    def has_elbow_and_spherical_wrist(self) -> bool:
+        """Whether axes 2 and 3 are parallel and the last three meet in a point."""
+        if self.wrist_centre is None:
+            return False
+        _, h2, h3 = self.axes_at(np.zeros(6))[:3]
+        return bool(np.linalg.norm(np.cross(h2, h3)) < _TOUCHING)
+
+    @cached_property
+    def has_three_parallel_axes(self) -> bool:
+        """Whether it has six turning joints, and the second to fourth axes are parallel."""
+        if len(self.axes) != 6 or self.prismatic.any():
+            return False
+        _, h2, h3, h4 = self.axes_at(np.zeros(6))[:4]
+        return bool(np.linalg.norm(np.cross(h2, [h3, h4]), axis=1).max() < _TOUCHING)
+
+    @cached_property
+    def is_planar(self) -> bool:
+        """Whether every joint keeps the arm in the x-y plane: axes along z, slides across it."""
+        axes = self.kinematics(np.zeros(len(self.axes)))[3]
+        along_z = np.abs(axes[:, 0, :2]).max(axis=1) < _TOUCHING
+        across_z = np.abs(axes[:, 0, 2]) < _TOUCHING
+        return bool(np.where(self.prismatic, across_z, along_z).all())
+
+
+def meeting_point(points: Array, axes: Array, tolerance: float) -> Array | None:
+    """Where three lines meet, each neighbour across the one before.
+
+    Args:
+        points: One on each line, shape (3, 3).
+        axes: Unit directions, shape (3, 3).
+        tolerance: How near the third line has to pass [m].
+
+    Returns:
+        The point, shape (3,), or None where the lines do not meet or neighbours are parallel.
+    """
+    normal = np.cross(axes[0], axes[1])
+    if np.linalg.norm(normal) < _TOUCHING or np.linalg.norm(np.cross(axes[1], axes[2])) < _TOUCHING:
+        return None
+    along = np.cross(points[1] - points[0], axes[1]) @ normal / (normal @ normal)
+    centre = points[0] + along * axes[0]
+    misses = np.cross(centre - points[1:], axes[1:])
+    return np.asarray(centre) if np.abs(misses).max() < tolerance else None

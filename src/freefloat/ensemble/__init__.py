@@ -1,0 +1,1 @@
+"""Very many motions at once, in compiled form."""

@@ -1,0 +1,1 @@
+"""Compiled integration of ensembles."""

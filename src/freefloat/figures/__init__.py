@@ -1,1 +1,0 @@
-"""Figures; nothing is computed here."""

@@ -1,0 +1,1 @@
+"""Arm branches: inverse kinematics at a given spacecraft attitude."""

@@ -1,0 +1,248 @@
+"""All arm configurations that reach a pose at a given spacecraft attitude.
+
+Elbow arms with a spherical wrist, arms whose second to fourth axes are parallel and planar elbow
+arms are solved in closed form, every other arm by Newton's method from many starts. An arm with
+more joints than the task needs has infinitely many configurations: it gets a spread-out,
+reproducible set.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+from string import ascii_lowercase
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.brief import brief
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, Pose, frozen, low_discrepancy
+
+if TYPE_CHECKING:
+    from freefloat.ik.chain import Chain
+
+_STARTS = 512
+_REDUNDANT_STARTS = 64
+_SLICE = 16
+"""Fewest targets worth a thread's attention."""
+_ELBOWS = ("elbow+", "elbow-")
+_SIGNS = tuple(
+    f"shoulder{shoulder} elbow{elbow} wrist{wrist}"
+    for shoulder, elbow, wrist in product("+-", repeat=3)
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmBranch:
+    """One arm configuration that reaches a pose.
+
+    Attributes:
+        index: Its number. Where signs tell the branches apart, the same signs have the same number
+            at every attitude.
+        label: What tells it apart, e.g. ``"shoulder+ elbow- wrist+"``; the number otherwise.
+        joints: Joint values, turning joints within their URDF range where that is possible, else
+            in (-pi, pi], shape (n,).
+    """
+
+    __repr__ = brief
+
+    index: int
+    label: str
+    joints: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BranchSets:
+    """The arm branches at K poses, each at the place of its number.
+
+    Attributes:
+        joints: Joint values as in :class:`ArmBranch`, NaN where there is no such branch, shape
+            (K, B, n).
+        names: What branches are called, shape (K, B): entries of ``labels``, -1 where there is
+            none. Place i holds name i, unless two branches without a closed form have the same
+            signs: the second of them stands at place 8 or beyond.
+        labels: The names.
+    """
+
+    joints: Array
+    names: npt.NDArray[np.int64]
+    labels: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        self.joints.setflags(write=False)
+        self.names.setflags(write=False)
+
+    @property
+    def found(self) -> npt.NDArray[np.bool_]:
+        """Which branches there are, shape (K, B)."""
+        return np.asarray(self.names >= 0)
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def __getitem__(self, target: int) -> tuple[ArmBranch, ...]:
+        """The branches at one of the poses."""
+        return tuple(
+            ArmBranch(
+                int(index), self._label(target, int(index)), frozen(self.joints[target, index])
+            )
+            for index in np.flatnonzero(self.found[target])
+        )
+
+    def _label(self, target: int, index: int) -> str:
+        name = int(self.names[target, index])
+        before = int((self.names[target, :index] == name).sum())
+        return self.labels[name] + (f" {ascii_lowercase[before]}" if before else "")
+
+
+def arm_branches(model: FreeFloatingModel, target: Pose, task: Task) -> tuple[ArmBranch, ...]:
+    """Every arm configuration that puts the end-effector at a pose.
+
+    Args:
+        model: Robot.
+        target: End-effector pose from the system's centre of mass, in the spacecraft's frame.
+        task: Which part of the pose counts.
+
+    Returns:
+        The branches; none where the pose is out of reach. Joint ranges are not enforced.
+    """
+    return many_arm_branches(model, target.position[None], target.rotation[None], task, 1)[0]
+
+
+def many_arm_branches(
+    model: FreeFloatingModel,
+    positions: npt.ArrayLike,
+    rotations: npt.ArrayLike,
+    task: Task,
+    threads: int | None = None,
+) -> BranchSets:
+    """Every arm configuration at each of many poses.
+
+    Args:
+        model: Robot.
+        positions: Of the end-effector from the system's centre of mass, in the spacecraft's frame
+            [m], shape (K, 3).
+        rotations: From the end-effector's frame into the spacecraft's, shape (K, 3, 3).
+        task: Which part of the poses counts.
+        threads: How many to work with, by default one a processor. Results do not depend on it.
+
+    Returns:
+        The branches at each pose, as in :func:`arm_branches`.
+    """
+    # compiled code takes half a second to import: not before it is needed
+    from freefloat.ik import analytic as kernels
+
+    virtual = VirtualManipulator.of(model)
+    chain, rows, poses = _chain(virtual, model), np.array(task.rows), _poses(positions, rotations)
+    if task is Task.POSE and virtual.has_elbow_and_spherical_wrist:
+        joints = np.empty((len(poses[0]), 8, 6))
+        fixed = (chain, rows, np.array(virtual.wrist_centre))
+        _in_slices(kernels.solve_elbow_and_wrist, fixed, (*poses, joints), threads)
+        return _closed(joints, _SIGNS)
+    if task.planar and len(task.rows) == model.dof and not virtual.prismatic.any():
+        joints = np.empty((len(poses[0]), 2, model.dof))
+        _in_slices(kernels.solve_planar_elbow, (chain, rows), (*poses, joints), threads)
+        return _closed(joints, _ELBOWS)
+    if task is Task.POSE and virtual.has_three_parallel_axes:
+        from freefloat.ik.parallel_axes import solve_parallel
+
+        return _searched(solve_parallel, model, positions, rotations, task, threads)
+    return search_arm_branches(model, positions, rotations, task, threads)
+
+
+def search_arm_branches(
+    model: FreeFloatingModel,
+    positions: npt.ArrayLike,
+    rotations: npt.ArrayLike,
+    task: Task,
+    threads: int | None = None,
+) -> BranchSets:
+    """As :func:`many_arm_branches`, by Newton's method even where there is a closed form."""
+    from freefloat.ik.numeric import solve_numerically
+
+    return _searched(solve_numerically, model, positions, rotations, task, threads)
+
+
+def _searched(
+    solve: Callable[..., None],
+    model: FreeFloatingModel,
+    positions: npt.ArrayLike,
+    rotations: npt.ArrayLike,
+    task: Task,
+    threads: int | None,
+) -> BranchSets:
+    """By a kernel that takes starts and tells names."""
+    from freefloat.ik import numeric as kernels
+
+    chain = _chain(VirtualManipulator.of(model), model)
+    poses, n, m = _poses(positions, rotations), model.dof, len(task.rows)
+    joints = np.empty((len(poses[0]), kernels.MOST, n))
+    names = np.empty((len(joints), kernels.MOST), dtype=np.int64)
+    fractions = low_discrepancy(_REDUNDANT_STARTS if n > m else _STARTS, n)
+    lower = np.where(chain.prismatic, chain.lower, -np.pi)
+    upper = np.where(chain.prismatic, chain.upper, np.pi)
+    fixed = (chain, np.array(task.rows), lower + (upper - lower) * fractions)
+    _in_slices(solve, fixed, (*poses, joints, names), threads)
+    signs = n == m == 6 and not chain.prismatic.any()
+    labels = _SIGNS if signs else tuple(str(number) for number in range(kernels.MOST))
+    return BranchSets(joints, names, labels)
+
+
+def nearest_configuration(
+    model: FreeFloatingModel, target: Pose, task: Task, joints: Array
+) -> list[ArmBranch]:
+    """The configuration that Newton's method reaches from given joints: one, or none.
+
+    For arms with more joints than the task needs, whose configurations are a continuum.
+    """
+    from freefloat.ik import numeric as kernels
+
+    chain = _chain(VirtualManipulator.of(model), model)
+    (position,), (rotation,) = _poses(target.position[None], target.rotation[None])
+    q = np.array(joints, dtype=float)
+    if kernels.solve_nearby(chain, np.array(task.rows), position, rotation, q):
+        return [ArmBranch(kernels.MOST, "given", frozen(q))]
+    return []
+
+
+def _chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:
+    from freefloat.ik.chain import Chain
+
+    arrays = (virtual.links, virtual.turns, virtual.axes, virtual.prismatic, virtual.strokes)
+    lower, upper = np.array([(body.lower, body.upper) for body in model.bodies[1:]]).T
+    # writable copies in C order: for another kind of array the kernels would be compiled again
+    return Chain(*(np.array(a, order="C") for a in (*arrays, virtual.tool, lower, upper)))
+
+
+def _poses(positions: npt.ArrayLike, rotations: npt.ArrayLike) -> tuple[Array, Array]:
+    p, R = (np.array(values, dtype=float, order="C") for values in (positions, rotations))
+    return p.reshape(-1, 3), R.reshape(-1, 3, 3)
+
+
+def _closed(joints: Array, labels: tuple[str, ...]) -> BranchSets:
+    names = np.where(np.isfinite(joints).all(axis=2), np.arange(len(labels)), -1)
+    return BranchSets(joints, names, labels)
+
+
+def _in_slices(
+    kernel: Callable[..., None],
+    fixed: tuple[Any, ...],
+    sliced: tuple[npt.NDArray[Any], ...],
+    threads: int | None,
+) -> None:
+    """Run a kernel on slices of the targets, side by side: it works without Python's lock."""
+    workers, count = threads or os.cpu_count() or 1, len(sliced[0])
+    size = max(_SLICE, -(-count // (4 * workers)))
+    parts = [[array[i : i + size] for array in sliced] for i in range(0, count, size)]
+    if workers == 1 or len(parts) == 1:
+        kernel(*fixed, *sliced)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(lambda part: kernel(*fixed, *part), parts))

@@ -1,0 +1,292 @@
+"""A chain of joints in compiled code: vectors, kinematics, and Newton's method.
+
+Vectors are tuples of three numbers, which cost no memory; a rotation is its three rows.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.dynamics.kernels.compilation import compiled
+from freefloat.so3 import Array, IntArray
+
+Vector = tuple[float, float, float]
+Rows = tuple[Vector, Vector, Vector]
+Booleans = npt.NDArray[np.bool_]
+
+NOTHING: Vector = (0.0, 0.0, 0.0)
+MET = 1e-9
+"""A target is met when it is missed by less than this [m, rad]."""
+_EXACT = 1e-13
+"""No error is worth a further step when smaller than this [m, rad]."""
+_DAMPING = 0.1
+_LEAST_DAMPING = 1e-13
+_GAIN = 0.9
+_PATIENCE = 6
+"""So many steps may fail to bring the squared error below ``_GAIN`` of the least so far."""
+
+
+class Chain(NamedTuple):
+    """The virtual manipulator's arrays, see there, and the joint ranges."""
+
+    links: Array
+    turns: Array
+    axes: Array
+    prismatic: Booleans
+    strokes: Array
+    tool: Array
+    lower: Array
+    upper: Array
+
+
+class Scratch(NamedTuple):
+    """Memory that Newton's method works in.
+
+    Attributes:
+        points: Joint positions, shape (n, 3).
+        axes: Joint axes, shape (n, 3).
+        J: Jacobian, the task's rows, shape (m, n).
+        error: What is missing to the target, shape (m,).
+        A: Damped normal matrix and its Cholesky factor, shape (m, m).
+        y: Shape (m,).
+        step: Shape (n,).
+    """
+
+    points: Array
+    axes: Array
+    J: Array
+    error: Array
+    A: Array
+    y: Array
+    step: Array
+
+
+@compiled
+def scratch_for(joints: int, rows: int) -> Scratch:
+    """Memory for an arm and a task."""
+    return Scratch(
+        np.empty((joints, 3)),
+        np.empty((joints, 3)),
+        np.empty((rows, joints)),
+        np.empty(rows),
+        np.empty((rows, rows)),
+        np.empty(rows),
+        np.empty(joints),
+    )
+
+
+@compiled
+def row(M: Array, i: int) -> Vector:
+    """A row of an array (n, 3)."""
+    return (M[i, 0], M[i, 1], M[i, 2])
+
+
+@compiled
+def dot(u: Vector, v: Vector) -> float:
+    """The scalar product."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@compiled
+def cross(u: Vector, v: Vector) -> Vector:
+    """The vector product."""
+    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+
+
+@compiled
+def plus(u: Vector, v: Vector, factor: float) -> Vector:
+    """The sum ``u + factor v``."""
+    return (u[0] + factor * v[0], u[1] + factor * v[1], u[2] + factor * v[2])
+
+
+@compiled
+def norm(v: Vector) -> float:
+    """The length."""
+    return float(np.sqrt(dot(v, v)))
+
+
+@compiled
+def times(R: Rows, v: Vector) -> Vector:
+    """A rotated vector."""
+    return (dot(R[0], v), dot(R[1], v), dot(R[2], v))
+
+
+@compiled
+def turned(v: Vector, axis: Vector, c: float, s: float) -> Vector:
+    """A vector turned about a unit axis by the angle with that cosine and sine."""
+    flat = plus(plus(NOTHING, v, c), cross(axis, v), s)
+    return plus(flat, axis, (1.0 - c) * dot(axis, v))
+
+
+@compiled
+def rotated(v: Vector, axis: Vector, angle: float) -> Vector:
+    """A vector turned about a unit axis."""
+    return turned(v, axis, np.cos(angle), np.sin(angle))
+
+
+@compiled
+def times_matrix(v: Vector, M: Array) -> Vector:
+    """The row ``v M`` for a matrix (3, 3)."""
+    return plus(plus(plus(NOTHING, row(M, 0), v[0]), row(M, 1), v[1]), row(M, 2), v[2])
+
+
+@compiled
+def pose_of(chain: Chain, q: Array, points: Array, axes: Array) -> tuple[Vector, Rows]:
+    """End-effector position and rotation at joint values (n,); joints go to ``points``, ``axes``.
+
+    Positions are from the centre of mass, everything in the spacecraft's frame.
+    """
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    p = row(chain.links, 0)
+    for i in range(len(q)):
+        turn, own = chain.turns[i], row(chain.axes, i)
+        x, y, z = times_matrix(x, turn), times_matrix(y, turn), times_matrix(z, turn)
+        axis = times((x, y, z), own)
+        points[i, 0], points[i, 1], points[i, 2] = p
+        axes[i, 0], axes[i, 1], axes[i, 2] = axis
+        if chain.prismatic[i]:
+            p = plus(p, axis, chain.strokes[i] * q[i])
+        else:
+            c, s = np.cos(q[i]), -np.sin(q[i])
+            x, y, z = turned(x, own, c, s), turned(y, own, c, s), turned(z, own, c, s)
+        p = plus(p, times((x, y, z), row(chain.links, i + 1)), 1.0)
+    tool = chain.tool
+    return p, (times_matrix(x, tool), times_matrix(y, tool), times_matrix(z, tool))
+
+
+@compiled
+def turn_vector(target: Array, R: Rows) -> Vector:
+    """The rotation vector that takes a rotation to the target (3, 3)."""
+    x, y, z = row(target, 0), row(target, 1), row(target, 2)
+    xx, yy, zz = dot(x, R[0]), dot(y, R[1]), dot(z, R[2])
+    xy, yx, xz = dot(x, R[1]), dot(y, R[0]), dot(x, R[2])
+    zx, yz, zy = dot(z, R[0]), dot(y, R[2]), dot(z, R[1])
+    twice = (zy - yz, xz - zx, yx - xy)
+    sine, cosine = norm(twice), xx + yy + zz - 1.0
+    if sine > 1e-7 or cosine > 0.0:
+        factor = np.arctan2(sine, cosine) / sine if sine > 1e-7 else 0.5
+        return plus(NOTHING, twice, factor)
+    # half a turn: the longest row of (R + R') / 2 + 1 has the axis' direction
+    if xx >= yy and xx >= zz:
+        axis = (2.0 * xx + 2.0, xy + yx, xz + zx)
+    elif yy >= zz:
+        axis = (xy + yx, 2.0 * yy + 2.0, yz + zy)
+    else:
+        axis = (xz + zx, yz + zy, 2.0 * zz + 2.0)
+    return plus(NOTHING, axis, np.pi / norm(axis))
+
+
+@compiled
+def miss(
+    chain: Chain, rows: IntArray, position: Vector, rotation: Array, q: Array, scratch: Scratch
+) -> float:
+    """How far off a target joint values are, as a norm [m, rad].
+
+    Error and Jacobian, the task's rows, stay in ``scratch``.
+    """
+    p, R = pose_of(chain, q, scratch.points, scratch.axes)
+    linear, angular = plus(position, p, -1.0), turn_vector(rotation, R)
+    squares = 0.0
+    for k, which in enumerate(rows):
+        value = linear[which] if which < 3 else angular[which - 3]
+        scratch.error[k] = value
+        squares += value * value
+    for i in range(len(q)):
+        axis = row(scratch.axes, i)
+        push, twist = cross(axis, plus(p, row(scratch.points, i), -1.0)), axis
+        if chain.prismatic[i]:
+            push, twist = plus(NOTHING, axis, chain.strokes[i]), NOTHING
+        for k, which in enumerate(rows):
+            scratch.J[k, i] = push[which] if which < 3 else twist[which - 3]
+    return float(np.sqrt(squares))
+
+
+@compiled
+def damped_step(scratch: Scratch, damping: float) -> float:
+    """Levenberg's step ``J' (J J' + damping)^-1 error``, by Cholesky; returns its largest entry."""
+    J, A, y, step = scratch.J, scratch.A, scratch.y, scratch.step
+    m, n = J.shape
+    for i in range(m):
+        for j in range(i + 1):
+            total = damping if i == j else 0.0
+            for k in range(n):
+                total += J[i, k] * J[j, k]
+            for k in range(j):
+                total -= A[i, k] * A[j, k]
+            # never the root of a negative number: rounding may leave one where J is singular
+            A[i, j] = np.sqrt(max(total, damping)) if i == j else total / A[j, j]
+        y[i] = scratch.error[i]
+        for k in range(i):
+            y[i] -= A[i, k] * y[k]
+        y[i] /= A[i, i]
+    for i in range(m - 1, -1, -1):
+        for k in range(i + 1, m):
+            y[i] -= A[k, i] * y[k]
+        y[i] /= A[i, i]
+    largest = 0.0
+    for k in range(n):
+        step[k] = 0.0
+        for i in range(m):
+            step[k] += J[i, k] * y[i]
+        largest = max(largest, abs(step[k]))
+    return largest
+
+
+@compiled
+def descend(
+    chain: Chain,
+    rows: IntArray,
+    position: Vector,
+    rotation: Array,
+    q: Array,
+    scratch: Scratch,
+    steps: int,
+) -> float:
+    """Newton's method from joint values (n,), which it changes; damping fades with the error.
+
+    Returns:
+        The error that is left [m, rad]; it gives up early where the error no longer falls.
+    """
+    least, waited = np.inf, 0
+    error = miss(chain, rows, position, rotation, q, scratch)
+    for _ in range(steps):
+        if error < _EXACT or waited > _PATIENCE:
+            break
+        square = error * error
+        size = damped_step(scratch, _DAMPING * min(1.0, square) + _LEAST_DAMPING)
+        for k in range(len(q)):
+            q[k] += scratch.step[k] / max(1.0, size)
+        waited = 0 if square < _GAIN * least else waited + 1
+        least = min(least, square)
+        error = miss(chain, rows, position, rotation, q, scratch)
+    return error
+
+
+@compiled
+def wrapped(angle: float) -> float:
+    """An angle by whole turns into (-pi, pi]."""
+    return -((np.pi - angle) % (2.0 * np.pi) - np.pi)
+
+
+@compiled
+def into_range(chain: Chain, q: Array) -> None:
+    """Turn joints by whole turns into their range, as near to zero as that allows."""
+    for i in range(len(q)):
+        if chain.prismatic[i]:
+            continue
+        nearest = wrapped(q[i])
+        q[i] = nearest
+        lower, upper = chain.lower[i], chain.upper[i]
+        turns, outwards = 0.0, 0.0
+        if nearest < lower:
+            turns, outwards = np.ceil((lower - nearest) / (2.0 * np.pi)), 1.0
+        elif nearest > upper:
+            turns, outwards = np.floor((upper - nearest) / (2.0 * np.pi)), -1.0
+        for rounding in (-1.0, 0.0, 1.0):  # the quotient is off by one where it is a whole number
+            value = nearest + 2.0 * np.pi * (turns + rounding * outwards)
+            if lower <= value <= upper:
+                q[i] = value
+                break

@@ -1,0 +1,1 @@
+"""Files: scenarios, plans, maps, exports."""

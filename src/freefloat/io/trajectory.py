@@ -1,0 +1,151 @@
+"""A motion as other tools want it: everything that moves, with its rates, at given times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from freefloat.errors import InputError
+from freefloat.limits.torques import InverseDynamics
+from freefloat.motion.motion import Ending, Motion
+from freefloat.so3 import Array, frozen, without_jumps
+
+MOST_TIMES = 1_000_000
+"""More would fill gigabytes of text."""
+_DIGITS, _NOISE = 9, 8.0
+"""Times are rounded to nanoseconds where that changes no more than their last bits."""
+_ROUNDING = 1e-9
+"""Share of a step by which the last time of a rate may miss the end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A motion at given times.
+
+    Rates solve equation (4) at each state and accelerations its derivative by time, see
+    :mod:`freefloat.limits.torques`; neither is a difference of what is recorded. At an end in a
+    dynamic singularity they have no bound: nan.
+
+    Attributes:
+        times: [s], shape (K,), rising.
+        attitudes: Of the spacecraft, unit quaternions x, y, z, w without jumps of sign, (K, 4).
+        base_positions: Of the spacecraft's root link from the centre of mass [m], shape (K, 3).
+        base_velocities: Of the same point, inertial axes [m/s], shape (K, 3).
+        angular_velocities: Of the spacecraft, inertial axes [rad/s], shape (K, 3).
+        joints: [rad or m], shape (K, n).
+        joint_rates: [rad/s or m/s], shape (K, n).
+        joint_accelerations: [rad/s² or m/s²], shape (K, n).
+        joint_torques: Of inverse dynamics [N m or N], shape (K, n).
+        end_effector_positions: From the centre of mass, inertial axes [m], shape (K, 3).
+        end_effector_attitudes: Unit quaternions x, y, z, w without jumps of sign, shape (K, 4).
+        measure: The margin's measure, signed, shape (K,).
+    """
+
+    times: Array
+    attitudes: Array
+    base_positions: Array
+    base_velocities: Array
+    angular_velocities: Array
+    joints: Array
+    joint_rates: Array
+    joint_accelerations: Array
+    joint_torques: Array
+    end_effector_positions: Array
+    end_effector_attitudes: Array
+    measure: Array
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            object.__setattr__(self, one.name, frozen(getattr(self, one.name)))
+
+    @classmethod
+    def of(cls, motion: Motion, times: npt.ArrayLike) -> Trajectory:
+        """Sample a motion.
+
+        Args:
+            motion: The motion.
+            times: Rising [s], shape (K,).
+
+        Raises:
+            InputError: If a time lies outside the motion.
+        """
+        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        _, attitudes, joints = motion.evaluate(motion.parameter_at(wanted))
+        problem = motion.problem
+        dynamics, n = InverseDynamics(problem), problem.model.dof
+        efforts = np.full((len(wanted), 6 + 3 * n), np.nan)
+        for row, t, a, q in zip(efforts, wanted.tolist(), attitudes, joints, strict=True):
+            if motion.ending is Ending.SINGULAR and t == motion.final.time:
+                continue
+            found = dynamics.effort(t, a, q)
+            row[:] = np.concatenate([found.rates, found.accelerations[6:], found.joint_torques])
+        base, turning, rates, bends, torques = np.split(efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1)
+        R0 = Rotation.from_quat(attitudes).as_matrix()
+        poses = [
+            problem.model.end_effector_pose(a, q) for a, q in zip(attitudes, joints, strict=True)
+        ]
+        hands = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
+        return cls(
+            times=wanted,
+            attitudes=without_jumps(attitudes),
+            base_positions=np.array([problem.model.base_position(a, q)
+                                     for a, q in zip(attitudes, joints, strict=True)]),
+            base_velocities=np.einsum("kij,kj->ki", R0, base),
+            angular_velocities=np.einsum("kij,kj->ki", R0, turning),
+            joints=joints,
+            joint_rates=rates,
+            joint_accelerations=bends,
+            joint_torques=torques,
+            end_effector_positions=np.array([pose.position for pose in poses]),
+            end_effector_attitudes=without_jumps(hands.as_quat()),
+            measure=np.array([problem.margin.measure.value(q) for q in joints]),
+        )  # fmt: skip
+
+
+def even_times(motion: Motion, count: int) -> Array:
+    """Evenly spaced times from a motion's first to its last [s], shape (count,).
+
+    Of a motion that ends where it begins, its only time.
+
+    Raises:
+        InputError: If there are fewer than two or too many.
+    """
+    if not 2 <= count <= MOST_TIMES:
+        raise InputError("times", f"{count} was given", f"2 to {MOST_TIMES:,}")
+    first, last = _span(motion)
+    return _plain(np.linspace(first, last, count if last > first else 1))
+
+
+def times_at_rate(motion: Motion, rate: float) -> Array:
+    """Times a fixed step apart, and the motion's last [s], shape (K,).
+
+    Args:
+        motion: The motion.
+        rate: Times a second [Hz].
+
+    Raises:
+        InputError: If there would be too many, or the rate is no positive number.
+    """
+    first, last = _span(motion)
+    whole = rate * (last - first)
+    if not (rate > 0.0 and whole <= MOST_TIMES - 2):
+        accepted = f"above 0 Hz, and {MOST_TIMES:,} times at most in {last - first:g} s"
+        raise InputError("rate", f"{rate:g} Hz was given", accepted)
+    steps = np.ceil(whole * (1.0 - _ROUNDING))
+    return _plain(np.append(first + np.arange(steps) / rate, last))
+
+
+def _plain(times: Array) -> Array:
+    """Times as one would write them, 99.8 for 99.80000000000001; first and last as they are."""
+    rounded = np.round(times, _DIGITS)
+    noise = _NOISE * np.spacing(np.abs(times).max())
+    plain = np.where(np.abs(rounded - times) <= noise, rounded, times)
+    plain[[0, -1]] = times[[0, -1]]
+    return np.asarray(plain)
+
+
+def _span(motion: Motion) -> tuple[float, float]:
+    return float(motion.times.min()), float(motion.times.max())

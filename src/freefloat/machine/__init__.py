@@ -1,1 +1,0 @@
-"""The machine: its model, momentum, generalized Jacobian and measures of singularity."""

@@ -1,0 +1,1 @@
+"""End-effector paths and their timing."""

@@ -1,0 +1,304 @@
+"""How the end-effector stands along its curve: attitude as a function of s in [0, 1].
+
+A law gives a rotation and the angular velocity per unit of s, which is its exact derivative.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+from scipy.spatial.transform import Rotation
+
+from freefloat.brief import brief
+from freefloat.errors import InputError
+from freefloat.paths.curves import Curve
+from freefloat.paths.piecewise import breaks_of, within
+from freefloat.so3 import (
+    Array,
+    attitude_axes,
+    axes_rotation,
+    cross,
+    finite_vector,
+    frozen,
+    unit_vector,
+)
+
+_LOOKS = np.linspace(0.0, 1.0, 201)
+"""Where a directed attitude is inspected when it is made."""
+_DIPS = 5
+"""How many of the lowest places between are searched."""
+_GAP = 1e-6
+"""Share of its usual length below which a direction counts as none."""
+
+
+_Vector = tuple[float, float, float]
+"""Integrators ask for rates by the hundred thousand: of three numbers tuples are the fastest."""
+
+
+@runtime_checkable
+class OrientationLaw(Protocol):
+    """An end-effector attitude as a function of s."""
+
+    def rotation(self, s: float) -> Array:
+        """End-effector axes in the inertial frame, shape (3, 3)."""
+
+    def rate(self, s: float) -> Array:
+        """Angular velocity per unit of s [rad], inertial frame, shape (3,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class FixedOrientation:
+    """An end-effector that does not turn.
+
+    Attributes:
+        axes: Its axes in the inertial frame as columns, or a quaternion x, y, z, w; kept as axes,
+            shape (3, 3).
+    """
+
+    __repr__ = brief
+
+    axes: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axes", attitude_axes("attitude", self.axes))
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return self.axes
+
+    def rate(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeOrientation(FixedOrientation):
+    """An attitude that is left to the arm, as position tasks leave it.
+
+    Attributes:
+        axes: The inertial ones: where an attitude must be told or drawn they stand for it.
+    """
+
+    __repr__ = brief
+
+    axes: Array = field(default_factory=lambda: np.eye(3))
+
+
+@dataclass(frozen=True, eq=False)
+class SlerpOrientation:
+    """The shortest turn between two attitudes, at a constant rate.
+
+    Attributes:
+        start: At s = 0: axes as columns, or a quaternion x, y, z, w; kept as axes, shape (3, 3).
+        end: At s = 1, likewise.
+    """
+
+    __repr__ = brief
+
+    start: Array
+    end: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", attitude_axes("attitude", self.start))
+        object.__setattr__(self, "end", attitude_axes("attitude", self.end))
+
+    @cached_property
+    def _turn(self) -> Array:
+        return frozen(Rotation.from_matrix(self.end @ self.start.T).as_rotvec())
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        turn = Rotation.from_rotvec(s * self._turn)
+        return np.asarray(turn.as_matrix() @ self.start)
+
+    def rate(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return self._turn
+
+
+@dataclass(frozen=True, eq=False)
+class Travel:
+    """The direction of travel along a curve."""
+
+    curve: Curve
+
+    def __call__(self, s: float) -> tuple[Array, Array]:
+        """The direction and its derivative by s, not normalized, shape (3,) each."""
+        return self.curve(s, 1), self.curve(s, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """The direction from a curve to a point [m], shape (3,)."""
+
+    curve: Curve
+    point: Array
+
+    def __call__(self, s: float) -> tuple[Array, Array]:
+        """As of :class:`Travel`."""
+        return self.point - self.curve(s), -self.curve(s, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class DirectedOrientation:
+    """One end-effector axis along a moving direction, a second as near as can be to a fixed one.
+
+    Attributes:
+        axis: Letter of the first axis, with a minus sign where it points backwards.
+        second: Letter of the second axis.
+        reference: Unit vector that the second axis keeps to, inertial frame, shape (3,).
+        direction: The moving direction.
+    """
+
+    __repr__ = brief
+
+    axis: str
+    second: str
+    reference: Array
+    direction: Travel | Sight
+
+    def _axes(self, s: float) -> tuple[_Vector, _Vector, _Vector, _Vector]:
+        """The two named axes, and their derivatives by s."""
+        sign = -1.0 if self.axis.startswith("-") else 1.0
+        d, d1 = (_scaled(sign, vector.tolist()) for vector in self.direction(s))
+        r: _Vector = self.reference.tolist()
+        first, first1 = _unit_and_rate(d, d1)
+        along, along1 = _dot(r, first), _dot(r, first1)
+        across = _minus(r, _scaled(along, first))
+        across1 = _minus(_scaled(-along1, first), _scaled(along, first1))
+        return first, *_unit_and_rate(across, across1), first1
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        first, second, _, _ = self._axes(s)
+        return axes_rotation("attitude", (self.axis[-1], first), (self.second, second))
+
+    def rate(self, s: float) -> Array:
+        """See :class:`OrientationLaw`: each component is one axis' drift towards another."""
+        first, second, second1, first1 = self._axes(s)
+        (a, b, c), (x, y, z) = first, second
+        third = (b * z - c * y, c * x - a * z, a * y - b * x)
+        p, q, r = _dot(second1, third), _dot(first1, third), _dot(first1, second)
+        u, v, w = third
+        return np.array([p * a - q * x + r * u, p * b - q * y + r * v, p * c - q * z + r * w])
+
+    @property
+    def breaks(self) -> Array:
+        """See :class:`freefloat.paths.piecewise.Piecewise`."""
+        return breaks_of(self.direction.curve)
+
+    def within(self, low: float, high: float) -> DirectedOrientation:
+        """See :class:`freefloat.paths.piecewise.Piecewise`."""
+        curve = within(self.direction.curve, low, high)
+        return replace(self, direction=replace(self.direction, curve=curve))
+
+    def refuse_gaps(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
+        """Raise an InputError where the direction vanishes or lies along the reference."""
+        longest = max(self._length(s) for s in _LOOKS)
+        for function, threshold, words in (
+            (self._length, _GAP * longest, undefined),
+            (self._slant, _GAP, parallel),
+        ):
+            s, value = _smallest(function)
+            if value <= threshold:
+                raise InputError(key, f"{words} at s = {s:.4g}", accepted)
+
+    def _length(self, s: float) -> float:
+        d, _ = self.direction(float(s))
+        return math.sqrt(d @ d)
+
+    def _slant(self, s: float) -> float:
+        """Sine of the angle between the direction and the reference."""
+        d, _ = self.direction(float(s))
+        across = cross(d, self.reference)
+        return math.sqrt((across @ across) / (d @ d))
+
+
+def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
+    """Where a function on [0, 1] is smallest and how small: samples, the lowest dips searched."""
+    values = np.array([function(float(s)) for s in _LOOKS])
+    best = [(float(values.min()), float(_LOOKS[np.argmin(values)]))]
+    dips = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
+    for i in dips[np.argsort(values[dips])][:_DIPS]:
+        bounds = (_LOOKS[i - 1], _LOOKS[i + 1])
+        found = minimize_scalar(function, bounds=bounds, method="bounded", options={"xatol": 1e-12})
+        best.append((float(found.fun), float(found.x)))
+    value, s = min(best)
+    return s, value
+
+
+def _dot(u: _Vector, v: _Vector) -> float:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def _scaled(factor: float, v: _Vector) -> _Vector:
+    return factor * v[0], factor * v[1], factor * v[2]
+
+
+def _minus(u: _Vector, v: _Vector) -> _Vector:
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+def _unit_and_rate(vector: _Vector, rate: _Vector) -> tuple[_Vector, _Vector]:
+    length = math.sqrt(_dot(vector, vector))
+    unit = _scaled(1.0 / length, vector)
+    return unit, _scaled(1.0 / length, _minus(rate, _scaled(_dot(unit, rate), unit)))
+
+
+def follow_orientation(curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedOrientation:
+    """An end-effector that looks along its direction of travel, its z axis along a normal.
+
+    Args:
+        curve: The curve.
+        axis: ``x``, ``-x``, ``y`` or ``-y``: kept along the direction of travel.
+        normal: Inertial direction that the z axis keeps to, made orthogonal to the travel.
+
+    Raises:
+        InputError: If the curve stands still somewhere or runs along the normal.
+    """
+    if axis not in ("x", "-x", "y", "-y"):
+        raise InputError("attitude.follow.axis", f"{axis!r} was given", "x, -x, y or -y")
+    reference = unit_vector("attitude.follow.normal", normal)
+    law = DirectedOrientation(axis, "z", frozen(reference), Travel(curve))
+    law.refuse_gaps(
+        "attitude.follow", "the path has no direction of travel", "normal lies along the path",
+        "a path that never stands still and a normal across it",
+    )  # fmt: skip
+    return law
+
+
+def point_at_orientation(curve: Curve, axis: str, target: npt.ArrayLike) -> DirectedOrientation:
+    """An end-effector that points one axis at a fixed target.
+
+    Roll about that axis is settled by keeping the next axis (y after x, z after y, x after z) as
+    near as can be to the inertial axis that lies farthest from all directions of sight.
+
+    Args:
+        curve: The curve of the end-effector.
+        axis: ``x``, ``y``, ``z`` or one of them with a minus sign.
+        target: Inertial point looked at [m], shape (3,).
+
+    Raises:
+        InputError: If the curve passes through the target or roll cannot be settled.
+    """
+    if axis not in ("x", "-x", "y", "-y", "z", "-z"):
+        raise InputError("attitude.point_at.axis", f"{axis!r} was given", "x, y, z, -x, -y or -z")
+    point = finite_vector("attitude.point_at.target", target, 3)
+    sights = np.array([point - curve(float(s)) for s in _LOOKS])
+    sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
+    reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
+    second = "yzx"["xyz".index(axis[-1])]
+    law = DirectedOrientation(axis, second, frozen(reference), Sight(curve, point))
+    law.refuse_gaps(
+        "attitude.point_at", "the path passes through the target",
+        "no inertial axis stays clear of the directions of sight",
+        "a target off the path, seen within less than half a sphere",
+    )  # fmt: skip
+    return law

@@ -1,0 +1,1 @@
+"""Which initial attitudes are feasible, and which to choose."""

@@ -1,0 +1,252 @@
+"""Over heading: how near motions come to a singularity, and ranges of heading found that way.
+
+Ranges are searched for planar arms without a closed form (more joints than the task needs, sliding
+joints, measures other than ``system``); the map over heading is for all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.brief import brief
+from freefloat.ensemble.ensemble import Progress, kept
+from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
+from freefloat.errors import InputError
+from freefloat.motion.problem import Problem
+from freefloat.planning.planar_ranges import (
+    TURN,
+    BranchRanges,
+    HeadingRange,
+    RangeLimitCause,
+    reach_limits,
+)
+from freefloat.so3 import Array, IntArray, frozen, heading_quaternion
+from freefloat.workspace.margin_curves import has_two_angle_form
+
+_TOLERANCE = 1e-9
+"""Of the motions: limits of ranges then are those of precise motions to 1e-7 rad."""
+_BESIDE = 1e-6
+_PARTS, _ROUNDS = 8, 8
+"""Between two headings a limit is looked for in so many parts, and in one of them again."""
+_TOP = 4
+"""How many headings of a search for the largest margin are improved together."""
+_FINEST = 1e-7
+"""How well the heading of the largest margin is told [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeadingMap:
+    """S_min over heading, arm branch by arm branch.
+
+    Attributes:
+        headings: Initial headings [rad], shape (N,).
+        branches: Numbers of the arm branches, shape (B,).
+        least: Smallest magnitude of the measure, zero for motions that become singular, nan where
+            the branch does not reach the path, shape (B, N).
+        ended_at: When each motion ended [s], nan where there is none, shape (B, N).
+        margin: Magnitude to keep.
+    """
+
+    __repr__ = brief
+
+    headings: Array
+    branches: tuple[int, ...]
+    least: Array
+    ended_at: Array
+    margin: float
+
+    @property
+    def kept(self) -> Array:
+        """Where the margin is kept, shape (B, N), as 0 or 1."""
+        return np.asarray(kept(np.nan_to_num(self.least), self.margin), dtype=float)
+
+
+def heading_evaluator(problem: Problem, threads: int | None = None) -> FeasibilityEvaluator:
+    """The outlook of a planar problem, precise enough to tell limits of ranges.
+
+    Args:
+        problem: A planar problem.
+        threads: How many cores to use; all this process may when left out.
+
+    Raises:
+        InputError: If the problem is not planar.
+    """
+    if not problem.task.planar:
+        raise InputError("task", f"{problem.task} was given", "planar-pose or planar-position")
+    return FeasibilityEvaluator(problem, threads, tolerance=_TOLERANCE)
+
+
+def heading_map(
+    problem: Problem,
+    samples: int,
+    progress: Progress | None = None,
+    *,
+    threads: int | None = None,
+) -> HeadingMap:
+    """Follow the path from evenly spread headings with every arm branch.
+
+    Args:
+        problem: A planar problem.
+        samples: Number of headings.
+        progress: Called with the share done, in [0, 1].
+        threads: How many cores to use; all this process may when left out.
+    """
+    headings = _even(samples)
+    outlook = heading_evaluator(problem, threads)
+    found = outlook.prospects(attitudes_at(headings), progress=progress)
+    exists = found.endings != UNREACHED
+    branches = np.flatnonzero(exists.any(axis=0))
+    least = np.where(exists, found.margins, np.nan)[:, branches].T
+    ended = found.spread(found.rollout.ended_at)[:, branches].T
+    value = problem.margin.value
+    numbers = tuple(int(branch) for branch in branches)
+    return HeadingMap(headings, numbers, frozen(least), frozen(ended), value)
+
+
+def attitudes_at(headings: npt.NDArray[np.floating]) -> Array:
+    """The attitudes with headings [rad] (K,); shape (K, 4)."""
+    return np.array([heading_quaternion(float(heading)) for heading in headings]).reshape(-1, 4)
+
+
+def best_heading(
+    outlook: FeasibilityEvaluator, headings: Array, branch: int | None
+) -> tuple[float, float]:
+    """The heading of the largest margin between the first and the last of some.
+
+    Args:
+        outlook: Of a planar problem.
+        headings: Evenly spread, in order [rad], shape (K,).
+        branch: Number of the arm branch, or None for the best of all.
+
+    Returns:
+        The margin and the heading [rad].
+    """
+    low, high = headings[[0, -1]]
+    spacing, steps = headings[1] - low, np.linspace(-1.0, 1.0, _PARTS + 1)
+    margins = outlook.margins(attitudes_at(headings), branch)
+    while spacing > _FINEST:
+        top = headings[np.argsort(-margins)[:_TOP]]
+        headings = np.unique(np.clip(top[:, None] + spacing * steps, low, high))
+        margins = outlook.margins(attitudes_at(headings), branch)
+        spacing *= 2.0 / _PARTS
+    best = int(np.argmax(margins))
+    return float(margins[best]), float(headings[best])
+
+
+def searched_ranges(
+    outlook: FeasibilityEvaluator, samples: int, progress: Progress | None = None
+) -> tuple[BranchRanges, ...]:
+    """Ranges of heading by sampling and bisection: none narrower than the spacing is sure to show.
+
+    An arm with as many joints as the task needs is told branch by branch; for others a heading
+    counts when any of the starting configurations tried keeps the margin.
+
+    Args:
+        outlook: Of a planar problem.
+        samples: Number of headings.
+        progress: Called with the share done, in [0, 1].
+    """
+    problem = outlook.problem
+    headings = _looked_at(problem, samples)
+    good, reached = _verdicts(outlook, headings, progress)
+    if is_redundant(problem):
+        names = {0: "any"}
+    elif has_two_angle_form(problem.model, problem.task):
+        names = {0: "elbow+", 1: "elbow-"}
+    else:
+        names = {int(index): str(index) for index in np.flatnonzero(reached)}
+    good = good[:, list(names)]
+    after, beyond = np.roll(good, -1, axis=0), np.append(headings[1:], headings[0] + TURN)
+    columns, rows = np.nonzero((good != after).T)
+    numbers = np.array(list(names), dtype=np.int64)[columns]
+    opens = after[rows, columns]
+    edges = _bisected(outlook, headings[rows], beyond[rows], numbers, ~opens)
+    return tuple(
+        _ranges_of(index, name, bool(good[:, column].all()), edges[own], opens[own])
+        for column, (index, name) in enumerate(names.items())
+        for own in [columns == column]
+    )
+
+
+def is_redundant(problem: Problem) -> bool:
+    """Whether the arm has more joints than the task needs."""
+    return problem.model.dof > len(problem.task.rows)
+
+
+def _even(samples: int) -> Array:
+    return frozen(np.arange(samples) * (TURN / samples))
+
+
+def _looked_at(problem: Problem, samples: int) -> Array:
+    """Even headings, and those just inside the reach: a range may be a sliver beside its end."""
+    headings = _even(samples)
+    if not has_two_angle_form(problem.model, problem.task):
+        return headings
+    edges = np.array([*reach_limits(problem, 0.0)])
+    beside = np.concatenate([edges - _BESIDE, edges + _BESIDE]) % TURN
+    return frozen(np.unique(np.concatenate([headings, beside])))
+
+
+def _verdicts(
+    outlook: FeasibilityEvaluator, headings: Array, progress: Progress | None = None
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Where arm branches keep the margin, (K, B), and which there are at all, (B,).
+
+    All branches of a redundant arm are one: a heading is good when any of them is.
+    """
+    found = outlook.prospects(attitudes_at(headings), stop_at_margin=True, progress=progress)
+    good = kept(found.margins, outlook.problem.margin.value)
+    if is_redundant(outlook.problem):
+        good = np.asarray(good.any(axis=1, keepdims=True))
+    return good, (found.endings != UNREACHED).any(axis=0)
+
+
+def _bisected(
+    outlook: FeasibilityEvaluator,
+    low: Array,
+    high: Array,
+    numbers: IntArray,
+    first: npt.NDArray[np.bool_],
+) -> Array:
+    """Headings [rad] at which verdicts change, all looked for at once; (L,).
+
+    Args:
+        outlook: Of a planar problem.
+        low: Headings before the changes [rad], shape (L,).
+        high: Headings behind them [rad], shape (L,).
+        numbers: Of the arm branches, shape (L,).
+        first: The verdicts before, shape (L,).
+    """
+    if not len(low):
+        return low
+    width, looks = high - low, np.arange(1, _PARTS)
+    for _ in range(_ROUNDS):
+        width = width / _PARTS
+        places = low[:, None] + width[:, None] * looks
+        good, _ = _verdicts(outlook, places.ravel())
+        own = np.take_along_axis(good, np.repeat(numbers, len(looks))[:, None], axis=1)
+        same = own.reshape(places.shape) == first[:, None]
+        steps = np.where(same.all(axis=1), len(looks), np.argmin(same, axis=1))
+        low = low + width * steps
+    return np.asarray(low + width / 2.0)
+
+
+def _ranges_of(
+    index: int, label: str, everywhere: bool, edges: Array, opens: npt.NDArray[np.bool_]
+) -> BranchRanges:
+    """The ranges of a branch between headings, in order, at which they open or close."""
+    if everywhere:
+        return BranchRanges(index, label, (HeadingRange(0.0, TURN, ()),), ())
+    limits = [*zip(edges.tolist(), opens.tolist(), strict=True)]
+    ranges = []
+    for (low, begins), (high, _) in pairwise([*limits, *((x + TURN, y) for x, y in limits[:1])]):
+        if begins:
+            start = low % TURN
+            causes = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
+            ranges.append(HeadingRange(start, start + high - low, causes))
+    sorted_edges = tuple(sorted(edge % TURN for edge, _ in limits))
+    return BranchRanges(index, label, tuple(sorted(ranges, key=lambda one: one.low)), sorted_edges)

@@ -1,0 +1,270 @@
+"""Exact ranges of initial heading for planar arms: touch points carried along their motions.
+
+Every limit of a range is the heading of a motion that touches its margin (29), or one at which the
+arm just reaches the path. Between neighbouring limits nothing changes: one motion tells for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import groupby
+
+import numpy as np
+
+from freefloat.brief import brief
+from freefloat.dynamics.measures import largest_magnitude
+from freefloat.errors import IntegrationError
+from freefloat.motion.closest_approach import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Problem
+from freefloat.planning.planar_tangency import TangencyPoint, tangency_points
+from freefloat.robot.joint_distance import joint_distance
+from freefloat.so3 import Array, heading_of, heading_quaternion
+from freefloat.workspace.margin_curves import point_3_on_path
+from freefloat.workspace.planar_arm import PlanarArm
+
+TURN = 2.0 * np.pi
+_SMALLEST_LEVEL = 1e-4
+"""Share of S_max that stands for a margin of zero, at which no motion can be started."""
+_TOLERANCE = 1e-9
+_NEAR = 1e-4
+"""How near joint values must be to mean a branch [rad]."""
+
+Span = tuple[float, float]
+
+
+class RangeLimitCause(StrEnum):
+    """Why a range ends."""
+
+    MARGIN = "margin"
+    REACH = "reach"
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """A motion that touches its margin and keeps it everywhere else.
+
+    Attributes:
+        touch: Where it touches.
+        backward: From the touch point to the start of the span.
+        forward: From the touch point to its end.
+    """
+
+    __repr__ = brief
+
+    touch: TangencyPoint
+    backward: Motion
+    forward: Motion
+
+    def heading_at(self, time: float) -> tuple[float, Array]:
+        """Heading [rad] in [0, 2 pi) and joints (n,) of the motion at a time [s]."""
+        motion = self.backward if time <= self.touch.time else self.forward
+        state = motion.sample([time])[0]
+        return heading_of(state.attitude), state.joints
+
+
+@dataclass(frozen=True)
+class HeadingRange:
+    """Headings from which every motion keeps the margin.
+
+    Attributes:
+        low: First heading [rad], in [0, 2 pi).
+        high: Last heading [rad], above ``low``; beyond 2 pi where the range passes zero.
+        causes: Why it ends at ``low`` and at ``high``; empty for a full turn.
+    """
+
+    low: float
+    high: float
+    causes: tuple[RangeLimitCause, ...]
+
+    @property
+    def width(self) -> float:
+        """How many headings it holds [rad]."""
+        return self.high - self.low
+
+    @property
+    def middle(self) -> float:
+        """The heading deepest inside [rad], in [0, 2 pi)."""
+        return (self.low + self.width / 2.0) % TURN
+
+    def depth(self, heading: float) -> float:
+        """Distance of a heading inside from the nearer end, negative outside [rad]."""
+        if not self.causes:
+            return np.pi
+        inside = (heading - self.low) % TURN
+        if inside <= self.width:
+            return min(inside, self.width - inside)
+        return -min(inside - self.width, TURN - inside)
+
+
+@dataclass(frozen=True)
+class BranchRanges:
+    """The ranges of one arm branch.
+
+    Attributes:
+        branch: Number of the arm branch at the time meant.
+        label: Its name.
+        ranges: In order of their first heading.
+        limits: Headings at which the verdict changes [rad]; even in number (Appendix C).
+    """
+
+    branch: int
+    label: str
+    ranges: tuple[HeadingRange, ...]
+    limits: tuple[float, ...]
+
+
+def margin_level(problem: Problem) -> float:
+    """S0 > 0 for which limits are computed: the margin, or nearly zero where that is zero."""
+    if problem.margin.value > 0.0:
+        return problem.margin.value
+    return _SMALLEST_LEVEL * largest_magnitude(problem.model, problem.margin.measure)
+
+
+def keeps_margin(problem: Problem, motion: Motion, level: float) -> bool:
+    """Whether a motion was completed with S of one sign and never below a level."""
+    return motion.completed and least(motion, problem.margin.measure).keeps(level)
+
+
+def find_range_limits(problem: Problem, span: Span) -> tuple[Limit, ...]:
+    """All motions over a span whose smallest |S| is S0, of either sign.
+
+    Args:
+        problem: A planar problem whose S depends on two joint angles, measured by ``system``.
+        span: First and last time [s].
+    """
+    level = margin_level(problem)
+    touches = tangency_points(problem, level, span)
+    carried = (_carried(problem, touch, span, level) for touch in touches)
+    return tuple(limit for limit in carried if limit is not None)
+
+
+def _carried(problem: Problem, touch: TangencyPoint, span: Span, level: float) -> Limit | None:
+    """The motion through a touch point, or None where it breaks the margin elsewhere."""
+    halves = []
+    for end in span:
+        motion = _motion(problem, touch.heading, touch.joints, touch.time, end)
+        if motion is None or not keeps_margin(problem, motion, level):
+            return None
+        halves.append(motion)
+    return Limit(touch, halves[0], halves[1])
+
+
+def _motion(
+    problem: Problem, heading: float, joints: Array, start: float, end: float
+) -> Motion | None:
+    attitude = heading_quaternion(heading)
+    try:
+        return integrate_motion(
+            problem, attitude, joints, start=start, end=end, tolerance=_TOLERANCE
+        )
+    except IntegrationError:
+        return None
+
+
+def heading_ranges(
+    problem: Problem, limits: tuple[Limit, ...], span: Span, at: float
+) -> tuple[BranchRanges, ...]:
+    """Ranges of the heading at one time of a span from which the whole span keeps the margin.
+
+    Args:
+        problem: As for :func:`find_range_limits`.
+        limits: Found for the same span.
+        span: First and last time [s].
+        at: The time at which headings are told [s], in the span.
+
+    Returns:
+        One entry for each arm branch.
+    """
+    level = margin_level(problem)
+    edges = _edges(problem, limits, at)
+    entries = []
+    for index, label in enumerate(("elbow+", "elbow-")):
+        own = sorted(
+            (heading, cause) for heading, branch, cause in edges if branch in (index, None)
+        )
+        arcs = list(_arcs(own))
+        verdicts = [_feasible(problem, index, span, at, low + (high - low) / 2.0, level)
+                    for low, high, _ in arcs]  # fmt: skip
+        entries.append(_joined(index, label, arcs, verdicts))
+    return tuple(entries)
+
+
+Edge = tuple[float, "int | None", RangeLimitCause]
+Arc = tuple[float, float, tuple[RangeLimitCause, ...]]
+
+
+def _edges(problem: Problem, limits: tuple[Limit, ...], at: float) -> list[Edge]:
+    """Headings at which a verdict may change, and for which branch (None: for both)."""
+    edges: list[Edge] = [
+        (heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)
+    ]
+    for limit in limits:
+        heading, joints = limit.heading_at(at)
+        edges.append((heading, _branch_of(problem, heading, joints, at), RangeLimitCause.MARGIN))
+    return edges
+
+
+def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:
+    """The number of the branch with these joints; None where branches meet."""
+    branches = problem.branches(heading_quaternion(heading), at)
+    near = [b.index for b in branches if joint_distance(problem.model, b.joints, joints) < _NEAR]
+    return near[0] if len(near) == 1 else None
+
+
+def reach_limits(problem: Problem, at: float) -> Iterator[float]:
+    """Headings at which the arm is stretched or folded onto the path: |b| + |c| or |b| - |c|."""
+    a, b, c = PlanarArm.of(problem.model).links[:3]
+    place = point_3_on_path(problem, problem.path.timing.s(at))
+    product = 2.0 * abs(place) * abs(a)
+    for length in (abs(b) + abs(c), abs(abs(b) - abs(c))):
+        cosine = (abs(place) ** 2 + abs(a) ** 2 - length**2) / product if product else np.inf
+        if abs(cosine) < 1.0:
+            for sign in (1.0, -1.0):
+                yield float((np.angle(place) - np.angle(a) + sign * np.arccos(cosine)) % TURN)
+
+
+def _arcs(edges: list[tuple[float, RangeLimitCause]]) -> Iterator[Arc]:
+    """Arcs between neighbouring edges round the circle, with the cause of each end."""
+    if not edges:
+        yield 0.0, TURN, ()
+        return
+    for (low, first), (high, second) in zip(edges, [*edges[1:], edges[0]], strict=True):
+        width = (high - low) % TURN
+        if width > 1e-9 or len(edges) == 1:
+            yield low, low + (width if len(edges) > 1 else TURN), (first, second)
+
+
+def _feasible(
+    problem: Problem, index: int, span: Span, at: float, heading: float, level: float
+) -> bool:
+    branches = problem.branches(heading_quaternion(heading), at)
+    joints = next((branch.joints for branch in branches if branch.index == index), None)
+    if joints is None:
+        return False
+    for end in span:
+        motion = _motion(problem, heading, joints, at, end)
+        if motion is None or not keeps_margin(problem, motion, level):
+            return False
+    return True
+
+
+def _joined(index: int, label: str, arcs: list[Arc], verdicts: list[bool]) -> BranchRanges:
+    """Neighbouring arcs with the same verdict are one; round the circle, too."""
+    if all(verdicts):
+        return BranchRanges(index, label, (HeadingRange(0.0, TURN, ()),), ())
+    first = verdicts.index(False)
+    judged = list(zip(verdicts, arcs, strict=True))
+    ranges = []
+    for good, group in groupby(judged[first:] + judged[:first], key=lambda pair: pair[0]):
+        parts = [arc for _, arc in group]
+        if good:
+            low, width = parts[0][0] % TURN, sum(high - low for low, high, _ in parts)
+            causes = parts[0][2][0], parts[-1][2][1]
+            ranges.append(HeadingRange(low, low + width, causes))
+    ranges.sort(key=lambda one: one.low)
+    limits = sorted(edge % TURN for one in ranges for edge in (one.low, one.high))
+    return BranchRanges(index, label, tuple(ranges), tuple(limits))

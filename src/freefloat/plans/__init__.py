@@ -1,1 +1,0 @@
-"""Plans: which attitude, why, within which limits, how robust."""

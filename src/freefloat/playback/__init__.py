@@ -1,1 +1,0 @@
-"""Scenes as a page: in one file, on loopback, as pictures and videos."""

@@ -1,1 +1,0 @@
-"""What a motion proves of itself, by other integrators and another engine."""

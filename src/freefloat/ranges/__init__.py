@@ -1,1 +1,0 @@
-"""Exact ranges of headings, and the same condition in space: touch points."""

@@ -1,0 +1,1 @@
+"""The robot: from a URDF to a rigid-body model."""

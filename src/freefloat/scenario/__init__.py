@@ -1,1 +1,0 @@
-"""Scenario files: their schema, how they are read, the problem they pose."""

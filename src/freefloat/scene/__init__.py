@@ -1,1 +1,0 @@
-"""What is seen of motions and maps, as MeshCat commands."""

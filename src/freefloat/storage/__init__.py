@@ -1,1 +1,0 @@
-"""Plans, maps, robots and trajectories on disk."""

@@ -1,1 +1,0 @@
-"""A URDF: read, put together, doubted."""

@@ -1,0 +1,204 @@
+"""Figures of one motion: what moves over time, how near to a singularity, and its proof."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from freefloat.motion.closest_approach import ClosestApproach
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import Problem
+from freefloat.motion.time_series import TimeSeries
+from freefloat.so3 import Array
+from freefloat.visualization.figure_style import (
+    BLACK,
+    BLUE,
+    GREY,
+    PAGE,
+    PALE,
+    STROKES,
+    VERMILION,
+    axis_label,
+    digits,
+    legend_above,
+    new_figure,
+    styled,
+)
+
+_SAMPLES = 401
+_BOUNDED = 0.97
+"""Rates are shown in full up to this share of a motion that ends in a singularity."""
+_HEADROOM = 1.5
+
+
+def motion_figures(motion: Motion, least: ClosestApproach) -> dict[str, Figure]:
+    """The figures of a motion by name: ``motion``, ``margin`` and ``momentum``.
+
+    Args:
+        motion: The motion.
+        least: How near it comes to a singularity.
+    """
+    series = TimeSeries.of(motion, shown_times(motion))
+    return {
+        "motion": motion_figure(motion, series),
+        "margin": margin_figure(motion, series, least),
+        "momentum": momentum_figure(motion),
+    }
+
+
+def shown_times(motion: Motion) -> Array:
+    """Evenly spread times and those of the nodes, which crowd where much happens [s]."""
+    even = np.linspace(motion.times.min(), motion.times.max(), _SAMPLES)
+    return np.unique(np.concatenate([even, motion.times]))
+
+
+@styled
+def motion_figure(motion: Motion, series: TimeSeries) -> Figure:
+    """Joints, attitude, their rates, end-effector and spacecraft over time (Figs. 8 and 11)."""
+    problem = motion.problem
+    figure = new_figure(PAGE, 5.0)
+    panels = figure.subplots(3, 2, sharex=True)
+    names = [f"$q_{{{number + 1}}}$" for number in range(problem.model.dof)]
+    joints, unit = _joint_scale(problem)
+    _curves(panels[0, 0], series, joints * series.joints, names)
+    panels[0, 0].set_ylabel(axis_label("joints", unit))
+    _curves(panels[0, 1], series, joints * series.joint_rates, names)
+    panels[0, 1].set_ylabel(axis_label("joint rates", _per_second(unit)))
+    _attitude(panels[1, 0], panels[1, 1], problem, series)
+    axes = "xy" if problem.task.planar else "xyz"
+    _curves(panels[2, 0], series, series.end_effector[:, : len(axes)], _italic(axes))
+    panels[2, 0].set_ylabel(axis_label("end-effector", "m"))
+    _curves(panels[2, 1], series, series.base_positions[:, : len(axes)], _italic(axes))
+    panels[2, 1].set_ylabel(axis_label("spacecraft", "m"))
+    for panel in panels.flat:
+        _mark_times(panel, motion, named=panel is panels[2, 1])
+        legend_above(panel)
+    for panel in panels[:2, 1]:
+        _bound(panel, motion, series)
+    for panel in panels[-1]:
+        panel.set_xlabel(axis_label("time", "s"))
+    figure.align_ylabels()
+    return figure
+
+
+def _joint_scale(problem: Problem) -> tuple[float, str]:
+    """Factor and unit in which joints are shown: degrees unless some of them slide."""
+    slides = any(body.prismatic for body in problem.model.bodies[1:])
+    return (1.0, "rad, m") if slides else (float(np.degrees(1.0)), "deg")
+
+
+def _per_second(unit: str) -> str:
+    return ", ".join(f"{one}/s" for one in unit.split(", "))
+
+
+def _italic(letters: str) -> list[str]:
+    return [f"${letter}$" for letter in letters]
+
+
+def _attitude(angles: Any, rates: Any, problem: Problem, series: TimeSeries) -> None:
+    """The spacecraft's attitude and how fast it turns, in two axes."""
+    turning = np.degrees(series.angular_velocities)
+    if problem.task.planar:
+        _curves(angles, series, np.degrees(series.headings)[:, None], ["heading"])
+        _curves(rates, series, turning[:, 2:], [r"$\omega_z$"])
+    else:
+        euler = np.degrees(series.euler_angles)
+        _curves(angles, series, euler, _italic("xyz"))
+        _curves(rates, series, turning, [rf"$\omega_{axis}$" for axis in "xyz"])
+    quantity = "attitude" if problem.task.planar else "x-y-z Euler angles"
+    angles.set_ylabel(axis_label(quantity, "deg"))
+    rates.set_ylabel(axis_label("spacecraft rate", "deg/s"))
+
+
+def _curves(axes: Any, series: TimeSeries, values: Array, names: list[str]) -> None:
+    shown = np.where(np.isfinite(values), values, np.nan)
+    for (colour, dashes), column, name in zip(STROKES, shown.T, names, strict=False):
+        axes.plot(series.times, column, color=colour, linestyle=dashes, label=name)
+
+
+def _mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
+    """The whole duration, rests on the way, and the end of a motion that is not completed."""
+    axes.set_xlim(0.0, motion.problem.path.duration)
+    for index, stop in enumerate(motion.problem.path.timing.stops):
+        label = "at rest" if named and index == 0 else None
+        line = {"color": GREY, "linestyle": (0, (4, 3)), "linewidth": 0.8, "zorder": 1}
+        axes.axvline(stop.t, label=label, **line)
+    if not motion.completed:
+        label = motion.ending.name.lower() if named else None
+        axes.axvline(motion.final.time, color=VERMILION, linewidth=0.8, zorder=1, label=label)
+
+
+def _bound(axes: Any, motion: Motion, series: TimeSeries) -> None:
+    """Keep rates readable that have no bound towards a singular end."""
+    if motion.ending is not Ending.SINGULAR:
+        return
+    first, last = motion.initial.time, motion.final.time
+    early = np.abs(series.times - first) <= _BOUNDED * abs(last - first)
+    shown = [line.get_ydata()[early] for line in axes.lines if line.get_ydata() is not None
+             and len(line.get_ydata()) == len(early)]  # fmt: skip
+    largest = float(np.nanmax(np.abs(shown), initial=0.0))
+    if largest > 0.0:
+        axes.set_ylim(-_HEADROOM * largest, _HEADROOM * largest)
+
+
+@styled
+def margin_figure(motion: Motion, series: TimeSeries, least: ClosestApproach) -> Figure:
+    """S over time, the margin it has to keep, and where it is least."""
+    problem = motion.problem
+    measure, value = problem.margin.measure, problem.margin.value
+    figure = new_figure()
+    axes = figure.subplots()
+    axes.axhline(0.0, color=BLACK, linewidth=0.6)
+    axes.plot(series.times, series.measure, color=BLUE)
+    if value > 0.0:
+        level = least.sign * value
+        axes.axhspan(0.0, level, color=PALE, linewidth=0.0, zorder=0)
+        axes.axhline(
+            level, color=VERMILION, linestyle="--", linewidth=1.0, label=f"margin {digits(level)}"
+        )
+    lowest = least.sign * least.value
+    told = "singular" if motion.ending is Ending.SINGULAR else f"least {digits(lowest)}"
+    style: dict[str, Any] = {"color": BLACK, "linestyle": "none", "zorder": 5}
+    axes.plot(
+        [least.time], [lowest], marker="X" if motion.ending is Ending.SINGULAR else "o",
+        label=f"{told} at {digits(least.time)} s", **style,
+    )  # fmt: skip
+    _mark_times(axes, motion)
+    axes.set_xlabel(axis_label("time", "s"))
+    axes.set_ylabel(axis_label(f"$S$ ({measure.name})", measure.unit))
+    legend_above(axes)
+    return figure
+
+
+@styled
+def momentum_figure(motion: Motion) -> Figure:
+    """How far the recorded motion is off: its momentum, and its end-effector from the path."""
+    figure = new_figure(height=3.2)
+    momentum, pose = figure.subplots(2, 1, sharex=True)
+    errors = motion.momentum_errors(motion.node_parameters)
+    _errors(momentum, motion.times, errors, 0, "momentum")
+    turns = motion.problem.task.turns
+    for which, name in enumerate(("position", "attitude")[: 2 if turns else 1]):
+        label = f"end-effector {name}"
+        _errors(pose, motion.times, motion.end_effector_errors[:, which], which, label)
+    momentum.set_ylabel(axis_label("error", "N m s"))
+    pose.set_ylabel(axis_label("error", "m, rad" if turns else "m"))
+    pose.set_xlabel(axis_label("time", "s"))
+    for axes in (momentum, pose):
+        axes.set_yscale("log")
+        _mark_times(axes, motion)
+        legend_above(axes)
+    figure.align_ylabels()
+    return figure
+
+
+def _errors(axes: Any, times: Array, errors: Array, which: int, name: str) -> None:
+    """As dots on a logarithmic axis, where zeros have no place."""
+    shown = np.where(errors > 0.0, errors, np.nan)
+    marker, size = (".", 2.0) if which == 0 else ("x", 2.5)
+    axes.plot(
+        times, shown, color=STROKES[which][0], linestyle="none", marker=marker, markersize=size,
+        markeredgewidth=0.6, label=name,
+    )  # fmt: skip

@@ -1,0 +1,203 @@
+"""Figures of planar problems: joint space, and how near to a singularity each heading leads.
+
+Nothing computes here: curves, ranges and maps come from the rooms before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import Problem
+from freefloat.planning.heading_map import HeadingMap
+from freefloat.planning.planar_ranges import TURN, BranchRanges
+from freefloat.so3 import Array
+from freefloat.visualization.figure_style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREY,
+    STROKES,
+    VERMILION,
+    axis_label,
+    digits,
+    legend_above,
+    new_figure,
+    styled,
+)
+from freefloat.visualization.scene_figures import legend_over
+from freefloat.workspace.margin_curves import margin_curves, point_3, point_3_on_path
+from freefloat.workspace.planar_arm import PlanarArm
+
+_GRID = 361
+_SERVES = "#CFE3EF"
+"""Behind headings that serve."""
+
+Span = tuple[float, float]
+
+
+@styled
+def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
+    """Curves S = 0 and S = +-S0, distances of point 3, and motions among them (Fig. 3).
+
+    Args:
+        problem: A planar problem whose S depends on two joint angles.
+        motions: The one chosen first.
+    """
+    figure = new_figure(COLUMN, 3.9)
+    axes = figure.subplots()
+    arm, margin = PlanarArm.of(problem.model), problem.margin
+    looks: list[tuple[float, Any, float]] = [(0.0, "-", 1.2)]
+    if margin.value > 0.0 and margin.measure.name == "system":  # the S of (21a)
+        looks += [(margin.value, (0, (5, 1.5)), 0.8), (-margin.value, (0, (1, 1.2)), 0.8)]
+    curves = margin_curves(arm, *(value for value, _, _ in looks))
+    for value, dashes, width in looks:
+        rows = _joined(np.degrees(one.joints) for one in curves if one.level == value)
+        label = f"$S$ = {digits(value)}"
+        axes.plot(*rows.T, color=BLACK, linestyle=dashes, linewidth=width, label=label)
+    _draw_distances(axes, problem, arm)
+    for motion, (colour, dashes) in zip(motions, STROKES, strict=False):
+        _draw_motion(axes, motion, colour, dashes)
+    axes.set(xlim=(-180.0, 180.0), ylim=(-180.0, 180.0), aspect="equal")
+    axes.set_xticks(np.arange(-180, 181, 90))
+    axes.set_yticks(np.arange(-180, 181, 90))
+    axes.set_xlabel(axis_label("$q_1$", "deg"))
+    axes.set_ylabel(axis_label("$q_2$", "deg"))
+    legend_over(axes)
+    return figure
+
+
+def _joined(parts: Iterable[Array]) -> Array:
+    """Rows of several curves as one, with a gap between them, shape (K, 2)."""
+    gap = np.full((1, 2), np.nan)
+    rows = [gap]
+    for part in parts:
+        rows += [part, gap]
+    return np.vstack(rows)
+
+
+def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
+    """Where point 3 is as far out as at the start and at the end of the path (28)."""
+    axis = np.linspace(-np.pi, np.pi, _GRID)
+    radii = np.abs(point_3(arm, np.stack(np.meshgrid(axis, axis), axis=-1)))
+    for s, dashes, name in ((0.0, (0, (6, 2)), "start"), (1.0, (0, (1, 1.5)), "end")):
+        level = abs(point_3_on_path(problem, s))
+        if radii.min() < level < radii.max():
+            degrees = np.degrees(axis)
+            axes.contour(
+                degrees, degrees, radii, levels=[level], colors=[GREY], linestyles=[dashes],
+                linewidths=1.0,
+            )  # fmt: skip
+            axes.plot([], [], color=GREY, linestyle=dashes, linewidth=1.0, label=f"{name} radius")
+
+
+def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
+    """The first two joints of a motion, wrapped into one turn, its start a circle."""
+    heading = np.degrees(2.0 * np.arctan2(*motion.initial.attitude[2:])) % 360.0
+    places = np.linspace(0.0, motion.panels, 12 * motion.panels + 1)
+    q = np.degrees(motion.evaluate(places)[2][:, :2])
+    rows = wrapped(q)
+    axes.plot(
+        *rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=f"from {digits(heading)}°",
+        zorder=4,
+    )  # fmt: skip
+    style = {"color": colour, "linestyle": "none", "markersize": 4.5, "zorder": 5}
+    axes.plot(*rows[:1].T, marker="o", markerfacecolor="white", **style)
+    singular = motion.ending is Ending.SINGULAR
+    axes.plot(*rows[-1:].T, marker="X" if singular else "o", **style)
+
+
+def wrapped(degrees: Array) -> Array:
+    """A curve (K, 2) of angles in [-180, 180), with gaps where it leaves at an edge [deg]."""
+    inside = (degrees + 180.0) % 360.0 - 180.0
+    turns = np.round((degrees - inside) / 360.0)
+    parts, first = [], 0
+    for last in [*(np.flatnonzero(np.diff(turns, axis=0).any(axis=1)) + 1), len(degrees)]:
+        parts.append(inside[first:last])
+        first = int(last)
+    gap = np.full((1, 2), np.nan)
+    rows = [row for part in parts for row in (part, gap)][:-1]
+    return np.vstack(rows)
+
+
+@styled
+def headings_figure(
+    found: HeadingMap,
+    label: str,
+    ranges: Sequence[BranchRanges] = (),
+    chosen: tuple[int, float] | None = None,
+) -> Figure:
+    """The least S over the initial heading, arm branch by arm branch.
+
+    Args:
+        found: The map.
+        label: Of the axis of S, with its unit.
+        ranges: The headings that keep the margin; from the map's samples when left out.
+        chosen: Branch and heading [rad] to mark.
+    """
+    curves = _families(found, ranges)
+    figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
+    panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (branch, name, least, spans) in zip(panels, curves, strict=True):
+        for low, high in spans:
+            axes.axvspan(np.degrees(low), np.degrees(high), color=_SERVES, linewidth=0.0, zorder=0)
+        axes.plot(np.degrees(found.headings), least, color=BLUE, label=name)
+        if found.margin > 0.0:
+            axes.axhline(
+                found.margin, color=VERMILION, linestyle="--", linewidth=1.0,
+                label=f"margin {digits(found.margin)}",
+            )  # fmt: skip
+        if chosen is not None and branch in (None, chosen[0]):
+            axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
+        axes.set_xlim(0.0, 360.0)
+        axes.set_ylabel(label)
+        legend_above(axes)
+    panels[-1].set_xticks(np.arange(0, 361, 60))
+    panels[-1].set_xlabel(axis_label("initial heading", "deg"))
+    return figure
+
+
+def _families(
+    found: HeadingMap, ranges: Sequence[BranchRanges]
+) -> list[tuple[int | None, str, Array, list[Span]]]:
+    """What gets an axes: branch, name, least S and spans of heading that serve [rad]."""
+    rows = dict(zip(found.branches, zip(found.least, found.kept, strict=True), strict=True))
+    if any(entry.label == "any" for entry in ranges):
+        with np.errstate(invalid="ignore"):
+            best = np.fmax.reduce(found.least, axis=0)
+        return [(None, "best branch", best, _spans(ranges[0]))]
+    told = {entry.branch: entry for entry in ranges}
+    return [
+        (
+            branch,
+            told[branch].label if branch in told else f"branch {branch}",
+            least,
+            _spans(told[branch]) if branch in told else _sampled(found.headings, kept),
+        )
+        for branch, (least, kept) in rows.items()
+    ]
+
+
+def _spans(entry: BranchRanges) -> list[Span]:
+    """Ranges within one turn: one that passes zero is cut there."""
+    cut = []
+    for one in entry.ranges:
+        cut.append((one.low, min(one.high, TURN)))
+        if one.high > TURN:
+            cut.append((0.0, one.high - TURN))
+    return cut
+
+
+def _sampled(headings: Array, kept: Array) -> list[Span]:
+    """Samples in a row that keep the margin, each standing for half the way to its neighbours."""
+    half = TURN / len(headings) / 2.0
+    headings, kept = np.append(headings, TURN), np.append(kept, kept[0])
+    edges = np.flatnonzero(np.diff(np.concatenate([[0.0], kept, [0.0]])))
+    return [
+        (max(0.0, headings[first] - half), min(TURN, headings[last - 1] + half))
+        for first, last in edges.reshape(-1, 2)
+    ]

@@ -1,1 +1,0 @@
-"""The wish: a path, how it is timed, what is looked for."""

@@ -1,0 +1,261 @@
+"""Where a drifting arm can become singular: margin curves in joint space, areas around the centre.
+
+For planar arms of two joints, or of three with a prescribed attitude, S depends on the first two
+joint angles alone. So does the distance R of point 3 (the end-effector, or the joint of the last
+link) from the centre of mass, whatever the heading: (21), (28). The radii that the singular curves
+sweep are the path-dependent areas; what is left of the reach is path-independent. For other arms
+see :mod:`freefloat.workspace.regions`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from contourpy import contour_generator
+
+from freefloat.brief import brief
+from freefloat.dynamics.measures import joint_space_extremes, measure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import InputError
+from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, frozen
+from freefloat.workspace.planar_arm import PlanarArm
+
+_GRID = 721
+_POLISHES = 4
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class MarginCurve:
+    """A curve S(q1, q2) = level in joint space (22), followed without gaps.
+
+    Attributes:
+        level: Of S; zero for singularity curves.
+        joints: q1 and q2 along the curve [rad], shape (K, 2); it leaves the square [-pi, pi] at the
+            edge and goes on as another curve at the opposite one.
+        radii: Distance of point 3 from the centre of mass [m], shape (K,).
+    """
+
+    level: float
+    joints: Array
+    radii: Array
+
+
+def has_two_angle_form(model: FreeFloatingModel, task: Task) -> bool:
+    """Whether S of a planar problem depends on the first two joint angles alone."""
+    plain = not any(body.prismatic for body in model.bodies[1:])
+    return task.planar and plain and model.dof == len(task.rows)
+
+
+def two_angles(arm: PlanarArm, joints: npt.ArrayLike) -> Array:
+    """Absolute angles (..., n + 1) of the first two joints (..., 2), heading and others at zero."""
+    q = np.asarray(joints, dtype=float)
+    padded = np.concatenate([q, np.zeros((*q.shape[:-1], len(arm.signs) - 2))], axis=-1)
+    return arm.angles(np.zeros(q.shape[:-1]), padded)
+
+
+def point_3(arm: PlanarArm, joints: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+    """Point 3 from the centre of mass at zero heading [m], shape (...), for joints (..., 2)."""
+    return np.asarray(arm.vectors(two_angles(arm, joints))[..., :3].sum(axis=-1))
+
+
+def margin_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
+    """All curves in joint space on which S has one of some values.
+
+    Contours of a grid of half a degree, their points polished onto the curve by Newton's method; so
+    curves that close within half a degree may be missed.
+
+    Args:
+        arm: Planar arm of two or three joints.
+        levels: Values of S.
+    """
+    axis = np.linspace(-np.pi, np.pi, _GRID)
+    q1, q2 = np.meshgrid(axis, axis)
+    S = arm.determinant(two_angles(arm, np.stack([q1, q2], axis=-1)))
+    contours, curves = contour_generator(axis, axis, S), []
+    for level in levels:
+        for line in contours.lines(level):
+            joints = _polished(arm, np.asarray(line), level)
+            curves.append(MarginCurve(level, frozen(joints), frozen(np.abs(point_3(arm, joints)))))
+    return tuple(curves)
+
+
+def _polished(arm: PlanarArm, joints: Array, level: float) -> Array:
+    """Newton steps along the gradient of S, small ones: a contour is nearly right already."""
+    step = 1e-6
+    for _ in range(_POLISHES):
+        off = arm.determinant(two_angles(arm, joints)) - level
+        slopes = [
+            arm.determinant(two_angles(arm, joints + d))
+            - arm.determinant(two_angles(arm, joints - d))
+            for d in step * np.eye(2)
+        ]
+        gradient = np.stack(slopes, axis=-1) / (2.0 * step)
+        length = np.maximum((gradient**2).sum(axis=-1), 1e-12)
+        joints = joints - np.clip(off / length, -0.01, 0.01)[:, None] * gradient
+    return joints
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """Distances from the centre of mass, in metres, of one point of the hand.
+
+    Attributes:
+        point: What is meant: ``"end-effector"``, ``"last joint"`` or ``"wrist centre"``.
+        tip: That point in the end-effector's frame [m], shape (3,).
+        measure: S is this one: ``system``, ``arm`` or ``gjm``.
+        reach: From the nearest to the farthest.
+        path_dependent: Where S can vanish, inner to outer; None where that is not known.
+        path_independent: The rest of the reach, inner to outer; None likewise.
+        exact: Whether the areas are known to be all. Otherwise they were found by sampling: S does
+            vanish in the path-dependent ones, and in the others no such place was found.
+        largest_s: S_max over the joint space.
+        smallest_s: S_min over the joint space.
+    """
+
+    __repr__ = brief
+
+    point: str
+    tip: Array
+    measure: str
+    reach: Interval
+    path_dependent: tuple[Interval, ...] | None
+    path_independent: tuple[Interval, ...] | None
+    exact: bool
+    largest_s: float
+    smallest_s: float
+
+
+def planar_workspace(problem: Problem) -> Workspace:
+    """Reach and areas of a planar arm whose S depends on two joint angles.
+
+    Raises:
+        InputError: For arms whose S depends on more than two joint angles.
+    """
+    if not has_two_angle_form(problem.model, problem.task):
+        raise InputError(
+            "task",
+            f"{problem.task} with {problem.model.dof} joints has no areas by radius alone",
+            "planar-position with two turning joints, planar-pose with three",
+        )
+    arm, tip = PlanarArm.of(problem.model), np.zeros(3)
+    if problem.task is Task.PLANAR_POSE:
+        virtual = VirtualManipulator.of(problem.model)
+        tip = -virtual.tool.T @ virtual.links[-1]
+    point = "last joint" if problem.task is Task.PLANAR_POSE else "end-effector"
+    return swept_workspace(problem, arm, "system", (point, tip))
+
+
+def swept_workspace(
+    problem: Problem, arm: PlanarArm, name: str, point: tuple[str, Array]
+) -> Workspace:
+    """Reach and areas from the singular curves of an arm in a plane.
+
+    Args:
+        problem: Whose arm it is.
+        arm: The arm in a plane, its S the measure of that name.
+        name: Of the measure.
+        point: What the arm's point 3 is called, and where it is in the end-effector's frame [m].
+    """
+    a, b, c = np.abs(arm.links[:3]).tolist()
+    reach = max(0.0, 2.0 * max(a, b, c) - (a + b + c)), a + b + c
+    curves = margin_curves(arm, 0.0)
+    dependent = merged([(float(c.radii.min()), float(c.radii.max())) for c in curves])
+    of = measure(problem.model, problem.task, name)
+    extremes = joint_space_extremes(problem.model, of)
+    return Workspace(
+        point=point[0],
+        tip=frozen(point[1]),
+        measure=name,
+        reach=reach,
+        path_dependent=dependent,
+        path_independent=complement(dependent, reach),
+        exact=True,
+        largest_s=extremes.largest,
+        smallest_s=extremes.smallest,
+    )
+
+
+def merged(intervals: list[Interval], gap: float = 1e-9) -> tuple[Interval, ...]:
+    """Intervals that overlap or touch, joined, in order."""
+    joined: list[Interval] = []
+    for low, high in sorted(intervals):
+        if joined and low <= joined[-1][1] + gap:
+            joined[-1] = joined[-1][0], max(joined[-1][1], high)
+        else:
+            joined.append((low, high))
+    return tuple(joined)
+
+
+def complement(intervals: tuple[Interval, ...], whole: Interval) -> tuple[Interval, ...]:
+    """What disjoint intervals in order leave of a whole one; slivers of rounding left out."""
+    edges = [whole[0], *(edge for interval in intervals for edge in interval), whole[1]]
+    gaps = zip(edges[::2], edges[1::2], strict=True)
+    return tuple((low, high) for low, high in gaps if high - low > 1e-6 * whole[1])
+
+
+def path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval, bool], ...]:
+    """Which parts of the path lie where the arm can be singular.
+
+    Args:
+        problem: What the workspace was computed for.
+        workspace: Its workspace.
+
+    Returns:
+        Intervals of s in order, each with whether it lies in a path-dependent area; edges to 1e-3.
+        Nothing where the areas are not known.
+    """
+    if workspace.path_dependent is None:
+        return ()
+    s = np.linspace(0.0, 1.0, 1001)
+    radii = np.array([_radius_on_path(problem, workspace, float(value)) for value in s])
+    inside = np.zeros(len(s), dtype=bool)
+    for low, high in workspace.path_dependent:
+        inside |= (radii >= low) & (radii <= high)
+    changes = np.flatnonzero(inside[1:] != inside[:-1])
+    edges = [0.0, *((s[changes] + s[changes + 1]) / 2.0), 1.0]
+    parts = zip(edges[:-1], edges[1:], inside[[0, *(changes + 1)]], strict=True)
+    return tuple(((float(low), float(high)), bool(flag)) for low, high, flag in parts)
+
+
+def _radius_on_path(problem: Problem, workspace: Workspace, s: float) -> float:
+    """Distance from the centre of mass at which the path wants the workspace's point [m]."""
+    pose = problem.path.path.pose(s)
+    place = pose.position + pose.rotation @ workspace.tip
+    return float(np.linalg.norm(place[:2] if problem.task.planar else place))
+
+
+def most_singular_place(problem: Problem) -> tuple[float, float]:
+    """Where on the path even the best configuration has the smallest |S|, and that |S|.
+
+    Configurations are those of a grid of half a degree; the value is exact to about a percent.
+    """
+    arm = PlanarArm.of(problem.model)
+    axis = np.linspace(-np.pi, np.pi, _GRID)
+    q = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    S, radii = np.abs(arm.determinant(two_angles(arm, q))), np.abs(point_3(arm, q))
+    shells = np.linspace(0.0, radii.max(), 401)
+    largest = np.zeros(len(shells))
+    np.maximum.at(largest, np.searchsorted(shells, radii), S)
+    s = np.linspace(0.0, 1.0, 401)
+    wanted = np.array([abs(point_3_on_path(problem, float(value))) for value in s])
+    reached = np.interp(wanted, shells, np.maximum(largest, np.append(largest[1:], 0.0)))
+    worst = int(np.argmin(reached))
+    return float(s[worst]), float(reached[worst])
+
+
+def point_3_on_path(problem: Problem, s: float) -> complex:
+    """Where the path wants point 3 [m]: the end-effector, or the joint of the last link (20)."""
+    pose = problem.path.path.pose(s)
+    end = complex(pose.position[0], pose.position[1])
+    if problem.task is not Task.PLANAR_POSE:
+        return end
+    virtual = VirtualManipulator.of(problem.model)
+    last = pose.rotation @ virtual.tool.T @ virtual.links[-1]
+    return end - complex(last[0], last[1])

@@ -1,0 +1,441 @@
+"""The compiled equation (4) against Pinocchio and LAPACK, robot by robot, number by number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.kernels.equation import (
+    DQ,
+    HAND,
+    JAC,
+    OMEGA,
+    WORK_COLUMNS,
+    D,
+    configure,
+    eliminate,
+    form_jacobian,
+    solve_rates,
+)
+from freefloat.dynamics.measures import NAMES, measure
+from freefloat.dynamics.momentum import (
+    ResolvedRateSolver,
+    Task,
+    generalized_determinant,
+    generalized_jacobian,
+    inertia_matrices,
+    system_matrix,
+)
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.kernels.measures import measure_at
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.problem import Margin, Problem
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import TimedPath, Timing
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import rotation_matrix
+from tests.robots import (
+    Robot,
+    inertial_text,
+    joint_text,
+    joint_values,
+    link_text,
+    planar_robot,
+    random_robot,
+    robots,
+)
+
+ROUNDING = 1e-12
+"""Of sums of products, in units of what is summed."""
+BUNDLED = ("spatial_6dof/line", "ur5_servicer/arc", "panda_servicer/line")
+
+
+def measured_problem(model: FreeFloatingModel, task: Task, name: str) -> Problem:
+    """A problem whose path does not matter."""
+    pose = VirtualManipulator.of(model).pose(np.zeros(model.dof))
+    line = PolynomialCurve.line(pose.position, pose.position + np.array([0.1, 0.0, 0.0]))
+    path = TimedPath(EndEffectorPath(line, FixedOrientation(pose.rotation)), Timing(10.0))
+    return Problem(model, path, task, np.zeros(3), Margin(measure(model, task, name), 0.0))
+
+
+@dataclass
+class Kernels:
+    """The kernels' numbers for a robot and a task, and room to work in."""
+
+    model: FreeFloatingModel
+    task: Task
+    name: str = "gjm"
+
+    def __post_init__(self) -> None:
+        robot = EnsembleIntegrator(measured_problem(self.model, self.task, self.name), 1)._robot
+        m, n = len(self.task.rows), self.model.dof
+        self.bodies, self.facts, self.rows = robot.bodies, robot.facts, robot.rows
+        self.code = robot.measure
+        self.w, self.S, self.L = (
+            np.zeros((n + 1, WORK_COLUMNS)),
+            np.zeros((m, n)),
+            np.zeros((m, m + 1)),
+        )
+
+    def configure(self, q: np.ndarray) -> Kernels:
+        """Everything at joint values; returns itself."""
+        configure(self.bodies, self.facts, q, self.w)
+        self.det_D = form_jacobian(self.facts, self.rows, self.w, self.S)
+        return self
+
+    def inertia(self) -> tuple[np.ndarray, np.ndarray]:
+        """D and Dq."""
+        xx, yy, zz, xy, xz, yz = self.w[0, D : D + 6]
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), self.w[1:, DQ : DQ + 3].T
+
+    def rates(
+        self, q: np.ndarray, attitude: np.ndarray, twist: np.ndarray, h: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Turn rate, joint rates and det S."""
+        R0 = rotation_matrix(attitude)
+        demand = np.concatenate([twist[:3] @ R0, twist[3:] @ R0, h @ R0])
+        rates = np.zeros(self.model.dof)
+        configure(self.bodies, self.facts, q, self.w)
+        determinant = solve_rates(self.facts, self.rows, demand, self.w, self.S, self.L, rates)
+        return self.w[0, OMEGA : OMEGA + 3].copy(), rates, determinant
+
+    def measure(self, q: np.ndarray) -> float:
+        """The measure at joint values."""
+        return float(
+            measure_at(self.bodies, self.facts, self.rows, self.code, q, self.w, self.S, self.L,
+                       np.zeros(self.model.dof))
+        )  # fmt: skip
+
+
+def loaded(robot: Robot, **options: object) -> FreeFloatingModel:
+    return FreeFloatingModel.from_urdf(robot.text, robot.tip, **options)
+
+
+def planar_model(rng: np.random.Generator, joints: int) -> FreeFloatingModel:
+    """A planar arm with bodies of any mass, whose centres lie on their lines."""
+    m = np.concatenate([[rng.uniform(20, 200)], rng.uniform(1, 30, joints)])
+    text = planar_robot(
+        m, m * rng.uniform(0.02, 0.3, joints + 1), rng.uniform(0.1, 0.8, joints),
+        rng.uniform(0.1, 0.8, joints + 1),
+    )  # fmt: skip
+    return FreeFloatingModel.from_urdf(text, "end_effector")
+
+
+def elbow_model(rng: np.random.Generator) -> FreeFloatingModel:
+    """An elbow arm with a spherical wrist, spacecraft and first link symmetric about its axis."""
+
+    def round_(mass: float, z: float) -> str:
+        a, c = mass * rng.uniform(0.1, 0.3, 2)
+        return inertial_text(mass, np.diag([a, a, min(c, 1.9 * a)]), f"0 0 {z!r}")
+
+    def level(mass: float, x: float) -> str:
+        moments = mass * rng.uniform(0.05, 0.09, 3)
+        return inertial_text(mass, np.diag(moments), f"{x!r} 0 0")
+
+    a, b, c = (float(x) for x in rng.uniform(0.5, 1.5, 3))
+    hand = float(rng.uniform(0.1, 0.4))
+    # bodies behind the wrist's first two joints would mix the blocks: they weigh next to nothing
+    light = inertial_text(1e-6, 1e-9 * np.eye(3))
+    parts = [
+        ("q1", "bus", "l1", f"0 0 {a!r}", "0 0 1", round_(12.0, 0.1)),
+        ("q2", "l1", "l2", "0 0 0.3", "0 -1 0", level(float(rng.uniform(5, 20)), b / 2)),
+        ("q3", "l2", "l3", f"{b!r} 0 0", "0 -1 0", level(float(rng.uniform(5, 20)), c / 3)),
+        ("q4", "l3", "l4", f"{c!r} 0 0", "1 0 0", light),
+        ("q5", "l4", "l5", "0 0 0", "0 1 0", light),
+        ("q6", "l5", "l6", "0 0 0", "1 0 0", inertial_text(3.0, 0.02 * np.eye(3), f"{hand!r} 0 0")),
+    ]
+    text = link_text("bus", round_(float(rng.uniform(50, 500)), -0.2))
+    for joint, parent, link, place, axis, inertial in parts:
+        text += joint_text(joint, "C", parent, link, place, axis=axis) + link_text(link, inertial)
+    text += joint_text("tool", "F", "l6", "tip", f"{2 * hand!r} 0 0")
+    return FreeFloatingModel.from_urdf(
+        f'<robot name="elbow">{text}<link name="tip"/></robot>', "tip"
+    )
+
+
+@cache
+def bundled(name: str) -> Problem:
+    return load_scenario(name).problem()
+
+
+def assert_equal_parts(model: FreeFloatingModel, task: Task, q: np.ndarray) -> None:
+    """D, Dq, the hand and J of (1) and (5), S* of (7) and its determinant."""
+    kernels = Kernels(model, task).configure(q)
+    D_, Dq = inertia_matrices(model, q)
+    found, found_q = kernels.inertia()
+    size = np.abs(D_).max()
+    np.testing.assert_allclose(found, D_, rtol=0, atol=ROUNDING * size)
+    np.testing.assert_allclose(found_q, Dq, rtol=0, atol=ROUNDING * size)
+    reach = VirtualManipulator.of(model).reach + np.abs(q).sum()
+    hand = VirtualManipulator.of(model).pose(q).position
+    np.testing.assert_allclose(kernels.w[0, HAND : HAND + 3], hand, rtol=0, atol=ROUNDING * reach)
+    k = 1 if task.planar else 3
+    J = system_matrix(model, q, task)[k:, k:]
+    found_J = kernels.w[1:, JAC : JAC + 6].T[task.rows]
+    size = max(1.0, reach)
+    np.testing.assert_allclose(found_J, J, rtol=0, atol=ROUNDING * size)
+    S = generalized_jacobian(model, q, task)
+    blown_up = np.linalg.cond(D_)
+    np.testing.assert_allclose(kernels.S, S, rtol=0, atol=ROUNDING * size * blown_up)
+    det_D = D_[2, 2] if task.planar else np.linalg.det(D_)
+    assert kernels.det_D == pytest.approx(det_D, rel=ROUNDING * blown_up)
+    determinant = eliminate(kernels.S, kernels.L)
+    volume = np.prod(np.linalg.norm(S, axis=1))
+    if len(task.rows) == model.dof:
+        expected = generalized_determinant(model, q, task)
+        assert determinant == pytest.approx(expected, rel=1e-12, abs=1e-12 * volume * blown_up)
+    else:  # the square of which is what is formed
+        expected = float(np.prod(np.linalg.svd(S, compute_uv=False)))
+        assert determinant**2 == pytest.approx(
+            expected**2, rel=1e-10, abs=1e-13 * volume**2 * blown_up
+        )
+
+
+arms = st.one_of(
+    st.text("RCP", min_size=3, max_size=8),
+    st.text("RCPF", min_size=5, max_size=9).filter(
+        lambda word: 3 <= len(word.replace("F", "")) <= 8
+    ),
+)
+
+
+@settings(max_examples=60)
+@given(data=st.data(), robot=robots(arms))
+def test_matrices_of_any_robot_are_pinocchios(data: st.DataObject, robot: Robot) -> None:
+    """Revolute and sliding joints, fixed and held ones merged; awkward joint values."""
+    held = {name: data.draw(st.floats(-2.0, 2.0)) for name in robot.others}
+    model = loaded(robot, held=held)
+    q = data.draw(joint_values(model.dof))
+    task = Task.POSE if model.dof >= 6 and data.draw(st.booleans()) else Task.POSITION
+    assert_equal_parts(model, task, q)
+
+
+@pytest.mark.parametrize("joints", range(2, 9))
+def test_matrices_of_planar_robots_are_pinocchios(joints: int, rng: np.random.Generator) -> None:
+    """Both planar tasks; redundant from three and four joints on."""
+    for _ in range(4):
+        model = planar_model(rng, joints)
+        for task in (Task.PLANAR_POSE, Task.PLANAR_POSITION):
+            if len(task.rows) <= joints:
+                assert_equal_parts(model, task, rng.uniform(-np.pi, np.pi, joints))
+
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_matrices_of_the_bundled_robots_are_pinocchios(name: str, rng: np.random.Generator) -> None:
+    """Example 2, a UR5, a Panda whose fingers are held."""
+    model = bundled(name).model
+    for q in rng.uniform(-np.pi, np.pi, (20, model.dof)):
+        assert_equal_parts(model, Task.POSE, q)
+        assert_equal_parts(model, Task.POSITION, q)
+
+
+# ------------------------------------------------------------------------------ equation (4)
+
+
+def assert_same_rates(
+    model: FreeFloatingModel, task: Task, q: np.ndarray, rng: np.random.Generator
+) -> None:
+    """Turn and joint rates, to rounding as the condition of S* magnifies it."""
+    twist, h = rng.normal(size=6), rng.normal(size=3) * model.total_mass / 100.0
+    attitude = Rotation.random(rng=rng).as_quat()
+    if task.planar:
+        twist[2:5], h[:2] = 0.0, 0.0
+        attitude = np.array([0.0, 0.0, *Rotation.random(rng=rng).as_quat()[2:]])
+        attitude /= np.linalg.norm(attitude)
+    omega, rates = ResolvedRateSolver(model, task, h).rates(attitude, q, twist)
+    kernels = Kernels(model, task)
+    found_omega, found, determinant = kernels.rates(q, attitude, twist, h)
+    S = generalized_jacobian(model, q, task)
+    worse = np.linalg.cond(S) ** (1 if len(S) == len(S.T) else 2)  # S S^T is formed
+    size = max(1.0, np.abs(rates).max(), np.abs(omega).max())
+    tolerance = 1e-12 * worse * size
+    np.testing.assert_allclose(found, rates, rtol=0, atol=tolerance)
+    np.testing.assert_allclose(found_omega, omega, rtol=0, atol=tolerance)
+    kernels.configure(q)
+    assert determinant == eliminate(kernels.S, kernels.L)
+
+
+STRUCTURES = ("RRR", "RPR", "CRPR", "RRRRR", "RRRRRR", "RPRCRR", "RRPRRRR", "CRRRRRRR", "RRFRFPRRR")
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_rates_of_random_robots_solve_equation_4(structure: str, rng: np.random.Generator) -> None:
+    """Three to eight joints, with momentum: the unique rates, or those of least norm."""
+    for _ in range(5):
+        robot = random_robot(rng, structure, "RP")
+        held = dict(zip(robot.others, rng.uniform(-1.0, 1.0, 2), strict=True))
+        model = loaded(robot, held=held)
+        q = rng.uniform(-2.0, 2.0, model.dof)
+        assert_same_rates(model, Task.POSITION, q, rng)
+        if model.dof >= 6:
+            assert_same_rates(model, Task.POSE, q, rng)
+
+
+@pytest.mark.parametrize("joints", [2, 3, 5, 8])
+def test_rates_of_planar_robots_solve_equation_4(joints: int, rng: np.random.Generator) -> None:
+    for _ in range(5):
+        model = planar_model(rng, joints)
+        for task in (Task.PLANAR_POSE, Task.PLANAR_POSITION):
+            if len(task.rows) <= joints:
+                assert_same_rates(model, task, rng.uniform(-np.pi, np.pi, joints), rng)
+
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_rates_of_the_bundled_robots_solve_equation_4(name: str, rng: np.random.Generator) -> None:
+    model = bundled(name).model
+    for q in rng.uniform(-np.pi, np.pi, (20, model.dof)):
+        assert_same_rates(model, Task.POSE, q, rng)
+        assert_same_rates(model, Task.POSITION, q, rng)
+
+
+def test_the_rates_keep_the_momentum_and_move_the_hand(rng: np.random.Generator) -> None:
+    """From D, Dq and S alone, without any other solver: h and the twist come out."""
+    model = bundled("panda_servicer/line").model
+    kernels = Kernels(model, Task.POSE)
+    for q in rng.uniform(-np.pi, np.pi, (20, model.dof)):
+        twist, h = rng.normal(size=6), rng.normal(size=3)
+        identity = np.array([0.0, 0.0, 0.0, 1.0])
+        omega, rates, _ = kernels.rates(q, identity, twist, h)
+        D_, Dq = inertia_matrices(model, q)
+        size = 1e-11 * (1.0 + np.abs(rates).max())
+        np.testing.assert_allclose(D_ @ omega + Dq @ rates, h, rtol=0, atol=size * np.abs(D_).max())
+        A = system_matrix(model, q)
+        np.testing.assert_allclose(A[3:] @ [*omega, *rates], twist, rtol=0, atol=10 * size)
+
+
+def test_sixfold_tasks_are_not_special(rng: np.random.Generator) -> None:
+    """S of the whole pose has the rows of S of the position: they are formed by other lines."""
+    model = bundled("ur5_servicer/arc").model
+    whole, part = Kernels(model, Task.POSE), Kernels(model, Task.POSITION)
+    for q in rng.uniform(-np.pi, np.pi, (5, 6)):
+        np.testing.assert_array_equal(whole.configure(q).S[:3], part.configure(q).S)
+
+
+# ------------------------------------------------------------------------------- elimination
+
+
+@pytest.mark.parametrize(("m", "n"), [(2, 2), (3, 3), (6, 6), (2, 4), (3, 8), (6, 7), (6, 8)])
+def test_elimination_finds_determinant_and_solution(
+    m: int, n: int, rng: np.random.Generator
+) -> None:
+    """Also where the first pivots vanish: rows change places, and with them the sign."""
+    for trial in range(10):
+        S, right = rng.normal(size=(m, n)), rng.normal(size=m)
+        if trial % 2 and m == n:
+            S[np.arange(m), np.arange(m)] = 0.0
+        L = np.zeros((m, m + 1))
+        L[:, m] = right
+        determinant = eliminate(S, L)
+        matrix = S if m == n else S @ S.T
+        expected = np.linalg.det(matrix)
+        expected = expected if m == n else np.sqrt(expected)
+        assert determinant == pytest.approx(expected, rel=1e-10)
+        upper = np.triu(L[:, :m])
+        np.testing.assert_allclose(
+            np.linalg.solve(upper, L[:, m]), np.linalg.solve(matrix, right), rtol=1e-8
+        )
+
+
+def test_the_determinant_of_a_redundant_arm_is_never_negative() -> None:
+    """Rounding leaves S S^T of two parallel rows with a determinant on either side of zero."""
+    generator = np.random.default_rng(3)
+    for _ in range(200):
+        row = generator.normal(size=7)
+        S = np.array([row, generator.normal() * row, generator.normal(size=7)])
+        assert 0.0 <= eliminate(S, np.zeros((3, 4))) < 1e-5
+
+
+# ---------------------------------------------------------------------------------- measures
+
+
+def assert_same_measure(model: FreeFloatingModel, task: Task, name: str, q: np.ndarray) -> None:
+    kernels, of = Kernels(model, task, name), measure(model, task, name)
+    S = generalized_jacobian(model, q, task)
+    square = len(task.rows) == model.dof
+    volume = float(np.prod(np.linalg.norm(S, axis=1)))
+    D_, _ = inertia_matrices(model, q)
+    if name == "system":
+        volume *= float(D_[2, 2] if task.planar else np.linalg.det(D_))
+    elif name == "sigma":
+        volume = float(np.abs(S).max())
+    found, expected = kernels.measure(q), of.value(q)
+    blown_up = np.linalg.cond(D_)
+    if square or name == "sigma":
+        assert found == pytest.approx(expected, rel=1e-12, abs=1e-12 * volume * blown_up)
+    else:
+        assert found**2 == pytest.approx(expected**2, rel=1e-10, abs=1e-13 * volume**2 * blown_up)
+
+
+@pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_measures_of_random_robots_are_those_of_singularity(
+    structure: str, name: str, rng: np.random.Generator
+) -> None:
+    robot = random_robot(rng, structure, "R")
+    model = loaded(robot)
+    for q in rng.uniform(-np.pi, np.pi, (5, model.dof)):
+        assert_same_measure(model, Task.POSITION, name, q)
+        if model.dof >= 6:
+            assert_same_measure(model, Task.POSE, name, q)
+
+
+@pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
+@pytest.mark.parametrize("joints", [2, 3, 4, 7])
+def test_measures_of_planar_robots_are_those_of_singularity(
+    joints: int, name: str, rng: np.random.Generator
+) -> None:
+    model = planar_model(rng, joints)
+    for task in (Task.PLANAR_POSE, Task.PLANAR_POSITION):
+        for q in rng.uniform(-np.pi, np.pi, (5, joints)):
+            if len(task.rows) <= joints:
+                assert_same_measure(model, task, name, q)
+
+
+@pytest.mark.parametrize(
+    ("problem", "name"),
+    [(problem, name) for problem in BUNDLED for name in NAMES
+     if name != "arm" or problem == "spatial_6dof/line"],
+)  # fmt: skip
+def test_measures_of_the_bundled_robots_are_those_of_singularity(
+    problem: str, name: str, rng: np.random.Generator
+) -> None:
+    """Away from singularities, so that a relative difference means something."""
+    model = bundled(problem).model
+    kernels, of = Kernels(model, Task.POSE, name), measure(model, Task.POSE, name)
+    values = [(kernels.measure(q), of.value(q)) for q in rng.uniform(-3.0, 3.0, (40, model.dof))]
+    found, expected = np.array(values).T
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+    if model.dof == 6 and name != "sigma":
+        assert found.min() < 0.0 < found.max()
+
+
+def test_the_arm_factor_of_random_elbow_arms_is_that_of_singularity(
+    rng: np.random.Generator,
+) -> None:
+    """The wrist eliminated by Cramer's rule, at any q1 and wrist angles: they do not matter."""
+    for _ in range(8):
+        model = elbow_model(rng)
+        kernels, of = Kernels(model, Task.POSE, "arm"), measure(model, Task.POSE, "arm")
+        joints = rng.uniform(-np.pi, np.pi, (10, 6))
+        found = np.array([kernels.measure(q) for q in joints])
+        expected = np.array([of.value(q) for q in joints])
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_sigma_scales_lengths_by_the_reach(rng: np.random.Generator) -> None:
+    """A sliding joint's column and the linear rows: told apart from a plain singular value."""
+    model = loaded(random_robot(rng, "RPRRRR"))
+    kernels, q = Kernels(model, Task.POSE, "sigma"), rng.uniform(-2.0, 2.0, 6)
+    plain = np.linalg.svd(generalized_jacobian(model, q), compute_uv=False)[-1]
+    value = kernels.measure(q)
+    assert value == pytest.approx(measure(model, Task.POSE, "sigma").value(q), rel=1e-10)
+    assert abs(value - plain) > 1e-3 * plain

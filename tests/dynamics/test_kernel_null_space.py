@@ -1,0 +1,89 @@
+"""Compiled motions of arms with joints to spare are the precise ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from freefloat.dynamics.kernels.right_side import flow
+from freefloat.dynamics.redundancy import Redundancy
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.kernels.integration import COMPLETED, make_room
+from freefloat.motion.integration import integrate_motion
+from freefloat.so3 import angle_between
+from tests.ensemble.test_ensemble import both
+from tests.redundant import ARMS, choices, redundant
+
+EVERYTHING = [(*arm, k) for arm in ARMS for k in range(9)]
+
+
+def compiled_rates(problem, attitude, joints, t):
+    """Joint rates and turn rate of the spacecraft as quaternion rate, both per second."""
+    roller = EnsembleIntegrator(problem, 1)
+    robot, n = roller._robot, problem.model.dof
+    room, T = make_room(n, len(problem.task.rows)), problem.path.duration
+    q, rates, demand = room.vectors[0, :n], room.vectors[1, :n], room.vectors[3]
+    out = np.zeros(4 + n)
+    piece = int(np.searchsorted(robot.ends, t))
+    determinant = flow(
+        robot.bodies, robot.facts, robot.rows, robot.origins, robot.spans, robot.law,
+        robot.tangents, T, piece, problem.momentum, t / T, np.concatenate([attitude, joints]), out,
+        room.w, room.S, room.L, q, rates, demand,
+    )  # fmt: skip
+    return out[4:] / T, out[:4] / T, determinant
+
+
+@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING)
+def test_rates_agree_with_pinocchio(structure, task, number):
+    """At random states, to rounding or, toward sigma, to the error of differences."""
+    start = redundant(structure, task, choices(structure, task, 7)[number], 7)
+    problem, rng = start.problem, np.random.default_rng(number)
+    for t in (3.0, 12.0):
+        joints = start.joints + rng.uniform(-0.5, 0.5, len(start.joints))
+        twist, speed = problem.path.twist_and_speed(t)
+        omega, wanted = problem.resolved_rate_solver().rates(start.attitude, joints, twist, speed)
+        rates, change, determinant = compiled_rates(problem, start.attitude, joints, t)
+        scale = np.abs(wanted).max()
+        exact = 1e-6 if problem.redundancy.toward == "sigma" else 1e-9
+        np.testing.assert_allclose(rates, wanted, rtol=0, atol=exact * scale)
+        a, w = start.attitude[:3], start.attitude[3]
+        turning = 2.0 * (w * change[:3] - change[3] * a - np.cross(a, change[:3]))
+        np.testing.assert_allclose(turning, omega, rtol=0, atol=exact * max(scale, 1.0))
+        assert determinant == pytest.approx(problem.margin.measure.value(joints), rel=1e-9)
+
+
+@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::2])
+def test_motions_agree_with_precise_ones(structure, task, number):
+    """Endings, least measure and last states."""
+    start = redundant(structure, task, choices(structure, task, 1)[number], 1)
+    (case,) = both(start.problem, start.attitude[None], start.joints[None])
+    case.assert_same()
+
+
+@pytest.mark.parametrize("number", range(1, 9))
+def test_compiled_motions_retrace(number):
+    """An end before the start goes back the same way."""
+    structure, task = ARMS[0]
+    start = redundant(structure, task, choices(structure, task)[number])
+    roller, end = EnsembleIntegrator(start.problem, 1), np.array([20.0])
+    there = roller.follow(start.attitude[None], start.joints[None], tolerance=1e-9)
+    assert there.endings[0] == COMPLETED
+    back = roller.follow(there.attitudes, there.joints, starts=end, ends=0.0 * end, tolerance=1e-9)
+    np.testing.assert_allclose(back.joints[0], start.joints, rtol=0, atol=1e-5)
+    assert angle_between(back.attitudes[0], start.attitude) < 1e-5
+
+
+def test_the_plain_choice_is_the_default():
+    """Named or not, the same numbers to the last digit."""
+    start = redundant(*ARMS[0], None)
+    plain = replace(start.problem, redundancy=Redundancy())
+    one, other = (
+        EnsembleIntegrator(problem, 1).follow(start.attitude[None], start.joints[None])
+        for problem in (start.problem, plain)
+    )
+    np.testing.assert_array_equal(one.joints, other.joints)
+    motions = [
+        integrate_motion(problem, start.attitude, start.joints)
+        for problem in (start.problem, plain)
+    ]
+    np.testing.assert_array_equal(motions[0].joints, motions[1].joints)

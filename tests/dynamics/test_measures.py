@@ -1,0 +1,382 @@
+"""Measures of closeness to dynamic singularities: definitions, factors, units, extremes."""
+
+from __future__ import annotations
+
+import pickle
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import brentq, minimize
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.measures import (
+    NAMES,
+    joint_box,
+    joint_space_extremes,
+    largest_magnitude,
+    measure,
+)
+from freefloat.dynamics.momentum import Task, generalized_jacobian, inertia_matrices, system_matrix
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import InputError
+from freefloat.robot.model import FreeFloatingModel
+from tests.robots import (
+    in_units,
+    inertial_text,
+    joint_text,
+    joint_values,
+    link_text,
+    random_robot,
+    robots,
+)
+
+TOUCH = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
+"""Joints at the touch point printed in the paper's Example 2."""
+
+
+def model_of(structure: str, rng: np.random.Generator) -> FreeFloatingModel:
+    robot = random_robot(rng, structure)
+    return FreeFloatingModel.from_urdf(robot.text, robot.tip)
+
+
+# -------------------------------------------------------------------------------- definitions
+
+
+@given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
+def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, robot: object) -> None:
+    """det A = det D det S*, signs included; both from their own matrix."""
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    q = data.draw(joint_values(6))
+    S, A = generalized_jacobian(model, q), system_matrix(model, q)
+    D, _ = inertia_matrices(model, q)
+    gjm, system = (measure(model, Task.POSE, name).value(q) for name in ("gjm", "system"))
+    size = np.prod(np.linalg.norm(S, axis=1))
+    assert gjm == pytest.approx(np.linalg.det(S), abs=1e-12 * size)
+    assert system == pytest.approx(np.linalg.det(D) * gjm, abs=1e-10 * np.linalg.det(D) * size)
+    assert system == pytest.approx(np.linalg.det(A), rel=1e-6, abs=1e-10 * np.linalg.det(D) * size)
+
+
+@given(data=st.data(), robot=robots(st.text("RCP", min_size=7, max_size=8)))
+def test_redundant_gjm_is_the_volume_of_the_ellipsoid(data: st.DataObject, robot: object) -> None:
+    """sqrt(det(S* S*^T)), never negative; the system's is det D times it."""
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    q = data.draw(joint_values(model.dof))
+    S = generalized_jacobian(model, q)
+    size = np.prod(np.linalg.norm(S, axis=1))
+    volume = np.sqrt(max(np.linalg.det(S @ S.T), 0.0))
+    gjm = measure(model, Task.POSE, "gjm").value(q)
+    assert gjm >= 0.0
+    assert gjm**2 == pytest.approx(volume**2, rel=1e-6, abs=1e-13 * size**2)
+    D, _ = inertia_matrices(model, q)
+    system = measure(model, Task.POSE, "system").value(q)
+    assert system == pytest.approx(np.linalg.det(D) * gjm, rel=1e-12)
+
+
+def test_redundant_planar_measures_count_one_spacecraft_rate(
+    planar_3dof: FreeFloatingModel,
+) -> None:
+    """Three joints for a position: D is the single moment about z."""
+    q = np.array([0.4, -1.0, 0.8])
+    S = generalized_jacobian(planar_3dof, q, Task.PLANAR_POSITION)
+    gjm = measure(planar_3dof, Task.PLANAR_POSITION, "gjm").value(q)
+    system = measure(planar_3dof, Task.PLANAR_POSITION, "system").value(q)
+    assert gjm == pytest.approx(np.sqrt(np.linalg.det(S @ S.T)), rel=1e-12)
+    assert system == pytest.approx(inertia_matrices(planar_3dof, q)[0][2, 2] * gjm, rel=1e-12)
+
+
+@given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=8)))
+def test_sigma_is_the_slowest_answer_to_unit_joint_rates(
+    data: st.DataObject, robot: object
+) -> None:
+    """Lengths in units of the reach: no direction of twist is answered with less."""
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    q = data.draw(joint_values(model.dof))
+    reach = VirtualManipulator.of(model).reach
+    row = np.array([1.0 / reach] * 3 + [1.0] * 3)
+    column = np.array([reach if body.prismatic else 1.0 for body in model.bodies[1:]])
+    S = row[:, None] * generalized_jacobian(model, q) * column
+    sigma = measure(model, Task.POSE, "sigma").value(q)
+    least = np.sqrt(max(np.linalg.eigvalsh(S @ S.T)[0], 0.0))
+    assert sigma == pytest.approx(least, abs=1e-7 * np.abs(S).max())
+    # S* itself is not scaled by the asking
+    assert measure(model, Task.POSE, "sigma").value(q) == sigma
+
+
+def test_a_task_that_asks_too_much_has_no_measure(planar_3dof: FreeFloatingModel) -> None:
+    """Three joints never prescribe six rates: refused, or everywhere zero as S* S*^T is."""
+    q = np.array([0.4, -1.0, 0.8])
+    for name in ("gjm", "system", "sigma"):
+        try:
+            value = measure(planar_3dof, Task.POSE, name).value(q)
+        except InputError:
+            continue
+        assert value == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
+@pytest.mark.parametrize("structure", ["RRRRRR", "CRRCRRR", "RRPRRR", "PPRRRR"])
+def test_unit_says_how_a_measure_grows(structure: str, name: str, rng: np.random.Generator) -> None:
+    """The same robot in feet and pounds: the value changes as its unit says."""
+    robot = random_robot(rng, structure)
+    feet, pounds = 3.28084, 2.20462
+    ours = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    theirs = FreeFloatingModel.from_urdf(in_units(robot.text, feet, pounds), robot.tip)
+    q = rng.uniform(-2.0, 2.0, ours.dof)
+    same = q * np.where([body.prismatic for body in ours.bodies[1:]], feet, 1.0)
+    of = measure(ours, Task.POSE, name)
+    powers = {unit: int(power or 1) for unit, power in re.findall(r"(m|kg)\b(?:\^(\d))?", of.unit)}
+    factor = feet ** powers.get("m", 0) * pounds ** powers.get("kg", 0)
+    assert measure(theirs, Task.POSE, name).value(same) == pytest.approx(
+        factor * of.value(q), rel=1e-9
+    )
+
+
+def test_measures_vanish_together_where_the_arm_is_singular(
+    planar_3dof: FreeFloatingModel,
+) -> None:
+    """Determinants cross zero with a change of sign, sigma touches it."""
+    gjm, system, sigma = (
+        measure(planar_3dof, Task.PLANAR_POSE, name) for name in ("gjm", "system", "sigma")
+    )
+
+    def along(q2: float) -> np.ndarray:
+        return np.array([0.7, q2, 0.3])
+
+    q2 = brentq(lambda x: system.value(along(x)), -0.5, 0.5, xtol=1e-15)
+    assert abs(q2) > 1e-3  # not the kinematic singularity
+    assert abs(gjm.value(along(q2))) < 1e-12
+    assert sigma.value(along(q2)) < 1e-12
+    for of in (gjm, system):
+        assert of.value(along(q2 - 0.01)) * of.value(along(q2 + 0.01)) < 0.0
+    assert min(sigma.value(along(q2 - 0.01)), sigma.value(along(q2 + 0.01))) > 1e-5
+
+
+def test_unknown_measures_are_answered_with_the_four(planar_3dof: FreeFloatingModel) -> None:
+    """A name not found lists the names that exist."""
+    with pytest.raises(InputError) as caught:
+        measure(planar_3dof, Task.PLANAR_POSE, "manipulability")
+    assert caught.value.accepted == "gjm, system, arm, sigma" == ", ".join(NAMES)
+
+
+def test_definitions_name_the_papers_equations(
+    planar_3dof: FreeFloatingModel, spatial_6dof: FreeFloatingModel
+) -> None:
+    """What is reported says which determinant of which equation, in which unit."""
+    told = {name: measure(spatial_6dof, Task.POSE, name) for name in NAMES}
+    assert {name: of.unit for name, of in told.items()} == {
+        "gjm": "m^3", "system": "m^9 kg^3", "arm": "m^4 kg", "sigma": "1",
+    }  # fmt: skip
+    equations = {"gjm": "(6)", "system": "(5)", "arm": "(39)", "sigma": "(7)"}
+    for name, of in told.items():
+        assert of.name == name
+        assert equations[name] in of.definition
+    planar = measure(planar_3dof, Task.PLANAR_POSE, "system")
+    assert (planar.definition, planar.unit) == ("det A (5)", "m^4 kg")
+    assert "sqrt" in measure(planar_3dof, Task.PLANAR_POSITION, "gjm").definition
+
+
+def test_measures_survive_pickling(spatial_6dof: FreeFloatingModel) -> None:
+    """Worker processes measure the same."""
+    for name in NAMES:
+        of = measure(spatial_6dof, Task.POSE, name)
+        assert pickle.loads(pickle.dumps(of)).value(TOUCH) == of.value(TOUCH)
+
+
+# ---------------------------------------------------------------------------------- the arm factor
+
+
+def factors(model: FreeFloatingModel, q: np.ndarray) -> tuple[float, float, float]:
+    """In-plane and other block of (39), and the other's inertia: the hand does not turn.
+
+    Written in the plane's own axes: x' along the arm's azimuth q1, y' across, z.
+    """
+    A = system_matrix(model, q)
+    wrist = -np.linalg.solve(A[6:, 6:], A[6:, :6])
+    R = A[:6, :6] + A[:6, 6:] @ wrist
+    turn = Rotation.from_euler("z", q[0]).as_matrix()
+    R = np.vstack([turn.T @ R[:3], turn.T @ R[3:]])
+    R[:, :3] = R[:, :3] @ turn
+    h_v, w_q = [1, 3, 5], [1, 4, 5]
+    others, more = [0, 2, 4], [0, 2, 3]
+    assert np.abs(R[np.ix_(h_v, more)]).max() < 1e-9 * np.abs(R).max()
+    blocks = R[np.ix_(h_v, w_q)], R[np.ix_(others, more)], R[np.ix_([0, 2], [0, 2])]
+    return tuple(float(np.linalg.det(block)) for block in blocks)
+
+
+def test_published_touch_point_of_example_two(spatial_6dof: FreeFloatingModel) -> None:
+    """Printed: S = -5 at the touch point; the shoulder's factor, per inertia, is 0.20 there."""
+    arm = measure(spatial_6dof, Task.POSE, "arm")
+    assert arm.value(TOUCH) == pytest.approx(-5.0003, abs=5e-5)
+    in_plane, other, inertia = factors(spatial_6dof, TOUCH)
+    assert in_plane == pytest.approx(arm.value(TOUCH), rel=1e-9)
+    assert other / inertia == pytest.approx(0.20, abs=5e-3)
+
+
+@given(q=joint_values(6))
+def test_arm_times_shoulder_times_wrist_is_the_system(
+    spatial_6dof: FreeFloatingModel, q: np.ndarray
+) -> None:
+    """det A = arm x other block x sin q5, everywhere with one sign."""
+    if abs(np.sin(q[4])) < 0.01:
+        q = q + np.array([0, 0, 0, 0, 0.5, 0])
+    in_plane, other, _ = factors(spatial_6dof, q)
+    arm = measure(spatial_6dof, Task.POSE, "arm").value(q)
+    system = measure(spatial_6dof, Task.POSE, "system").value(q)
+    assert arm == pytest.approx(in_plane, abs=1e-8)
+    assert system == pytest.approx(in_plane * other * np.sin(q[4]), rel=1e-8, abs=1e-4)
+
+
+@given(q=joint_values(6), moved=joint_values(6))
+def test_arm_depends_on_shoulder_lift_and_elbow_alone(
+    spatial_6dof: FreeFloatingModel, q: np.ndarray, moved: np.ndarray
+) -> None:
+    """By (40), S is a function of q2 and q3."""
+    moved = np.array([moved[0], q[1], q[2], *moved[3:]])
+    arm = measure(spatial_6dof, Task.POSE, "arm")
+    assert arm.value(moved) == pytest.approx(arm.value(q), abs=1e-10)
+
+
+SPACECRAFT = 'ixx="66.67" ixy="0" ixz="0" iyy="66.67" iyz="0" izz="66.67"'
+LINK_2 = '<origin xyz="0.5 0 0" />\n      <mass value="40" />'
+HAND = '<origin xyz="0.2 0 0" />\n      <mass value="10" />\n      <inertia ixx="1.5" ixy="0"'
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (SPACECRAFT, SPACECRAFT.replace('izz="66.67"', 'izz="20"')),
+        (HAND, HAND.replace("0.2 0 0", "0.2 0.1 -0.05").replace('"1.5"', '"2.1"')),
+        ('xyz="0 0 0.5"', 'xyz="0 0 -0.8"'),
+    ],
+    ids=["flat spacecraft", "lopsided hand", "mounted below"],
+)
+def test_arms_that_split_have_the_factor(
+    spatial_6dof: FreeFloatingModel, old: str, new: str, rng: np.random.Generator
+) -> None:
+    """Symmetry about the first axis is enough: det A over arm and sin q5 knows q2 and q3 only."""
+    text = spatial_6dof.description.text
+    assert old in text
+    model = FreeFloatingModel.from_urdf(text.replace(old, new))
+    arm, system = (measure(model, Task.POSE, name) for name in ("arm", "system"))
+    for q in rng.uniform(0.3, 2.0, (5, 6)):
+        rest = []
+        for others in rng.uniform(0.3, 2.8, (3, 4)):
+            moved = np.array([others[0], q[1], q[2], *others[1:]])
+            rest.append(system.value(moved) / arm.value(moved) / np.sin(moved[4]))
+        assert np.ptp(rest) < 1e-8 * np.abs(rest).max()
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (SPACECRAFT, SPACECRAFT.replace('iyy="66.67"', 'iyy="90"')),
+        (SPACECRAFT, SPACECRAFT.replace('ixz="0"', 'ixz="9"')),
+        ('xyz="0 0 0.5"', 'xyz="0.3 0 0.5"'),
+        ('xyz="0 0 0.5"', 'xyz="0 0 0.5" rpy="0.2 0 0"'),
+        (LINK_2, LINK_2.replace("0.5 0 0", "0.5 0.1 0")),
+        ('<child link="link_2" />\n', '<child link="link_2" /><origin xyz="0 0.2 0"/>'),
+        ('<child link="link_2" />\n', '<child link="link_2" /><origin rpy="0.3 0 0"/>'),
+        ('<child link="link_6" />\n', '<child link="link_6" /><origin xyz="0 0 0.05"/>'),
+    ],
+    ids=[
+        "spacecraft not round", "spacecraft askew", "mounted off centre", "mounted tilted",
+        "lopsided link", "shoulder off the axis", "shoulder not square", "no spherical wrist",
+    ],
+)  # fmt: skip
+def test_arms_that_do_not_split_are_refused(
+    spatial_6dof: FreeFloatingModel, old: str, new: str
+) -> None:
+    """Without the symmetry of (39) there is no in-plane factor; the other measures are named."""
+    text = spatial_6dof.description.text
+    assert old in text
+    model = FreeFloatingModel.from_urdf(text.replace(old, new))
+    with pytest.raises(InputError, match="no in-plane factor") as caught:
+        measure(model, Task.POSE, "arm")
+    assert caught.value.accepted.startswith("gjm, system or sigma")
+
+
+def test_other_structures_and_tasks_have_no_arm_factor(
+    planar_3dof: FreeFloatingModel, spatial_6dof: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """Planar arms, redundant arms, arbitrary arms, and a hand free to turn."""
+    cases = [(planar_3dof, Task.PLANAR_POSE), (spatial_6dof, Task.POSITION)]
+    cases += [(model_of(word, rng), Task.POSE) for word in ("RRRRRR", "RRRRRRR", "RRPRRR")]
+    for model, task in cases:
+        with pytest.raises(InputError, match="no in-plane factor"):
+            measure(model, task, "arm")
+
+
+# ---------------------------------------------------------------------------------------- extremes
+
+
+def test_published_largest_planar_measure(planar_3dof: FreeFloatingModel) -> None:
+    """Printed: about 150; it is 148.63, and its mirror image is as small as it is large."""
+    of = measure(planar_3dof, Task.PLANAR_POSE, "system")
+    extremes = joint_space_extremes(planar_3dof, of)
+    assert extremes.largest == pytest.approx(148.63, abs=5e-3)
+    assert extremes.smallest == pytest.approx(-extremes.largest, rel=1e-9)
+    assert extremes.magnitude == pytest.approx(extremes.largest, rel=1e-9)
+    assert of.value(extremes.largest_at) == extremes.largest
+    assert of.value(extremes.smallest_at) == extremes.smallest
+    assert not extremes.largest_at.flags.writeable
+    # an independent search of the two joints that matter
+    grid = np.linspace(-np.pi, np.pi, 25)
+    best = max(
+        (np.array([a, b]) for a in grid for b in grid), key=lambda q: of.value(np.array([*q, 0.0]))
+    )
+    found = minimize(lambda q: -of.value(np.array([*q, 0.0])), best, method="Nelder-Mead",
+                     options={"xatol": 1e-9, "fatol": 1e-9})  # fmt: skip
+    assert extremes.largest == pytest.approx(-found.fun, abs=1e-7)
+
+
+def test_extremes_of_the_spatial_arm_beat_every_sample(
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """No configuration tried at random is beyond them; the search gives the same twice."""
+    of = measure(spatial_6dof, Task.POSE, "arm")
+    extremes = joint_space_extremes(spatial_6dof, of)
+    values = [of.value(q) for q in rng.uniform(-np.pi, np.pi, (2000, 6))]
+    assert extremes.smallest < min(values) < max(values) < extremes.largest
+    again = joint_space_extremes(spatial_6dof, of)
+    assert (again.largest, again.smallest) == (extremes.largest, extremes.smallest)
+
+
+@pytest.mark.parametrize(
+    ("structure", "task", "name"),
+    [("RRRRRR", Task.POSE, "gjm"), ("RRRRRRR", Task.POSE, "gjm"), ("RRRRRR", Task.POSE, "sigma"),
+     ("RRPR", Task.POSITION, "system")],
+)  # fmt: skip
+def test_the_largest_magnitude_is_that_of_the_extremes(
+    structure: str, task: Task, name: str, rng: np.random.Generator
+) -> None:
+    """With a sign and without one, where only one end of the joint space is looked at."""
+    model = model_of(structure, rng)
+    of = measure(model, task, name)
+    extremes = joint_space_extremes(model, of, samples=512)
+    assert largest_magnitude(model, of, samples=512) == extremes.magnitude
+
+
+def test_sliding_joints_are_searched_within_their_range() -> None:
+    """The longest stroke is best here, and not one millimetre more."""
+    text = "<robot name='r'>" + link_text("bus", inertial_text(100.0, 20.0 * np.eye(3)))
+    text += joint_text("turn", "C", "bus", "arm", "0.5 0 0")
+    text += link_text("arm", inertial_text(5.0, np.eye(3)))
+    text += joint_text("rail", "P", "arm", "tip", "0.4 0 0", axis="1 0 0", limits=(-0.2, 0.9))
+    text += link_text("tip", inertial_text(2.0, 0.1 * np.eye(3))) + "</robot>"
+    model = FreeFloatingModel.from_urdf(text)
+    lower, upper = joint_box(model)
+    np.testing.assert_array_equal(lower, [-np.pi, -0.2])
+    np.testing.assert_array_equal(upper, [np.pi, 0.9])
+    of = measure(model, Task.PLANAR_POSITION, "gjm")
+    extremes = joint_space_extremes(model, of, samples=512)
+    strongest = max((extremes.largest_at, extremes.smallest_at), key=lambda q: abs(of.value(q)))
+    assert strongest[1] == pytest.approx(0.9, abs=1e-9)
+    assert extremes.magnitude == pytest.approx(
+        max(abs(of.value(np.array([a, 0.9]))) for a in np.linspace(-np.pi, np.pi, 721)), rel=1e-4
+    )
+    unlimited = text.replace('lower="-0.2" upper="0.9"', 'lower="-1e12" upper="1e12"')
+    with pytest.raises(InputError, match="joint rail: it slides without limits"):
+        joint_box(FreeFloatingModel.from_urdf(unlimited))

@@ -1,0 +1,333 @@
+"""Momentum and the generalized Jacobian: physical laws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.momentum import (
+    ResolvedRateSolver,
+    Task,
+    end_effector_jacobian,
+    generalized_determinant,
+    generalized_jacobian,
+    inertia_matrices,
+    momentum_map,
+    system_matrix,
+)
+from freefloat.errors import InputError
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import rotation_matrix, rotation_vector_between
+from tests.motions import relative
+from tests.robots import (
+    Robot,
+    attitudes,
+    joint_values,
+    planar_robot,
+    robots,
+)
+
+
+def loaded(robot: Robot, **options: object) -> FreeFloatingModel:
+    return FreeFloatingModel.from_urdf(robot.text, robot.tip, **options)
+
+
+def test_dynamic_singularity_is_not_kinematic() -> None:
+    """A drifting planar arm gets stuck at elbow angles where a bolted one moves freely."""
+    table = [10, 4, 3], [0.8, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5]
+    model = FreeFloatingModel.from_urdf(planar_robot(*table))
+
+    def free(q1: float, q2: float) -> float:
+        return float(np.linalg.det(generalized_jacobian(model, [q1, q2], Task.PLANAR_POSITION)))
+
+    met = 0
+    for q2 in np.arcsin([0.2, 0.3, 0.4, 0.5]):
+        grid = np.linspace(-np.pi, np.pi, 61)
+        values = np.array([free(q1, q2) for q1 in grid])
+        for i in np.flatnonzero(values[:-1] * values[1:] < 0.0):
+            q1 = brentq(free, grid[i], grid[i + 1], args=(q2,), xtol=1e-15)
+            bolted = end_effector_jacobian(model, [q1, q2])[:2, 6:]
+            S = generalized_jacobian(model, [q1, q2], Task.PLANAR_POSITION)
+            assert abs(np.linalg.det(S)) < 1e-13
+            assert np.linalg.det(bolted) == pytest.approx(np.sin(q2), abs=1e-12)
+            met += 1
+    assert met == 8
+
+
+# ----------------------------------------------------------------------------------------- laws
+
+
+def momentum_by_hand(
+    model: FreeFloatingModel, attitude: np.ndarray, joints: np.ndarray, v: np.ndarray
+) -> np.ndarray:
+    """Linear momentum, and angular momentum about the centre of mass: a sum over the bodies."""
+    R = rotation_matrix(attitude)
+    p = model.base_position(attitude, joints)
+    V, W = R @ v[:3], R @ v[3:6]
+    moving = []
+    for i, body in enumerate(model.bodies):
+        if i:
+            V = V + np.cross(W, R @ body.placement.position)
+            p = p + R @ body.placement.position
+            R = R @ body.placement.rotation
+            axis, rate = R @ body.axis, v[5 + i]
+            if body.prismatic:
+                p = p + joints[i - 1] * axis
+                V = V + np.cross(W, joints[i - 1] * axis) + rate * axis
+            else:
+                R = R @ Rotation.from_rotvec(joints[i - 1] * body.axis).as_matrix()
+                W = W + rate * axis
+        arm = R @ body.centre
+        spin = R @ body.inertia @ R.T @ W
+        moving.append((body.mass, p + arm, V + np.cross(W, arm), spin))
+    P = sum(mass * u for mass, _, u, _ in moving)
+    centre = sum(mass * x for mass, x, _, _ in moving) / model.total_mass
+    L = sum(np.cross(x - centre, mass * u) + spin for mass, x, u, spin in moving)
+    return np.concatenate([P, L])
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_momentum_map_sums_the_momentum_of_every_body(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """Mass times velocity, and moments about the centre of mass, in inertial axes."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    v = np.random.default_rng(1).normal(size=6 + model.dof)
+    found = momentum_map(model, q, attitude) @ v
+    assert relative(found, momentum_by_hand(model, attitude, q, v)) < 1e-12
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_momentum_is_zero(data: st.DataObject, robot: Robot, attitude: np.ndarray) -> None:
+    """The rates that (1) allows without momentum carry none, body by body."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    D, Dq = inertia_matrices(model, q)
+    A = momentum_map(model, q)
+    for rate in np.eye(model.dof):
+        w = -np.linalg.solve(D, Dq @ rate)
+        V = -np.linalg.solve(A[:3, :3], A[:3, 3:] @ np.concatenate([w, rate]))
+        momentum = momentum_by_hand(model, attitude, q, np.concatenate([V, w, rate]))
+        assert np.abs(momentum).max() < 1e-12 * np.abs(A).max()
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_generalized_jacobian_is_the_derivative_of_the_pose(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """Joint steps, the base turned as zero momentum wants, move the end-effector by S* dq."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    D, Dq = inertia_matrices(model, q)
+    R0, h = Rotation.from_quat(attitude), 1e-5
+    S = generalized_jacobian(model, q)
+    for i, rate in enumerate(np.eye(model.dof)):
+        w = -np.linalg.solve(D, Dq @ rate)
+        before, after = (
+            model.end_effector_pose(
+                (R0 * Rotation.from_rotvec(step * w)).as_quat(), q + step * rate
+            )
+            for step in (-h, h)
+        )
+        twist = np.concatenate([
+            after.position - before.position,
+            rotation_vector_between(before.rotation, after.rotation),
+        ]) / (2.0 * h)  # fmt: skip
+        seen = np.concatenate([R0.inv().apply(twist[:3]), R0.inv().apply(twist[3:])])
+        assert np.abs(seen - S[:, i]).max() < 1e-8 * (1.0 + np.abs(S).max())
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_generalized_jacobian_ignores_the_base_pose(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """Assembled at any attitude and seen from the spacecraft, S* is the same."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    A, J = momentum_map(model, q, attitude), end_effector_jacobian(model, q, attitude)
+    S = J[:, 6:] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, 6:])
+    R = rotation_matrix(attitude)
+    seen = np.vstack([R.T @ S[:3], R.T @ S[3:]])
+    assert relative(seen, generalized_jacobian(model, q)) < 1e-11
+
+
+@given(data=st.data(), robot=robots())
+def test_two_routes_to_the_base_map_agree(data: st.DataObject, robot: Robot) -> None:
+    """Centroidal matrix and mass matrix give the same base twist per joint rate."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    A = momentum_map(model, q)
+    H = pin.crba(model.pin_model, model.pin_model.createData(), np.r_[0, 0, 0, 0, 0, 0, 1, q])
+    H = np.triu(H) + np.triu(H, 1).T
+    centroidal = -np.linalg.solve(A[:, :6], A[:, 6:])
+    assert relative(-np.linalg.solve(H[:6, :6], H[:6, 6:]), centroidal) < 1e-11
+
+
+@given(data=st.data(), robot=robots())
+def test_scaling_every_mass_changes_nothing(data: st.DataObject, robot: Robot) -> None:
+    """All masses and inertias times 7.3: the same S*, and momenta times 7.3."""
+    light, heavy = loaded(robot), loaded(robot, scale_mass=7.3)
+    q = data.draw(joint_values(light.dof))
+    assert relative(generalized_jacobian(heavy, q), generalized_jacobian(light, q)) < 1e-11
+    assert relative(momentum_map(heavy, q), 7.3 * momentum_map(light, q)) < 1e-12
+
+
+@given(data=st.data(), robot=robots())
+def test_determinant_of_the_system_splits_into_inertia_and_jacobian(
+    data: st.DataObject, robot: Robot
+) -> None:
+    """A is the Schur complement's parent: its lower block less J11* D^-1 Dq is S*."""
+    model = loaded(robot)
+    q = data.draw(joint_values(model.dof))
+    A = system_matrix(model, q)
+    D, Dq = inertia_matrices(model, q)
+    assert relative(A[:3], np.hstack([D, Dq])) < 1e-13
+    assert np.abs(D - D.T).max() < 1e-12 * np.abs(D).max()
+    assert np.linalg.eigvalsh(D)[0] > 0.0
+    assert relative(A[6:, :3], np.eye(3)) < 1e-13
+    S = A[3:, 3:] - A[3:, :3] @ np.linalg.solve(D, Dq)
+    assert relative(generalized_jacobian(model, q), S) < 1e-12
+
+
+def test_tasks_are_rows_of_the_twist(spatial_6dof: FreeFloatingModel) -> None:
+    """Position is the linear half of the pose; the planar tasks keep x, y and the turn about z."""
+    q = np.array([0.3, -0.4, 1.1, 0.2, 0.9, -0.5])
+    S = generalized_jacobian(spatial_6dof, q)
+    np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, Task.POSITION), S[:3])
+    assert [task.rows for task in Task] == [[0, 1, 2, 3, 4, 5], [0, 1, 2], [0, 1, 5], [0, 1]]
+    assert [task.planar for task in Task] == [False, False, True, True]
+    assert [task.turns for task in Task] == [True, False, True, False]
+
+
+def test_in_the_plane_three_dimensions_say_the_same(planar_3dof: FreeFloatingModel) -> None:
+    """A planar arm's S* is the x, y, turn part of its spatial one: nothing leaves the plane."""
+    q = np.array([0.5, -1.2, 0.7])
+    spatial = generalized_jacobian(planar_3dof, q)
+    planar = generalized_jacobian(planar_3dof, q, Task.PLANAR_POSE)
+    assert relative(spatial[[0, 1, 5]], planar) < 1e-13
+    assert np.abs(spatial[[2, 3, 4]]).max() < 1e-14
+
+
+# --------------------------------------------------------------------------------- the equation
+
+
+@given(data=st.data(), robot=robots(st.text("RC", min_size=6, max_size=8)), attitude=attitudes)
+def test_rates_give_the_twist_and_keep_the_momentum(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """Equation (4): A [w; dq] = [R0^T h; C^T v], also where joints are left to spare."""
+    model = loaded(robot)
+    # away from singularities: what is asked of (4) there is not to be had
+    q = data.draw(st.lists(st.floats(0.3, 1.2), min_size=model.dof, max_size=model.dof))
+    rng = np.random.default_rng(len(q))
+    h, twist, q = rng.normal(size=3), rng.normal(size=6), np.array(q)
+    w, rates = ResolvedRateSolver(model, Task.POSE, h).rates(attitude, q, twist)
+    R = rotation_matrix(attitude)
+    v = np.concatenate([w, rates])
+    right = np.concatenate([R.T @ h, R.T @ twist[:3], R.T @ twist[3:]])
+    A = system_matrix(model, q)
+    assert np.abs(A @ v - right).max() < 1e-11 * np.abs(A).max() * max(1.0, np.abs(v).max())
+    S = generalized_jacobian(model, q)
+    idle = np.linalg.svd(S)[2][6:]
+    assert idle.shape == (model.dof - 6, model.dof)
+    assert np.abs(idle @ rates).max(initial=0.0) < 1e-9 * max(1.0, np.abs(rates).max())
+
+
+@given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
+def test_determinants_need_no_jacobian(data: st.DataObject, robot: Robot) -> None:
+    """det S*, with its sign, whatever its size."""
+    model = loaded(robot)
+    q = data.draw(joint_values(6))
+    S = generalized_jacobian(model, q)
+    size = np.prod(np.linalg.norm(S, axis=1))
+    assert generalized_determinant(model, q) == pytest.approx(np.linalg.det(S), abs=1e-11 * size)
+
+
+def test_planar_determinants_need_no_jacobian(planar_3dof: FreeFloatingModel) -> None:
+    """In the plane, too, and on both sides of the singular curve."""
+    signs = set()
+    for q in ([0.5, -1.2, 0.7], [0.5, 1.2, 0.7], [-2.0, 0.01, 3.0]):
+        S = np.linalg.det(generalized_jacobian(planar_3dof, q, Task.PLANAR_POSE))
+        found = generalized_determinant(planar_3dof, q, Task.PLANAR_POSE)
+        assert found == pytest.approx(S, rel=1e-11)
+        signs.add(np.sign(found))
+    assert signs == {-1.0, 1.0}
+
+
+def test_momentum_alone_turns_the_spacecraft(spatial_6dof: FreeFloatingModel) -> None:
+    """A hand that must not move does not stop the drift: h turns spacecraft and joints."""
+    q, h = np.array([0.4, 0.9, 1.3, 0.2, 0.8, -0.3]), np.array([0.5, 0.3, 0.1])
+    attitude = np.array([0.46008, 0.09337, 0.73519, -0.48898])
+    attitude /= np.linalg.norm(attitude)
+    w, rates = ResolvedRateSolver(spatial_6dof, Task.POSE, h).rates(attitude, q, np.zeros(6))
+    R0, step = Rotation.from_quat(attitude), 1e-3
+    before, after = (
+        spatial_6dof.end_effector_pose((R0 * Rotation.from_rotvec(t * w)).as_quat(), q + t * rates)
+        for t in (-step, step)
+    )
+    assert np.linalg.norm(w) > 1e-4
+    assert np.abs(after.position - before.position).max() < 1e-9 * np.linalg.norm(w)
+    assert np.abs(
+        rotation_vector_between(before.rotation, after.rotation)
+    ).max() < 1e-9 * np.linalg.norm(w)
+
+
+def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
+    """A straight arm without mass cannot move its hand outwards, nor does anything crash."""
+    bolted = FreeFloatingModel.from_urdf(planar_robot([5, 0, 0], [1, 0, 0], [1, 1], [0, 0, 0]))
+    equation = ResolvedRateSolver(bolted, Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
+    w, rates = equation.rates(np.array([0.0, 0, 0, 1]), np.zeros(2), np.eye(6)[0])
+    assert np.isinf([*w, *rates]).all()
+    spare = FreeFloatingModel.from_urdf(planar_robot([5, 0, 0, 0], [1, 0, 0, 0], [1] * 3, [0] * 4))
+    equation = ResolvedRateSolver(spare, Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
+    _, rates = equation.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0])
+    assert not np.isfinite(rates).all()
+
+
+def test_task_with_too_many_rows_is_refused_with_those_that_fit(
+    planar_3dof: FreeFloatingModel,
+) -> None:
+    """Three joints cannot prescribe six rates; what they can is listed."""
+    with pytest.raises(InputError) as caught:
+        ResolvedRateSolver(planar_3dof, Task.POSE, [0, 0, 0])
+    assert caught.value.key == "task"
+    assert caught.value.accepted == "position, planar-pose, planar-position"
+
+
+@pytest.mark.parametrize("h", [[0, 0], [0, 0, np.nan], "abc"])
+def test_momentum_must_be_three_finite_numbers(planar_3dof: FreeFloatingModel, h: object) -> None:
+    """What is not a vector is refused by name."""
+    with pytest.raises(InputError, match=r"momentum: .*3 finite numbers"):
+        ResolvedRateSolver(planar_3dof, Task.PLANAR_POSE, h)
+
+
+def test_returned_matrices_are_copies(spatial_6dof: FreeFloatingModel) -> None:
+    """What was returned does not change at the next call: no scratch memory leaks."""
+    equation = ResolvedRateSolver(spatial_6dof, Task.POSE, [0.1, 0.2, 0.3])
+    here = np.array([0.0, 0, 0, 1]), np.array([0.4, 0.9, 1.3, 0.2, 0.8, -0.3])
+    there = np.array([0.6, 0, 0, 0.8]), np.array([1.4, -0.9, 0.3, 1.2, -0.8, 0.3])
+
+    def everything(attitude: np.ndarray, joints: np.ndarray) -> list[np.ndarray]:
+        return [
+            momentum_map(spatial_6dof, joints, attitude),
+            end_effector_jacobian(spatial_6dof, joints, attitude),
+            *inertia_matrices(spatial_6dof, joints),
+            system_matrix(spatial_6dof, joints),
+            generalized_jacobian(spatial_6dof, joints),
+            *equation.rates(attitude, joints, np.ones(6)),
+        ]
+
+    first = everything(*here)
+    kept = [array.copy() for array in first]
+    for array in everything(*there):
+        array[...] = 1e6
+    for array, copy in zip(first, kept, strict=True):
+        np.testing.assert_array_equal(array, copy)
+    for again, copy in zip(everything(*here), kept, strict=True):
+        np.testing.assert_array_equal(again, copy)

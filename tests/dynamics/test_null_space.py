@@ -1,0 +1,324 @@
+"""The motions of arms with joints to spare: exact on the path, and least in what they should be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from freefloat.dynamics.measures import measure
+from freefloat.dynamics.momentum import (
+    ResolvedRateSolver,
+    Task,
+    end_effector_jacobian,
+    generalized_jacobian,
+    momentum_map,
+)
+from freefloat.dynamics.null_space import middles
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
+from freefloat.errors import InputError
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.closest_approach import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.time_series import TimeSeries
+from freefloat.paths.timing import TimeLaw, Timing
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import angle_between
+from freefloat.verification.mujoco_engine import Engine
+from tests.motions import differentiated
+from tests.redundant import ARMS, choices, redundant
+from tests.robots import planar_robot
+
+GOOD = [0.1562267, -0.1345817, -0.6778546, -0.7056869]
+JOINTS = [0.0248, -1.7374, -1.0996, -1.4452, -1.3566, 1.0564, 0.7632]
+"""An attitude from which the Panda completes its line, and about where its joints are then."""
+EVERYTHING = [(*arm, k) for arm in ARMS for k in range(9)]
+
+
+def panda(**changes):
+    problem = load_scenario("panda_servicer/line").problem()
+    return replace(problem, redundancy=Redundancy(**changes) if changes else None)
+
+
+def follow(problem):
+    attitude = problem.attitude("attitude", np.array(GOOD) / np.linalg.norm(GOOD))
+    joints = problem.branch_near(attitude, JOINTS, ()).joints
+    motion = integrate_motion(problem, attitude, joints)
+    assert motion.completed
+    return motion
+
+
+def somewhere(start, seed=0):
+    """Attitude, joints, twist and speed at some time of a problem, not on its motion."""
+    rng = np.random.default_rng(seed)
+    joints = start.joints + rng.uniform(-0.3, 0.3, len(start.joints))
+    return start.attitude, joints, *start.problem.path.twist_and_speed(5.0)
+
+
+def inertia_of(model, attitude, joints):
+    """The generalized inertia of the arm with the base eliminated, by Pinocchio's mass matrix."""
+    q = np.concatenate([np.zeros(3), attitude, joints])
+    data = model.pin_model.createData()
+    H = np.triu(pin.crba(model.pin_model, data, q))
+    H = H + np.triu(H, 1).T
+    return H[6:, 6:] - H[6:, :6] @ np.linalg.inv(H[:6, :6]) @ H[:6, 6:]
+
+
+def metric_of(start, attitude, joints):
+    model, redundancy = start.problem.model, start.problem.redundancy
+    if redundancy.metric is Metric.ENERGY:
+        W = inertia_of(model, attitude, joints)
+    else:
+        W = np.diag([redundancy.weights.get(name, 1.0) for name in model.joint_names])
+    return W * (len(W) / np.trace(W))
+
+
+def attraction_of(start, joints):
+    """The gradient g, by differences where it is one of the manipulability."""
+    problem, model = start.problem, start.problem.model
+    if problem.redundancy.toward is Toward.NONE:
+        return np.zeros(model.dof)
+    if problem.redundancy.toward is Toward.MIDDLE:
+        return np.nan_to_num(middles(model) - joints)
+
+    def logarithm(q):
+        S = generalized_jacobian(model, q, problem.task)
+        return 0.5 * np.linalg.slogdet(S @ S.T)[1]
+
+    steps = 1e-3 * np.eye(model.dof)
+    return np.array([
+        (8 * (logarithm(joints + e) - logarithm(joints - e))
+         - logarithm(joints + 2 * e) + logarithm(joints - 2 * e)) / 12e-3
+        for e in steps
+    ])  # fmt: skip
+
+
+@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING)
+def test_rates_are_those_of_the_optimality_conditions(structure, task, number):
+    """Both parts of the rates: least in the metric, and drawn, by a KKT system in plain numpy."""
+    redundancy = choices(structure, task)[number]
+    start = redundant(structure, task, redundancy)
+    model, h = start.problem.model, start.problem.momentum
+    attitude, joints, twist, speed = somewhere(start)
+    A = momentum_map(model, joints, attitude)
+    J = end_effector_jacobian(model, joints, attitude)[task.rows]
+    B = np.linalg.solve(A[:, :6], np.column_stack([A[:, 6:], [0, 0, 0, *h]]))
+    S, wanted = J[:, 6:] - J[:, :6] @ B[:, :-1], twist[task.rows] - J[:, :6] @ B[:, -1]
+    W, g = metric_of(start, attitude, joints), attraction_of(start, joints)
+    m, n = S.shape
+    K = np.block([[W, S.T], [S, np.zeros((m, m))]])
+    plain = np.linalg.solve(K, np.concatenate([np.zeros(n), wanted]))[:n]
+    pull = redundancy.gain * np.linalg.solve(K, np.concatenate([g, np.zeros(m)]))[:n]
+    pull /= np.sqrt(1.0 + (np.linalg.norm(pull) / redundancy.bound) ** 2)
+    omega, rates = start.problem.resolved_rate_solver().rates(attitude, joints, twist, speed)
+    scale = np.abs(rates).max()
+    np.testing.assert_allclose(rates, plain + speed * pull, rtol=0, atol=1e-9 * scale)
+    base = np.concatenate([np.zeros(3), omega])
+    base[:3] = -np.linalg.solve(A[:3, :3], A[:3, 3:] @ np.concatenate([omega, rates]))
+    v = np.concatenate([base, rates])
+    np.testing.assert_allclose(A[3:] @ v, h, rtol=0, atol=1e-11 * np.abs(A).max())
+    np.testing.assert_allclose(J @ v, twist[task.rows], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("structure", "task"), ARMS)
+def test_the_energy_metric_makes_the_kinetic_energy_least(structure, task):
+    """Pinocchio's kinetic energy of the whole robot, against any other rates that do the same."""
+    start = redundant(structure, task, Redundancy(Metric.ENERGY))
+    model = start.problem.model
+    attitude, joints, twist, _ = somewhere(start)
+    _, best = start.problem.resolved_rate_solver().rates(attitude, joints, twist)
+    A, h = momentum_map(model, joints, attitude), start.problem.momentum
+    J = end_effector_jacobian(model, joints, attitude)[task.rows]
+
+    def energy(rates):
+        base = np.linalg.solve(A[:, :6], np.array([0, 0, 0, *h]) - A[:, 6:] @ rates)
+        v = np.concatenate([base, rates])
+        np.testing.assert_allclose(J @ v, twist[task.rows], rtol=0, atol=1e-11)
+        q = np.concatenate([np.zeros(3), attitude, joints])
+        return pin.computeKineticEnergy(model.pin_model, model.scratch, q, v)
+
+    S = J[:, 6:] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, 6:])
+    free = np.linalg.svd(S)[2][len(S) :]
+    least_energy, size = energy(best), np.linalg.norm(best)
+    for direction in free:
+        for step in (-0.1, 0.1):
+            assert energy(best + step * size * direction) > least_energy
+        slope = (energy(best + 1e-3 * direction) - energy(best - 1e-3 * direction)) / 2e-3
+        bend = energy(best + direction) + energy(best - direction) - 2.0 * least_energy
+        assert abs(slope) < 1e-8 * bend * max(size, 1.0)
+    start = replace(start, problem=replace(start.problem, redundancy=None))
+    _, plain = start.problem.resolved_rate_solver().rates(attitude, joints, twist)
+    assert energy(plain) > least_energy * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::2])
+def test_motions_are_exact(structure, task, number):
+    """Path and momentum are kept with every metric, whatever the arm is drawn toward."""
+    start = redundant(structure, task, choices(structure, task, 1)[number], 1)
+    motion = integrate_motion(start.problem, start.attitude, start.joints, tolerance=1e-13)
+    assert motion.completed
+    residuals = motion.residuals()
+    assert residuals.end_effector_position < 1e-8
+    assert (residuals.end_effector_attitude or 0.0) < 1e-8
+    assert residuals.momentum < 1e-8 * max(1.0, np.linalg.norm(start.problem.momentum))
+
+
+def test_weights_slow_joints_down():
+    """A joint that weighs much hardly moves; scaling all weights alike changes nothing."""
+    plain = follow(panda())
+    heavy = follow(panda(metric={"panda_joint1": 1e4}))
+    assert np.ptp(heavy.joints[:, 0]) < 0.05 * np.ptp(plain.joints[:, 0])
+    names = heavy.problem.model.joint_names
+    tenfold = {name: 1e5 if name == "panda_joint1" else 10.0 for name in names}
+    same = follow(panda(metric=tenfold))
+    np.testing.assert_allclose(same.final.joints, heavy.final.joints, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("metric", [Metric.JOINTS, Metric.ENERGY])
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_toward_sigma_ends_farther_from_singularities(metric, seed):
+    """The smallest singular value of S* and the manipulability are larger at the end."""
+    motions = []
+    for toward in (Toward.NONE, Toward.SIGMA):
+        start = redundant("RRRRRR", Task.POSITION, Redundancy(metric, toward, 2.0), seed)
+        motions.append(integrate_motion(start.problem, start.attitude, start.joints))
+        assert motions[-1].completed
+    for name in ("gjm", "sigma"):
+        of = measure(start.problem.model, Task.POSITION, name)
+        without, drawn = (of.value(motion.final.joints) for motion in motions)
+        assert drawn > 1.02 * without
+        assert least(motions[1], of).value >= least(motions[0], of).value * (1.0 - 1e-6)
+
+
+@pytest.mark.parametrize("gain", [0.5, 2.0])
+def test_toward_the_middle_ends_nearer_to_it(gain):
+    """The distance to the middle of the ranges falls, the more the larger the gain."""
+    middle = middles(panda().model)
+    without, drawn, more = (
+        np.linalg.norm(follow(problem).final.joints - middle)
+        for problem in (panda(), panda(toward="middle", gain=gain),
+                        panda(toward="middle", gain=2 * gain))
+    )  # fmt: skip
+    assert more < drawn < without - 0.3
+
+
+def test_joints_without_a_range_are_not_drawn():
+    """Of the planar arm the second joint alone has a range."""
+    start = redundant("5", Task.PLANAR_POSITION, Redundancy(toward=Toward.MIDDLE))
+    np.testing.assert_array_equal(np.isfinite(middles(start.problem.model)), [0, 1, 0, 0, 0])
+    assert middles(start.problem.model)[1] == 0.75
+    motion = integrate_motion(start.problem, start.attitude, start.joints)
+    plain = replace(start.problem, redundancy=None)
+    without = integrate_motion(plain, start.attitude, start.joints)
+    ends = [abs(one.final.joints[1] - 0.75) for one in (motion, without)]
+    assert ends[0] < ends[1] - 0.05
+
+
+@pytest.mark.parametrize("toward", [Toward.SIGMA, Toward.MIDDLE])
+def test_the_null_space_motion_is_bounded(toward):
+    """However large the gain, it is shorter than the bound, per path; it has no speed at rest."""
+    start = redundant("RRRRRRR", Task.POSE, Redundancy(toward=toward, gain=1e5, bound=0.7))
+    attitude, joints, twist, speed = somewhere(start)
+    equation = start.problem.resolved_rate_solver()
+    (_, rest), (_, moving) = (equation.rates(attitude, joints, twist, s) for s in (0.0, speed))
+    length = np.linalg.norm(moving - rest) / speed
+    assert 0.69 < length < 0.7
+    plain = replace(start.problem, redundancy=None).resolved_rate_solver()
+    np.testing.assert_allclose(rest, plain.rates(attitude, joints, twist)[1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("toward", [Toward.SIGMA, Toward.MIDDLE])
+def test_arms_start_rest_and_end_at_rest(toward):
+    """Without momentum every joint rate vanishes at both ends and at a stop on the way."""
+    start = redundant("RRRRRRR", Task.POSE, Redundancy(toward=toward, gain=2.0), momentum=False)
+    motion = integrate_motion(start.problem, start.attitude, start.joints)
+    assert motion.completed
+    rates = np.abs(TimeSeries.of(motion, [0.0, 4.0, 9.0, 15.0, 20.0]).joint_rates).max(axis=1)
+    assert rates[[0, 2, 4]].max() < 1e-9
+    assert rates[[1, 3]].min() > 1e-2
+
+
+@pytest.mark.parametrize("number", range(9))
+def test_a_longer_time_takes_the_same_way(number):
+    """Without momentum the joints depend on the place on the path alone, not on the clock."""
+    redundancy, ways = choices("RRRRRRR", Task.POSE)[number], []
+    for timing in (Timing(20.0), Timing(50.0, TimeLaw.CUBIC)):
+        start = redundant("RRRRRRR", Task.POSE, redundancy, momentum=False, timing=timing)
+        motion = integrate_motion(start.problem, start.attitude, start.joints)
+        assert motion.completed
+        ways.append((timing, motion))
+    for s in (0.3, 0.7, 1.0):
+        joints = []
+        for timing, motion in ways:
+            times = np.linspace(0.0, timing.duration, 20001)
+            t = np.interp(s, [timing.s(float(one)) for one in times], times)
+            joints.append(motion.sample(t)[0].joints)
+        np.testing.assert_allclose(joints[0], joints[1], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[4::9] + EVERYTHING[8::9])
+def test_motions_retrace(structure, task, number):
+    """Backwards with the momentum reversed, null-space motion included."""
+    start = redundant(structure, task, choices(structure, task, 1)[number], 1)
+    there = integrate_motion(start.problem, start.attitude, start.joints)
+    assert there.completed
+    back = integrate_motion(
+        start.problem, there.final.attitude, there.final.joints, start=20.0, end=0.0
+    )
+    assert back.completed
+    np.testing.assert_allclose(back.final.joints, start.joints, rtol=0, atol=1e-6)
+    assert angle_between(back.final.attitude, start.attitude) < 1e-6
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [{"metric": Metric.ENERGY}, {"toward": Toward.SIGMA, "gain": 2.0},
+     {"metric": Metric.ENERGY, "toward": Toward.MIDDLE}],
+    ids=["energy", "sigma", "energy, middle"],
+)  # fmt: skip
+def test_mujoco_needs_no_wrench_on_the_base(choice):
+    """Inverse dynamics of a drawn motion, momentum and all: no force on the spacecraft."""
+    start = redundant("RRRRRRR", Task.POSE, Redundancy(**choice), 1, timing=Timing(20.0))
+    motion = integrate_motion(start.problem, start.attitude, start.joints)
+    assert motion.completed
+    engine = Engine(start.problem.model)
+    found = [engine.inverse(*differentiated(motion, t)) for t in np.linspace(1.0, 19.0, 19)]
+    wrenches, torques = (np.array(one) for one in zip(*found, strict=True))
+    assert np.abs(torques).max() > 1e-2
+    assert np.abs(wrenches).max() < 1e-4 * np.abs(torques).max()
+
+
+def test_rates_are_infinite_where_the_arm_is_singular():
+    """A stretched planar arm cannot be pulled: infinite rates, no exception."""
+    text = planar_robot([5, 1, 1, 1], [1] * 4, [1] * 3, [0] * 4)
+    model = FreeFloatingModel.from_urdf(text)
+    wish = Redundancy(Metric.ENERGY, Toward.SIGMA)
+    equation = ResolvedRateSolver(model, Task.PLANAR_POSITION, [0, 0, 0], wish)
+    _, rates = equation.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0], 1.0)
+    assert not np.isfinite(rates).all()
+
+
+def test_an_arm_without_joints_to_spare_is_refused():
+    """Even the plain choice: there is nothing to choose."""
+    problem = load_scenario("spatial_6dof/line").problem()
+    with pytest.raises(InputError, match="6 rates and the arm has 6 joints") as caught:
+        replace(problem, redundancy=Redundancy())
+    assert caught.value.key == "redundancy"
+    assert replace(problem, task=Task.POSITION, redundancy=Redundancy()).redundancy.plain
+
+
+def test_weights_of_unknown_joints_are_refused():
+    """The joints there are are listed."""
+    with pytest.raises(InputError, match="no such moving joint") as caught:
+        panda(metric={"elbow": 2.0})
+    assert caught.value.key == "redundancy.metric.elbow"
+    assert "panda_joint7" in caught.value.accepted
+
+
+def test_an_arm_without_ranges_has_no_middle():
+    """Continuous joints are drawn nowhere."""
+    text = planar_robot([50, 5, 4, 3], [8, 1, 0.5, 0.3], [0.4] * 3, [0.5] * 4)
+    model = FreeFloatingModel.from_urdf(text)
+    with pytest.raises(InputError, match="no joint of this arm has a range") as caught:
+        ResolvedRateSolver(model, Task.PLANAR_POSITION, [0, 0, 0], Redundancy(toward=Toward.MIDDLE))
+    assert caught.value.key == "redundancy.toward"

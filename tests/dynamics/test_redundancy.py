@@ -1,0 +1,135 @@
+"""What a redundant arm is asked to do: checked, frozen, carried to other processes."""
+
+import pickle
+from dataclasses import FrozenInstanceError, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from freefloat.answers.report import _redundancy_document
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
+from freefloat.errors import InputError
+from freefloat.io.scenario import load_scenario, parse_scenario
+from freefloat.robot.names import models_folder
+
+PANDA = (models_folder() / "panda_servicer" / "line.yaml").read_text(encoding="utf-8")
+
+
+def read(redundancy):
+    text = f"{PANDA}\nredundancy: {redundancy}\n"
+    return parse_scenario(text, Path("mine.yaml")).problem().redundancy
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"metric": "fast"}, "redundancy.metric"),
+        ({"metric": {"a": 0.0}}, "redundancy.metric.a"),
+        ({"metric": {"a": np.nan}}, "redundancy.metric.a"),
+        ({"metric": {"a": 2.0, "b": 1e7}}, "redundancy.metric.b"),
+        ({"toward": "home"}, "redundancy.toward"),
+        ({"gain": -1.0}, "redundancy.gain"),
+        ({"gain": np.inf}, "redundancy.gain"),
+        ({"bound": 0.0}, "redundancy.bound"),
+        ({"bound": np.nan}, "redundancy.bound"),
+    ],
+)
+def test_nonsense_is_refused(changes, key):
+    """Each with the name that it has in a scenario."""
+    with pytest.raises(InputError) as caught:
+        Redundancy(**changes)
+    assert caught.value.key == key
+
+
+def test_words_become_choices():
+    """Plain text as in a scenario file, and a map of its own."""
+    weights = {"a": 2}
+    given = Redundancy(weights, "sigma")
+    weights["a"] = 3
+    assert given.toward is Toward.SIGMA
+    assert given.metric == given.weights == {"a": 2.0}
+    assert Redundancy("energy").metric is Metric.ENERGY
+    assert Redundancy("energy").weights == {}
+
+
+def test_only_the_default_is_plain():
+    """ClosestApproach Euclidean norm, nothing else."""
+    assert Redundancy().plain
+    assert Redundancy("joints", "none", 5.0).plain
+    for other in (Redundancy("energy"), Redundancy(toward="middle"), Redundancy({"a": 1.0})):
+        assert not other.plain
+
+
+def test_it_is_frozen_and_survives_pickling():
+    """Alone and inside a problem."""
+    given = Redundancy({"panda_joint2": 3.0}, "middle", 0.5, 1.5)
+    with pytest.raises(FrozenInstanceError):
+        given.gain = 2.0
+    problem = replace(load_scenario("panda_servicer/line").problem(), redundancy=given)
+    for found in (
+        pickle.loads(pickle.dumps(given)),
+        pickle.loads(pickle.dumps(problem)).redundancy,
+    ):
+        assert found.metric == {"panda_joint2": 3.0}
+        assert (found.toward, found.gain, found.bound) == (Toward.MIDDLE, 0.5, 1.5)
+
+
+def test_scenarios_ask_for_it():
+    """Each key, and what is left out."""
+    found = read("{metric: energy, toward: sigma, gain: 2, bound: 1}")
+    assert (found.metric, found.toward) == (Metric.ENERGY, Toward.SIGMA)
+    assert (found.gain, found.bound) == (2.0, 1.0)
+    found = read("{metric: {panda_joint1: 4}}")
+    assert found.metric == {"panda_joint1": 4.0}
+    assert found.toward is Toward.NONE
+    found = read("{toward: middle}")
+    assert (found.metric, found.gain) == (Metric.JOINTS, 1.0)
+    assert load_scenario("panda_servicer/line").problem().redundancy is None
+
+
+@pytest.mark.parametrize(
+    ("given", "key", "accepted"),
+    [
+        ("{metric: fast}", "redundancy.metric", "a map from joint to weight"),
+        ("{metric: [1, 2]}", "redundancy.metric", "a map from joint to weight"),
+        ("{metric: {panda_joint1: -3}}", "redundancy.metric.panda_joint1", "0.000001"),
+        ("{metric: {panda_joint1: x}}", "redundancy.metric.panda_joint1", "a number"),
+        ("{metric: {elbow: 2}}", "redundancy.metric.elbow", "panda_joint1, panda_joint2"),
+        ("{toward: up}", "redundancy.toward", "'none', 'sigma' or 'middle'"),
+        ("{toward: sigma, gain: -1}", "redundancy.gain", "0"),
+        ("{toward: sigma, bound: 0}", "redundancy.bound", "0"),
+        ("{gain: 2}", "redundancy", "toward: sigma or middle"),
+        ("{weights: 3}", "redundancy.weights", "metric, toward, gain, bound"),
+        ("energy", "redundancy", "keys: metric, toward"),
+    ],
+)
+def test_scenarios_that_are_wrong_say_where(given, key, accepted):
+    """File, key and what is accepted."""
+    with pytest.raises(InputError) as caught:
+        read(given)
+    assert caught.value.key == key
+    assert accepted in caught.value.accepted
+    assert caught.value.source == "mine.yaml"
+
+
+def test_scenarios_of_other_arms_must_not_ask():
+    """Six joints and six rates leave nothing to choose."""
+    source = models_folder() / "spatial_6dof" / "line.yaml"
+    text = source.read_text(encoding="utf-8") + "\nredundancy: {metric: joints}\n"
+    with pytest.raises(InputError, match="none to spare") as caught:
+        parse_scenario(text, source).problem()
+    assert caught.value.key == "redundancy"
+    assert caught.value.source == str(source)
+
+
+def test_documents_tell_it():
+    """How the arm chose, and how many joints it has to spare."""
+    problem = load_scenario("panda_servicer/line").problem()
+    given = Redundancy({"panda_joint2": 3.0}, "middle", 0.5)
+    told = [_redundancy_document(replace(problem, redundancy=one)) for one in (None, given)]
+    assert told[0] == {"metric": "joints", "toward": "none", "gain": 1.0, "bound": 3.0}
+    assert told[1] == {
+        "metric": {"panda_joint2": 3.0}, "toward": "middle", "gain": 0.5, "bound": 3.0,
+    }  # fmt: skip
+    assert _redundancy_document(load_scenario("spatial_6dof/line").problem()) is None

@@ -1,0 +1,248 @@
+"""The virtual manipulator: a drifting arm seen from its spacecraft, as an arm on a fixed base."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from freefloat.dynamics.momentum import system_matrix
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import rotation_matrix, rotation_vector_between
+from tests.robots import (
+    STROKE,
+    Robot,
+    attitudes,
+    inertial_text,
+    joint_text,
+    joint_values,
+    link_text,
+    planar_robot,
+    random_robot,
+    robots,
+)
+
+
+def both(robot: Robot) -> tuple[FreeFloatingModel, VirtualManipulator]:
+    held = dict.fromkeys(robot.others, 0.6)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+    return model, VirtualManipulator.of(model)
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_virtual_arm_ends_where_the_real_one_does(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """Turned with the spacecraft, its end is the end-effector's pose from the centre of mass."""
+    model, virtual = both(robot)
+    q = data.draw(joint_values(model.dof))
+    found, R = virtual.pose(q), rotation_matrix(attitude)
+    expected = model.end_effector_pose(attitude, q)
+    np.testing.assert_allclose(R @ found.position, expected.position, atol=1e-12)
+    np.testing.assert_allclose(R @ found.rotation, expected.rotation, atol=1e-12)
+
+
+@given(data=st.data(), robot=robots())
+def test_many_configurations_at_once_are_each_one_alone(data: st.DataObject, robot: Robot) -> None:
+    """Rows of joints in, rows of poses, points and axes out."""
+    model, virtual = both(robot)
+    q = np.array([data.draw(joint_values(model.dof)) for _ in range(3)])
+    p, R, points, axes = virtual.kinematics(q)
+    J = virtual.jacobian(q)
+    assert (p.shape, R.shape, J.shape) == ((3, 3), (3, 3, 3), (3, 6, model.dof))
+    assert points.shape == axes.shape == (model.dof, 3, 3)
+    for k in range(3):
+        pose = virtual.pose(q[k])
+        np.testing.assert_allclose(p[k], pose.position, atol=1e-14)
+        np.testing.assert_allclose(R[k], pose.rotation, atol=1e-14)
+        np.testing.assert_allclose(axes[:, k], virtual.axes_at(q[k]), atol=1e-14)
+        np.testing.assert_allclose(J[k], virtual.jacobian(q[k])[0], atol=1e-14)
+
+
+@given(data=st.data(), robot=robots())
+def test_jacobian_is_the_derivative_of_the_pose(data: st.DataObject, robot: Robot) -> None:
+    """Against central differences of the virtual arm's own pose."""
+    model, virtual = both(robot)
+    q, h = data.draw(joint_values(model.dof)), 1e-5
+    J = virtual.jacobian(q)[0]
+    for i, step in enumerate(h * np.eye(model.dof)):
+        before, after = virtual.pose(q - step), virtual.pose(q + step)
+        turn = rotation_vector_between(before.rotation, after.rotation)
+        column = np.concatenate([after.position - before.position, turn]) / (2.0 * h)
+        np.testing.assert_allclose(J[:, i], column, atol=1e-8)
+
+
+@given(data=st.data(), robot=robots())
+def test_jacobian_is_j12_of_the_drifting_system(data: st.DataObject, robot: Robot) -> None:
+    """While the spacecraft does not turn, real and virtual arm move alike: J12* of (2)."""
+    model, virtual = both(robot)
+    q = data.draw(joint_values(model.dof))
+    np.testing.assert_allclose(virtual.jacobian(q)[0], system_matrix(model, q)[3:, 3:], atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("table", "expected"),
+    [
+        (([40, 4, 3], [1, 1, 1], [0.5, 0.5], [0.5] * 3), [0.42553, 0.89362, 0.96809]),
+        (
+            (
+                [13, 0.06, 0.106, 0.08], [1] * 4,
+                [0.181004, 0.1605, 0.0499], [0.1746, 0.0817, 0.04386, 0.014],
+            ),
+            [0.17136, 0.25820, 0.20184],
+        ),
+        (
+            (
+                [64.859, 2.913, 2.646, 1.699], [1] * 4,
+                [0.1805, 0.2, 0.1029], [0.3696, 0.2683, 0.2499, 0.2516],
+            ),
+            [0.33240, 0.41447, 0.43196],
+        ),
+    ],
+    ids=["two links 40/4/3", "NTUA Cepheus", "CBK PAN"],
+)  # fmt: skip
+def test_planar_barycentric_lengths_of_other_systems(
+    table: tuple[list[float], ...], expected: list[float]
+) -> None:
+    """a, b, c of three arms, as computed by others."""
+    virtual = VirtualManipulator.of(FreeFloatingModel.from_urdf(planar_robot(*table)))
+    np.testing.assert_allclose(virtual.lengths[:3], expected, atol=5e-6)
+
+
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4))
+def test_barycentric_lengths_weigh_each_way_by_the_mass_before_it(seed: int, n: int) -> None:
+    """l_i shrinks by the mass from the spacecraft to body i - 1, r_i by that up to body i."""
+    rng = np.random.default_rng(seed)
+    m, before, after = np.exp(rng.normal(size=n + 1)), rng.random(n), rng.random(n + 1)
+    virtual = VirtualManipulator.of(
+        FreeFloatingModel.from_urdf(planar_robot(m, np.ones(n + 1), before, after))
+    )
+    share = np.cumsum(m) / m.sum()
+    expected = after * share + np.append(0.0, before * share[:-1])
+    np.testing.assert_allclose(virtual.lengths, expected, atol=1e-13)
+
+
+@given(data=st.data(), robot=robots())
+def test_nothing_is_beyond_the_reach(data: st.DataObject, robot: Robot) -> None:
+    """No joint vector within its ranges takes the end-effector farther than the reach."""
+    model, virtual = both(robot)
+    q = np.array([data.draw(joint_values(model.dof)) for _ in range(5)])
+    assert np.abs(q).max() <= STROKE
+    p = virtual.kinematics(q)[0]
+    assert np.linalg.norm(p, axis=1).max() <= virtual.reach * (1.0 + 1e-12)
+
+
+def test_a_straight_arm_attains_its_reach(planar_3dof: FreeFloatingModel) -> None:
+    """a + b + c + d, with the arm stretched out."""
+    virtual = VirtualManipulator.of(planar_3dof)
+    assert virtual.pose(np.zeros(3)).position[0] == pytest.approx(virtual.reach, abs=1e-14)
+    assert virtual.reach == pytest.approx(virtual.lengths.sum(), abs=1e-14)
+
+
+def test_a_slide_gains_only_what_the_lighter_end_travels() -> None:
+    """Pushing out a mass m from a spacecraft of mass M moves its tip by M / (M + m) a metre."""
+    text = "<robot name='r'>" + link_text("bus", inertial_text(30.0, np.eye(3)))
+    text += joint_text("rail", "P", "bus", "arm", axis="1 0 0")
+    text += link_text("arm", inertial_text(10.0, np.eye(3))) + "</robot>"
+    virtual = VirtualManipulator.of(FreeFloatingModel.from_urdf(text))
+    gained = virtual.pose([1.0]).position - virtual.pose([0.0]).position
+    np.testing.assert_allclose(gained, [0.75, 0, 0], atol=1e-14)
+    np.testing.assert_allclose(virtual.strokes, [0.75], atol=1e-14)
+    assert virtual.reach == pytest.approx(0.75 * STROKE)
+
+
+def test_published_spatial_arm_has_elbow_and_spherical_wrist(
+    spatial_6dof: FreeFloatingModel,
+) -> None:
+    """Axes 4, 5, 6 meet at the barycentre of link 3, wherever the arm is; it is not planar."""
+    virtual = VirtualManipulator.of(spatial_6dof)
+    assert virtual.has_elbow_and_spherical_wrist
+    assert not virtual.is_planar
+    centre = virtual.wrist_centre
+    assert centre is not None
+    hand = virtual.pose(np.zeros(6)).position - centre
+    for wrist in ([0.7, -1.2, 2.0], [0.0, 0.3, -0.4]):
+        pose = virtual.pose([0, 0, 0, *wrist])
+        np.testing.assert_allclose(pose.position - pose.rotation @ hand, centre, atol=1e-14)
+
+
+def test_only_elbow_arms_with_spherical_wrists_are_taken_for_such(
+    spatial_6dof: FreeFloatingModel, planar_3dof: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """A wrist that misses by a millimetre, a skew elbow, other structures: none of them is."""
+    text = spatial_6dof.description.text
+    wrist = text.replace(
+        '<joint name="q6" type="revolute">',
+        '<joint name="q6" type="revolute"><origin xyz="0 0 1e-3"/>',
+    )
+    # massive enough for the virtual arm to notice that body 4 is off its own axis
+    offset = text.replace(
+        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6" />',
+        '<link name="link_4"><inertial><origin xyz="0 0 0.1"/><mass value="5"/>',
+    )
+    skew = text.replace(
+        '<origin xyz="1 0 0" /><axis xyz="0 -1 0" />',
+        '<origin xyz="1 0 0"/><axis xyz="0 -1 0.01"/>',
+    )
+    for other in (wrist, offset, skew):
+        assert other != text
+        virtual = VirtualManipulator.of(FreeFloatingModel.from_urdf(other, "end_effector"))
+        assert not virtual.has_elbow_and_spherical_wrist
+    assert not VirtualManipulator.of(planar_3dof).has_elbow_and_spherical_wrist
+    for structure in ("RRRRR", "RRRRRR", "RRRRRRR", "RRPRRR"):
+        assert not both(random_robot(rng, structure))[1].has_elbow_and_spherical_wrist
+
+
+def test_a_heavy_wrist_on_its_own_axes_stays_spherical(spatial_6dof: FreeFloatingModel) -> None:
+    """A mass on axis 4 of body 4 shifts the virtual wrist centre but leaves it a point."""
+    text = spatial_6dof.description.text.replace(
+        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6" />',
+        '<link name="link_4"><inertial><origin xyz="-0.1 0 0"/><mass value="5"/>',
+    )
+    assert text != spatial_6dof.description.text
+    model = FreeFloatingModel.from_urdf(text, "end_effector")
+    assert VirtualManipulator.of(model).has_elbow_and_spherical_wrist
+
+
+def test_planar_is_what_stays_in_the_plane(planar_3dof: FreeFloatingModel) -> None:
+    """Turning about z, either way, and sliding across it."""
+    text = planar_3dof.description.text
+    assert VirtualManipulator.of(planar_3dof).is_planar
+
+    def planar(axis: str, kind: str = "revolute") -> bool:
+        first, rest = text.split('<joint name="q2" type="revolute">')
+        changed = rest.replace('<axis xyz="0 0 1" />', f'<axis xyz="{axis}"/>', 1)
+        model = FreeFloatingModel.from_urdf(f'{first}<joint name="q2" type="{kind}">{changed}')
+        return VirtualManipulator.of(model).is_planar
+
+    assert planar("0 0 -1")
+    assert not planar("0 1 0")
+    assert not planar("0 1e-6 1")
+    assert planar("0 1 0", "prismatic")
+    assert not planar("0 0 1", "prismatic")
+
+
+def test_lines_meet_in_a_point_or_not() -> None:
+    """Three lines through a point, one of them moved off it, two of them parallel."""
+    axes = np.array([[1.0, 0, 0], [0, 1, 0], [0.6, 0, 0.8]])
+    centre = np.array([0.3, -0.2, 0.5])
+    points = centre + np.array([[2.0], [-1.0], [0.7]]) * axes
+    found = meeting_point(points, axes, 1e-9)
+    assert found is not None
+    np.testing.assert_allclose(found, centre, atol=1e-14)
+    for line, off in ((0, [0, 0, 1e-6]), (1, [0, 0, 1e-6]), (2, [0, 1e-6, 0])):
+        moved = points.copy()
+        moved[line] += off
+        assert meeting_point(moved, axes, 1e-9) is None
+        assert meeting_point(moved, axes, 1e-5) is not None
+    assert meeting_point(points, axes[[0, 0, 2]], 1e-9) is None
+    assert meeting_point(points, axes[[0, 2, 2]], 1e-9) is None
+
+
+def test_its_numbers_are_read_only(spatial_6dof: FreeFloatingModel) -> None:
+    """A record: what one reader could change, the next would take for the robot."""
+    virtual = VirtualManipulator.of(spatial_6dof)
+    for name in ("links", "turns", "axes", "prismatic", "strokes", "tool", "wrist_centre"):
+        assert not getattr(virtual, name).flags.writeable, name

@@ -1,0 +1,340 @@
+"""What attitudes lead to: the branches and the verdicts of one simulation after another."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.measures import measure
+from freefloat.ensemble.feasibility import (
+    UNREACHED,
+    BranchOutcomes,
+    FeasibilityEvaluator,
+    has_wrist_flipped_branches,
+)
+from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR
+from freefloat.errors import UnreachableError
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import simulate
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import models_folder
+from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
+
+ROUNDING = 1e-4
+"""Twins' motions differ by the integrator's tolerance."""
+BAD = [0.1, 0.5, 0.2, -0.8367]
+CODES = {Ending.COMPLETED: COMPLETED, Ending.SINGULAR: SINGULAR, Ending.MARGIN: MARGIN}
+
+
+@cache
+def bundled(name: str) -> Problem:
+    return load_scenario(name).problem()
+
+
+@cache
+def attitudes_for(name: str, count: int) -> np.ndarray:
+    """All around for planar arms; at random, the bad attitude of Example 2 first, for others."""
+    if bundled(name).task.planar:
+        return np.array([heading_quaternion(x) for x in np.linspace(0.05, 6.2, count)])
+    bad = bundled(name).attitude("attitude", BAD)
+    rest = Rotation.random(count - 1, rng=np.random.default_rng(41)).as_quat()
+    return np.vstack([bad, rest])
+
+
+CASES = [("spatial_6dof/line", 7), ("planar_3dof/parabola", 15), ("ur5_servicer/arc", 15)]
+
+
+@cache
+def seen(name: str, count: int) -> tuple[Problem, np.ndarray, BranchOutcomes]:
+    problem, attitudes = bundled(name), attitudes_for(name, count)
+    return problem, attitudes, FeasibilityEvaluator(problem, 1).prospects(attitudes)
+
+
+@pytest.mark.parametrize(("name", "count"), CASES)
+def test_prospects_are_those_of_simulations(name: str, count: int) -> None:
+    """The same branches under the same numbers, endings, margins and last states."""
+    problem, attitudes, prospects = seen(name, count)
+    last = prospects.spread(prospects.rollout.joints)
+    for k, attitude in enumerate(attitudes):
+        numbers = np.flatnonzero(prospects.endings[k] != UNREACHED)
+        try:
+            simulation = simulate(problem, attitude)
+        except UnreachableError:
+            assert len(numbers) == 0
+            continue
+        assert [one.branch.index for one in simulation.followed] == numbers.tolist()
+        for one, b in zip(simulation.followed, numbers, strict=True):
+            np.testing.assert_allclose(prospects.joints[k, b], one.branch.joints, atol=1e-9)
+            assert prospects.endings[k, b] == CODES[one.motion.ending]
+            if one.motion.completed:
+                assert prospects.least[k, b] == pytest.approx(one.least.value, rel=3e-3)
+                assert prospects.margins[k, b] == prospects.least[k, b]
+                np.testing.assert_allclose(last[k, b], one.motion.final.joints, atol=1e-3)
+            else:
+                assert prospects.least[k, b] == prospects.margins[k, b] == 0.0
+    assert (prospects.endings == COMPLETED).any()
+
+
+def test_example_2_is_singular_in_four_branches_of_eight() -> None:
+    problem, _, prospects = seen("spatial_6dof/line", 7)
+    assert prospects.endings.shape[1] == 8
+    assert prospects.endings[0].tolist().count(SINGULAR) == 4
+    assert prospects.endings[0].tolist().count(COMPLETED) == 4
+    assert problem.margin.value == 5.0
+
+
+@pytest.mark.parametrize(("name", "count"), CASES)
+def test_where_there_is_no_branch_there_is_nothing(name: str, count: int) -> None:
+    """NaN joints, ending -1, margin zero; quantities are spread with blanks there."""
+    _, attitudes, prospects = seen(name, count)
+    none = prospects.endings == UNREACHED
+    found = ~none
+    assert prospects.attitudes is attitudes
+    assert np.isnan(prospects.joints[none]).all()
+    assert np.isfinite(prospects.joints[found]).all()
+    assert (prospects.least[none] == 0.0).all()
+    assert len(prospects.rollout.least) == found.sum()
+    spread = prospects.spread(prospects.rollout.least, -7.0)
+    np.testing.assert_array_equal(spread[found], prospects.least[found])
+    assert (spread[none] == -7.0).all()
+    lower = prospects.spread(prospects.rollout.lower)
+    assert lower.shape == prospects.joints.shape
+    assert (lower[found] <= prospects.joints[found] + 1e-12).all()
+    assert np.isnan(lower[none]).all()
+    whole = prospects.spread(prospects.rollout.evaluations, 0)
+    assert whole.dtype == np.int64
+    assert whole.sum() == prospects.rollout.evaluations.sum()
+
+
+@pytest.mark.parametrize(("name", "count"), CASES)
+def test_one_branch_alone_is_that_column_of_all(name: str, count: int) -> None:
+    """To the bit, but for twins; a number no attitude has gives an empty table."""
+    problem, attitudes, prospects = seen(name, count)
+    outlook = FeasibilityEvaluator(problem, 1)
+    for branch in range(prospects.endings.shape[1]):
+        alone = outlook.prospects(attitudes, branch)
+        column = slice(branch, branch + 1)
+        np.testing.assert_array_equal(alone.endings, prospects.endings[:, column])
+        rounding = ROUNDING if outlook.twins else 0.0
+        np.testing.assert_allclose(alone.least, prospects.least[:, column], rtol=rounding)
+        np.testing.assert_array_equal(alone.joints, prospects.joints[:, column])
+        margins = outlook.margins(attitudes, branch)
+        np.testing.assert_array_equal(margins, alone.margins[:, 0])
+    beyond = outlook.prospects(attitudes, 100)
+    assert beyond.endings.size == 0
+    np.testing.assert_array_equal(outlook.margins(attitudes, 100), np.zeros(len(attitudes)))
+    assert not outlook.keeps(attitudes, 100).any()
+
+
+@pytest.mark.parametrize(("name", "count"), CASES)
+def test_the_best_branch_counts_where_none_is_named(name: str, count: int) -> None:
+    problem, attitudes, prospects = seen(name, count)
+    best = FeasibilityEvaluator(problem, 1).margins(attitudes, None)
+    np.testing.assert_array_equal(best, prospects.margins.max(axis=1, initial=0.0))
+    for k in np.flatnonzero(best > 0.0)[:4]:
+        simulation = simulate(problem, attitudes[k])
+        assert best[k] == pytest.approx(simulation.chosen.least.value, rel=3e-3)
+
+
+@pytest.mark.parametrize(("name", "count"), CASES)
+def test_keeping_the_margin_is_having_it(name: str, count: int) -> None:
+    """Motions are given up early, verdicts are the same; simulations stopped there agree."""
+    problem, attitudes, prospects = seen(name, count)
+    kept_most = np.sort(prospects.margins[prospects.margins > 0.0])
+    level = float(kept_most[len(kept_most) // 2 : len(kept_most) // 2 + 2].mean())
+    strict = replace(problem, margin=Margin(problem.margin.measure, level))
+    outlook = FeasibilityEvaluator(strict, 1)
+    stopped = outlook.prospects(attitudes, stop_at_margin=True)
+    keeps = (prospects.endings == COMPLETED) & (prospects.least >= level)
+    np.testing.assert_array_equal(stopped.endings == COMPLETED, keeps)
+    np.testing.assert_array_equal(stopped.margins[keeps], prospects.margins[keeps])
+    assert (stopped.margins[~keeps] == 0.0).all()
+    np.testing.assert_array_equal(outlook.keeps(attitudes, None), keeps.any(axis=1))
+    assert keeps.any()
+    assert not keeps.all()
+    sure = np.abs(prospects.least / level - 1.0) > ROUNDING
+    for branch in range(keeps.shape[1]):
+        clear = sure[:, branch] if outlook.twins else np.full(len(attitudes), True)
+        alone = outlook.keeps(attitudes, branch)
+        np.testing.assert_array_equal(alone[clear], keeps[clear, branch])
+    for k in np.flatnonzero((prospects.endings != UNREACHED).any(axis=1))[:4]:
+        for one in simulate(strict, attitudes[k], stop_at_margin=True).followed:
+            nearly = abs(prospects.least[k, one.branch.index] / level - 1.0) < 3e-3
+            assert nearly or one.motion.completed == keeps[k, one.branch.index]
+
+
+def test_a_margin_that_is_just_kept_is_kept() -> None:
+    """The margin a motion has is one it keeps, though it was found by other steps."""
+    problem, attitudes, prospects = seen("spatial_6dof/line", 7)
+    own = float(prospects.margins.max(axis=1)[1])
+    just = replace(problem, margin=Margin(problem.margin.measure, own))
+    more = replace(problem, margin=Margin(problem.margin.measure, own * 1.001))
+    assert FeasibilityEvaluator(just, 1).keeps(attitudes[1:2], None)[0]
+    assert not FeasibilityEvaluator(more, 1).keeps(attitudes[1:2], None)[0]
+
+
+def test_attitudes_out_of_reach_have_no_prospects() -> None:
+    """A UR5 whose path begins on the far side of its spacecraft: no branch, no margin."""
+    problem = bundled("ur5_servicer/arc")
+    turned_away = Rotation.from_rotvec([[np.pi, 0.0, 0.0], [0.0, 3.0, 0.0]]).as_quat()
+    for attitude in turned_away:
+        with pytest.raises(UnreachableError):
+            simulate(problem, attitude)
+    outlook = FeasibilityEvaluator(problem, 1)
+    prospects = outlook.prospects(turned_away)
+    assert (prospects.endings == UNREACHED).all()
+    assert (prospects.margins == 0.0).all()
+    assert len(prospects.rollout.least) == 0
+    np.testing.assert_array_equal(outlook.margins(turned_away, None), [0.0, 0.0])
+    np.testing.assert_array_equal(outlook.keeps(turned_away, None), [False, False])
+
+
+def test_reached_and_unreached_attitudes_stand_side_by_side() -> None:
+    """Each row is its own attitude's, whatever stands beside it."""
+    problem = bundled("ur5_servicer/arc")
+    attitudes = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
+    prospects = FeasibilityEvaluator(problem, 1).prospects(attitudes)
+    reached = (prospects.endings != UNREACHED).any(axis=1)
+    assert reached.tolist() == [False, True, False]
+    alone = FeasibilityEvaluator(problem, 1).prospects(attitudes[1:2])
+    width = alone.endings.shape[1]
+    np.testing.assert_array_equal(prospects.endings[1, :width], alone.endings[0])
+    np.testing.assert_array_equal(prospects.least[1, :width], alone.least[0])
+
+
+def test_threads_and_company_do_not_matter() -> None:
+    """Attitudes one by one, backwards, and on two threads."""
+    problem, attitudes, prospects = seen("planar_3dof/parabola", 15)
+    for threads in (1, 2):
+        other = FeasibilityEvaluator(problem, threads).prospects(attitudes[::-1])
+        np.testing.assert_array_equal(other.endings[::-1], prospects.endings)
+        np.testing.assert_array_equal(other.least[::-1], prospects.least)
+    one = [
+        FeasibilityEvaluator(problem, 1).prospects(attitude[None]).least[0]
+        for attitude in attitudes
+    ]
+    np.testing.assert_array_equal(np.array(one), prospects.least)
+
+
+def test_progress_is_told() -> None:
+    problem, attitudes, _ = seen("planar_3dof/parabola", 15)
+    shares: list[float] = []
+    FeasibilityEvaluator(problem, 1).prospects(np.tile(attitudes, (20, 1)), progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_branches_of_a_redundant_arm_are_followed_as_they_are() -> None:
+    """They are a spread-out set."""
+    problem = bundled("panda_servicer/line")
+    outlook = FeasibilityEvaluator(problem, 1)
+    attitude = np.array([[0.0, 0.0, 0.0, 1.0]])
+    prospects = outlook.prospects(attitude)
+    numbers = np.flatnonzero(prospects.endings[0] != UNREACHED)
+    assert len(numbers) > 3
+    for branch in numbers[:3]:
+        simulation = simulate(problem, attitude[0], joints=prospects.joints[0, branch])
+        motion = simulation.chosen.motion
+        assert prospects.endings[0, branch] == CODES[motion.ending]
+        if motion.completed:
+            assert prospects.least[0, branch] == pytest.approx(
+                simulation.chosen.least.value, rel=1e-3
+            )
+
+
+@cache
+def heavy_wrist() -> Problem:
+    """Example 2 with ten kilograms a decimetre beside the axis of the last joint."""
+    light = bundled("spatial_6dof/line")
+    text = (models_folder() / "spatial_6dof" / "spatial_6dof.urdf").read_text()
+    before, after = text.split('<link name="link_5">')
+    mass = '<origin xyz="0 0 0.1"/><mass value="10"/>'
+    text = before + '<link name="link_5">' + after.replace('<mass value="1e-6"/>', mass, 1)
+    model = FreeFloatingModel.from_urdf(text, "end_effector")
+    margin = Margin(measure(model, light.task, "gjm"), 0.0)
+    return Problem(model, light.path, light.task, light.momentum, margin)
+
+
+def test_branches_are_twins_where_the_wrist_is_square_and_weightless() -> None:
+    assert has_wrist_flipped_branches(bundled("spatial_6dof/line"))
+    for name in ("ur5_servicer/arc", "panda_servicer/line", "planar_3dof/parabola"):
+        assert not has_wrist_flipped_branches(bundled(name))
+        assert not FeasibilityEvaluator(bundled(name), 1).twins
+    assert not has_wrist_flipped_branches(heavy_wrist())
+
+
+@pytest.mark.parametrize("link", ["link_4", "link_5"])
+def test_any_mass_inside_the_wrist_parts_twins(link: str) -> None:
+    light = bundled("spatial_6dof/line")
+    urdf = models_folder() / "spatial_6dof" / "spatial_6dof.urdf"
+    for factor, twins in ((10.0, True), (1e3, False)):
+        model = FreeFloatingModel.from_urdf(urdf, "end_effector", scale_mass={link: factor})
+        margin = Margin(measure(model, light.task, "gjm"), 0.0)
+        problem = Problem(model, light.path, light.task, light.momentum, margin)
+        assert has_wrist_flipped_branches(problem) is twins, (link, factor)
+
+
+def test_twins_go_the_way_they_would_go_alone() -> None:
+    """Joints, rates, ranges, last attitude and smallest margin, to the integrator's tolerance."""
+    problem, attitudes = bundled("spatial_6dof/line"), attitude_grid(48, 3)
+    outlook = FeasibilityEvaluator(problem, 1)
+    together = outlook.prospects(attitudes)
+    rollout = together.rollout
+    assert outlook.twins
+    done = 0
+    for branch in (1, 3, 5, 7):
+        found = together.endings[:, branch] != UNREACHED
+        own = outlook.roller.follow(attitudes[found], together.joints[found, branch])
+        mine = {
+            name: together.spread(getattr(rollout, name))[found, branch]
+            for name in ("ended_at", "least_at", "attitudes", "joints", "rates", "lower", "upper")
+        }
+        endings = together.endings[found, branch]
+        np.testing.assert_array_equal(endings, own.endings)
+        singular = endings == SINGULAR
+        np.testing.assert_allclose(mine["ended_at"], own.ended_at, atol=1e-2)
+        complete = (endings == COMPLETED) & (own.least > 1.0)
+        done += complete.sum()
+        assert (complete | singular | (own.least <= 1.0)).all()
+        least = together.least[found, branch]
+        np.testing.assert_allclose(least[complete], own.least[complete], rtol=ROUNDING)
+        np.testing.assert_allclose(mine["least_at"][complete], own.least_at[complete], atol=0.1)
+        turns = angle_between(mine["attitudes"][complete], own.attitudes[complete])
+        assert turns.max() < 1e-4
+        for name in ("joints", "rates", "lower", "upper"):
+            off = np.abs(mine[name] - getattr(own, name))[complete]
+            size = np.abs(getattr(own, name)).max()
+            # rates and ranges are those at the integrator's steps
+            assert off.max() < (2e-4 if name == "joints" else 0.02 * size), (name, off.max())
+    assert done > 100
+
+
+def test_twins_stand_behind_one_another() -> None:
+    """Branch 2 k + 1 begins with the wrist of 2 k turned half about, bent the other way."""
+    together = FeasibilityEvaluator(bundled("spatial_6dof/line"), 1).prospects(attitude_grid(16, 1))
+    one, other = together.joints[:, ::2], together.joints[:, 1::2]
+    np.testing.assert_allclose(one[..., :3], other[..., :3], atol=1e-9)
+    np.testing.assert_allclose(one[..., 4], -other[..., 4], atol=1e-9)
+    for joint in (3, 5):
+        turn = np.abs(one[..., joint] - other[..., joint])
+        np.testing.assert_allclose(turn, np.pi, atol=1e-9)
+    np.testing.assert_array_equal(together.endings[:, ::2], together.endings[:, 1::2])
+
+
+def test_a_heavy_wrist_makes_every_branch_its_own() -> None:
+    """Taken for twins, they would be told a wrong margin."""
+    problem, attitudes = heavy_wrist(), attitude_grid(6, 2)
+    prospects = FeasibilityEvaluator(problem, 1).prospects(attitudes)
+    apart = np.abs(prospects.margins[:, ::2] - prospects.margins[:, 1::2])
+    assert apart.max() > 1e-3 * prospects.margins.max()
+    for one in simulate(problem, attitudes[0]).followed:
+        b = one.branch.index
+        assert prospects.margins[0, b] == pytest.approx(
+            one.least.value if one.motion.completed else 0.0, rel=1e-3
+        )

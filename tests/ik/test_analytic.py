@@ -1,0 +1,327 @@
+"""The compiled search for arm branches: many poses at once, nothing missed, names that tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.branches import (
+    BranchSets,
+    arm_branches,
+    many_arm_branches,
+    search_arm_branches,
+)
+from freefloat.ik.chain import (
+    Chain,
+    damped_step,
+    into_range,
+    miss,
+    pose_of,
+    row,
+    scratch_for,
+    turn_vector,
+)
+from freefloat.ik.numeric import places_by_name
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Pose
+from tests.robots import AWKWARD, planar_robot, random_robot
+
+ALL_ROWS = np.arange(6)
+
+
+def random_poses(
+    model: FreeFloatingModel, count: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions and rotations that an arm reaches, and the joint values they came from."""
+    q = rng.uniform(-np.pi, np.pi, (count, model.dof))
+    p, R, _, _ = VirtualManipulator.of(model).kinematics(q)
+    return p, R, q
+
+
+def gaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Largest joint differences, whole turns not counted."""
+    return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
+
+
+def brute_force(
+    model: FreeFloatingModel, position: np.ndarray, rotation: np.ndarray, starts: np.ndarray
+) -> list[np.ndarray]:
+    """Plain Newton steps of at most half a radian by least squares: few starts arrive."""
+    virtual, q = VirtualManipulator.of(model), starts.copy()
+    for _ in range(60):
+        p, R, _, _ = virtual.kinematics(q)
+        turn = Rotation.from_matrix(rotation @ R.transpose(0, 2, 1)).as_rotvec()
+        e = np.hstack([position - p, turn])
+        step = (np.linalg.pinv(virtual.jacobian(q), rcond=1e-4) @ e[:, :, None])[:, :, 0]
+        q = q + step / np.maximum(1.0, 2.0 * np.abs(step).max(axis=1, keepdims=True))
+    kept: list[np.ndarray] = []
+    for joints in q[np.abs(e).max(axis=1) < 1e-10]:
+        if all(gaps(joints, other) > 1e-4 for other in kept):
+            kept.append(joints)
+    return kept
+
+
+def chain_of(model: FreeFloatingModel) -> Chain:
+    virtual, n = VirtualManipulator.of(model), model.dof
+    arrays = (virtual.links, virtual.turns, virtual.axes, virtual.prismatic, virtual.strokes)
+    ranges = (np.full(n, -np.inf), np.full(n, np.inf))
+    return Chain(*(np.array(array, order="C") for array in (*arrays, virtual.tool, *ranges)))
+
+
+def assert_equal(a: BranchSets, b: BranchSets) -> None:
+    np.testing.assert_array_equal(a.joints, b.joints)
+    np.testing.assert_array_equal(a.names, b.names)
+    assert a.labels == b.labels
+
+
+# ----------------------------------------------------------------------------- many at once
+
+
+@pytest.mark.parametrize(
+    ("robot", "task"),
+    [("spatial_6dof", Task.POSE), ("ur5", Task.POSE), ("ur5", Task.POSITION),
+     ("planar_3dof", Task.PLANAR_POSE), ("planar_3dof", Task.PLANAR_POSITION)],
+)  # fmt: skip
+def test_many_poses_give_what_each_gives_alone_on_any_number_of_threads(
+    robot: str, task: Task, request: pytest.FixtureRequest, rng: np.random.Generator
+) -> None:
+    """To the last bit: closed forms, searches, joints to spare; out of reach included."""
+    model = request.getfixturevalue(robot)
+    positions, rotations, _ = random_poses(model, 75, rng)
+    positions[::7] *= 1.5
+    sets = many_arm_branches(model, positions, rotations, task, threads=3)
+    assert len(sets) == 75
+    assert_equal(sets, many_arm_branches(model, positions, rotations, task, threads=1))
+    assert sets.found.any(axis=1).sum() > 0
+    for k in range(0, 75, 5):
+        alone = arm_branches(model, Pose(positions[k], rotations[k]), task)
+        assert [b.index for b in alone] == np.flatnonzero(sets.found[k]).tolist()
+        assert [b.label for b in alone] == [b.label for b in sets[k]]
+        for branch in alone:
+            np.testing.assert_array_equal(branch.joints, sets.joints[k, branch.index])
+
+
+def test_nothing_is_found_at_no_pose_and_out_of_reach(
+    spatial_6dof: FreeFloatingModel, ur5: FreeFloatingModel
+) -> None:
+    """NaN where there is no branch; arrays that cannot be changed."""
+    for model, most in ((spatial_6dof, 8), (ur5, 16)):
+        none = many_arm_branches(model, np.empty((0, 3)), np.empty((0, 3, 3)), Task.POSE)
+        assert none.joints.shape == (0, most, 6)
+        far = many_arm_branches(model, [[0, 30.0, 0]] * 2, [np.eye(3)] * 2, Task.POSE)
+        assert far.joints.shape == (2, most, 6)
+        assert np.isnan(far.joints).all()
+        assert not far.found.any()
+        assert far[1] == ()
+        assert not far.joints.flags.writeable
+        assert not far.names.flags.writeable
+
+
+def test_a_pose_that_is_no_number_is_not_reached(
+    spatial_6dof: FreeFloatingModel, ur5: FreeFloatingModel
+) -> None:
+    for model in (spatial_6dof, ur5):
+        assert arm_branches(model, Pose([np.nan, 0, 0], np.eye(3)), Task.POSE) == ()
+
+
+# ------------------------------------------------------------------------------ nothing missed
+
+
+@pytest.mark.parametrize("robot", ["spatial_6dof", "ur5"])
+def test_a_search_finds_what_brute_force_finds(
+    robot: str, request: pytest.FixtureRequest, rng: np.random.Generator
+) -> None:
+    """Another Newton's method from random starts finds no configuration that is not known."""
+    model = request.getfixturevalue(robot)
+    positions, rotations, _ = random_poses(model, 12, rng)
+    sets = search_arm_branches(model, positions, rotations, Task.POSE)
+    total = 0
+    for k in range(12):
+        brute = brute_force(model, positions[k], rotations[k], rng.uniform(-np.pi, np.pi, (200, 6)))
+        known = sets.joints[k, sets.found[k]]
+        assert all(gaps(known, joints).min() < 1e-5 for joints in brute)
+        total += len(brute)
+    assert total > 0.9 * sets.found.sum()
+
+
+@pytest.mark.parametrize("structure", ["RRRRRR", "RRPRRR", "PRRRRR"])
+def test_a_search_finds_where_poses_came_from(structure: str, rng: np.random.Generator) -> None:
+    """Arms of any make, many poses; solutions come in pairs."""
+    for _ in range(4):
+        robot = random_robot(rng, structure)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+        positions, rotations, q = random_poses(model, 40, rng)
+        sets = many_arm_branches(model, positions, rotations, Task.POSE)
+        wrong = gaps(sets.joints, q[:, None])
+        assert np.nanmin(wrong, axis=1).max() < 1e-6
+        assert (sets.found.sum(axis=1) % 2 == 0).all()
+
+
+def test_closed_form_and_search_agree_on_names_and_joints(
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """The same configurations; elbow and wrist bent the same way have the same signs."""
+    positions, rotations, _ = random_poses(spatial_6dof, 40, rng)
+    closed = many_arm_branches(spatial_6dof, positions, rotations, Task.POSE)
+    search = search_arm_branches(spatial_6dof, positions, rotations, Task.POSE)
+    assert closed.labels == search.labels
+    assert search.found[:, :8].all()
+    assert not search.found[:, 8:].any()
+    flips = set()
+    for one, other in zip(closed.joints, search.joints, strict=True):
+        match = gaps(one[:, None], other[None, :8])
+        assert match.min(axis=1).max() < 1e-6
+        flips |= {(i, int(match[i].argmin())) for i in range(8)}
+    assert len({i ^ j for i, j in flips}) == 1  # at most a sign has the other meaning throughout
+
+
+@pytest.mark.parametrize("bend", [0.0, 1e-9, 1e-7, 1e-4, np.pi])
+def test_closed_form_and_search_survive_a_wrist_that_is_nearly_straight(
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator, bend: float
+) -> None:
+    """Every configuration given meets the pose, and the arm up to the wrist is among them."""
+    virtual = VirtualManipulator.of(spatial_6dof)
+    q = rng.uniform(-np.pi, np.pi, (10, 6))
+    q[:, 4] = bend
+    positions, rotations, _, _ = virtual.kinematics(q)
+    for solve, everything in ((many_arm_branches, True), (search_arm_branches, False)):
+        sets = solve(spatial_6dof, positions, rotations, Task.POSE)
+        assert sets.found.any(axis=1).all()
+        assert sets.found[:, :8].all() or not everything
+        arm = gaps(sets.joints[:, :, :3], q[:, None, :3])
+        assert np.nanmin(arm, axis=1).max() < 1e-6 or not everything
+        for k in range(10):
+            p, R, _, _ = virtual.kinematics(sets.joints[k, sets.found[k]])
+            assert np.abs(p - positions[k]).max() < 1e-8
+            assert np.abs(R - rotations[k]).max() < 1e-8
+
+
+# ------------------------------------------------------------------------------------ names
+
+
+def test_signs_tell_the_branches_of_a_stock_arm_apart(
+    ur5: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """Nearly everywhere each name is used once; a name's sign of the determinant is its signs'."""
+    positions, rotations, _ = random_poses(ur5, 200, rng)
+    sets = many_arm_branches(ur5, positions, rotations, Task.POSE)
+    assert sets.found[:, 8:].any(axis=1).mean() <= 0.005
+    J = VirtualManipulator.of(ur5).jacobian(sets.joints[sets.found])
+    names = sets.names[sets.found]
+    signs = [(-1.0) ** bin(name).count("1") for name in names]
+    np.testing.assert_array_equal(np.sign(np.linalg.det(J)), signs)
+
+
+def test_names_of_a_stock_arm_follow_a_slow_turn(
+    ur5: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """What has one name at neighbouring attitudes is one continuous motion, off singularities."""
+    position, rotation, _ = random_poses(ur5, 1, rng)
+    turns = Rotation.from_rotvec(np.outer(np.linspace(0.0, 0.6, 241), [0.4, -0.7, 0.5]))
+    R = turns.as_matrix()
+    sets = many_arm_branches(ur5, R @ position[0], R @ rotation[0], Task.POSE)
+    both = (sets.names[1:] >= 0) & (sets.names[1:] == sets.names[:-1])
+    moved = gaps(sets.joints[1:][both], sets.joints[:-1][both])
+    slowest = np.linalg.svd(
+        VirtualManipulator.of(ur5).jacobian(sets.joints[1:][both]), compute_uv=False
+    )[:, -1]
+    clear = slowest > 0.03
+    assert clear.sum() > 500
+    assert (moved[clear] < 0.02 / slowest[clear]).all()
+
+
+def test_two_branches_of_one_name_are_told_apart(rng: np.random.Generator) -> None:
+    """An arm of random make: the second stands at place 8 or beyond, called b."""
+    robot = random_robot(rng, "RRRRRR")
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    positions, rotations, _ = random_poses(model, 60, rng)
+    sets = many_arm_branches(model, positions, rotations, Task.POSE)
+    assert sets.found[:, 8:].any()
+    first = sets.names[:, :8]
+    assert np.isin(first - np.arange(8), [0, *range(-8, 0)]).all()
+    np.testing.assert_array_equal(first[first >= 0], np.nonzero(first >= 0)[1])
+    for k in np.flatnonzero(sets.found[:, 8:].any(axis=1)):
+        labels = [branch.label for branch in sets[k]]
+        assert len(set(labels)) == len(labels)
+        second = next(branch for branch in sets[k] if branch.index == 8)
+        assert second.label.endswith(" b")
+        assert second.label[:-2] in labels
+
+
+@given(st.lists(st.integers(0, 7), max_size=16))
+def test_every_branch_has_a_place_of_its_own(patterns: list[int]) -> None:
+    """The first of a name at its number, the others in order from 8 on, sixteen in all."""
+    places = places_by_name(np.array(patterns, dtype=np.int64)).tolist()
+    assert len(set(places)) == len(patterns)
+    assert all(0 <= place < 16 for place in places)
+    firsts = {pattern: patterns.index(pattern) for pattern in patterns}
+    assert all(places[k] == pattern for pattern, k in firsts.items())
+    later = [place for k, place in enumerate(places) if k not in firsts.values()]
+    assert later[:8] == list(range(8, 8 + len(later[:8])))
+
+
+# ----------------------------------------------------------------------------------- kernels
+
+
+@pytest.mark.parametrize("structure", ["RRRRRR", "RPRRPRC", "PRF"])
+def test_kinematics_are_the_virtual_manipulators(structure: str, rng: np.random.Generator) -> None:
+    """Pose, error and Jacobian, against the arrays of all arms at once."""
+    for _ in range(5):
+        robot = random_robot(rng, structure)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+        virtual, chain, n = VirtualManipulator.of(model), chain_of(model), model.dof
+        q, target = rng.uniform(-3.0, 3.0, (2, n))
+        p, R, points, axes = virtual.kinematics(q)
+        scratch = scratch_for(n, 6)
+        position, rotation = pose_of(chain, q, scratch.points, scratch.axes)
+        np.testing.assert_allclose(position, p[0], atol=1e-13)
+        np.testing.assert_allclose(rotation, R[0], atol=1e-13)
+        np.testing.assert_allclose(scratch.points, points[:, 0], atol=1e-13)
+        np.testing.assert_allclose(scratch.axes, axes[:, 0], atol=1e-13)
+        goal = virtual.pose(target)
+        goal_rotation = np.array(goal.rotation)
+        error = miss(chain, ALL_ROWS, row(goal.position[None], 0), goal_rotation, q, scratch)
+        turn = Rotation.from_matrix(goal.rotation @ R[0].T).as_rotvec()
+        expected = np.concatenate([goal.position - p[0], turn])
+        np.testing.assert_allclose(scratch.error, expected, atol=1e-12)
+        assert error == pytest.approx(np.linalg.norm(expected))
+        J = virtual.jacobian(q)[0]
+        np.testing.assert_allclose(scratch.J, J, atol=1e-13)
+        largest = damped_step(scratch, 0.01)
+        step = J.T @ np.linalg.solve(J @ J.T + 0.01 * np.eye(6), expected)
+        np.testing.assert_allclose(scratch.step, step, atol=1e-11)
+        assert largest == pytest.approx(np.abs(step).max())
+
+
+@given(
+    axis=st.sampled_from([[1, 0, 0], [0, 1, 0], [0, 0, -1], [0.6, 0, 0.8], [-0.48, 0.6, 0.64]]),
+    angle=st.one_of(
+        st.sampled_from([*AWKWARD, np.pi - 1e-9, np.pi - 1e-5, 1e-8]), st.floats(-np.pi, np.pi)
+    ),
+)
+def test_turn_vectors_are_exact_at_no_turn_and_at_half_a_turn(
+    axis: list[float], angle: float
+) -> None:
+    start = Rotation.from_rotvec([0.3, -1.2, 0.7])
+    end = (Rotation.from_rotvec(angle * np.array(axis)) * start).as_matrix()
+    rows = tuple(tuple(values) for values in start.as_matrix().tolist())
+    vector = np.array(turn_vector(end, rows))
+    assert np.linalg.norm(vector) <= np.pi + 1e-12
+    turned = (Rotation.from_rotvec(vector) * start).as_matrix()
+    np.testing.assert_allclose(turned, end, atol=2e-8 if abs(angle) > 3.14159 else 1e-14)
+
+
+def test_joints_are_turned_as_often_as_their_range_needs() -> None:
+    """Five whole turns off, and ranges whose ends are whole turns themselves."""
+    model = FreeFloatingModel.from_urdf(planar_robot([4, 3, 2, 1], [1] * 4, [1] * 3, [1] * 4))
+    turn = 2.0 * np.pi
+    lower = np.array([5.0 * turn, -8.0 * turn, 0.5])
+    upper = np.array([5.5 * turn, -3.0 * turn + 0.25, 0.6])
+    q = np.array([0.0, 0.25, 1.0 + turn])
+    into_range(chain_of(model)._replace(lower=lower, upper=upper), q)
+    np.testing.assert_allclose(q, [5.0 * turn, -3.0 * turn + 0.25, 1.0], atol=1e-12)

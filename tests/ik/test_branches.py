@@ -1,0 +1,539 @@
+"""Every arm configuration at a pose: closed forms, Newton's method, numbers that stay."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.branches import (
+    ArmBranch,
+    arm_branches,
+    nearest_configuration,
+    search_arm_branches,
+)
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import (
+    Pose,
+    axes_rotation,
+    rotation_matrix,
+    rotation_vector_between,
+    unit_quaternion,
+)
+from tests.robots import (
+    inertial_text,
+    joint_text,
+    joint_values,
+    link_text,
+    numbers,
+    planar_robot,
+    random_inertia,
+    random_robot,
+)
+
+START = Pose(
+    [1.0, 0, 0], axes_rotation("", ("x", [0.4683, 1.1683, -0.7]), ("z", [1.5, -0.8, -0.33]))
+)
+"""Where the end-effector begins in the paper's Example 2, inertial frame."""
+
+ATTITUDES = {
+    "printed good": [0.46, 0.0935, 0.7352, -0.489],
+    "printed bad": [0.1, 0.5, 0.2, -0.8367],
+    "none": [0.0, 0.0, 0.0, 1.0],
+    "half turn": [0.0, 0.0, 1.0, 0.0],
+    "askew": [0.5, 0.5, 0.5, 0.5],
+}
+
+
+def gap(a: np.ndarray, b: np.ndarray) -> float:
+    """Largest joint difference, whole turns not counted."""
+    return float(np.abs((np.asarray(a) - b + np.pi) % (2.0 * np.pi) - np.pi).max())
+
+
+def holds(found: Iterable[np.ndarray], q: np.ndarray, tolerance: float = 1e-6) -> bool:
+    return any(gap(joints, q) < tolerance for joints in found)
+
+
+def joints_of(branches: Iterable[ArmBranch]) -> list[np.ndarray]:
+    return [branch.joints for branch in branches]
+
+
+def searched(model: FreeFloatingModel, target: Pose, task: Task) -> list[np.ndarray]:
+    """What Newton's method finds, closed form or not."""
+    sets = search_arm_branches(model, target.position[None], target.rotation[None], task)
+    return joints_of(sets[0])
+
+
+def missed(virtual: VirtualManipulator, target: Pose, joints: np.ndarray) -> float:
+    """How far off the pose a configuration is [m or rad]."""
+    pose = virtual.pose(joints)
+    turn = rotation_vector_between(pose.rotation, target.rotation)
+    return float(max(np.abs(pose.position - target.position).max(), np.abs(turn).max()))
+
+
+def elbow_arm(rng: np.random.Generator) -> FreeFloatingModel:
+    """Random offsets, masses and axes; the elbow parallel to the lift, the wrist in a point."""
+
+    def direction() -> np.ndarray:
+        vector = rng.normal(size=3)
+        return vector / np.linalg.norm(vector)
+
+    lift = direction()
+    axes = [direction(), lift, lift, direction(), direction(), direction()]
+    text, parent = link_text("bus", inertial_text(200.0, random_inertia(rng, 40.0))), "bus"
+    for i, axis in enumerate(axes):
+        at = rng.uniform(-0.7, 0.7, 3) if i < 4 else np.zeros(3)
+        turn = rng.uniform(-3.0, 3.0, 3) if i in (0, 1, 3) else np.zeros(3)
+        centre = numbers(rng.uniform(-0.3, 0.3, 3)) if i not in (3, 4) else "0 0 0"
+        text += joint_text(f"q{i}", "C", parent, f"l{i}", numbers(at), numbers(turn), numbers(axis))
+        text += link_text(f"l{i}", inertial_text(10.0, random_inertia(rng, 1.0), centre))
+        parent = f"l{i}"
+    text += joint_text(
+        "tool", "F", parent, "tip", numbers(rng.uniform(-0.3, 0.3, 3)), "0.3 0.4 0.5"
+    )
+    return FreeFloatingModel.from_urdf(f"<robot name='e'>{text}{link_text('tip')}</robot>", "tip")
+
+
+# ----------------------------------------------------------------------------- the paper's arm
+
+
+@pytest.mark.parametrize("attitude", ATTITUDES.values(), ids=ATTITUDES.keys())
+def test_example_two_has_eight_branches(
+    spatial_6dof: FreeFloatingModel, attitude: list[float]
+) -> None:
+    """Shoulder, elbow and wrist, two ways each; all of them meet the pose, none twice."""
+    attitude = unit_quaternion("attitude", attitude)
+    target = START.seen_from(rotation_matrix(attitude))
+    branches = arm_branches(spatial_6dof, target, Task.POSE)
+    assert [branch.index for branch in branches] == list(range(8))
+    assert [branch.label for branch in branches] == [
+        f"shoulder{s} elbow{e} wrist{w}" for s in "+-" for e in "+-" for w in "+-"
+    ]
+    for branch in branches:
+        pose = spatial_6dof.end_effector_pose(attitude, branch.joints)
+        assert np.abs(pose.position - START.position).max() < 1e-8
+        assert np.abs(rotation_vector_between(pose.rotation, START.rotation)).max() < 1e-8
+        assert not branch.joints.flags.writeable
+        others = [other for other in branches if other is not branch]
+        assert not holds(joints_of(others), branch.joints, 1e-3)
+
+
+@given(q=joint_values(6))
+def test_closed_form_finds_the_configuration_a_pose_came_from(
+    spatial_6dof: FreeFloatingModel, q: np.ndarray
+) -> None:
+    """Wherever the wrist is bent: forwards and back, stretched and folded arms included."""
+    if abs(np.sin(q[4])) < 1e-4:
+        q = q + np.array([0, 0, 0, 0, 0.4, 0])
+    virtual = VirtualManipulator.of(spatial_6dof)
+    target = virtual.pose(q)
+    branches = arm_branches(spatial_6dof, target, Task.POSE)
+    assert [branch.index for branch in branches] == list(range(8))
+    x, y, _ = virtual.kinematics(q)[2][4, 0]
+    if np.hypot(x, y) > 1e-2:  # else the wrist is on the first axis, whose angle is free
+        # a stretched arm pinches two branches into one, known to half the digits
+        assert holds(joints_of(branches), q, 1e-6 if abs(np.sin(q[2])) > 1e-2 else 1e-3)
+    assert max(missed(virtual, target, branch.joints) for branch in branches) < 1e-8
+
+
+def with_wrist_axis(model: FreeFloatingModel, joint: str, axis: str) -> FreeFloatingModel:
+    """The same arm with another axis for one joint."""
+    first, rest = model.description.text.split(f'<joint name="{joint}"')
+    changed = re.sub("<axis [^>]*>", f'<axis xyz="{axis}"/>', rest, count=1)
+    return FreeFloatingModel.from_urdf(f'{first}<joint name="{joint}"{changed}', "end_effector")
+
+
+@pytest.mark.parametrize(
+    ("bend", "axis"),
+    [(bend, "0 -1 0") for bend in (0.0, 1e-9, 1e-8, -3e-8, 1e-7, np.pi)]
+    # square to eight digits, as where a URDF says rpy="1.5707963 0 0"
+    + [(bend, "1e-8 -1 0") for bend in (0.0, 1e-8, -3e-8)],
+)
+def test_a_straight_wrist_loses_no_branch(
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator, bend: float, axis: str
+) -> None:
+    """With axes 4 and 6 in line any share of the roll will do, but one must be given."""
+    model = with_wrist_axis(spatial_6dof, "q5", axis)
+    virtual = VirtualManipulator.of(model)
+    assert virtual.has_elbow_and_spherical_wrist
+    for q in rng.uniform(-np.pi, np.pi, (20, 6)):
+        q[4] = bend
+        target = virtual.pose(q)
+        branches = arm_branches(model, target, Task.POSE)
+        assert [branch.index for branch in branches] == list(range(8))
+        assert holds([joints[:3] for joints in joints_of(branches)], q[:3])
+        assert max(missed(virtual, target, branch.joints) for branch in branches) < 1e-8
+
+
+@pytest.mark.parametrize("axis", ["0 0 1", "0.6 0 0.8"], ids=["roll pitch yaw", "bent at zero"])
+def test_wrists_need_not_be_straight_at_zero(
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator, axis: str
+) -> None:
+    """Where the zero of the middle joint lies is the maker's choice."""
+    model = with_wrist_axis(spatial_6dof, "q6", axis)
+    virtual = VirtualManipulator.of(model)
+    for q in rng.uniform(-np.pi, np.pi, (10, 6)):
+        branches = arm_branches(model, virtual.pose(q), Task.POSE)
+        assert [branch.index for branch in branches] == list(range(8))
+        assert holds(joints_of(branches), q)
+        assert max(missed(virtual, virtual.pose(q), b.joints) for b in branches) < 1e-8
+
+
+def test_branch_numbers_keep_their_meaning_at_every_attitude(
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """Sign of the elbow, of the wrist, and whether the arm reaches forwards or over its back."""
+    virtual = VirtualManipulator.of(spatial_6dof)
+    forwards = {"+": set(), "-": set()}
+    for attitude in Rotation.random(60, rng=rng):
+        target = START.seen_from(attitude.as_matrix())
+        for branch in arm_branches(spatial_6dof, target, Task.POSE):
+            shoulder, elbow, wrist = (word[-1] for word in branch.label.split())
+            q = branch.joints
+            assert np.sign(np.sin(q[2])) == float(elbow + "1")
+            assert np.sign(np.sin(q[4])) == float(wrist + "1")
+            x, y, _ = virtual.kinematics(q)[2][4, 0]  # of the wrist
+            forwards[shoulder].add(np.sign(x * np.cos(q[0]) + y * np.sin(q[0])))
+    assert {frozenset(signs) for signs in forwards.values()} == {frozenset([1]), frozenset([-1])}
+
+
+def test_branches_move_little_while_the_attitude_changes_a_little(
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """A number followed through a slow turn of the spacecraft is one continuous motion."""
+    step, followed = np.radians(0.25), 0
+    virtual = VirtualManipulator.of(spatial_6dof)
+    for start in Rotation.random(2, rng=rng):
+        axis = rng.normal(size=3)
+        turn = Rotation.from_rotvec(step * axis / np.linalg.norm(axis))
+        attitude, last = start, None
+        for _ in range(120):
+            target = START.seen_from(attitude.as_matrix())
+            branches = {b.index: b.joints for b in arm_branches(spatial_6dof, target, Task.POSE)}
+            for index, q in branches.items():
+                if last and abs(np.sin(q[4])) > 0.2 and abs(np.sin(q[2])) > 0.2:
+                    slowest = np.linalg.svd(virtual.jacobian(q)[0], compute_uv=False)[-1]
+                    assert gap(q, last[index]) < 4.0 * step / slowest
+                    followed += 1
+            attitude, last = attitude * turn, branches
+    assert followed > 500
+
+
+def test_published_touch_points_lie_on_their_paths(
+    spatial_6dof: FreeFloatingModel, planar_3dof: FreeFloatingModel
+) -> None:
+    """Printed attitudes and joints put the end-effector where the printed time says."""
+
+    def quintic(tau: float) -> float:
+        return 10 * tau**3 - 15 * tau**4 + 6 * tau**5
+
+    pose = spatial_6dof.end_effector_pose(
+        unit_quaternion("", [0.4295, -0.147, 0.6898, -0.564]),
+        [0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288],
+    )
+    expected = np.array([1.0, 0, 0]) + quintic(0.4225) * np.array([-1.5, 0.8, 0.33])
+    np.testing.assert_allclose(pose.position, expected, atol=1e-3)
+    np.testing.assert_allclose(pose.rotation, START.rotation, atol=1e-3)
+    for heading, joints in (
+        (-0.7463, [-3.6512, 0.1762, 1.7885]),
+        (0.9158, [-0.6074, 2.9265, 0.9617]),
+        (1.5922, [-0.7348, 2.9014, 0.2833]),
+    ):
+        attitude = [0, 0, np.sin(heading / 2), np.cos(heading / 2)]
+        pose = planar_3dof.end_effector_pose(attitude, joints)
+        x, y, _ = pose.position
+        assert y == pytest.approx(x**2 / 6 - 5 * x / 6 + 1, abs=5e-4)
+        along = np.array([1.0, x / 3 - 5 / 6, 0.0])
+        assert abs(pose.rotation[:, 0] @ along) < 1e-3  # third link normal to the path
+
+
+# ---------------------------------------------------------------------------- arms of any make
+
+
+def test_closed_form_and_newton_agree(rng: np.random.Generator) -> None:
+    """Random elbow arms with spherical wrists, no two axes square: the same configurations."""
+    counts = []
+    for _ in range(12):
+        model = elbow_arm(rng)
+        virtual = VirtualManipulator.of(model)
+        assert virtual.has_elbow_and_spherical_wrist
+        q = rng.uniform(-np.pi, np.pi, 6)
+        target = virtual.pose(q)
+        closed = joints_of(arm_branches(model, target, Task.POSE))
+        newton = searched(model, target, Task.POSE)
+        assert holds(closed, q)
+        assert all(holds(newton, joints, 1e-5) for joints in closed)
+        assert all(holds(closed, joints, 1e-5) for joints in newton)
+        assert max(missed(virtual, target, joints) for joints in closed) < 1e-8
+        counts.append(len(closed))
+    assert set(counts) <= {2, 4, 6, 8}
+    assert max(counts) == 8
+
+
+@pytest.mark.parametrize(
+    ("structure", "task"),
+    [
+        ("RRRRRR", Task.POSE),
+        ("RRPRRR", Task.POSE),
+        ("RRR", Task.POSITION),
+        ("RPR", Task.POSITION),
+        ("PPP", Task.POSITION),
+    ],
+)
+def test_newton_finds_the_configuration_a_pose_came_from(
+    structure: str, task: Task, rng: np.random.Generator
+) -> None:
+    """Arms without a closed form; their solutions come in pairs, born where the arm is singular."""
+    for _ in range(8):
+        robot = random_robot(rng, structure)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+        virtual = VirtualManipulator.of(model)
+        q = rng.uniform(-np.pi, np.pi, model.dof)
+        target = virtual.pose(q)
+        branches = arm_branches(model, target, task)
+        assert holds(joints_of(branches), q)
+        if structure != "RRRRRR":
+            order = [(i, str(i)) for i in range(len(branches))]
+            assert [(b.index, b.label) for b in branches] == order
+        for branch in branches:
+            pose = virtual.pose(branch.joints)
+            assert np.abs(pose.position - target.position).max() < 1e-8
+            if task.turns:
+                assert missed(virtual, target, branch.joints) < 1e-8
+        assert len(branches) == 1 if structure == "PPP" else len(branches) % 2 == 0
+
+
+def test_a_wrist_that_is_not_quite_spherical_is_still_solved(
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """Body 4 heavy and off its axis: the virtual wrist falls apart, the branches remain."""
+    text = spatial_6dof.description.text.replace(
+        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6" />',
+        '<link name="link_4"><inertial><origin xyz="0 0 0.1"/><mass value="5"/>',
+    )
+    model = FreeFloatingModel.from_urdf(text, "end_effector")
+    virtual = VirtualManipulator.of(model)
+    assert not virtual.has_elbow_and_spherical_wrist
+    for _ in range(3):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        branches = arm_branches(model, virtual.pose(q), Task.POSE)
+        assert holds(joints_of(branches), q)
+        assert max(missed(virtual, virtual.pose(q), b.joints) for b in branches) < 1e-8
+
+
+# ------------------------------------------------------------------------------ a stock arm
+
+
+@pytest.mark.parametrize("angle_deg", [0, 40, 80, 120])
+def test_ur5_has_eight_branches_in_front_of_it(ur5: FreeFloatingModel, angle_deg: int) -> None:
+    """Two shoulders, two elbows, two wrists, each combination once; no wrist centre to help."""
+    assert not VirtualManipulator.of(ur5).has_elbow_and_spherical_wrist
+    angle = np.radians(angle_deg)
+    target = Pose(
+        [0.25 + 0.35 * np.cos(angle), 0.35 * np.sin(angle), 0.75],
+        Rotation.from_euler("xyz", [0, np.pi / 2, 0]).as_matrix(),
+    )
+    branches = arm_branches(ur5, target, Task.POSE)
+    assert [b.index for b in branches] == list(range(8))
+    assert [b.label for b in branches] == [
+        f"shoulder{s} elbow{e} wrist{w}" for s in "+-" for e in "+-" for w in "+-"
+    ]
+    shoulders = {b.index // 4: round(b.joints[0], 4) for b in branches}
+    assert shoulders[0] != shoulders[1]
+    for branch in branches:
+        q = branch.joints
+        assert round(q[0], 4) == shoulders[branch.index // 4]
+        assert branch.label.split()[1] == f"elbow{'+' if np.sin(q[2]) > 0 else '-'}"
+        assert branch.label.split()[2] == f"wrist{'+' if np.sin(q[4]) > 0 else '-'}"
+        pose = ur5.end_effector_pose([0, 0, 0, 1], branch.joints)
+        assert np.abs(pose.position - target.position).max() < 1e-8
+        assert np.abs(rotation_vector_between(pose.rotation, target.rotation)).max() < 1e-8
+
+
+def test_ur5_keeps_its_ranges(ur5: FreeFloatingModel, rng: np.random.Generator) -> None:
+    """A configuration within its ranges is found again, as plain angles near zero."""
+    virtual = VirtualManipulator.of(ur5)
+    for q in rng.uniform(-np.pi, np.pi, (4, 6)):
+        branches = arm_branches(ur5, virtual.pose(q), Task.POSE)
+        assert any(np.abs(b.joints - q).max() < 1e-6 for b in branches)
+
+
+# ---------------------------------------------------------------------------------- planar arms
+
+
+@given(seed=st.integers(0, 2**32 - 1), q=st.integers(2, 3).flatmap(joint_values))
+def test_planar_arms_have_two_elbows(seed: int, q: np.ndarray) -> None:
+    """Elbow + and -, both at the pose; a stretched arm has both in one."""
+    rng, n = np.random.default_rng(seed), len(q)
+    m, before, after = np.exp(rng.normal(size=n + 1)), rng.random(n), rng.random(n + 1)
+    model = FreeFloatingModel.from_urdf(planar_robot(m, np.ones(n + 1), before, after))
+    task = {2: Task.PLANAR_POSITION, 3: Task.PLANAR_POSE}[n]
+    virtual = VirtualManipulator.of(model)
+    target = virtual.pose(q)
+    branches = arm_branches(model, target, task)
+    assert [(b.index, b.label) for b in branches] == [(0, "elbow+"), (1, "elbow-")]
+    sharp = abs(np.sin(q[1])) > 1e-2
+    assert holds(joints_of(branches), q, 1e-6 if sharp else 1e-3)
+    for sign, branch in zip((1, -1), branches, strict=True):
+        pose = virtual.pose(branch.joints)
+        assert np.abs(pose.position - target.position).max() < 1e-8
+        if sharp:
+            assert np.sign(np.sin(branch.joints[1])) == sign
+        if task.turns:
+            assert missed(virtual, target, branch.joints) < 1e-8
+
+
+def test_planar_closed_form_and_newton_agree(
+    planar_3dof: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """Two and only two."""
+    virtual = VirtualManipulator.of(planar_3dof)
+    for q in rng.uniform(-np.pi, np.pi, (4, 3)):
+        target = virtual.pose(q)
+        closed = joints_of(arm_branches(planar_3dof, target, Task.PLANAR_POSE))
+        newton = searched(planar_3dof, target, Task.PLANAR_POSE)
+        assert len(closed) == len(newton) == 2
+        assert all(holds(newton, joints, 1e-5) for joints in closed)
+
+
+def test_planar_tasks_do_not_mind_the_height(planar_3dof: FreeFloatingModel) -> None:
+    """A tool 1 m above the plane follows a path in the plane: only x, y and heading count."""
+    text = planar_3dof.description.text.replace(
+        '<origin xyz="0.4 0 0" />', '<origin xyz="0.4 0 1"/>'
+    )
+    assert text != planar_3dof.description.text
+    model = FreeFloatingModel.from_urdf(text)
+    q = np.array([0.3, 0.7, -0.4])
+    target = VirtualManipulator.of(planar_3dof).pose(q)
+    assert target.position[2] == 0.0
+    branches = arm_branches(model, target, Task.PLANAR_POSE)
+    assert len(branches) == 2
+    assert holds(joints_of(branches), q)
+
+
+def test_position_tasks_do_not_mind_the_attitude(rng: np.random.Generator) -> None:
+    """Only the part of the pose that the task prescribes counts."""
+    flat = FreeFloatingModel.from_urdf(planar_robot([40, 4, 3], [6, 1, 1], [0.5] * 2, [0.5] * 3))
+    robot = random_robot(rng, "RRR")
+    free = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    for model, task in ((flat, Task.PLANAR_POSITION), (free, Task.POSITION)):
+        q = np.array([0.4, 1.1, 0.3])[: model.dof]
+        pose = VirtualManipulator.of(model).pose(q)
+        turned = Pose(pose.position, Rotation.random(rng=rng).as_matrix())
+        same, other = (joints_of(arm_branches(model, p, task)) for p in (pose, turned))
+        assert holds(same, q)
+        np.testing.assert_allclose(same, other, atol=1e-9)
+
+
+# ------------------------------------------------------------------------------- out of reach
+
+
+def test_out_of_reach_there_are_none(
+    spatial_6dof: FreeFloatingModel, planar_3dof: FreeFloatingModel, ur5: FreeFloatingModel
+) -> None:
+    """Beyond the reach, and in the hole that long links cannot fold into: an empty answer."""
+    far = Pose([0.0, 30.0, 0.0], np.eye(3))
+    assert arm_branches(spatial_6dof, far, Task.POSE) == ()
+    assert arm_branches(planar_3dof, far, Task.PLANAR_POSE) == ()
+    assert arm_branches(planar_3dof, far, Task.PLANAR_POSITION) == ()
+    assert arm_branches(ur5, far, Task.POSE) == ()
+    # b - c = 0.817 m around the first joint at (a, 0), seen from the end d = 0.400 m before it
+    hole = Pose([0.424628 + 0.399575 + 0.7, 0.0, 0.0], np.eye(3))
+    assert arm_branches(planar_3dof, hole, Task.PLANAR_POSE) == ()
+    rim = Pose([0.424628 + 0.399575 + 0.9, 0.0, 0.0], np.eye(3))
+    assert len(arm_branches(planar_3dof, rim, Task.PLANAR_POSE)) == 2
+
+
+def test_a_forearm_of_no_length_reaches_one_circle_only() -> None:
+    """A hand on the second axis: its distance is fixed, and no other is met by pretending."""
+    model = FreeFloatingModel.from_urdf(planar_robot([9, 3, 2], [1] * 3, [0.5, 0.0], [0.4, 0.5, 0]))
+    virtual = VirtualManipulator.of(model)
+    target = virtual.pose([0.7, 0.0])
+    branches = arm_branches(model, target, Task.PLANAR_POSITION)
+    assert all(abs(branch.joints[0] - 0.7) < 1e-9 for branch in branches)
+    assert len(branches) > 0
+    nearer = Pose(0.9 * target.position, target.rotation)
+    assert arm_branches(model, nearer, Task.PLANAR_POSITION) == ()
+
+
+# --------------------------------------------------------------------------- joints to spare
+
+
+@pytest.mark.parametrize(("structure", "task"), [("RRRRRRR", Task.POSE), ("RRRRR", Task.POSITION)])
+def test_redundant_arms_get_a_spread_that_is_always_the_same(
+    structure: str, task: Task, rng: np.random.Generator
+) -> None:
+    """Sixteen of infinitely many, far from each other, the same at every call."""
+    robot = random_robot(rng, structure)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    virtual = VirtualManipulator.of(model)
+    target = virtual.pose(np.full(model.dof, 0.4))
+    branches = arm_branches(model, target, task)
+    assert [branch.index for branch in branches] == list(range(16))
+    for branch in branches:
+        pose = virtual.pose(branch.joints)
+        assert np.abs(pose.position - target.position).max() < 1e-8
+        if task.turns:
+            assert missed(virtual, target, branch.joints) < 1e-8
+        others = [other for other in branches if other is not branch]
+        assert not holds(joints_of(others), branch.joints, 0.1)
+    again = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    for branch, other in zip(branches, arm_branches(again, target, task), strict=True):
+        np.testing.assert_array_equal(branch.joints, other.joints)
+
+
+def test_nearest_configuration_stays_near(planar_3dof: FreeFloatingModel) -> None:
+    """From joints that nearly hit to the ones that do; where there are none, an empty answer."""
+    virtual = VirtualManipulator.of(planar_3dof)
+    q = np.array([0.4, 1.0, -0.6])
+    target = virtual.pose(q)
+    (found,) = nearest_configuration(planar_3dof, target, Task.PLANAR_POSITION, q + 0.01)
+    assert np.abs(virtual.pose(found.joints).position - target.position).max() < 1e-9
+    assert np.abs(found.joints - q).max() < 0.05
+    assert found.label == "given"
+    assert found.index == 16  # none of those that arm_branches numbers
+    far = Pose([0, 30, 0], np.eye(3))
+    assert nearest_configuration(planar_3dof, far, Task.PLANAR_POSITION, q) == []
+
+
+# ---------------------------------------------------------------------------------- joint ranges
+
+
+@settings(max_examples=60)
+@given(
+    q=joint_values(3),
+    ranges=st.lists(
+        st.tuples(st.floats(-6 * np.pi, 6 * np.pi), st.floats(-6 * np.pi, 6 * np.pi)).map(sorted),
+        min_size=3,
+        max_size=3,
+    ),
+)
+def test_joints_are_turned_into_their_range(q: np.ndarray, ranges: list[list[float]]) -> None:
+    """By whole turns, as near to zero as that allows; outside where no turn helps."""
+    unlimited = FreeFloatingModel.from_urdf(planar_robot([4, 3, 2, 1], [1] * 4, [1] * 3, [1] * 4))
+    text = unlimited.description.text
+    limit_of_continuous = re.compile(r"<limit [^>]*1000000000[^>]*/>")
+    for lower, upper in ranges:
+        limit = f'<limit effort="1" velocity="1" lower="{lower!r}" upper="{upper!r}"/>'
+        text = limit_of_continuous.sub(limit, text, count=1)
+    target = VirtualManipulator.of(unlimited).pose(q)
+    free = arm_branches(unlimited, target, Task.PLANAR_POSE)
+    model = FreeFloatingModel.from_urdf(text)
+    assert model.bodies[3].upper == ranges[2][1]
+    kept = arm_branches(model, target, Task.PLANAR_POSE)
+    for wrapped, plain in zip(kept, free, strict=True):
+        assert gap(wrapped.joints, plain.joints) < 1e-12
+        assert np.abs(plain.joints).max() <= np.pi
+        for value, angle, (lower, upper) in zip(wrapped.joints, plain.joints, ranges, strict=True):
+            turns = angle + 2.0 * np.pi * np.arange(-4, 5)
+            inside = turns[(turns >= lower) & (turns <= upper)]
+            nearest = inside[np.argmin(np.abs(inside))] if len(inside) else angle
+            assert abs(value) == pytest.approx(abs(nearest), abs=1e-12)
+            assert not len(inside) or lower <= value <= upper

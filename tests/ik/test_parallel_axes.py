@@ -1,0 +1,155 @@
+"""Arms whose second to fourth axes are parallel: nothing missed, nothing made up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.branches import BranchSets, many_arm_branches, search_arm_branches
+from freefloat.ik.parallel_axes import UNCLEAR, circle_angles, solve_parallel
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import find_robot
+from freefloat.so3 import Array
+from tests.robots import inertial_text, joint_text, link_text, numbers, random_inertia
+
+MEETS = 1e-8
+
+
+def parallel_arm(rng: np.random.Generator, signs: tuple[float, float]) -> FreeFloatingModel:
+    """An arm of random make, but for its axes 3 and 4: along axis 2 or against it."""
+    lift = rng.normal(size=3)
+    lift /= np.linalg.norm(lift)
+    axes = [rng.normal(size=3), lift, signs[0] * lift, signs[1] * lift, *rng.normal(size=(2, 3))]
+    text = link_text("bus", inertial_text(rng.uniform(50, 500), random_inertia(rng, 50.0)))
+    parent = "bus"
+    for k, axis in enumerate(axes):
+        inertial = inertial_text(
+            rng.uniform(1.0, 20.0), random_inertia(rng, 0.5), numbers(rng.normal(0.0, 0.1, 3))
+        )
+        text += link_text(f"link_{k}", inertial)
+        offset = rng.normal(0.0, 0.2, 3) + (rng.normal(0.0, 0.5, 3) if k in (2, 3) else 0.0)
+        axis = axis / np.linalg.norm(axis)
+        text += joint_text(
+            f"joint_{k}", "C", parent, f"link_{k}", numbers(offset), axis=numbers(axis)
+        )
+        parent = f"link_{k}"
+    text += link_text("tip") + joint_text(
+        "hand", "F", parent, "tip", numbers(rng.normal(0, 0.1, 3))
+    )
+    return FreeFloatingModel.from_urdf(f'<robot name="parallel">{text}</robot>', "tip")
+
+
+def gaps(a: Array, b: Array) -> Array:
+    """Largest joint differences, whole turns not counted."""
+    return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
+
+
+def assert_the_same(closed: BranchSets, searched: BranchSets) -> None:
+    np.testing.assert_array_equal(closed.names, searched.names)
+    off = gaps(closed.joints[closed.found], searched.joints[searched.found])
+    assert off.max(initial=0.0) < 1e-6
+    assert closed.labels == searched.labels
+
+
+def assert_meets(model: FreeFloatingModel, sets: BranchSets, p: Array, R: Array) -> None:
+    k, _ = np.nonzero(sets.found)
+    position, rotation, _, _ = VirtualManipulator.of(model).kinematics(sets.joints[sets.found])
+    assert np.abs(position - p[k]).max() < MEETS
+    assert np.abs(rotation - R[k]).max() < MEETS
+
+
+@pytest.mark.parametrize("signs", [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
+def test_arms_of_any_make_have_the_branches_that_a_search_finds(
+    signs: tuple[float, float], rng: np.random.Generator
+) -> None:
+    """The same joints at the same places, on poses within reach and on others."""
+    for _ in range(3):
+        model = parallel_arm(rng, signs)
+        virtual = VirtualManipulator.of(model)
+        assert virtual.has_three_parallel_axes
+        assert not virtual.has_elbow_and_spherical_wrist
+        q = rng.uniform(-np.pi, np.pi, (60, 6))
+        p, R, _, _ = virtual.kinematics(q)
+        p[::10] *= 1.3
+        closed = many_arm_branches(model, p, R, Task.POSE)
+        assert_the_same(closed, search_arm_branches(model, p, R, Task.POSE))
+        assert_meets(model, closed, p, R)
+        own = np.arange(60) % 10 > 0
+        assert np.nanmin(gaps(closed.joints[own], q[own, None]), axis=1).max() < 1e-6
+        assert (closed.found.sum(axis=1) % 2 == 0).all()
+        assert closed.found.sum(axis=1).max() >= 4
+
+
+@pytest.mark.parametrize("name", ["ur3", "ur5", "ur10"])
+def test_stock_arms_have_the_branches_that_a_search_finds(
+    name: str, rng: np.random.Generator
+) -> None:
+    model = FreeFloatingModel.from_urdf(find_robot(f"example-robot-data:{name}", Path()), "tool0")
+    virtual = VirtualManipulator.of(model)
+    assert virtual.has_three_parallel_axes
+    p, R, _, _ = virtual.kinematics(rng.uniform(-np.pi, np.pi, (150, 6)))
+    closed = many_arm_branches(model, p, R, Task.POSE)
+    assert_the_same(closed, search_arm_branches(model, p, R, Task.POSE))
+    assert closed.found.sum(axis=1).max() == 8
+
+
+@pytest.mark.parametrize("joint", [2, 4])
+@pytest.mark.parametrize("bend", [0.0, 1e-9, 1e-6, 1e-4, 1e-2, np.pi])
+def test_no_pose_is_lost_near_a_singular_one(
+    ur5: FreeFloatingModel, joint: int, bend: float, rng: np.random.Generator
+) -> None:
+    """Elbow or wrist straight or nearly so: what is told meets the pose, and it is not missed."""
+    virtual = VirtualManipulator.of(ur5)
+    q = rng.uniform(-np.pi, np.pi, (30, 6))
+    q[:, joint] = bend
+    p, R, _, _ = virtual.kinematics(q)
+    closed = many_arm_branches(ur5, p, R, Task.POSE)
+    assert_meets(ur5, closed, p, R)
+    searched = search_arm_branches(ur5, p, R, Task.POSE)
+    assert (closed.found.sum(axis=1) >= searched.found.sum(axis=1)).all()
+    if bend >= 1e-4 and bend < 3.0:
+        assert np.nanmin(gaps(closed.joints, q[:, None]), axis=1).max() < 1e-6
+
+
+def test_a_search_is_asked_at_few_poses_only(
+    ur5: FreeFloatingModel, rng: np.random.Generator
+) -> None:
+    """Without any start a search finds nothing: what is found then came from the formulas."""
+    virtual = VirtualManipulator.of(ur5)
+    p, R, _, _ = virtual.kinematics(rng.uniform(-np.pi, np.pi, (400, 6)))
+    whole = many_arm_branches(ur5, p, R, Task.POSE)
+    from freefloat.ik.branches import _chain
+
+    chain = _chain(virtual, ur5)
+    joints, patterns = np.empty((400, 16, 6)), np.empty((400, 16), np.int64)
+    solve_parallel(chain, np.arange(6), np.empty((0, 6)), p, R.copy(), joints, patterns)
+    known = (patterns >= 0).any(axis=1)
+    assert known.mean() > 0.97
+    np.testing.assert_array_equal(patterns[known], whole.names[known])
+
+
+def test_arms_with_other_axes_are_left_to_the_search(spatial_6dof: FreeFloatingModel) -> None:
+    assert not VirtualManipulator.of(spatial_6dof).has_three_parallel_axes
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_points_of_an_ellipse_on_the_unit_circle(seed: int) -> None:
+    """As a fine sampling of the angle finds them, by changes of sign."""
+    rng = np.random.default_rng(seed)
+    N, m = rng.normal(size=(2, 2)), rng.normal(0.0, 0.7, 2)
+    angles = np.empty(4)
+    count = circle_angles(N, m, angles)
+    q = np.linspace(-np.pi, np.pi, 200_001)
+    off = np.linalg.norm(N @ [np.cos(q), np.sin(q)] + m[:, None], axis=0) - 1.0
+    crossed = q[:-1][off[:-1] * off[1:] < 0.0]
+    if count != UNCLEAR:
+        np.testing.assert_allclose(np.sort(angles[:count]), crossed, atol=1e-4)
+
+
+def test_a_circle_on_the_unit_circle_is_not_clear() -> None:
+    """Every angle would do."""
+    assert circle_angles(np.eye(2), np.zeros(2), np.empty(4)) == UNCLEAR

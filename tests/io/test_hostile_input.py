@@ -1,0 +1,367 @@
+"""Files made to do harm, or broken by chance: read, or refused in one message; nothing else."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from freefloat.errors import InputError
+from freefloat.io import hdf5_probe
+from freefloat.io.plan_file import load_plan
+from freefloat.io.scenario import load_scenario
+from freefloat.io.yaml import parse_yaml
+from freefloat.motion.problem import Problem
+from freefloat.motion.simulation import simulate
+from freefloat.paths.path import read_samples
+from freefloat.robot.mesh_paths import find_mesh
+from freefloat.robot.meshes import MeshFileError, read_mesh
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.validation import examine
+from freefloat.so3 import heading_quaternion
+from freefloat.studies.files import StudyFiles
+from freefloat.studies.report import save_report
+from freefloat.studies.study import load_study
+from freefloat.studies.summary import study_summary
+from freefloat.studies.table import study_table
+from freefloat.visualization.figure_style import new_figure
+from freefloat.visualization.playback import play
+from tests import hostile_samples as good
+from tests.example_studies import BASE, a_study, write_study
+from tests.hostile import KINDS, READ, REFUSED, Watch, outcome
+from tests.scenarios import PARABOLA
+
+MUTATED = 38
+"""Of each of eight kinds."""
+
+
+@pytest.fixture
+def watch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watch]:
+    """Folders to work in, and somebody who looks."""
+    for kind in KINDS.values():
+        kind.samples()  # made elsewhere, before anybody looks
+    watch = Watch(tmp_path)
+    monkeypatch.chdir(watch.inside)
+    yield watch
+    watch.close()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_mutated_files_are_read_or_refused_in_one_message(kind: str, watch: Watch) -> None:
+    """``scripts/fuzz.py`` does the same with as many as one likes."""
+    found = Counter[str]()
+    for number in range(MUTATED):
+        content = KINDS[kind].input(f"tests/{kind}/{number}")
+        result, told = outcome(KINDS[kind], content, watch)
+        assert result in (READ, REFUSED), f"{kind} {number}: {result}: {told}"
+        found[result] += 1
+    assert found[REFUSED] > MUTATED // 4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_good_files_are_read(kind: str, watch: Watch) -> None:
+    """Else mutations of them would prove nothing."""
+    for content in KINDS[kind].samples():
+        result, told = outcome(KINDS[kind], content, watch)
+        assert result == READ, told
+
+
+def test_whoever_looks_sees_what_is_done_outside(watch: Watch, tmp_path: Path) -> None:
+    (watch.inside / "mine").write_text("fine")
+    assert watch.found() == []
+    (tmp_path / "outside" / "pwned").write_text("not fine")
+    os.system("true")
+    found = watch.found()
+    assert any("pwned" in one for one in found), found
+    assert any("os.system" in one for one in found)
+    assert any("was changed" in one for one in found)
+    assert watch.found() == []
+
+
+# Messages
+
+
+@pytest.mark.parametrize("name", ["a\nb", "\x1b[2J", "\u202e", "\ud800", "\0", "x" * 100_000])
+def test_messages_are_one_line_that_any_terminal_may_get(name: str) -> None:
+    told = str(InputError(name, f"{name} was given", name, name))
+    assert told.isprintable()
+    assert len(told) < 20_000
+    told.encode()
+
+
+# URDFs
+
+LAUGHS = '<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]><robot name="&b;"/>'
+THIEF = '<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="x">&a;</robot>'
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (LAUGHS, "DTD"),
+        (THIEF, "DTD"),
+        ('<?xml version="1.0" encoding="nonsense"?><robot/>', "encoding"),
+        ("<robot>" + "<a>" * 100_000, "nested too deeply"),
+        ("<robot>" + '<link name="z"/>' * 30_000 + "</robot>", "30,000 links"),
+        (good.bundled("planar_3dof")[0].decode().replace('"400"', '"1e300"'), "proportion"),
+    ],
+    ids=["laughs", "thief", "encoding", "deep", "many", "huge"],
+)
+def test_urdfs_that_would_cost_too_much_are_refused(text: str, problem: str) -> None:
+    begin = time.process_time()
+    with pytest.raises(InputError, match=problem):
+        FreeFloatingModel.from_urdf(text)
+    examine(text)
+    assert time.process_time() - begin < 3.0
+
+
+def test_a_chain_of_a_hundred_joints_is_examined_at_once() -> None:
+    chain = "".join(
+        f'<link name="l{n}"/><joint name="j{n}" type="continuous"><parent link="l{n}"/>'
+        f'<child link="l{n + 1}"/><origin xyz="0 0 1"/></joint>'
+        for n in range(490)
+    )
+    begin = time.process_time()
+    examine(f'<robot name="x">{chain}<link name="l490"/></robot>')
+    assert time.process_time() - begin < 3.0
+
+
+@pytest.mark.parametrize("name", ["file://[", "package://[/x", "file://\u2100/x"])
+def test_names_of_meshes_that_are_no_addresses_are_told(name: str) -> None:
+    with pytest.raises(MeshFileError, match="no address"):
+        find_mesh(name, "robot.urdf")
+
+
+def test_devices_and_pipes_are_not_read(watch: Watch) -> None:
+    """They never end."""
+    for name in ("fifo", "zero"):
+        with pytest.raises(InputError, match="no plain file"):
+            read_samples(name)
+        with pytest.raises(InputError, match="no plain file"):
+            FreeFloatingModel.from_urdf(Path(name))
+        with pytest.raises(MeshFileError, match="no such file"):
+            find_mesh(name, str(watch.inside / "robot.urdf"))
+
+
+# Scenarios and studies
+
+
+def test_a_megabyte_of_yaml_is_read_in_seconds() -> None:
+    """As long as nobody asks what it means."""
+    begin = time.process_time()
+    parse_yaml("a:\n" + "- [1.5, 2.5, 3.5]\n" * 10_000, Path("x"))
+    assert time.process_time() - begin < 2.0
+
+
+def test_no_yaml_runs_code(watch: Watch) -> None:
+    file = watch.inside / "evil.yaml"
+    for text in ("!!python/object/apply:os.system [touch ../outside/pwned]", "&a [*a, *a]"):
+        file.write_text(PARABOLA.replace("planar-pose", text))
+        with pytest.raises(InputError, match=r"tag|alias"):
+            load_scenario(file)
+    assert watch.found() == []
+
+
+def test_studies_that_would_take_all_memory_are_refused_at_once(tmp_path: Path) -> None:
+    many = {f"robot.held.q{n}": {"range": [0, 1, 1e-6]} for n in range(100)}
+    with pytest.raises(InputError, match="numbers are listed"):
+        load_study(write_study(tmp_path, many))
+    wide = {"momentum": {"grid": {"from": [0] * 99, "to": [1] * 99, "count": [10**6] + [1] * 98}}}
+    with pytest.raises(InputError, match="numbers are listed"):
+        load_study(write_study(tmp_path, wide))
+
+
+def test_very_many_cases_that_all_fail_are_told_at_once(tmp_path: Path) -> None:
+    begin = time.process_time()
+    with pytest.raises(InputError, match="duration"):
+        load_study(write_study(tmp_path, {"momentum.2": {"range": [0.0, 0.999, 1e-5]}},
+                               base=BASE | {"timing": {"duration": "long"}}))  # fmt: skip
+    assert time.process_time() - begin < 8.0
+
+
+def test_minus_zero_is_zero(tmp_path: Path) -> None:
+    vary = {"momentum.2": {"normal": {"mean": 0.5, "sd": -0.0}}}
+    assert a_study(tmp_path, vary, cases=2).parameters(1) == {"momentum.2": 0.5}
+    vary = {"momentum.2": {"uniform": [0.0, -0.0]}}
+    assert a_study(tmp_path, vary, cases=2).parameters(1) == {"momentum.2": 0.0}
+
+
+def test_meshes_of_a_study_are_not_looked_for_by_entities(tmp_path: Path) -> None:
+    text = good.meshed().decode().replace("part.stl", "&a;")
+    declared = '<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY a "wish.yaml">]>'
+    file = write_study(tmp_path, {"heading_deg": {"list": [1.0]}})
+    (tmp_path / "planar_3dof.urdf").write_text(text.replace('<?xml version="1.0"?>', declared))
+    assert list(StudyFiles.of(load_study(file)).meshes.values()) == [{}]
+
+
+# Result files
+
+
+def _changed(change: Callable[[Any], object]) -> bytes:
+    stream = io.BytesIO(good.plans()[0])
+    with h5py.File(stream, "r+") as file:
+        change(file)
+    return stream.getvalue()
+
+
+def _without(name: str, change: Callable[[Any], object]) -> Callable[[Any], object]:
+    def changed(file: Any) -> None:
+        del file[name]
+        change(file)
+
+    return changed
+
+
+def _into(name: str, link: Any) -> Callable[[Any], object]:
+    return _without(name, lambda file: file.__setitem__(name, link))
+
+
+TIME = "motion/time"
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (_into(TIME, h5py.ExternalLink("fifo", "/x")), "elsewhere"),
+        (_into(TIME, h5py.SoftLink("/motion/joints")), "elsewhere"),
+        (lambda file: file["motion"].__setitem__("odd", file["/"]), "twice"),
+        (_without(TIME, lambda file: file.create_dataset(
+            TIME, (16,), "u1", external=[("/etc/passwd", 0, 16)])), "elsewhere"),
+        (_without(TIME, lambda file: file.create_dataset(TIME, (10**9,), "f8")), "claims more"),
+        (_without(TIME, lambda file: file.create_dataset(
+            TIME, (10**8, 7), "f8", chunks=(1000, 7), compression="gzip")), "claims more"),
+        (_without(TIME, lambda file: file.create_dataset(TIME, data=np.ones(9, complex))),
+         "no numbers"),
+    ],
+    ids=["external link", "soft link", "circle", "external data", "huge", "packed", "complex"],
+)  # fmt: skip
+def test_result_files_that_lead_elsewhere_or_claim_too_much_are_refused(
+    change: Callable[[Any], object], problem: str, watch: Watch
+) -> None:
+    file = watch.inside / "plan.h5"
+    file.write_bytes(_changed(change))
+    with pytest.raises(InputError, match=problem):
+        load_plan(file)
+
+
+@pytest.mark.parametrize(
+    ("deed", "problem"),
+    [
+        (lambda _: time.sleep(60), "never ends"),
+        (lambda _: os.kill(os.getpid(), signal.SIGSEGV), "library dies"),
+        (lambda _: np.ones(10**12), "all memory"),
+    ],
+    ids=["hang", "crash", "memory"],
+)
+def test_a_result_file_that_its_library_dies_of_is_refused(
+    deed: Callable[[Any], object], problem: str, watch: Watch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bytes changed by chance have made it loop for ever."""
+    monkeypatch.setattr(hdf5_probe, "_SECONDS", 1)
+    monkeypatch.setattr(hdf5_probe, "_look", deed)
+    file = watch.inside / "plan.h5"
+    file.write_bytes(good.plans()[0])
+    with pytest.raises(InputError, match=problem):
+        load_plan(file)
+
+
+# Meshes
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.dae", good.meshes()[4].replace(b"<COLLADA", b"<!DOCTYPE x><COLLADA", 1)),
+        ("a.zip", b"PK"),
+        ("a.svg", b"<svg/>"),
+        ("a.glb", good.meshes()[3][:12] + b"\xff\xff\xff\x7f" + good.meshes()[3][16:]),
+        ("a.ply", good.meshes()[2][:-4] + b"\xff\xff\xff\x7f"),
+        ("a.obj", good.meshes()[5].replace(b"v ", b"v 1e200", 1)),
+    ],
+)
+def test_meshes_that_declare_entities_or_talk_nonsense_are_refused(
+    name: str, content: bytes, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(MeshFileError, match="it cannot be read"):
+        read_mesh(tmp_path / name)
+
+
+@pytest.mark.parametrize("picture", ["fifo", "../outside/secret", "/etc/passwd"])
+def test_pictures_of_meshes_are_plain_files_beside_them(picture: str, watch: Watch) -> None:
+    file = watch.inside / "part.obj"
+    file.write_bytes(good.meshes()[5])
+    (watch.inside / "part.mtl").write_text(f"newmtl a\nmap_Kd {picture}\n")
+    assert len(read_mesh(file)) == 1
+
+
+# Journals
+
+
+@pytest.mark.parametrize("row", ['{"case": 1.5}', '{"case": NaN}', '{"case": 1, "margin": NaN}'])
+def test_rows_that_no_study_writes_are_refused(row: str, watch: Watch) -> None:
+    result, told = outcome(KINDS["journal"], f"{row}\n".encode(), watch)
+    assert result == REFUSED
+    assert "no row of a journal" in told
+
+
+# Pages
+
+NAME = "</script><script>window.hacked=1</script><img src=x onerror=alert(1)>"
+
+
+class Tags(HTMLParser):
+    """The tags of a page, and those of their attributes that run code."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.found, self.handlers = Counter[str](), list[str]()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found[tag] += 1
+        self.handlers += [name for name, _ in attrs if name.startswith("on")]
+
+
+def _followed(name: str) -> Problem:
+    """A problem whose robot, links, joints and colours are called so."""
+    told = name.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+    text = good.bundled("planar_3dof")[0].decode()
+    for own in ("planar_3dof", "spacecraft", "link_1", "q1", "solar"):
+        text = text.replace(f'"{own}"', f'"{own}{told}"')
+    model = FreeFloatingModel.from_urdf(text, "end_effector")
+    return load_scenario("planar_3dof/parabola").problem(model)
+
+
+def test_names_in_a_robot_stay_names_on_its_page() -> None:
+    pages = []
+    for name in ("", NAME):
+        problem = _followed(name)
+        followed = simulate(problem, heading_quaternion(np.radians(200.0)), branch=0)
+        pages.append(Tags(play({f"a{name}": followed.chosen.motion}, title=f"b{name}").html()))
+    assert pages[0].found == pages[1].found
+    assert pages[1].handlers == pages[0].handlers == []
+
+
+def test_names_in_a_study_stay_names_on_its_report(tmp_path: Path) -> None:
+    study = a_study(tmp_path, {"momentum.2": {"list": [NAME, 1.0]}, "timing.duration":
+                               {"list": [1.0]}}, base=BASE)  # fmt: skip
+    rows = {0: {"case": 0, "verdict": "error", "error": NAME, "seconds": 0.1},
+            1: {"case": 1, "verdict": "infeasible", "reason": NAME, "seconds": 0.1}}  # fmt: skip
+    file = save_report(tmp_path, study, study_summary(study, rows), study_table(study, rows),
+                       ["momentum.2"], new_figure(3.0, 2.0))  # fmt: skip
+    tags = Tags(file.read_text())
+    assert NAME not in file.read_text()
+    assert tags.found["script"] == 0
+    assert tags.found["img"] == 1
+    assert tags.handlers == []

@@ -1,0 +1,242 @@
+"""YAML as plain data: what is read, what is refused, and where the refusal points."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from freefloat.errors import InputError
+from freefloat.io.yaml import parse_yaml, read_text
+
+LIMIT = 1_000_000
+DEEP = 20_000
+"""Brackets: 20 kB, far below the limit of a scenario file."""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "wish.yaml"
+
+
+def read_yaml(file: Path) -> tuple[str, dict[str, Any]]:
+    """The text and the data of a file."""
+    text = read_text(file)
+    return text, parse_yaml(text, file)
+
+
+def read(file: Path, text: str) -> dict[str, Any]:
+    file.write_text(text, encoding="utf-8")
+    return read_yaml(file)[1]
+
+
+def refusal(file: Path, content: str | bytes) -> InputError:
+    """The error for a text, which names the file in any case."""
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputError) as caught:
+        read_yaml(file)
+    assert caught.value.source == str(file)
+    assert "\n" not in str(caught.value)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        *[("1", 1), ("-3", -3), ("0.5", 0.5), (".5", 0.5), ("-1.", -1.0), ("+2.5", 2.5)],
+        *[("1e-3", 1e-3), ("1E5", 1e5), ("-2.5e+3", -2500.0), ("1e3", 1000.0), ("0", 0)],
+        *[(".inf", math.inf), ("-.inf", -math.inf), ("true", True), ("null", None)],
+        *[("word", "word"), ('"1e3"', "1e3"), ("1.2.3", "1.2.3"), ("e5", "e5"), ("-y", "-y")],
+    ],
+)
+def test_values_are_read_as_they_look(file: Path, written: str, meant: object) -> None:
+    value = read(file, f"key: {written}\n")["key"]
+    assert value == meant
+    assert type(value) is type(meant)
+
+
+def test_nan_is_read_for_the_schema_to_refuse(file: Path) -> None:
+    assert math.isnan(read(file, "key: .nan\n")["key"])
+
+
+def test_a_leading_zero_does_not_turn_a_number_into_an_octal_one(file: Path) -> None:
+    assert read(file, "key: 010\n")["key"] != 8
+
+
+def test_a_colon_does_not_turn_a_number_into_a_sexagesimal_one(file: Path) -> None:
+    assert read(file, "key: 1:40\n")["key"] == "1:40"
+
+
+def test_the_text_comes_back_as_written_with_its_comments(file: Path) -> None:
+    text = "# why\nkey: [1, {a: b}]   # é ü\n"
+    file.write_text(text, encoding="utf-8")
+    assert read_yaml(file) == (text, {"key": [1, {"a": "b"}]})
+
+
+@pytest.mark.parametrize(
+    "content", [b"\xef\xbb\xbfkey: 1\n", b"key: 1\r\n", b"---\nkey: 1\n...\n", b"key: 1"]
+)
+def test_files_from_other_editors_are_read(file: Path, content: bytes) -> None:
+    file.write_bytes(content)
+    assert read_yaml(file)[1] == {"key": 1}
+
+
+def test_a_file_of_exactly_the_limit_is_read_and_one_byte_more_is_refused(file: Path) -> None:
+    text = "key: 1\n#"
+    file.write_text(text + "x" * (LIMIT - len(text)))
+    assert read_yaml(file)[1] == {"key": 1}
+    error = refusal(file, text + "x" * (LIMIT - len(text) + 1))
+    assert error.key == "file"
+    assert "too large" in error.problem
+    assert "1000000 bytes" in error.accepted
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "# only a comment\n", "---\n", "~\n"])
+def test_an_empty_file_is_called_empty(file: Path, text: str) -> None:
+    error = refusal(file, text)
+    assert (error.key, error.problem) == ("file", "it is empty")
+    assert "task: pose" in error.accepted
+
+
+@pytest.mark.parametrize("text", ["- a\n- b\n", "word\n", "3\n", "[1, 2]\n"])
+def test_a_file_that_is_not_keys_and_values_is_refused(file: Path, text: str) -> None:
+    error = refusal(file, text)
+    assert error.key == "file"
+    assert error.problem.startswith("its top is a ")
+    assert "keys and values" in error.accepted
+
+
+@pytest.mark.parametrize("key", ["3", "null", "true", "1.5"])
+def test_a_key_that_is_not_a_word_is_named(file: Path, key: str) -> None:
+    error = refusal(file, f"task: pose\n{key}: x\n")
+    assert "top is a dict" not in error.problem, "a dict is what is wanted"
+
+
+@pytest.mark.parametrize("text", ["? [a, b]\n: 1\n", "{a: b}: 1\n", "key:\n  [a]: 1\n"])
+def test_a_key_that_is_a_list_or_a_mapping_is_refused(file: Path, text: str) -> None:
+    refusal(file, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("task: pose\nmomentum: 1\ntask: pose\n", 3),
+        ("path:\n  line: {from: 1,\n    to: 2, from: 3}\n", 3),
+        ("stops:\n- s: 1\n  t: 2\n  s: 3\n", 4),
+        ("task: pose\n'task': pose\n", 2),
+    ],
+)
+def test_a_key_given_twice_is_refused_at_its_second_line(file: Path, text: str, line: int) -> None:
+    error = refusal(file, text)
+    assert error.key == f"line {line}"
+    assert "is given twice" in error.problem
+
+
+def test_the_same_key_in_two_sections_is_no_duplicate(file: Path) -> None:
+    assert read(file, "a: {x: 1}\nb: {x: 2}\n") == {"a": {"x": 1}, "b": {"x": 2}}
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("robot: {urdf: a\n", 2),
+        ("task: pose\n\tmargin: 1\n", 2),
+        ("a: b: c\n", 1),
+        ("a: 1\n---\na: 2\n", 2),
+        ("a: 'open\n", 2),
+        ("a: 1\nb\n", 3),
+        ("a: %x\nb: @x\n", 1),
+    ],
+)
+def test_broken_yaml_is_refused_with_its_line(file: Path, text: str, line: int) -> None:
+    error = refusal(file, text)
+    assert error.key == f"line {line}"
+    assert error.accepted == "valid YAML"
+
+
+@pytest.mark.parametrize(
+    "tag",
+    [
+        "!!python/object/apply:os.system [touch harm]",
+        "!!python/name:os.system",
+        "!!python/object/new:os.system [touch harm]",
+        "!include other.yaml",
+        "!!binary aGFybQ==",
+        "!!set {a}",
+        "!!str 1",
+    ],
+)
+def test_tags_are_refused_at_their_line_and_do_nothing(
+    file: Path, tag: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(file.parent)
+    error = refusal(file, f"task: pose\nkey: {tag}\n")
+    assert error.key == "line 2"
+    assert "tag" in error.problem
+    assert error.accepted == "plain values"
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+def test_an_alias_is_refused_before_it_is_expanded(file: Path) -> None:
+    rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    rows += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12)]
+    error = refusal(file, "\n".join(rows))
+    assert error.key == "line 2"
+    assert "alias *a0" in error.problem
+
+
+def test_an_alias_to_itself_is_refused(file: Path) -> None:
+    assert "alias *a" in refusal(file, "key: &a [*a]\n").problem
+
+
+def test_a_merge_of_an_alias_is_refused(file: Path) -> None:
+    assert "alias *b" in refusal(file, "base: &b {x: 1}\nother:\n  <<: *b\n").problem
+
+
+@pytest.mark.parametrize(
+    "content", [bytes(range(256)), "größer: 1".encode("latin-1"), "a: 1".encode("utf-16")]
+)
+def test_what_is_not_utf8_text_is_refused(file: Path, content: bytes) -> None:
+    error = refusal(file, content)
+    assert (error.key, error.problem) == ("file", "it is not UTF-8 text")
+
+
+@pytest.mark.parametrize("content", [b"key: \x00\n", b"key: \x07\n", b"\x1b[31mkey: 1\n"])
+def test_control_characters_are_refused(file: Path, content: bytes) -> None:
+    assert refusal(file, content).accepted == "valid YAML"
+
+
+def test_a_missing_file_and_a_directory_are_refused(tmp_path: Path) -> None:
+    for path in (tmp_path / "nothing.yaml", tmp_path):
+        with pytest.raises(InputError) as caught:
+            read_yaml(path)
+        assert caught.value.source == str(path)
+        assert "a readable UTF-8 text file" in caught.value.accepted
+
+
+@pytest.mark.parametrize("text", ["a: " + "[" * 800 + "]" * 800, "a: " + "{a: " * 800])
+def test_deep_nesting_is_refused_in_words(file: Path, text: str) -> None:
+    assert "recursion" not in refusal(file, text).problem
+
+
+def test_a_number_of_thousands_of_digits_is_infinite_for_the_schema_to_refuse(file: Path) -> None:
+    assert read(file, "a: 1" + "0" * 5000)["a"] == math.inf
+
+
+def test_very_deep_nesting_is_refused_within_seconds(file: Path) -> None:
+    file.write_text("a: " + "[" * DEEP)
+    code = (
+        "import sys; from pathlib import Path\n"
+        "from freefloat.errors import InputError\n"
+        "from freefloat.io.yaml import parse_yaml, read_text\n"
+        "file = Path(sys.argv[1])\n"
+        "try: parse_yaml(read_text(file), file)\n"
+        "except InputError: print('refused')"
+    )
+    command = [sys.executable, "-c", code, str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=False)
+    assert done.stdout == "refused\n"

@@ -1,0 +1,262 @@
+"""Limits along a motion: closed forms, each broken in turn, the stretch that keeps them."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from freefloat.errors import InputError
+from freefloat.io.scenario import load_scenario
+from freefloat.limits.check import LimitChecker, check_limits
+from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.time_series import TimeSeries
+from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.so3 import heading_quaternion
+from tests.sliding import (
+    DURATION,
+    HAND,
+    LENGTH,
+    RELATIVE,
+    shape_text,
+    sliding_motion,
+    sliding_problem,
+    sliding_robot,
+)
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
+WIDE = 1e3
+
+
+def finding(motion, limits, kind):
+    (found,) = [one for one in check_limits(motion, limits) if one.limit is kind]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("law", "peak", "where"),
+    [
+        (TimeLaw.QUINTIC, 15 / 8, 0.5),
+        (TimeLaw.CUBIC, 3 / 2, 0.5),
+        (TimeLaw.TRAPEZOIDAL, 4 / 3, None),
+    ],
+)
+def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
+    found = finding(sliding_motion(sliding_robot(), law=law),
+                    Limits(joint_rate=np.full(3, 0.05)), LimitKind.JOINT_RATE)  # fmt: skip
+    assert_close(found.worst, peak * RELATIVE / DURATION, atol=1e-9)
+    assert_close(found.ratio, found.worst / 0.05, atol=1e-12)
+    assert found.where == "x"
+    assert not found.kept
+    if where is not None:
+        assert_close(found.time, where * DURATION, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("law", "peak", "places"),
+    [
+        (TimeLaw.QUINTIC, 10 / np.sqrt(3), [(3 - np.sqrt(3)) / 6, (3 + np.sqrt(3)) / 6]),
+        (TimeLaw.CUBIC, 6.0, [0.0, 1.0]),
+        (TimeLaw.TRAPEZOIDAL, 16 / 3, None),
+    ],
+)
+def test_the_largest_force_is_that_of_the_time_law(law, peak, places):
+    """Also where accelerations jump: inside the ramps of the trapezoid, at rest in the cubic."""
+    motion = sliding_motion(sliding_robot(), law=law)
+    found = finding(motion, Limits(joint_torque=np.array([0.2, 1, 1])), LimitKind.JOINT_TORQUE)
+    assert_close(abs(found.worst), HAND * LENGTH * peak / DURATION**2, atol=1e-9)
+    assert found.where == "x"
+    assert found.base_wrench < 1e-9
+    if places is not None:
+        assert min(abs(found.time / DURATION - place) for place in places) < 1e-3
+
+
+def test_the_largest_force_just_before_it_jumps_is_found():
+    """Cubic to a stop, and from there on slowly: the hand brakes hardest as it arrives."""
+    start, half = 0.9, LENGTH / 2.0
+    problem = sliding_problem(sliding_robot(), start)
+    timing = Timing(DURATION, TimeLaw.CUBIC, (Stop(0.5, 5.0),))
+    problem = replace(problem, path=TimedPath(problem.path.path, timing))
+    joints = [(start + half / 2.0) * RELATIVE / LENGTH, 0.0, 0.0]
+    motion = integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints, start=2.5)
+    found = finding(motion, Limits(joint_torque=np.ones(3)), LimitKind.JOINT_TORQUE)
+    assert_close(found.worst, -6.0 * HAND * half / 25.0, atol=1e-9)
+    assert_close(found.time, 5.0, atol=1e-9)
+
+
+def test_joint_ranges_count_without_being_asked_for():
+    motion = sliding_motion(sliding_robot(limits=(0.5, 1.5)))
+    (found,) = check_limits(motion, Limits())
+    assert (found.limit, found.where, found.allowed) == (LimitKind.JOINT_RANGE, "x", 1.5)
+    assert_close([found.worst, found.time], [2.0, DURATION], atol=1e-9)
+    assert_close(found.ratio, 2.0, atol=1e-9)
+    assert not found.kept
+
+
+def test_robots_without_ranges_have_no_such_finding():
+    problem = load_scenario("planar_3dof/parabola").problem()
+    motion = planar_motion(problem)
+    assert check_limits(motion, Limits()) == ()
+
+
+def planar_motion(problem):
+    attitude = problem.attitude("attitude", heading_quaternion(np.deg2rad(200)))
+    return integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
+
+
+def spatial_motion():
+    problem = load_scenario("spatial_6dof/line").problem()
+    attitude = problem.attitude("attitude", GOOD)
+    return integrate_motion(problem, attitude, problem.branches(attitude)[2].joints)
+
+
+@pytest.fixture(scope="module")
+def spatial():
+    return spatial_motion()
+
+
+def test_rates_are_the_largest_of_fine_sampling(spatial):
+    n = spatial.problem.model.dof
+    series = TimeSeries.of(spatial, np.linspace(0.0, 100.0, 20_001))
+    limits = Limits(joint_rate=np.full(n, WIDE), base_rate=WIDE)
+    joint = finding(spatial, limits, LimitKind.JOINT_RATE)
+    base = finding(spatial, limits, LimitKind.BASE_RATE)
+    rates = np.abs(series.joint_rates)
+    assert_close(abs(joint.worst), rates.max(), atol=1e-7)
+    assert abs(joint.worst) >= rates.max() - 1e-12
+    k, i = np.unravel_index(rates.argmax(), rates.shape)
+    assert joint.where == spatial.problem.model.joint_names[i]
+    assert_close(joint.time, series.times[k], atol=0.01)
+    turning = np.linalg.norm(series.angular_velocities, axis=1)
+    assert_close(base.worst, turning.max(), atol=1e-7)
+    assert_close(base.time, series.times[turning.argmax()], atol=0.01)
+
+
+def test_every_joint_has_its_own_limit(spatial):
+    """The joint told is the one that uses up most of its own limit, not the fastest."""
+    free = finding(spatial, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
+    tight = np.where(np.array(spatial.problem.model.joint_names) == free.where, np.inf, 1.0)
+    other = finding(spatial, Limits(joint_rate=tight), LimitKind.JOINT_RATE)
+    assert other.where != free.where
+    assert other.ratio < free.ratio
+
+
+def all_limits(motion):
+    """Limits that a motion just keeps, from findings with wide ones."""
+    n = motion.problem.model.dof
+    wide = Limits(np.full(n, WIDE), np.full(n, WIDE), WIDE, 0.0)
+    found = {one.limit: abs(one.worst) for one in check_limits(motion, wide)}
+    return Limits(
+        np.full(n, found[LimitKind.JOINT_RATE]),
+        np.full(n, found[LimitKind.JOINT_TORQUE]),
+        found[LimitKind.BASE_RATE],
+        found[LimitKind.CLEARANCE],
+    )
+
+
+def test_each_limit_broken_in_turn():
+    """A motion keeps limits equal to what it asks for; each of them made tighter is told alone."""
+    motion = planar_motion(load_scenario("planar_3dof/parabola").problem())
+    just = all_limits(motion)
+    checker = LimitChecker(motion.problem, just)
+    assert [one.kept for one in checker.findings(motion)] == [True] * 4
+    assert all(one.kept for one in checker.in_turn(motion))
+    for name, factor in (("joint_rate", 0.99), ("joint_torque", 0.99), ("base_rate", 0.99),
+                         ("clearance", 1.01)):  # fmt: skip
+        tighter = LimitChecker(
+            motion.problem, replace(just, **{name: getattr(just, name) * factor})
+        )
+        broken = [one.limit for one in tighter.findings(motion) if not one.kept]
+        assert broken == [name]
+        assert next(one.limit for one in tighter.in_turn(motion) if not one.kept) == name
+
+
+def test_contact_is_broken_even_where_no_distance_is_asked_for():
+    ball = shape_text('<sphere radius="0.6"/>')
+    motion = sliding_motion(sliding_robot(shape_text('<box size="1 1 1"/>'), ball))
+    found = finding(motion, Limits(clearance=0.0), LimitKind.CLEARANCE)
+    assert_close(found.worst, -0.1, atol=1e-6)
+    assert found.where == "bus - hand"
+    assert not found.kept
+    assert found.ratio == np.inf
+
+
+@pytest.mark.parametrize("name", ["joint_rate", "base_rate", "joint_torque"])
+def test_the_stretched_motion_just_keeps_the_limit(name):
+    """Without momentum: followed again with the longer duration, the limit is used up to 1e-6."""
+    problem = replace(load_scenario("planar_3dof/parabola").problem(), momentum=np.zeros(3))
+    problem = replace(problem, path=TimedPath(problem.path.path, Timing(100.0)))
+    motion = planar_motion(problem)
+    limits = {"joint_rate": np.array([0.1, 0.02, 0.05]), "base_rate": 0.01,
+              "joint_torque": np.array([0.2, 0.01, 0.003])}  # fmt: skip
+    checker = LimitChecker(problem, Limits(**{name: limits[name]}))
+    factor = needed_stretch(checker.findings(motion))
+    assert factor > 1.2
+    longer = replace(problem, path=TimedPath(problem.path.path, Timing(100.0 * factor)))
+    (found,) = check_limits(planar_motion(longer), Limits(**{name: limits[name]}))
+    assert found.kept
+    assert_close(found.ratio, 1.0, atol=1e-6)
+
+
+def test_stretch_is_that_of_the_tightest_limit():
+    def used(limit, ratio):
+        return LimitResult(limit, 1.0, 1.0, 0.0, "", ratio <= 1.0, ratio)
+
+    findings = [used(LimitKind.JOINT_RATE, 2.0), used(LimitKind.JOINT_TORQUE, 9.0),
+                used(LimitKind.CLEARANCE, 50.0), used(LimitKind.JOINT_RANGE, 50.0)]  # fmt: skip
+    assert needed_stretch(findings) == 3.0
+    assert needed_stretch(findings[:1]) == 2.0
+    assert needed_stretch(findings[2:]) == 1.0
+    assert needed_stretch([]) == 1.0
+
+
+def test_rates_towards_a_singularity_have_no_bound():
+    problem = load_scenario("spatial_6dof/line").problem()
+    attitude = problem.attitude("attitude", [0.1, 0.5, 0.2, -0.8367])
+    motions = (
+        integrate_motion(problem, attitude, one.joints) for one in problem.branches(attitude)
+    )
+    motion = next(one for one in motions if one.ending is Ending.SINGULAR)
+    found = finding(motion, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
+    assert found.ratio > 1e3
+    assert_close(found.time, motion.final.time, atol=1e-6)
+    assert not found.kept
+
+
+def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
+    motion = spatial_motion()
+    still = Motion(motion.problem, Ending.SINGULAR, motion.times[:1], motion.attitudes[:1],
+                   motion.joints[:1])  # fmt: skip
+    checker = LimitChecker(motion.problem, Limits(np.ones(6), np.ones(6), 1.0, 0.0))
+    found = {one.limit: one for one in checker.findings(still)}
+    for kind in (LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE):
+        assert found[kind].worst == np.inf
+        assert not found[kind].kept
+
+
+def test_findings_are_those_of_the_reversed_motion(spatial):
+    problem, final = spatial.problem, spatial.final
+    back = integrate_motion(problem, final.attitude, final.joints, start=100.0, end=0.0)
+    limits = Limits(np.full(6, 1.0), np.full(6, 1.0), 1.0, 0.0)
+    pairs = zip(check_limits(spatial, limits), check_limits(back, limits), strict=True)
+    for one, other in pairs:
+        assert_close([one.worst, one.time], [other.worst, other.time], atol=2e-4)
+        assert one.where == other.where
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("joint_rate", [1.0, 0.0]), ("joint_torque", [-1.0]), ("base_rate", 0.0), ("clearance", -0.1),
+     ("clearance", np.nan), ("base_rate", np.nan)],
+)  # fmt: skip
+def test_limits_that_are_none_are_refused(key, value):
+    with pytest.raises(InputError, match=f"limits.{key}"):
+        Limits(**{key: value})
+
+
+def test_limits_of_another_number_of_joints_are_refused(spatial):
+    with pytest.raises(InputError, match=r"limits\.joint_torque.*q1, q2"):
+        LimitChecker(spatial.problem, Limits(joint_torque=np.ones(5)))

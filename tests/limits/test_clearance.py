@@ -1,0 +1,201 @@
+"""Distances along a motion: no contact hides, the right pair is told, every shape counts."""
+
+import re
+from functools import partial
+
+import numpy as np
+import pytest
+
+from freefloat.errors import ModelError
+from freefloat.io.scenario import load_scenario
+from freefloat.limits.clearance import TOLERANCE, nearest
+from freefloat.limits.collision_pairs import CollisionPairs
+from freefloat.limits.collision_shapes import collision_shapes
+from freefloat.motion.integration import integrate_motion
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_quaternion
+from tests.robots import joint_text, random_robot
+from tests.sliding import RELATIVE, shape_text, sliding_motion, sliding_robot
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+CUBE = shape_text('<box size="1 1 1"/>')
+BALL = shape_text('<sphere radius="0.1"/>')
+
+
+def mast(x, z, size=0.02, kind="F"):
+    """A small box on the spacecraft, reached by a joint."""
+    joint = joint_text("mast_joint", kind, "bus", "mast", f"{x} 0 {z}")
+    shape = shape_text(f'<box size="{size} {size} {size}"/>')
+    return joint + f'<link name="mast">{shape}</link>'
+
+
+def sliding(bus=CUBE, hand=BALL, more=""):
+    return sliding_motion(sliding_robot(bus, hand, more))
+
+
+def test_the_distance_at_an_end_is_exact():
+    motion = sliding()
+    found = nearest(motion, CollisionPairs(motion.problem.model))
+    assert_close(found.distance, 1.0 - 0.5 - 0.1, atol=1e-9)
+    assert_close(found.time, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.123, 0.5, 0.8317])
+def test_the_distance_of_a_passing_hand_is_exact(share):
+    """The hand passes under a mast somewhere on its way, between the nodes of the motion."""
+    motion = sliding(more=mast(1.0 + share * RELATIVE, 0.5))
+    pairs = CollisionPairs(motion.problem.model)
+    found = nearest(motion, pairs)
+    if found.distance < 0.39:
+        assert pairs.name(found.pair) == "mast - hand"
+    by_time = motion.problem.path.timing.s(found.time)
+    assert_close(found.distance, 0.5 - 0.01 - 0.1, atol=1e-8)
+    assert_close(by_time, share, atol=0.0101 / RELATIVE)
+
+
+def test_a_contact_thinner_than_any_sampling_is_found():
+    """The hand, a ball of 1 mm, touches a needle for a two-thousandth of its way."""
+    hand = shape_text('<sphere radius="0.001"/>')
+    for x in (1.2345, 1.54321, 1.8888):
+        motion = sliding(hand=hand, more=mast(x, 0.00099, size=0.001))
+        pairs = CollisionPairs(motion.problem.model)
+        found = nearest(motion, pairs)
+        assert pairs.name(found.pair) == "mast - hand"
+        assert found.distance < 0.0
+        assert_close(found.distance, 0.00099 - 0.0005 - 0.001, atol=1e-6)
+
+
+def test_shapes_held_on_appendages_count():
+    """A joint off the chain is held at zero; its shape stands where the hand passes."""
+    motion = sliding(more=mast(1.4, 0.3, kind="R"))
+    pairs = CollisionPairs(motion.problem.model)
+    found = nearest(motion, pairs)
+    assert pairs.name(found.pair) == "mast - hand"
+    assert_close(found.distance, 0.3 - 0.01 - 0.1, atol=1e-8)
+
+
+FOLLOWED = [
+    ("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0], 2),
+    ("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0], 0),
+    ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 1),
+    ("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2),
+    ("planar_3dof/parabola", list(heading_quaternion(np.deg2rad(200))), 0),
+]
+
+
+@pytest.mark.parametrize(("name", "attitude", "branch"), FOLLOWED)
+def test_fine_sampling_finds_nothing_nearer(name, attitude, branch):
+    problem = load_scenario(name).problem()
+    attitude = problem.attitude("attitude", attitude)
+    motion = integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
+    pairs = CollisionPairs(problem.model)
+    found = nearest(motion, pairs)
+    everything = np.arange(len(pairs.pairs))
+    joints = motion.evaluate(np.linspace(0.0, motion.panels, 2001))[2]
+    sampled = np.array([pairs.distances(q, everything) for q in joints])
+    assert found.distance <= sampled.min() + 1e-8
+    assert found.distance >= sampled.min() - 1e-3
+    _, pair = np.unravel_index(sampled.argmin(), sampled.shape)
+    assert pairs.name(found.pair) == pairs.name(pair)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_distances_change_no_faster_than_the_levers_say(seed):
+    """On random robots with turning and sliding joints, a cube on every link."""
+    rng = np.random.default_rng(seed)
+    robot = random_robot(rng, ["RRRR", "RPRC", "PRFRP", "RFRRR", "CPCP", "RRPF"][seed], "R")
+    cube = shape_text('<box size="0.3 0.2 0.1"/>', "0.1 0.2 0.3")
+    text = re.sub(r"</link>", cube + "</link>", robot.text)
+    model = FreeFloatingModel.from_urdf(text, robot.tip)
+    pairs = CollisionPairs(model)
+    everything = np.arange(len(pairs.pairs))
+    for _ in range(100):
+        q = rng.uniform(-3.0, 3.0, model.dof)
+        step = rng.normal(size=model.dof) * rng.choice([1e-3, 0.1, 1.0])
+        levers = pairs.levers(np.maximum(np.abs(q), np.abs(q + step)))
+        change = np.abs(pairs.distances(q + step, everything) - pairs.distances(q, everything))
+        assert (change <= levers @ np.abs(step) + 1e-6).all()
+
+
+def test_looking_only_whether_enough_is_kept_agrees():
+    motion = sliding(more=mast(1.4, 0.3))
+    pairs = CollisionPairs(motion.problem.model)
+    distance = nearest(motion, pairs).distance
+    assert nearest(motion, pairs, distance + TOLERANCE).distance < distance + TOLERANCE
+    assert nearest(motion, pairs, distance - TOLERANCE).distance >= distance - TOLERANCE
+
+
+def test_links_that_a_joint_joins_are_not_looked_at():
+    """Bus and first link overlap at the joint between them; the ball beyond does not."""
+    text = sliding_robot(CUBE, BALL).replace('<link name="a">', f'<link name="a">{BALL}')
+    pairs = CollisionPairs(FreeFloatingModel.from_urdf(text, "hand"))
+    names = {pairs.name(pair) for pair in range(len(pairs.pairs))}
+    assert "bus - hand" in names
+    assert "a - hand" in names
+    assert "bus - a" not in names
+
+
+def test_pairs_that_always_overlap_are_left_out_and_named():
+    """A ring of a shape around all that the hand can reach."""
+    shell = shape_text('<sphere radius="50"/>')
+    motion = sliding(CUBE, BALL, f'<link name="shell">{shell}</link>'
+                     + joint_text("shell_joint", "F", "bus", "shell"))  # fmt: skip
+    pairs = CollisionPairs(motion.problem.model)
+    assert pairs.left_out == ("shell - hand: always too near",)
+    assert_close(nearest(motion, pairs).distance, 0.4, atol=1e-9)
+
+
+def test_robots_without_shapes_are_refused():
+    with pytest.raises(ModelError, match="no two shapes"):
+        CollisionPairs(FreeFloatingModel.from_urdf(sliding_robot(), "hand"))
+
+
+def test_a_clearance_that_no_pair_can_have_is_refused():
+    with pytest.raises(ModelError, match="ever are farther than 100 m apart"):
+        CollisionPairs(FreeFloatingModel.from_urdf(sliding_robot(CUBE, BALL), "hand"), 100.0)
+
+
+def test_visuals_stand_in_for_missing_collision_shapes():
+    """Bus by its visual, hand by its collision shape although it has a visual, too."""
+    looks = CUBE.replace("collision", "visual")
+    fat = shape_text('<sphere radius="0.45"/>').replace("collision", "visual")
+    motion = sliding(looks, BALL + fat)
+    assert_close(nearest(motion, CollisionPairs(motion.problem.model)).distance, 0.4, atol=1e-9)
+
+
+def test_every_kind_of_shape_has_its_size(tmp_path):
+    """The same ball's room as box, cylinder and mesh: the distance to the bus tells them apart."""
+    corners = np.array([[-0.1, 0, 0], [0.2, 0.2, 0.2], [0.2, -0.2, 0.2], [0.2, 0.0, -0.2]])
+    faces = "".join(f"f {a} {b} {c}\n" for a, b, c in [(1, 2, 3), (1, 3, 4), (1, 4, 2), (2, 4, 3)])
+    vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+    (tmp_path / "hand.obj").write_text(vertices + faces)
+    shapes = {
+        '<sphere radius="0.1"/>': 0.1,
+        '<box size="0.3 0.1 0.1"/>': 0.15,
+        '<cylinder radius="0.12" length="0.2"/>': 0.12,
+        '<mesh filename="hand.obj"/>': 0.1,
+        '<mesh filename="hand.obj" scale="2 2 2"/>': 0.2,
+        '<mesh filename="hand.obj" scale="-1 1 1"/>': 0.2,
+    }
+    for geometry, towards in shapes.items():
+        file = tmp_path / "robot.urdf"
+        file.write_text(sliding_robot(CUBE, shape_text(geometry)))
+        motion = sliding_motion(file)
+        found = nearest(motion, CollisionPairs(motion.problem.model))
+        assert_close(found.distance, 0.5 - towards, atol=1e-6), geometry
+
+
+@pytest.mark.parametrize(
+    "geometry", ['<mesh filename="none.stl"/>', '<box size="1 0 1"/>', "<capsule/>", ""]
+)
+def test_shapes_that_cannot_be_read_are_told(geometry):
+    model = FreeFloatingModel.from_urdf(sliding_robot(CUBE, shape_text(geometry)), "hand")
+    with pytest.raises(ModelError, match="link hand: <collision>"):
+        collision_shapes(model)
+
+
+def test_contact_with_a_mesh_is_a_contact_with_its_hull(ur5):
+    """Shapes of a stock arm: every link has one, each inside the corners told of it."""
+    shapes = collision_shapes(ur5)
+    assert {shape.link for shape in shapes} >= {"base_link", "forearm_link", "wrist_3_link"}
+    assert all(len(shape.points) >= 8 for shape in shapes)

@@ -1,0 +1,72 @@
+"""Meshes cut into convex parts: nothing of the mesh lost, less air inside."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import ConvexHull, Delaunay
+
+from freefloat.limits.convex_decomposition import _beyond, convex_parts
+
+
+def volume(parts):
+    return sum(ConvexHull(part.points).volume for part in parts)
+
+
+def boxes(*places):
+    """Unit cubes side by side, as triangles."""
+    cubes = [trimesh.creation.box(bounds=[np.array(p), np.array(p) + 1.0]) for p in places]
+    return np.concatenate([cube.triangles for cube in cubes])
+
+
+ANGLED = boxes((0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (2, 2, 0))
+
+
+def test_a_convex_mesh_stays_whole():
+    (part,) = convex_parts(trimesh.creation.icosphere(subdivisions=2).triangles)
+    assert len(part.points) == 162
+
+
+def test_an_angled_mesh_is_cut():
+    """Five cubes in an L: one hull would hold nearly half of air."""
+    parts = convex_parts(ANGLED)
+    assert ConvexHull(ANGLED.reshape(-1, 3)).volume > 6.9
+    assert 1 < len(parts) <= 6
+    assert 5.0 - 1e-9 <= volume(parts) < 5.6
+
+
+def test_the_parts_hold_all_of_the_mesh(rng):
+    """Every point of the surface lies inside one of the parts."""
+    knot = trimesh.creation.torus(major_radius=1.0, minor_radius=0.2)
+    for triangles in (ANGLED, knot.triangles):
+        parts = [Delaunay(part.points) for part in convex_parts(triangles)]
+        shares = rng.dirichlet([1.0, 1.0, 1.0], 4000)
+        chosen = triangles[rng.integers(len(triangles), size=4000)]
+        points = np.einsum("kc,kcx->kx", shares, chosen)
+        centre = triangles.mean(axis=(0, 1))
+        inside = [part.find_simplex(points + 1e-9 * (centre - points), tol=1e-6) >= 0
+                  for part in parts]  # fmt: skip
+        assert np.any(inside, axis=0).all()
+
+
+def test_faces_look_outwards():
+    for part in convex_parts(ANGLED):
+        a, b, c = np.moveaxis(part.points[part.faces], 1, 0)
+        outward = np.einsum("fx,fx->f", np.cross(b - a, c - a), a - part.points.mean(axis=0))
+        assert (outward > 0.0).all()
+
+
+def test_flat_meshes_have_a_hull():
+    """A panel without thickness, as solar panels are drawn."""
+    (part,) = convex_parts(np.array([[[0.0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0],
+                                                                        [0, 1, 0]]]))  # fmt: skip
+    assert np.ptp(part.points, axis=0) == pytest.approx([1.0, 1.0, 0.0], abs=1e-6)
+
+
+def test_a_cut_loses_nothing_of_the_surface(rng):
+    """Areas on both sides of a plane sum to the whole, and each lies on its side."""
+    triangles = rng.normal(size=(200, 3, 3))
+    sides = [_beyond(triangles, 1, 0.2, sign) for sign in (1.0, -1.0)]
+    assert (sides[0][:, :, 1] > 0.2 - 1e-12).all()
+    assert (sides[1][:, :, 1] < 0.2 + 1e-12).all()
+    areas = [trimesh.triangles.area(some).sum() for some in (triangles, *sides)]
+    assert areas[1] + areas[2] == pytest.approx(areas[0], rel=1e-12)

@@ -1,0 +1,155 @@
+"""Certificates: a motion's own numbers found again, and another integrator beside it."""
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from freefloat.io.scenario import load_scenario, parse_scenario
+from freefloat.motion.certificate import certify
+from freefloat.motion.closest_approach import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import DEGREE, Ending
+from freefloat.motion.second_integration import follow_again
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_quaternion
+from freefloat.verification.mujoco_engine import Engine
+from freefloat.verification.mujoco_runs import forward_run, inverse_run
+from tests.robots import random_robot
+from tests.sliding import sliding_motion, sliding_robot
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+
+def followed(name, attitude, branch=0):
+    problem = load_scenario(name).problem()
+    attitude = problem.attitude("attitude", attitude)
+    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
+
+
+@pytest.fixture(scope="module")
+def spatial():
+    return followed("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
+
+
+@pytest.fixture(scope="module")
+def redundant():
+    return followed("panda_servicer/line", [0, 0, 0, 1])
+
+
+@pytest.fixture(scope="module")
+def singular():
+    return followed("planar_3dof/parabola", heading_quaternion(np.deg2rad(140)))
+
+
+def test_a_certificate_tells_what_the_motion_tells_of_itself(spatial):
+    found, own = certify(spatial), spatial.residuals()
+    assert 0.99 * own.end_effector_position < found.end_effector_position.value < 1e-8
+    assert 0.99 * own.end_effector_attitude < found.end_effector_attitude.value < 1e-8
+    assert found.momentum.value == pytest.approx(own.momentum, rel=1.0)
+    assert found.momentum.value < 1e-6 * found.momentum_scale
+    assert found.rates.value < 1e-6
+    assert found.centre_of_mass.value == 0.0
+    for one in found.least:
+        assert 0.9 * one.value <= one.bound <= one.value
+    kept = least(spatial, spatial.problem.margin.measure)
+    assert (found.of("arm").value, found.of("arm").time) == (kept.value, kept.time)
+    assert json.loads(json.dumps(found.document(), allow_nan=False)) == found.document()
+
+
+def test_an_error_is_told_with_its_time(spatial):
+    places = spatial.base_positions.copy()
+    places[30, 1] += 1e-5
+    found = certify(spatial, places)
+    assert found.centre_of_mass.value == pytest.approx(1e-5)
+    assert found.centre_of_mass.time == spatial.times[30]
+
+
+def test_redundant_joints_may_not_move_as_they_like(redundant):
+    """Hand and momentum stay right when the elbow swings; the equation's choice does not."""
+    assert certify(redundant).rates.value < 1e-6
+    problem = replace(redundant.problem, redundancy=None)
+    other = load_scenario("panda_servicer/line")
+    text = other.text + "redundancy: {metric: energy}\n"
+    wish = parse_scenario(text, other.source).problem()
+    swung = integrate_motion(wish, redundant.initial.attitude, redundant.initial.joints)
+    found = certify(replace(swung, problem=problem))
+    assert found.end_effector_position.value < 1e-8
+    assert found.momentum.value < 1e-6 * found.momentum_scale
+    assert found.rates.value > 1e-3
+    assert found.integration.joints > 1e-3
+
+
+def test_the_other_integrator_agrees_and_is_of_fourth_order(spatial):
+    again = follow_again(spatial)
+    assert again.attitude < 1e-8
+    assert again.joints < 1e-8
+    assert again.until == spatial.times[-1]
+    assert again.steps == 2 * DEGREE * spatial.panels
+    assert again.joints < again.halving_joints < 30.0 * again.joints
+    assert again.halving_attitude < 1e-6
+
+
+def test_the_other_integrator_names_the_joint_that_is_elsewhere(spatial):
+    joints = spatial.joints.copy()
+    joints[77, 4] += 1e-3
+    again = follow_again(replace(spatial, joints=joints))
+    assert again.joint == spatial.problem.model.joint_names[4]
+    assert again.joints == pytest.approx(1e-3, rel=1e-3)
+    assert again.joints_time == spatial.times[77]
+
+
+def test_before_a_singularity_it_stops(singular):
+    again = follow_again(singular)
+    assert again.until == singular.times[-1 - 2 * DEGREE]
+    assert again.attitude < 1e-6
+    assert {one.bound for one in certify(singular).least} == {0.0}
+
+
+def test_a_sliding_hand_and_a_motion_of_no_duration_have_certificates():
+    motion = sliding_motion(sliding_robot())
+    found = certify(motion)
+    assert found.integration.attitude < 1e-12
+    assert found.integration.joints < 1e-6
+    assert found.of("gjm").bound >= 0.9 * found.of("gjm").value > 0.0
+    still = certify(motion.cut(0.0, Ending.MARGIN))
+    assert still.rates.value == still.momentum.value == 0.0
+    assert still.end_effector_position.value < 1e-12
+
+
+def test_mujoco_stands_held_joints_where_they_are_held(rng):
+    """Also those on the way to the hand: sliding and turning, other than at zero."""
+    for _ in range(4):
+        robot = random_robot(rng, "RPRCRRP", "RP")
+        held = dict(zip(robot.joints[1:3], (0.7, -1.1), strict=True)) | {robot.others[0]: 0.4}
+        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+        engine, joints = Engine(model), rng.uniform(-1.0, 1.0, model.dof)
+        attitude = rng.normal(size=4)
+        attitude /= np.linalg.norm(attitude)
+        value = np.concatenate([model.base_position(attitude, joints), attitude, joints])
+        engine.place(value, np.zeros_like(value), np.zeros_like(value))
+        position, axes = engine.end_effector()
+        pose = model.end_effector_pose(attitude, joints)
+        assert_close(position, pose.position, atol=1e-9)
+        assert_close(axes, pose.rotation, atol=1e-9)
+
+
+def test_mujoco_drifts_where_the_motion_drifts(redundant):
+    engine = Engine(redundant.problem.model)
+    forward, inverse = forward_run(redundant, engine), inverse_run(redundant, engine)
+    assert forward.attitude < 1e-5
+    assert forward.joints < 1e-5
+    assert forward.position < 1e-5
+    assert inverse.wrench < 1e-4 * inverse.torque
+    assert inverse.end_effector < 1e-7
+    assert inverse.looks > 50
+
+
+def test_mujoco_is_not_fed_the_attitude(redundant):
+    """With other inertia the same joints turn the spacecraft elsewhere."""
+    scenario = load_scenario("panda_servicer/line")
+    heavier = scenario.text.replace("inertia: [16, 16, 16]", "inertia: [18, 16, 16]")
+    model = parse_scenario(heavier, scenario.source).problem().model
+    assert forward_run(redundant, Engine(model)).attitude > 1e-3

@@ -1,0 +1,408 @@
+"""Motions: their endings, their parts, their singularities, their symmetries."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.measures import joint_space_extremes, measure
+from freefloat.dynamics.momentum import Task, generalized_jacobian
+from freefloat.errors import InputError
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Margin
+from freefloat.paths.curves import ArcCurve, PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation, SlerpOrientation, follow_orientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+from freefloat.so3 import heading_of, rotation_matrix
+from tests.motions import (
+    BAD,
+    GOOD,
+    asked,
+    bundled,
+    followed,
+    from_here,
+    heading,
+    on_side,
+    seven,
+    tracking,
+)
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+
+# --- Example 2 --------------------------------------------------------------------------------
+
+
+def test_the_singular_end_is_a_singularity(spatial):
+    """|det S*| there is less than a millionth of its largest, and was not before."""
+    of = measure(spatial.model, spatial.task, "gjm")
+    largest = joint_space_extremes(spatial.model, of, 1024).magnitude
+    for branch in (2, 3, 4, 5):
+        motion = followed(spatial, BAD, branch)
+        assert abs(of.value(motion.final.joints)) < 1e-6 * largest
+        sign = np.sign(of.value(motion.initial.joints))
+        for q in motion.evaluate(np.linspace(0.0, motion.panels - 1e-6, 300))[2]:
+            assert sign * of.value(q) > 0.0
+
+
+def test_the_singular_time_does_not_depend_on_the_tolerance(spatial):
+    """A turning point of time along the arc is found, not approached: 1e-8 and 1e-12 agree."""
+    for branch in (2, 3, 4, 5):
+        rough, fine = (followed(spatial, BAD, branch, tolerance=e) for e in (1e-8, 1e-12))
+        assert rough.ending is fine.ending is Ending.SINGULAR
+        assert rough.final.time == pytest.approx(fine.final.time, abs=1e-6)
+        assert_close(rough.final.joints, fine.final.joints, atol=1e-3)
+
+
+def test_joint_rates_grow_beyond_bounds_towards_the_singularity(spatial):
+    """Like one over the root of the time left: a hundredth of it, ten times the rate."""
+    motion = followed(spatial, BAD, 2)
+    rates = []
+    for left in (1e-2, 1e-4):
+        before, after = motion.sample(motion.final.time - left * np.array([1.01, 0.99]))
+        rates.append(np.linalg.norm(after.joints - before.joints) / (0.02 * left))
+    assert rates[1] / rates[0] == pytest.approx(10.0, rel=0.1)
+
+
+# --- Example 1 --------------------------------------------------------------------------------
+
+
+def test_example_1_passes_the_stop_at_rest(planar):
+    """At F nothing moves but the drift with h: the rates there are those of a held hand."""
+    motion = on_side(planar, 200.0, 1)
+    assert 69.73 in motion.times
+    before, at, after = motion.sample([69.729, 69.73, 69.731])
+    pose = planar.model.end_effector_pose(at.attitude, at.joints)
+    assert_close(pose.position, [-0.5, 1.458333, 0.0], atol=1e-5)
+    rates = (after.joints - before.joints) / 2e-3
+    held = planar.path.twist(69.73)
+    assert np.abs(held).max() < 1e-12
+    A = np.abs(rates).max() + abs(heading_of(after.attitude) - heading_of(before.attitude)) / 2e-3
+    assert 1e-4 < A < 5e-2
+
+
+@pytest.mark.parametrize("name", ["planar_3dof/parabola", "planar_3dof/parabola_nonstop"])
+def test_every_heading_has_an_ending(name):
+    """All around the circle, on both branches: completed, or singular where det S* vanishes."""
+    problem = bundled(name)
+    of = measure(problem.model, problem.task, "gjm")
+    singular = 0
+    for degrees in [*range(0, 360, 15), 8, 12, 23, 61, 66, 77, 81, 88, 95, 99, 103, 107, 124, 131]:
+        attitude = heading(degrees)
+        for branch in problem.branches(attitude):
+            motion = integrate_motion(problem, attitude, branch.joints)
+            if motion.ending is Ending.SINGULAR:
+                singular += 1
+                assert abs(of.value(motion.final.joints)) < 1e-8
+                assert motion.final.time < 100.0
+            else:
+                assert motion.completed
+                assert motion.final.time == 100.0
+    assert 15 < singular < 60
+
+
+# --- parts of a motion -----------------------------------------------------------------------
+
+
+def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial):
+    """In two parts, forwards or backwards, it is the motion in one."""
+    whole = followed(spatial, GOOD, 2)
+    first = integrate_motion(spatial, whole.initial.attitude, whole.initial.joints, end=37.0)
+    assert first.final.time == 37.0
+    second = integrate_motion(spatial, first.final.attitude, first.final.joints, start=37.0)
+    assert_close(second.final.joints, whole.final.joints, atol=1e-7)
+    back = integrate_motion(
+        spatial, second.final.attitude, second.final.joints, start=100.0, end=37.0
+    )
+    assert_close(back.final.joints, first.final.joints, atol=1e-7)
+
+
+def test_stops_are_passed_in_both_directions(planar):
+    """From before F to after F and back again, over the rest and over its exact time."""
+    start = on_side(planar, 200.0, 1)
+    (state,) = start.sample(60.0)
+    for t in (69.73, 80.0):
+        on = integrate_motion(planar, state.attitude, state.joints, start=60.0, end=t)
+        back = integrate_motion(planar, on.final.attitude, on.final.joints, start=t, end=60.0)
+        assert (np.diff(on.times) > 0.0).all()
+        assert (np.diff(back.times) < 0.0).all()
+        assert_close(back.final.joints, state.joints, atol=1e-8)
+        (expected,) = start.sample(t)
+        assert_close(on.final.joints, expected.joints, atol=1e-8)
+
+
+# --- redundant arms, idle hands ----------------------------------------------------------------
+
+
+def test_redundant_joints_move_as_little_as_they_can():
+    """Of all joint rates that do the task those of least Euclidean norm are taken."""
+    problem, attitude, joints = seven(Task.POSE, [0.0, 0.0, 0.0])
+    motion, h = integrate_motion(problem, attitude, joints), 1e-3
+    model = problem.model
+    for t in (10.0, 20.0, 30.0):
+        before, now, after = motion.sample([t - h, t, t + h])
+        rates = (after.joints - before.joints) / (2 * h)
+        q = np.concatenate([np.zeros(3), now.attitude, now.joints])
+        Ag = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
+        J = pin.computeFrameJacobian(
+            model.pin_model, model.scratch, q, model.frame_id, pin.LOCAL_WORLD_ALIGNED
+        )
+        S = J[:, 6:] - J[:, :6] @ np.linalg.solve(Ag[:, :6], Ag[:, 6:])
+        idle = np.linalg.svd(S)[2][-1]
+        assert np.linalg.norm(rates) > 1e-3
+        assert abs(idle @ rates) < 1e-6 * np.linalg.norm(rates)
+
+
+def test_a_redundant_arm_is_singular_where_it_is_stretched():
+    """Pulled beyond its reach, seven joints or not, S* loses rank and the motion ends exactly."""
+    problem, attitude, joints = seven(Task.POSE, [0.4, -0.2, 0.3])
+    far = from_here(
+        problem.model, Task.POSE, problem.momentum, attitude, joints, [1.5, 1.5, 1.0], [0, 0, 0],
+        Timing(40.0),
+    )  # fmt: skip
+    ends = [integrate_motion(far, attitude, joints, tolerance=e) for e in (1e-8, 1e-11)]
+    assert ends[0].final.time == pytest.approx(ends[1].final.time, abs=1e-6)
+    for motion in ends:
+        assert motion.ending is Ending.SINGULAR
+        values = np.linalg.svd(generalized_jacobian(far.model, motion.final.joints))[1]
+        assert values[-1] < 1e-5 * values[0]
+
+
+def test_a_redundant_arm_does_not_creep_along_a_singularity(spatial, monkeypatch):
+    """Where S* loses rank the motion ends, as for any other arm, after some tens of steps.
+
+    Position along the line of Example 2, six joints: the least-norm rates of this configuration
+    lead into a rank loss, where time stands still.
+    """
+    monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", 600)
+    problem = replace(spatial, task=Task.POSITION)
+    attitude = problem.attitude("attitude", GOOD)
+    joints = [-1.3803, 2.2726, 1.971, 1.7142, -2.9989, -0.8725]
+    joints = problem.branch_near(attitude, joints, ()).joints
+    motion = integrate_motion(problem, attitude, joints)
+    assert motion.ending is Ending.SINGULAR
+    values = np.linalg.svd(generalized_jacobian(problem.model, motion.final.joints, problem.task))[
+        1
+    ]
+    assert values[-1] < 1e-4 * values[0]
+
+
+def test_without_momentum_an_idle_hand_means_an_idle_robot(spatial):
+    """h = 0 and a rest at a stop: nothing moves there."""
+    timing = Timing(100.0, TimeLaw.QUINTIC, (Stop(0.5, 50.0),))
+    problem = replace(
+        spatial, momentum=[0, 0, 0], path=TimedPath(spatial.path.path, timing)
+    )  # fmt: skip
+    before, after = followed(problem, GOOD, 2).sample([49.99, 50.01])
+    assert_close(after.joints, before.joints, atol=1e-8)
+    assert_close(after.attitude, before.attitude, atol=1e-8)
+
+
+# --- long and short ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("duration", [1e-2, 1e5])
+def test_where_an_arm_becomes_singular_does_not_depend_on_time_without_momentum(spatial, duration):
+    """h = 0: fast or slow, det S* vanishes at the same place of the path."""
+    places = []
+    for T in (100.0, duration):
+        problem = replace(
+            spatial, momentum=[0, 0, 0], path=TimedPath(spatial.path.path, Timing(T))
+        )  # fmt: skip
+        motion = followed(problem, BAD, 2)
+        assert motion.ending is Ending.SINGULAR
+        places.append(problem.path.timing.s(motion.final.time))
+    assert places[0] == pytest.approx(places[1], abs=1e-8)
+
+
+# --- the integrator ----------------------------------------------------------------------------
+
+
+def test_the_error_shrinks_with_the_tolerance(spatial):
+    """Each hundredth of the tolerance takes the end-effector's error down at least tenfold."""
+    errors, ends = [], []
+    exact = followed(spatial, GOOD, 2, tolerance=1e-13).final.joints
+    for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
+        motion = followed(spatial, GOOD, 2, tolerance=tolerance)
+        errors.append(tracking(motion, np.linspace(0.0, 100.0, 200))[0])
+        ends.append(np.abs(motion.final.joints - exact).max())
+    for found in (errors, ends):
+        assert (np.array(found[1:]) < 0.1 * np.array(found[:-1])).all()
+        assert found[-1] < 1e-8
+        assert found[0] > 1e-6  # it was not exact to begin with
+
+
+def test_turning_the_whole_problem_turns_the_motion(spatial):
+    """Space has no preferred direction: path, momentum and attitude turned, joints the same."""
+    turn = Rotation.from_rotvec([0.7, -1.1, 0.4])
+    R = turn.as_matrix()
+    path = spatial.path.path
+    line = PolynomialCurve(path.curve.coefficients @ R.T)
+    law = FixedOrientation(R @ path.attitude.rotation(0.0))
+    problem = replace(
+        spatial, momentum=R @ spatial.momentum,
+        path=TimedPath(EndEffectorPath(line, law), spatial.path.timing),
+    )  # fmt: skip
+    attitude = spatial.attitude("attitude", GOOD)
+    joints = spatial.branches(attitude)[2].joints
+    here = integrate_motion(spatial, attitude, joints)
+    there = integrate_motion(problem, (turn * Rotation.from_quat(attitude)).as_quat(), joints)
+    for t in (25.0, 60.0, 100.0):
+        (a,), (b,) = here.sample(t), there.sample(t)
+        assert_close(a.joints, b.joints, atol=1e-8)
+        assert_close(R @ a.base_position, b.base_position, atol=1e-8)
+        assert_close(R @ rotation_matrix(a.attitude), rotation_matrix(b.attitude), atol=1e-8)
+
+
+def test_whole_turns_of_a_joint_do_not_matter(spatial):
+    """A joint that starts a turn further ends a turn further."""
+    attitude = spatial.attitude("attitude", GOOD)
+    joints, turns = spatial.branches(attitude)[2].joints, 2 * np.pi * np.array([0, 0, 1, -1, 0, 2])
+    usual = integrate_motion(spatial, attitude, joints).final.joints
+    found = integrate_motion(spatial, attitude, joints + turns).final.joints
+    assert_close(found - turns, usual, atol=1e-8)
+
+
+def test_joints_off_the_path_are_refused(spatial):
+    """A micrometre is the limit; the message says how far off they are."""
+    attitude = spatial.attitude("attitude", GOOD)
+    joints = spatial.branches(attitude)[2].joints
+    integrate_motion(spatial, attitude, joints + 1e-8, end=1.0)
+    with pytest.raises(InputError, match="off the path at t = 0") as caught:
+        integrate_motion(spatial, attitude, joints + 0.01 * np.eye(6)[1])
+    assert caught.value.key == "joints"
+    with pytest.raises(InputError, match="off the path at t = 30"):
+        integrate_motion(spatial, attitude, joints, start=30.0)
+    free = replace(spatial, task=Task.POSITION)
+    integrate_motion(free, attitude, joints + 0.5 * np.eye(6)[5], end=1.0)
+
+
+@pytest.mark.parametrize("times", [{"start": -1.0}, {"end": 100.5}, {"end": np.nan}, {"end": -0.1}])
+def test_times_outside_the_path_are_refused(spatial, times):
+    """From 0 to the duration."""
+    attitude = spatial.attitude("attitude", GOOD)
+    with pytest.raises(InputError, match="a time from 0 to 100") as caught:
+        integrate_motion(spatial, attitude, spatial.branches(attitude)[0].joints, **times)
+    assert caught.value.key == next(iter(times))
+
+
+# --- singularities passed at finite rates ------------------------------------------------------
+
+
+PITCH = np.array([0.0, 0.6, -1.3, 0.0, 0.3, 0.0])
+
+
+class Nod:
+    """Pitch of the hand about the inertial y axis that comes back: angle 4 a s (1 - s)."""
+
+    def __init__(self, start, amplitude):
+        self.start, self.amplitude = start, amplitude
+
+    def rotation(self, s):
+        turn = Rotation.from_rotvec([0.0, 4.0 * self.amplitude * s * (1.0 - s), 0.0])
+        return turn.as_matrix() @ self.start
+
+    def rate(self, s):
+        return np.array([0.0, 4.0 * self.amplitude * (1.0 - 2.0 * s), 0.0])
+
+
+def in_plane(model, law, momentum=(0.0, 0.2, 0.0)):
+    """A motion in the x-z plane, to which spacecraft and arm are symmetric: q1, q4, q6 rest."""
+    pose = model.end_effector_pose([0, 0, 0, 1], PITCH)
+    line = PolynomialCurve.line(pose.position, pose.position + np.array([-0.3, 0.0, 0.3]))
+    problem = asked(model, Task.POSE, momentum, line, law(pose.rotation), Timing(20.0))
+    return problem, integrate_motion(problem, [0, 0, 0, 1], PITCH)
+
+
+def pitched(angle):
+    end = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()
+    return lambda start: SlerpOrientation(start, end @ start)
+
+
+def test_a_singularity_passed_at_finite_rates_ends_the_motion(spatial):
+    """sin q5 changes sign while the plane motion stays smooth: det S* = 0, no way out of plane."""
+    problem, motion = in_plane(spatial.model, pitched(0.9))
+    of = problem.margin.measure.value
+    assert motion.ending is Ending.SINGULAR
+    assert 1.0 < motion.final.time < 19.0
+    assert abs(motion.final.joints[4]) < 1e-9
+    assert abs(of(motion.final.joints)) < 1e-12
+    before, end = motion.sample(motion.final.time - np.array([1e-3, 0.0]))
+    rates = (end.joints - before.joints) / 1e-3
+    assert np.abs(rates).max() < 1.0  # no blow-up gave it away
+    assert np.abs(rates[[1, 2, 4]]).min() > 1e-3
+    assert_close(motion.joints[:, [0, 3, 5]], 0.0, atol=1e-9)
+    assert all(of(q) * of(PITCH) > 0.0 for q in motion.evaluate(np.arange(motion.panels))[2])
+
+
+def test_the_same_motion_the_other_way_round_completes(spatial):
+    """Pitching away from the straight wrist, nothing vanishes."""
+    problem, motion = in_plane(spatial.model, pitched(-0.9))
+    assert motion.completed
+    assert np.abs(problem.momentum).max() > 0.0
+    assert motion.residuals().momentum < 1e-6
+
+
+def test_a_wrist_that_just_straightens_is_told_from_one_that_does_not(spatial):
+    """q5 dips to a hair below zero and comes back: singular; to a hair above: completed."""
+
+    def lowest(amplitude):
+        _, motion = in_plane(spatial.model, lambda start: Nod(start, amplitude))
+        return motion, motion.evaluate(np.linspace(0, motion.panels, 4001))[2][:, 4].min()
+
+    low, high = 0.1, 0.4
+    assert lowest(low)[0].completed
+    assert lowest(high)[0].ending is Ending.SINGULAR
+    while high - low > 1e-7:
+        middle = (low + high) / 2.0
+        if lowest(middle)[0].completed:
+            low = middle
+        else:
+            high = middle
+    above, below = lowest(low), lowest(high)
+    assert 0.0 < above[1] < 2e-7  # what completes does not straighten, what nearly does completes
+    assert below[0].final.joints[4] == pytest.approx(0.0, abs=1e-9)
+    assert below[0].final.time > 5.0
+
+
+@pytest.mark.parametrize("name", ["gjm", "system"])
+def test_no_margin_left_at_a_singularity_is_still_a_singularity(spatial, planar, name):
+    """With a margin of zero, stopping at the margin does not hide that the arm became singular."""
+    for problem, attitudes in ((spatial, [BAD]), (planar, [heading(d) for d in range(95, 160, 5)])):
+        margin = Margin(measure(problem.model, problem.task, name), 0.0)
+        asked_for = replace(problem, margin=margin)
+        for attitude in attitudes:
+            for branch in asked_for.branches(asked_for.attitude("attitude", attitude)):
+                plainly, stopping = (
+                    followed(asked_for, attitude, branch.index, stop_at_margin=stop)
+                    for stop in (False, True)
+                )
+                assert stopping.ending is plainly.ending
+
+
+def test_a_circle_is_followed_with_the_hand_looking_along_it(spatial):
+    """An arc, an attitude that turns with it, no momentum: 1e-8 m and rad all the way round."""
+    attitude = spatial.attitude("attitude", GOOD)
+    arc = ArcCurve([0.9, 0.0, 0.0], [1.3, 0.0, 0.0], [0.0, 0.0, 1.0], 1.5)
+    law = follow_orientation(arc, "y", [0.0, 0.0, 1.0])
+    problem = asked(spatial.model, Task.POSE, [0, 0, 0], arc, law, Timing(50.0))
+    motions = [
+        integrate_motion(problem, attitude, branch.joints) for branch in problem.branches(attitude)
+    ]
+    completed = [motion for motion in motions if motion.completed]
+    assert completed
+    for motion in completed:
+        assert max(tracking(motion, np.linspace(0.0, 50.0, 200))) < 1e-8
+
+
+@pytest.mark.parametrize("tolerance", [0, -1, 1e-20, 0.1, np.nan, np.inf, "1e-8", None, True])
+def test_tolerances_that_no_integrator_meets_are_refused(spatial, tolerance):
+    with pytest.raises(InputError) as caught:
+        integrate_motion(spatial, GOOD, np.zeros(6), tolerance=tolerance)
+    assert caught.value.key == "tolerance"
+    assert caught.value.accepted == "a number from 1e-13 to 0.01"

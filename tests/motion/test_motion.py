@@ -1,0 +1,366 @@
+"""Motions: records that can be evaluated anywhere, cut, sent away, and that prove themselves."""
+
+import pickle
+from dataclasses import FrozenInstanceError, replace
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.momentum import Task, end_effector_jacobian
+from freefloat.errors import InputError
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import DEGREE, Ending, Motion
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import TimedPath, Timing
+from freefloat.so3 import heading_quaternion, rotation_matrix
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
+BAD = [0.1, 0.5, 0.2, -0.8367]
+
+
+def followed(problem, attitude, branch, **options):
+    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
+
+
+@pytest.fixture(scope="module")
+def spatial():
+    return load_scenario("spatial_6dof/line").problem()
+
+
+@pytest.fixture(scope="module")
+def motion(spatial):
+    """Example 2, the branch with q1 near 1.25 that comes close to the margin."""
+    return followed(spatial, spatial.attitude("attitude", GOOD), 2)
+
+
+@pytest.fixture(scope="module")
+def singular(spatial):
+    """Example 2 from the printed bad attitude."""
+    return followed(spatial, spatial.attitude("attitude", BAD), 2)
+
+
+@pytest.fixture(scope="module")
+def backwards(spatial, motion):
+    """The same motion, from its end to its start."""
+    final = motion.final
+    return integrate_motion(spatial, final.attitude, final.joints, start=100.0, end=0.0)
+
+
+@pytest.fixture(scope="module")
+def stopping():
+    """Example 1 from 200 degrees, at rest at F on the way."""
+    problem = load_scenario("planar_3dof/parabola").problem()
+    return followed(problem, heading_quaternion(np.deg2rad(200.0)), 0)
+
+
+def test_a_motion_begins_and_ends_where_it_says(motion, spatial):
+    """The first and last states are the first and last nodes, times exact."""
+    assert (motion.initial.time, motion.final.time) == (0.0, 100.0)
+    assert_close(motion.initial.attitude, spatial.attitude("a", GOOD), atol=1e-15)
+    assert (motion.final.joints == motion.joints[-1]).all()
+    assert motion.completed
+    assert len(motion.times) == DEGREE * motion.panels + 1
+
+
+def test_nodes_are_passed_in_order(motion, singular, backwards, stopping):
+    """Time rises without a rest, or falls in a motion integrated in reverse."""
+    for one in (motion, singular, stopping):
+        assert (np.diff(one.times) > 0.0).all()
+    assert (np.diff(backwards.times) < 0.0).all()
+
+
+def test_a_motion_passes_its_nodes(motion, singular, backwards, stopping):
+    """Sampled at the time of a node it is at that node."""
+    for one in (motion, singular, backwards, stopping):
+        tolerance = 1e-5 if one is singular else 1e-10  # time stands still at a singularity
+        for node, state in zip(range(len(one.times)), one.sample(one.times), strict=True):
+            assert state.time == one.times[node]
+            assert_close(state.joints, one.joints[node], atol=tolerance)
+            assert_close(state.attitude, one.attitudes[node], atol=tolerance)
+            assert_close(state.base_position, one.base_positions[node], atol=tolerance)
+
+
+def test_a_motion_is_sampled_in_the_order_asked_for(motion):
+    """Times need not rise, may repeat, and may be a single number."""
+    times = [70.0, 3.0, 70.0, 100.0, 0.0]
+    states = motion.sample(times)
+    assert [state.time for state in states] == times
+    assert (states[0].joints == states[2].joints).all()
+    (alone,) = motion.sample(3.0)
+    assert (alone.joints == states[1].joints).all()
+    assert motion.sample([]) == ()
+
+
+def test_samples_are_unit_quaternions_and_balanced(motion):
+    """|q| = 1 everywhere, and the centre of mass is at the origin: base position follows."""
+    assert_close(np.linalg.norm(motion.attitudes, axis=1), 1.0, atol=1e-15)
+    model = motion.problem.model.pin_model
+    for state in motion.sample(np.linspace(0.0, 100.0, 77)):
+        assert np.linalg.norm(state.attitude) == pytest.approx(1.0, abs=1e-15)
+        q = np.concatenate([state.base_position, state.attitude, state.joints])
+        centre = pin.centerOfMass(model, model.createData(), q)
+        assert_close(centre, 0.0, atol=1e-14)
+
+
+def test_times_outside_the_motion_are_refused(motion, singular, backwards):
+    """Nothing is known before the start or after the end, and nan is no time."""
+    for one, outside in (
+        (motion, -1e-9), (motion, 100.0001), (motion, np.nan), (singular, 54.7),
+        (backwards, 100.1), (motion, [50.0, 101.0]),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match="where the motion is known") as caught:
+            one.sample(outside)
+        assert caught.value.key == "times"
+
+
+def test_a_reversed_motion_is_the_motion_at_every_time(motion, backwards):
+    """At equal times both are in the same state."""
+    times = np.linspace(0.0, 100.0, 41)
+    for there, back in zip(motion.sample(times), backwards.sample(times), strict=True):
+        assert_close(back.joints, there.joints, atol=1e-8)
+        assert_close(back.attitude, there.attitude, atol=1e-8)
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 1.0, 7.0, 7.001, 12.9999, 20.5])
+def test_a_cut_motion_is_the_motion_up_to_there(motion, place):
+    """The part kept is unchanged, the last state is the one at the place of the cut."""
+    part = motion.cut(place, Ending.MARGIN)
+    t, attitude, joints = motion.evaluate(place)
+    assert part.ending is Ending.MARGIN
+    assert not part.completed
+    assert part.panels == np.ceil(place)
+    assert part.final.time == pytest.approx(t[0], abs=1e-12)
+    assert_close(part.final.joints, joints[0], atol=1e-13)
+    assert_close(part.final.attitude, attitude[0], atol=1e-13)
+    for state in part.sample(np.linspace(0.0, part.times[-1], 23)):
+        (whole,) = motion.sample(state.time)
+        assert_close(state.joints, whole.joints, atol=1e-11)
+
+
+def test_a_cut_at_the_end_keeps_everything(motion):
+    """The last place is the number of panels."""
+    whole = motion.cut(motion.panels, Ending.COMPLETED)
+    assert_close(whole.times, motion.times, atol=1e-12)
+    assert_close(whole.joints, motion.joints, atol=1e-12)
+
+
+@pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12])
+def test_a_cut_motion_keeps_its_proof(motion, beyond):
+    """However little of a panel is left, what is left follows the path and keeps the momentum."""
+    residuals = motion.cut(7.0 + beyond, Ending.MARGIN).residuals()
+    assert residuals.end_effector_position < 1e-8
+    assert residuals.momentum < 1e-5
+
+
+def test_places_and_times_belong_together(motion, backwards):
+    """parameter_at is the inverse of evaluate, and nodes are where node_parameters says."""
+    for one in (motion, backwards):
+        places = np.linspace(0.0, one.panels, 57)
+        times = np.clip(one.evaluate(places)[0], 0.0, 100.0)
+        assert_close(one.parameter_at(times), places, atol=1e-7)
+        t, attitudes, joints = one.evaluate(one.node_parameters)
+        assert_close(t, one.times, atol=1e-11)
+        assert_close(attitudes, one.attitudes, atol=1e-12)
+        assert_close(joints, one.joints, atol=1e-12)
+
+
+def test_rates_do_not_jump_where_panels_meet(motion):
+    """The flow is smooth: joint rates from both sides of a panel's end agree."""
+    h = 1e-3
+    for panel in range(2, motion.panels - 1):
+        _, _, q = motion.evaluate(panel + h * np.array([-2, -1, 0, 1, 2]))
+        t, _, _ = motion.evaluate(panel + h * np.array([-2, -1, 0, 1, 2]))
+        rates = np.diff(q, axis=0) / np.diff(t)[:, None]
+        assert np.abs(rates[2] - rates[1]).max() < 1e-2 * np.abs(rates).max()
+
+
+def test_a_motion_that_starts_singular_ends_there():
+    """An arm stretched out along the line through the shoulder cannot move its hand outwards."""
+    planar = load_scenario("planar_3dof/parabola").problem()
+    attitude, joints = heading_quaternion(0.7), np.array([0.0, 0.0, 0.4])
+    pose = planar.model.end_effector_pose(attitude, joints)
+    outwards = rotation_matrix(attitude) @ [0.2, 0.0, 0.0]
+    line = PolynomialCurve.line(pose.position, pose.position + outwards)
+    path = EndEffectorPath(line, FixedOrientation(pose.rotation))
+    problem = replace(planar, path=TimedPath(path, Timing(20.0)))
+    for start, end in ((0.0, 20.0), (0.0, 0.0)):
+        stuck = integrate_motion(problem, attitude, joints, start=start, end=end)
+        assert stuck.ending is Ending.SINGULAR
+        assert stuck.panels == 0
+        assert stuck.final.time == 0.0
+        assert (stuck.sample(0.0)[0].joints == joints).all()
+        residuals = stuck.residuals()
+        assert residuals.end_effector_position < 1e-12
+        assert residuals.momentum == 0.0
+        with pytest.raises(InputError, match="where the motion is known"):
+            stuck.sample(1.0)
+        assert stuck.cut(0.0, Ending.MARGIN).panels == 0
+
+
+def test_a_spatial_arm_that_starts_stretched_is_singular(spatial):
+    """All joints at zero: elbow and wrist straight."""
+    pose = spatial.model.end_effector_pose([0, 0, 0, 1], np.zeros(6))
+    line = PolynomialCurve.line(pose.position, pose.position - [0.3, 0.0, 0.0])
+    path = EndEffectorPath(line, FixedOrientation(pose.rotation))
+    problem = replace(spatial, path=TimedPath(path, Timing(20.0)))
+    stuck = integrate_motion(problem, [0, 0, 0, 1], np.zeros(6))
+    assert (stuck.ending, stuck.panels) == (Ending.SINGULAR, 0)
+
+
+def test_a_motion_of_no_duration_proves_itself(spatial, motion):
+    """Starting and ending at one instant in mid-flight, it is that instant."""
+    (state,) = motion.sample(50.0)
+    moment = integrate_motion(spatial, state.attitude, state.joints, start=50.0, end=50.0)
+    assert moment.completed
+    assert set(moment.times) == {50.0}
+    assert_close(moment.sample(50.0)[0].joints, state.joints, atol=1e-13)
+    assert moment.residuals().momentum < 1e-6
+
+
+def test_a_good_motion_has_small_residuals(motion, singular, backwards, stopping):
+    """Every motion, singular at its end or not, forward or not, follows and keeps."""
+    for one in (motion, singular, backwards, stopping):
+        residuals = one.residuals()
+        assert residuals.end_effector_position < 1e-8
+        assert residuals.end_effector_attitude < 1e-8
+        assert residuals.momentum < (1e-5 if one is singular else 1e-6)  # rates without bound
+
+
+def test_attitude_residuals_are_told_only_where_the_task_has_them(spatial):
+    """A position task leaves the attitude free."""
+    attitude = spatial.attitude("attitude", GOOD)
+    position = replace(spatial, task=Task.POSITION)
+    joints = spatial.branches(attitude)[2].joints
+    residuals = integrate_motion(position, attitude, joints, end=20.0).residuals()
+    assert residuals.end_effector_attitude is None
+    assert residuals.end_effector_position < 1e-8
+
+
+def tampered(motion, field, node, change):
+    values = getattr(motion, field).copy()
+    values[node] += change
+    return replace(motion, **{field: values})
+
+
+@pytest.mark.parametrize("joint", range(5))
+def test_one_shifted_joint_node_shows_in_the_end_effector(motion, joint):
+    """The position residual is what the Jacobian says the shift does, and momentum jumps, too."""
+    node, shift = 8 * 15 + 3, 1e-3
+    found = tampered(motion, "joints", node, shift * np.eye(6)[joint]).residuals()
+    J = end_effector_jacobian(motion.problem.model, motion.joints[node], motion.attitudes[node])
+    mass = pin.jacobianCenterOfMass(
+        motion.problem.model.pin_model, motion.problem.model.scratch,
+        motion.problem.model.configuration(motion.attitudes[node], motion.joints[node]),
+    )  # fmt: skip
+    moved = np.linalg.norm(J[:3, 6 + joint] - mass[:, 6 + joint])
+    turned = np.linalg.norm(J[3:, 6 + joint])
+    assert found.end_effector_position == pytest.approx(shift * moved, rel=1e-2)
+    assert found.end_effector_attitude == pytest.approx(shift * turned, rel=1e-2)
+    assert found.momentum > 1e-3 or joint > 2  # the wrist's bodies 4 and 5 weigh a milligram
+
+
+def test_a_shifted_wrist_roll_shows_in_the_attitude_alone(motion):
+    """The last joint turns the hand about its own axis."""
+    found = tampered(motion, "joints", 100, [0, 0, 0, 0, 0, 1e-3]).residuals()
+    assert found.end_effector_position < 1e-8
+    assert found.end_effector_attitude == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_a_turned_spacecraft_shows_in_all_residuals(motion):
+    """One node turned by a milliradian about each axis."""
+    for axis in np.eye(3):
+        turn = Rotation.from_rotvec(1e-3 * axis)
+        values = motion.attitudes.copy()
+        values[100] = (Rotation.from_quat(values[100]) * turn).as_quat()
+        values[100] *= np.sign(values[100] @ motion.attitudes[100])
+        found = replace(motion, attitudes=values).residuals()
+        assert found.end_effector_attitude == pytest.approx(1e-3, rel=1e-5)
+        assert found.end_effector_position > 1e-5
+        assert found.momentum > 1e-3
+
+
+def test_a_late_node_shows_in_position_and_momentum(motion):
+    """A configuration at the wrong time is off the path by its speed times the delay."""
+    node, delay = 8 * 15 + 3, 1e-2
+    twist = motion.problem.path.twist(motion.times[node])
+    found = tampered(motion, "times", node, delay).residuals()
+    assert found.end_effector_position == pytest.approx(delay * np.linalg.norm(twist[:3]), rel=1e-2)
+    assert found.momentum > 1e-4
+
+
+def test_a_spacecraft_held_still_breaks_the_momentum(motion):
+    """The arm alone has momentum: the drift is not an ornament."""
+    held = replace(motion, attitudes=np.tile(motion.attitudes[0], (len(motion.times), 1)))
+    assert held.residuals().momentum > 0.1
+
+
+@pytest.mark.parametrize("missing", [[1e-3, 0, 0], [0, -2e-3, 0], [0, 0, 0.1]])
+def test_the_momentum_residual_is_in_newton_metre_seconds(motion, missing):
+    """A motion with momentum h, told to have h + d, is off by exactly |d|."""
+    claimed = replace(motion.problem, momentum=motion.problem.momentum + missing)
+    found = replace(motion, problem=claimed).residuals().momentum
+    assert found == pytest.approx(np.linalg.norm(missing), rel=1e-3)
+
+
+def test_momentum_is_judged_everywhere(motion):
+    """A tampered node in the first or the last panel shows as one in the middle does."""
+    for node in (1, 4, len(motion.times) - 2, len(motion.times) - 5):
+        change = 1e-3 * np.eye(6)[1]
+        assert tampered(motion, "joints", node, change).residuals().momentum > 1e-4
+
+
+def test_where_time_stands_still_there_are_no_rates(motion):
+    """A motion that is all at one instant jumps: it has no momentum to speak of, not even none."""
+    jump = replace(motion, times=np.zeros(len(motion.times)))
+    assert np.isnan(jump.momentum_errors(np.linspace(0.0, motion.panels, 31))).all()
+
+
+def test_a_motion_survives_pickling(motion, singular):
+    """What comes back from another process is the same motion, able to prove itself."""
+    for one in (motion, singular):
+        _ = one.base_positions, one.sample(20.0)
+        back = pickle.loads(pickle.dumps(one))
+        assert back.ending is one.ending
+        for name in ("times", "attitudes", "joints"):
+            assert (getattr(back, name) == getattr(one, name)).all()
+        assert back.residuals() == one.residuals()
+        assert (back.sample(20.0)[0].joints == one.sample(20.0)[0].joints).all()
+
+
+def test_motions_are_read_only(motion):
+    """Neither fields nor arrays can be changed, nor those of the states taken from them."""
+    with pytest.raises(FrozenInstanceError):
+        motion.ending = Ending.SINGULAR
+    (state,) = motion.sample(20.0)
+    for array in (
+        motion.times, motion.attitudes, motion.joints, motion.base_positions,
+        motion.node_parameters,
+        motion.initial.joints, motion.final.base_position, state.joints, state.attitude,
+        state.base_position,
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0
+
+
+def test_motions_are_read_only_after_pickling(motion):
+    """A record that comes back from another process is as frozen as the one that left."""
+    back = pickle.loads(pickle.dumps(motion))
+    for array in (back.times, back.attitudes, back.joints, back.problem.momentum):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0
+
+
+def test_a_motion_does_not_share_the_arrays_it_is_made_from(motion):
+    """What it was made from may change, the motion may not."""
+    times = motion.times.copy()
+    made = Motion(motion.problem, motion.ending, times, motion.attitudes, motion.joints)
+    times += 1.0
+    assert made.final.time == 100.0

@@ -1,0 +1,71 @@
+"""Paths beyond the reach: where they leave it, and what a light spacecraft has to do with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import UnreachableError
+from freefloat.io.scenario import parse_scenario
+from freefloat.motion.problem import Problem
+from freefloat.motion.reach import light_spacecraft, out_of_reach, told_reach
+from freefloat.paths.curves import PolynomialCurve
+from tests.scenarios import EASY
+
+
+def along(start: list[float], end: list[float]) -> Problem:
+    """Example 2 along another line."""
+    line = ff.load_scenario("spatial_6dof/line").problem()
+    path = ff.EndEffectorPath(
+        PolynomialCurve.line(np.array(start), np.array(end)), line.path.path.attitude
+    )
+    return replace(line, path=ff.TimedPath(path, line.path.timing))
+
+
+def test_the_place_where_a_path_leaves_the_reach_lies_on_the_reach() -> None:
+    problem = along([1.0, 0.0, 0.0], [-5.0, 8.0, 0.33])
+    found = out_of_reach(problem)
+    assert found is not None
+    reach = VirtualManipulator.of(problem.model).reach
+    assert np.linalg.norm(found.position) == pytest.approx(reach, rel=1e-9)
+    assert found.position == pytest.approx(problem.path.path.curve(found.s).tolist())
+    assert str(found) == f"the path leaves the reach of {reach:.4g} m at s = {found.s:.3g}"
+
+
+def test_a_start_beyond_it_is_told_with_the_unit_where_it_is_absurd() -> None:
+    told = "the path begins out of reach: [10.0, 0.0, 0.0] m is 10 m from the centre of mass, "
+    assert told_reach(along([10.0, 0.0, 0.0], [1.0, 0.0, 0.0])) == told + "the arm reaches 2.635 m"
+    assert "in metres" in str(told_reach(along([1000.0, 0.0, 0.0], [-500.0, 800.0, 330.0])))
+
+
+def test_a_path_within_reach_is_left_alone() -> None:
+    assert told_reach(ff.load_scenario("spatial_6dof/line").problem()) is None
+
+
+def test_a_simulation_tells_it_of_the_start_and_of_the_end() -> None:
+    from freefloat.answers.report import simulation_document
+    from freefloat.cli.tables import simulation_tables
+
+    with pytest.raises(UnreachableError, match="begins out of reach"):
+        ff.simulate(along([1000.0, 0.0, 0.0], [1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0])
+    leaving = ff.simulate(along([1.0, 0.0, 0.0], [-5.0, 8.0, 0.33]), [0.0, 0.0, 0.0, 1.0])
+    document = simulation_document(leaving)
+    assert document["out_of_reach"].startswith("the path leaves the reach of 2.635 m at s = ")
+    shown = [str(one) for one in simulation_tables(document, "far")]
+    assert any(document["out_of_reach"] in line for line in shown)
+
+
+def test_a_spacecraft_lighter_than_its_arm_is_told() -> None:
+    """The UR5's base link alone, 4 kg, carries the arm."""
+    bare = "urdf: 'example-robot-data:ur5', end_effector: tool0"
+    text = EASY.replace("urdf: spatial_6dof, end_effector: end_effector", bare)
+    text = text.replace("measure: arm", "measure: gjm")
+    light = parse_scenario(text, Path("bare.yaml")).problem()
+    assert light_spacecraft(light).startswith("; the spacecraft has 4 kg of ")
+    assert "robot.spacecraft" in light_spacecraft(light)
+    assert light_spacecraft(ff.load_scenario("spatial_6dof/line").problem()) == ""

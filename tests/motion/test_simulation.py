@@ -1,0 +1,219 @@
+"""One attitude, every branch: what is followed, what is chosen, what is refused."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.measures import measure
+from freefloat.dynamics.momentum import Task
+from freefloat.errors import InputError, UnreachableError
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.closest_approach import least
+from freefloat.motion.joint_extents import joint_extents
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Margin
+from freefloat.motion.simulation import simulate
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import TimedPath, Timing
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_quaternion
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
+BAD = [0.1, 0.5, 0.2, -0.8367]
+
+
+@pytest.fixture(scope="module")
+def spatial():
+    return load_scenario("spatial_6dof/line").problem()
+
+
+@pytest.fixture(scope="module")
+def planar():
+    return load_scenario("planar_3dof/parabola").problem()
+
+
+@pytest.fixture(scope="module")
+def good(spatial):
+    return simulate(spatial, GOOD)
+
+
+def test_every_branch_is_followed_from_its_own_joints(spatial, good):
+    """Eight branches, each begun where it stands, each with the margin it kept."""
+    assert [one.branch.index for one in good.followed] == list(range(8))
+    for one in good.followed:
+        assert (one.motion.initial.joints == one.branch.joints).all()
+        assert_close(one.motion.initial.attitude, spatial.attitude("a", GOOD), atol=1e-15)
+        assert one.least == least(one.motion, spatial.margin.measure)
+
+
+def test_the_branch_with_the_largest_margin_is_chosen(good):
+    """All complete: the one that stays farthest from singularities."""
+    assert good.chosen in good.followed
+    largest = max(one.least.value for one in good.followed)
+    assert good.chosen.least.value == pytest.approx(largest, rel=1e-6)
+
+
+def test_a_branch_that_completes_comes_before_one_that_does_not(planar):
+    """At 140 degrees one branch is singular: the other is chosen, however small its margin."""
+    simulation = simulate(planar, heading_quaternion(np.deg2rad(140.0)))
+    endings = {one.branch.label: one.motion.ending for one in simulation.followed}
+    assert endings == {"elbow+": Ending.SINGULAR, "elbow-": Ending.COMPLETED}
+    assert simulation.chosen.branch.label == "elbow-"
+    wide = replace(planar, margin=Margin(planar.margin.measure, 20.0))
+    stopped = simulate(wide, heading_quaternion(np.deg2rad(140.0)), stop_at_margin=True)
+    assert {one.motion.ending for one in stopped.followed} == {Ending.MARGIN}
+    assert stopped.chosen in stopped.followed
+
+
+def test_completing_counts_more_than_any_margin(spatial):
+    """Pitched in the plane of the arm, four wrists straighten where the arm's own factor is larger.
+
+    S(q2, q3) does not see the wrist: those four have the larger margin and yet do not complete.
+    """
+    joints = [0.0, 0.6, -1.3, 0.0, 0.3, 0.0]
+    pose = spatial.model.end_effector_pose([0, 0, 0, 1], joints)
+    line = PolynomialCurve.line(pose.position, pose.position + np.array([-0.3, 0.0, 0.3]))
+    pitched = Rotation.from_rotvec([0.0, -2.0, 0.0]).as_matrix() @ pose.rotation
+    path = EndEffectorPath(line, SlerpOrientation(pose.rotation, pitched))
+    problem = replace(spatial, path=TimedPath(path, Timing(20.0)), momentum=[0.0, 0.2, 0.0])
+    simulation = simulate(problem, [0, 0, 0, 1])
+    failed = [one for one in simulation.followed if one.motion.ending is Ending.SINGULAR]
+    assert len(failed) == 4
+    assert simulation.chosen.motion.completed
+    assert all(one.least.value > simulation.chosen.least.value for one in failed)
+
+
+def test_where_none_completes_the_motion_is_still_told(planar):
+    """At 80 degrees both branches are singular: one of them is the answer, with its end."""
+    simulation = simulate(planar, heading_quaternion(np.deg2rad(80.0)))
+    assert {one.motion.ending for one in simulation.followed} == {Ending.SINGULAR}
+    assert simulation.chosen in simulation.followed
+    assert 0.0 < simulation.chosen.motion.final.time < 100.0
+
+
+@pytest.mark.parametrize("branch", [0, 3, 7])
+def test_a_branch_can_be_chosen_by_number(spatial, branch):
+    """The number asked for is chosen, whatever its margin; all are followed."""
+    simulation = simulate(spatial, BAD, branch=branch)
+    assert simulation.chosen.branch.index == branch
+    assert len(simulation.followed) == 8
+
+
+def test_a_branch_can_be_chosen_by_joints(spatial, good):
+    """Joint values within 0.05 rad of a branch mean that branch."""
+    for one in good.followed:
+        chosen = simulate(spatial, GOOD, joints=one.branch.joints + 0.03).chosen
+        assert chosen.branch.index == one.branch.index
+        assert (chosen.motion.joints == one.motion.joints).all()
+
+
+def test_a_branch_that_does_not_exist_is_refused_with_those_that_do(planar):
+    """Numbers and joints near none of them."""
+    attitude = heading_quaternion(2.0)
+    with pytest.raises(InputError, match="there is no branch 5 here") as caught:
+        simulate(planar, attitude, branch=5)
+    assert (caught.value.key, caught.value.accepted) == ("branch", "0, 1")
+    with pytest.raises(InputError, match="lies near no arm branch"):
+        simulate(planar, attitude, joints=[0.0, 0.1, 0.2])
+    with pytest.raises(InputError, match="3 values: q1, q2, q3"):
+        simulate(planar, attitude, joints=[0.0, 0.1])
+
+
+def test_a_branch_is_chosen_in_one_way(planar):
+    """By number or by joints: both could contradict each other."""
+    attitude = heading_quaternion(2.0)
+    joints = planar.branches(attitude)[0].joints
+    with pytest.raises(InputError, match="branch or joints"):
+        simulate(planar, attitude, branch=0, joints=joints)
+
+
+def test_a_path_out_of_reach_is_told_as_such(spatial):
+    """Not singular, not wrong: unreachable, with the place in the message."""
+    far = EndEffectorPath(PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedOrientation(np.eye(3)))
+    with pytest.raises(UnreachableError, match=r"\[4.0, 0.0, 0.0\] m") as caught:
+        simulate(replace(spatial, path=TimedPath(far, Timing(10.0))), GOOD)
+    assert caught.value.key == "path"
+
+
+def test_what_is_no_attitude_is_refused(spatial, planar):
+    """As everywhere else: a unit quaternion, in the plane for planar tasks."""
+    with pytest.raises(InputError, match="norm"):
+        simulate(spatial, [1, 1, 1, 1])
+    with pytest.raises(InputError, match="leaves the plane"):
+        simulate(planar, GOOD)
+
+
+def test_motions_end_at_the_margin_when_asked_to(spatial):
+    """Every motion that would pass S0 = 8 ends there, the others complete."""
+    problem = replace(spatial, margin=Margin(spatial.margin.measure, 8.0))
+    simulation = simulate(problem, GOOD, stop_at_margin=True)
+    for one in simulation.followed:
+        if one.motion.ending is Ending.MARGIN:
+            assert one.least.value == pytest.approx(8.0, rel=1e-9)
+        else:
+            assert one.motion.completed
+            assert one.least.value > 8.0
+    endings = [one.motion.ending for one in simulation.followed]
+    assert endings.count(Ending.MARGIN) == 4
+    assert simulation.chosen.motion.completed
+
+
+def test_the_tolerance_reaches_the_integrator(spatial):
+    """A rough simulation differs from a precise one, but not by much."""
+    rough = simulate(spatial, GOOD, branch=2, tolerance=1e-5).chosen.motion
+    fine = simulate(spatial, GOOD, branch=2).chosen.motion
+    off = np.abs(rough.final.joints - fine.final.joints).max()
+    assert 1e-8 < off < 1e-2
+    assert rough.panels < fine.panels
+
+
+def test_a_redundant_arm_follows_a_set_of_configurations_and_any_given_one(spatial):
+    """Six joints, three coordinates: a spread of configurations, and one more when asked for."""
+    near = EndEffectorPath(
+        PolynomialCurve.line([1, 0, 0], [0.85, 0.08, 0.033]), spatial.path.path.attitude
+    )
+    problem = replace(
+        spatial, task=Task.POSITION,
+        margin=Margin(measure(spatial.model, Task.POSITION, "gjm"), 0.0),
+        path=TimedPath(near, Timing(10.0)),
+    )  # fmt: skip
+    given = spatial.branches(spatial.attitude("a", GOOD))[3].joints
+    simulation = simulate(problem, GOOD, joints=given)
+    assert simulation.chosen.branch.label == "given"
+    assert len(simulation.followed) == len(problem.branches(spatial.attitude("a", GOOD))) + 1
+    assert len({one.branch.index for one in simulation.followed}) == len(simulation.followed)
+    assert_close(simulation.chosen.motion.initial.joints, given, atol=1e-6)
+    for one in simulation.followed:
+        assert one.motion.residuals().end_effector_position < 1e-7
+
+
+def test_joints_are_told_with_the_turns_that_keep_them_in_range():
+    """The start of one branch fits its range, the motion from there only a whole turn lower."""
+    whole = load_scenario("ur5_servicer/arc").problem()
+    robot = ET.fromstring(whole.model.description.text)
+    limit = robot.find("joint[@name='shoulder_pan_joint']/limit")
+    limit.set("lower", "-7.0")
+    limit.set("upper", "0.5")
+    model = FreeFloatingModel.from_urdf(ET.tostring(robot, encoding="unicode"), "tool0")
+    margin = Margin(measure(model, whole.task, "gjm"), 0.0)
+    problem = replace(whole, model=model, margin=margin)
+    (free,), (told,) = (
+        [one for one in simulate(of, [0, 0, 0, 1]).followed if one.branch.index == 7]
+        for of in (whole, problem)
+    )
+    span = joint_extents(free.motion)
+    assert span.low[0] > -0.3
+    assert span.high[0] > 0.6
+    assert_close(told.branch.joints - free.branch.joints, [-2 * np.pi, 0, 0, 0, 0, 0], atol=1e-6)
+    assert_close(told.motion.initial.joints, told.branch.joints, atol=0)
+    assert joint_extents(told.motion).high[0] < 0.5
+    chosen = simulate(problem, [0, 0, 0, 1], joints=free.branch.joints).chosen
+    assert chosen.branch.index == 7

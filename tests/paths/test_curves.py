@@ -1,0 +1,207 @@
+"""Curves: geometry known in closed form, and derivatives that are exactly the slopes."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from freefloat.errors import InputError
+from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+POINTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, -0.2], [1.3, 1.5, 0.4], [0.2, 2.0, 0.1], [0, 1, 1]])
+CURVES = {
+    "line": PolynomialCurve.line([1.0, 0.0, 0.0], [-0.5, 0.8, 0.33]),
+    "parabola": PolynomialCurve([[2.0, 0.0, 0.0], [-3.0, 0.5, 0.0], [0.0, 1.5, 0.0]]),
+    "quintic": PolynomialCurve(np.random.default_rng(1).normal(size=(6, 3))),
+    "arc": ArcCurve([0.1, 0.2, 0.3], [1.1, 0.2, 0.3], [0.0, 1.0, 2.0], 2.5),
+    "reversed arc": ArcCurve([0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [3.0, 0.0, 0.0], -1.2),
+    "spline": SplineCurve(POINTS),
+    "spline with s": SplineCurve(POINTS, [0.0, 0.2, 0.5, 0.9, 1.0]),
+    "two points": SplineCurve(POINTS[:2]),
+    "three points": SplineCurve(POINTS[:3]),
+}
+PLACES = [0.0, 0.137, 0.31, 0.4567, 0.72, 0.951, 1.0]
+
+
+@pytest.fixture(params=CURVES)
+def curve(request):
+    return CURVES[request.param]
+
+
+def slope(function, s, h=1e-3):
+    """Central differences of eighth order."""
+    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+    return sum(w * (function(s + k * h) - function(s - k * h)) for k, w in weights.items()) / h
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("s", PLACES)
+def test_every_order_is_the_derivative_of_the_one_below(curve, s, order):
+    """d/ds r^(k-1) = r^(k), also at the ends, where the curve goes on smoothly."""
+    found = slope(lambda x: curve(x, order - 1), s)
+    assert_close(curve(s, order), found, rtol=1e-9, atol=1e-9)
+
+
+def test_a_position_is_three_numbers_of_order_zero(curve):
+    """Left out, the order is zero; every order is a vector of three."""
+    assert (curve(0.3) == curve(0.3, 0)).all()
+    assert {curve(0.3, order).shape for order in (0, 1, 2)} == {(3,)}
+
+
+def test_a_line_runs_straight_at_constant_speed():
+    """r(s) = a + s (b - a)."""
+    a, b = np.array([1.0, 0.0, 0.0]), np.array([-0.5, 0.8, 0.33])
+    line = PolynomialCurve.line(a, b)
+    for s in PLACES:
+        assert_close(line(s), a + s * (b - a), atol=1e-15)
+        assert_close(line(s, 1), b - a, atol=1e-15)
+        assert not line(s, 2).any()
+
+
+def test_a_polynomial_takes_its_lowest_coefficient_first():
+    """(30a): x = 2 - 3 s, y = 0.5 s + 1.5 s^2 is y = x^2 / 6 - 5 x / 6 + 1 through A, C and B."""
+    parabola = CURVES["parabola"]
+    assert_close(parabola(0.0), [2.0, 0.0, 0.0], atol=1e-15)
+    assert_close(parabola(2.0 / 3.0), [0.0, 1.0, 0.0], atol=1e-15)
+    assert_close(parabola(1.0), [-1.0, 2.0, 0.0], atol=1e-15)
+    for s in PLACES:
+        x, y, _ = parabola(s)
+        assert y == pytest.approx(x**2 / 6 - 5 * x / 6 + 1, abs=1e-14)
+
+
+@pytest.mark.parametrize("powers", [1, 2])
+def test_a_polynomial_of_low_degree_has_vanishing_derivatives(powers):
+    """A constant does not move, a straight line does not bend."""
+    curve = PolynomialCurve(POINTS[:powers])
+    assert not curve(0.4, 2).any()
+    assert curve(0.4, 1).any() == (powers == 2)
+
+
+def test_an_arc_turns_right_handed_about_its_normal():
+    """A quarter turn about z takes +x to +y; the other way round it takes +x to -y."""
+    quarter = ArcCurve([1.0, 1.0, 1.0], [3.0, 1.0, 1.0], [0.0, 0.0, 5.0], np.pi / 2)
+    assert_close(quarter(0.0), [3.0, 1.0, 1.0], atol=1e-15)
+    assert_close(quarter(0.5), 1.0 + np.sqrt([2.0, 2.0, 0.0]), atol=1e-15)
+    assert_close(quarter(1.0), [1.0, 3.0, 1.0], atol=1e-15)
+    back = ArcCurve([1.0, 1.0, 1.0], [3.0, 1.0, 1.0], [0.0, 0.0, 5.0], -np.pi / 2)
+    assert_close(back(1.0), [1.0, -1.0, 1.0], atol=1e-15)
+
+
+def test_an_arc_keeps_its_radius_its_plane_and_its_speed():
+    """|r - c| and |dr/ds| = |angle| radius are constant, r - c stays across the normal."""
+    arc = CURVES["arc"]
+    for s in PLACES:
+        arm = arc(s) - arc.centre
+        assert np.linalg.norm(arm) == pytest.approx(1.0, abs=1e-14)
+        assert arm @ arc.normal == pytest.approx(0.0, abs=1e-14)
+        assert np.linalg.norm(arc(s, 1)) == pytest.approx(2.5, abs=1e-13)
+
+
+def test_a_full_circle_closes():
+    """An arc of 2 pi ends where it began, in position and in direction."""
+    circle = ArcCurve([0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 1.0], 2.0 * np.pi)
+    assert_close(circle(1.0), circle(0.0), atol=1e-15)
+    assert_close(circle(1.0, 1), circle(0.0, 1), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("key", "arguments"),
+    [
+        ("arc.from", ([0, 0, 0], [1, 0, 0.01], [0, 0, 1], 1.0)),
+        ("arc.normal", ([0, 0, 0], [1, 0, 0], [0, 0, 0], 1.0)),
+        ("arc.center", ([0, np.nan, 0], [1, 0, 0], [0, 0, 1], 1.0)),
+        ("arc.from", ([0, 0, 0], [1, 0], [0, 0, 1], 1.0)),
+    ],
+    ids=["off the plane", "no normal", "not finite", "two coordinates"],
+)
+def test_an_impossible_arc_is_refused(key, arguments):
+    """The start lies in the plane through the centre across a normal that has a direction."""
+    with pytest.raises(InputError) as caught:
+        ArcCurve(*arguments)
+    assert caught.value.key == key
+
+
+@pytest.mark.parametrize(("key", "ends"), [("line.from", ([0, 0], [1, 1, 1])),
+                                           ("line.to", ([0, 0, 0], [1, 1, np.inf])),
+                                           ("line.to", ([0, 0, 0], ["a", 1, 1]))])  # fmt: skip
+def test_a_line_between_no_points_is_refused(key, ends):
+    """Ends are three finite numbers each."""
+    with pytest.raises(InputError) as caught:
+        PolynomialCurve.line(*ends)
+    assert caught.value.key == key
+
+
+@pytest.mark.parametrize("s", [None, [0.0, 0.2, 0.5, 0.9, 1.0]])
+def test_a_spline_passes_its_points_where_it_should(s):
+    """r(s_i) = p_i, with s_i by chord length when none are given."""
+    spline = SplineCurve(POINTS, s)
+    chords = np.linalg.norm(np.diff(POINTS, axis=0), axis=1)
+    expected = np.append(0.0, np.cumsum(chords) / chords.sum()) if s is None else s
+    assert_close(spline.knots, expected, atol=1e-15)
+    for knot, point in zip(spline.knots, POINTS, strict=True):
+        assert_close(spline(knot), point, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["spline", "spline with s"])
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_a_spline_is_twice_continuously_differentiable(name, order):
+    """At every inner knot the limits of r, r' and r'' from both sides agree (C2)."""
+    spline, h = CURVES[name], 1e-6
+    for knot in spline.knots[1:-1]:
+        jump = spline(knot + h, order) - spline(knot - h, order)
+        higher = spline(knot, order + 1) if order < 2 else slope(lambda s: spline(s, 2), knot, h)
+        assert np.abs(jump).max() < 3e-6 * max(1.0, np.abs(higher).max())
+
+
+def test_a_spline_through_a_cubic_is_that_cubic():
+    """Ends are not clamped: what is a cubic stays one."""
+    cubic = PolynomialCurve(np.random.default_rng(2).normal(size=(4, 3)))
+    s = np.array([0.0, 0.1, 0.4, 0.55, 0.8, 1.0])
+    spline = SplineCurve([cubic(x) for x in s], s)
+    for x in PLACES:
+        for order in (0, 1, 2):
+            assert_close(spline(x, order), cubic(x, order), atol=1e-11)
+
+
+def test_a_spline_through_two_points_is_the_line_between_them():
+    """The simplest path through waypoints is straight."""
+    line = PolynomialCurve.line(POINTS[0], POINTS[1])
+    for s in PLACES:
+        assert_close(CURVES["two points"](s), line(s), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("points", "told"),
+    [
+        (POINTS[:1], "shape (1, 3)"),
+        (POINTS[:, :2], "shape (5, 2)"),
+        ([[0, 0, 0], [1, np.nan, 0]], "not finite"),
+        ([[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0]], "points 2 and 3 coincide"),
+    ],
+)
+def test_an_impossible_spline_is_refused(points, told):
+    """Two or more finite points, neighbours apart; the message tells which."""
+    with pytest.raises(InputError) as caught:
+        SplineCurve(points)
+    assert told in caught.value.problem
+
+
+def test_coinciding_points_are_welcome_where_s_tells_them_apart():
+    """With s given, a curve may come to rest at a point."""
+    spline = SplineCurve([[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0]], [0.0, 0.4, 0.6, 1.0])
+    assert_close(spline(0.6), [1.0, 0.0, 0.0], atol=1e-15)
+
+
+def test_curves_do_not_share_the_arrays_they_are_made_from():
+    """A curve is a value: what it was made from may change, the curve may not."""
+    given = POINTS.copy()
+    curves = PolynomialCurve(given), SplineCurve(given)
+    before = [curve(0.3) for curve in curves]
+    given += 1.0
+    for curve, value in zip(curves, before, strict=True):
+        assert (curve(0.3) == value).all()
+    for array in (curves[0].coefficients, curves[1].points, CURVES["arc"].normal):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0

@@ -1,0 +1,288 @@
+"""Attitude laws: axes where they should point, and rates that are the exact angular velocity."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from freefloat.errors import InputError
+from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
+from freefloat.paths.orientation import (
+    FixedOrientation,
+    SlerpOrientation,
+    follow_orientation,
+    point_at_orientation,
+)
+from freefloat.paths.orientation_spline import OrientationSpline
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+PLACES = [0.0, 0.137, 0.31, 0.4567, 0.72, 0.951, 1.0]
+TURNS = Rotation.from_quat(np.random.default_rng(3).normal(size=(6, 4)))
+START, END = TURNS[0].as_matrix(), TURNS[1].as_matrix()
+BEND = PolynomialCurve([[2.0, 0.0, 0.0], [-3.0, 0.5, 0.3], [0.0, 1.5, -0.4], [0.2, 0.1, 0.6]])
+ARC = ArcCurve([0.0, 0.0, 0.2], [1.0, 0.0, 0.2], [0.0, 0.0, 1.0], 2.0)
+SPLINE = SplineCurve([[0, 0, 0], [1, 0.4, 0.1], [1.5, 1.4, 0.5], [0.7, 2, 0.2]])
+NORMAL = [0.2, -0.1, 1.0]
+TARGET = np.array([0.3, -1.7, 2.1])
+KNOTS = np.array([0.0, 0.15, 0.35, 0.6, 0.8, 1.0])
+GENTLE = Rotation.from_rotvec(np.cumsum(np.random.default_rng(4).uniform(-0.8, 0.8, (6, 3)), 0))
+LAWS = {
+    "fixed": FixedOrientation(START),
+    "slerp": SlerpOrientation(START, END),
+    "slerp of half a turn": SlerpOrientation(
+        START, Rotation.from_rotvec([0, 3.14159, 0]).as_matrix()),
+    "slerp that stays": SlerpOrientation(START, START),
+    "slerp by a little": SlerpOrientation(START, Rotation.from_rotvec([1e-9, 0, 0]).as_matrix()),
+    **{f"follow {axis}": follow_orientation(BEND, axis, NORMAL) for axis in ("x", "-x", "y", "-y")},
+    "follow an arc": follow_orientation(ARC, "x", [0.0, 0.0, 1.0]),
+    "follow a spline": follow_orientation(SPLINE, "-y", [0.0, 0.0, 1.0]),
+    **{f"point {axis}": point_at_orientation(BEND, axis, TARGET)
+       for axis in ("x", "-x", "y", "-y", "z", "-z")},
+    "point from a spline": point_at_orientation(SPLINE, "z", TARGET),
+    "sampled": OrientationSpline(GENTLE.as_quat(), KNOTS),
+}  # fmt: skip
+
+
+@pytest.fixture(params=LAWS)
+def law(request):
+    return LAWS[request.param]
+
+
+def column(rotation, axis):
+    """The direction of a named axis, minus sign included."""
+    return (-1.0 if axis.startswith("-") else 1.0) * rotation[:, "xyz".index(axis[-1])]
+
+
+def turning(law, s, h=1e-3):
+    """Angular velocity from R' R^T, R' by central differences of eighth order."""
+    weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+    slope = sum(w * (law.rotation(s + k * h) - law.rotation(s - k * h)) for k, w in weights.items())
+    W = slope / h @ law.rotation(s).T
+    return np.array([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]]) / 2.0
+
+
+@pytest.mark.parametrize("s", PLACES)
+def test_the_rate_is_the_angular_velocity_of_the_rotation(law, s):
+    """dR/ds = omega x R in inertial axes, also at the ends, where the law goes on smoothly."""
+    assert_close(law.rate(s), turning(law, s), atol=1e-9)
+
+
+@pytest.mark.parametrize("s", PLACES)
+def test_an_attitude_is_always_a_rotation(law, s):
+    """R^T R = 1 and det R = 1."""
+    R = law.rotation(s)
+    assert_close(R.T @ R, np.eye(3), atol=1e-14)
+    assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-14)
+
+
+def test_a_fixed_attitude_does_not_turn():
+    """R(s) is the rotation given, omega is zero."""
+    for s in PLACES:
+        assert (LAWS["fixed"].rotation(s) == START).all()
+        assert not LAWS["fixed"].rate(s).any()
+
+
+def test_a_slerp_goes_from_start_to_end_by_the_shortest_turn_at_a_constant_rate():
+    """R(s) = exp(s phi) R(0), |phi| at most pi."""
+    law, phi = LAWS["slerp"], Rotation.from_matrix(END @ START.T).as_rotvec()
+    assert_close(law.rotation(0.0), START, atol=1e-14)
+    assert_close(law.rotation(1.0), END, atol=1e-14)
+    assert np.linalg.norm(phi) < np.pi
+    for s in PLACES:
+        assert_close(law.rate(s), phi, atol=1e-14)
+        half = Rotation.from_rotvec(s * phi).as_matrix() @ START
+        assert_close(law.rotation(s), half, atol=1e-14)
+
+
+@pytest.mark.parametrize("axis", ["x", "-x", "y", "-y"])
+def test_follow_looks_along_the_path_with_z_nearest_to_the_normal(axis):
+    """The named axis is the unit tangent; z is the normal less its share along the tangent."""
+    law = follow_orientation(BEND, axis, NORMAL)
+    for s in PLACES:
+        R, tangent = law.rotation(s), BEND(s, 1) / np.linalg.norm(BEND(s, 1))
+        assert_close(column(R, axis), tangent, atol=1e-14)
+        upright = NORMAL - (NORMAL @ tangent) * tangent
+        assert_close(R[:, 2], upright / np.linalg.norm(upright), atol=1e-14)
+
+
+def test_following_a_circle_turns_once_with_it():
+    """On an arc of angle phi about its own normal the hand turns by phi about that normal."""
+    for s in PLACES:
+        assert_close(LAWS["follow an arc"].rate(s), [0.0, 0.0, 2.0], atol=1e-13)
+
+
+def test_the_third_link_of_example_1_is_normal_to_the_path():
+    """(30c): theta_E = 3 pi / 2 + arctan(dy/dx), the angle of the end-effector's x axis."""
+    parabola = PolynomialCurve([[2.0, 0.0, 0.0], [-3.0, 0.5, 0.0], [0.0, 1.5, 0.0]])
+    law = follow_orientation(parabola, "-y", [0.0, 0.0, 1.0])
+    for s in PLACES:
+        dx, dy, _ = parabola(s, 1)
+        angle = 1.5 * np.pi + np.arctan(dy / dx)
+        expected = [np.cos(angle), np.sin(angle), 0.0]
+        assert_close(law.rotation(s)[:, 0], expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("axis", ["x", "-x", "y", "-y", "z", "-z"])
+def test_point_at_keeps_its_axis_on_the_target(axis):
+    """The named axis is the unit vector from the end-effector to the target."""
+    law = point_at_orientation(BEND, axis, TARGET)
+    for s in PLACES:
+        sight = TARGET - BEND(s)
+        pointed = column(law.rotation(s), axis)
+        assert_close(pointed, sight / np.linalg.norm(sight), atol=1e-14)
+
+
+@pytest.mark.parametrize(("axis", "second"), [("x", 1), ("-y", 2), ("z", 0)])
+def test_point_at_settles_roll_by_the_axis_farthest_from_all_sights(axis, second):
+    """Seen mostly along +-x, the next axis keeps to the inertial axis least looked along."""
+    line = PolynomialCurve.line([2.0, 0.3, 0.1], [2.0, -0.3, 0.15])
+    law = point_at_orientation(line, axis, [0.0, 0.0, 0.0])
+    for s in PLACES:
+        sight = -line(s) / np.linalg.norm(line(s))
+        near = np.array([0.0, 0.0, 1.0]) - sight[2] * sight
+        found = law.rotation(s)[:, second]
+        assert_close(found, near / np.linalg.norm(near), atol=1e-14)
+
+
+@pytest.mark.parametrize("axis", ["z", "-z", "xy", "", "X"])
+def test_follow_knows_four_axes(axis):
+    """z keeps to the normal, so x and y are left for the travel."""
+    with pytest.raises(InputError, match="x, -x, y or -y"):
+        follow_orientation(BEND, axis, NORMAL)
+
+
+@pytest.mark.parametrize("axis", ["--x", "w", ""])
+def test_point_at_knows_six_axes(axis):
+    """x, y, z, forwards or backwards."""
+    with pytest.raises(InputError, match="x, y, z, -x, -y or -z"):
+        point_at_orientation(BEND, axis, TARGET)
+
+
+def turning_back(s_back):
+    """A path that stops at a place and goes back the way it came."""
+    return PolynomialCurve(np.outer([s_back**2, -2.0 * s_back, 1.0], [1.0, 0.5, 0.0]))
+
+
+@pytest.mark.parametrize("place", [0.0, 0.5, 1.0, 1.0 / 3.0, 0.123456])
+def test_a_path_that_stands_still_has_no_direction_to_follow(place):
+    """Where dr/ds vanishes the tangent is undefined: it would turn about in no time."""
+    with pytest.raises(InputError, match="no direction of travel"):
+        follow_orientation(turning_back(place), "x", [0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("place", [0.0, 0.5, 1.0, 1.0 / 3.0, 0.123456])
+def test_a_path_along_the_normal_cannot_be_followed(place):
+    """Where the tangent is parallel to the normal nothing says where z points."""
+    rising = PolynomialCurve([[0, 0, 0], [-2 * place, 0, 1.0], [1.0, 0, 0]])
+    with pytest.raises(InputError, match="normal lies along the path"):
+        follow_orientation(rising, "x", [0.0, 0.0, 1.0])
+
+
+def test_a_line_along_the_normal_cannot_be_followed():
+    """Parallel everywhere, in either sense."""
+    for end in ([0, 0, 1], [0, 0, -1]):
+        with pytest.raises(InputError, match="normal lies along the path"):
+            follow_orientation(PolynomialCurve.line([0, 0, 0], end), "y", [0, 0, 2.0])
+
+
+def test_follow_needs_a_normal_with_a_direction():
+    """The zero vector has none."""
+    with pytest.raises(InputError) as caught:
+        follow_orientation(BEND, "x", [0, 0, 0])
+    assert caught.value.key == "attitude.follow.normal"
+
+
+@pytest.mark.parametrize("place", [0.0, 0.5, 1.0, 1.0 / 3.0, 0.123456])
+def test_a_target_on_the_path_is_refused(place):
+    """At the target there is nothing to point at; beyond it the hand would face about."""
+    line = PolynomialCurve.line([1.0, 0.0, 0.2], [-1.0, 0.4, 0.3])
+    with pytest.raises(InputError, match="passes through the target"):
+        point_at_orientation(line, "x", line(place))
+
+
+def test_a_target_beside_the_path_is_fine():
+    """A millimetre off, it can be looked at, however fast the hand has to turn."""
+    line = PolynomialCurve.line([1.0, 0.0, 0.2], [-1.0, 0.4, 0.3])
+    law = point_at_orientation(line, "x", line(1.0 / 3.0) + np.array([0.0, 0.0, 1e-3]))
+    assert_close(law.rotation(1.0 / 3.0)[:, 0], [0.0, 0.0, 1.0], atol=1e-9)
+
+
+def test_a_target_that_has_to_be_seen_along_every_axis_is_refused():
+    """Roll cannot be settled where each inertial axis is a direction of sight."""
+    corner = SplineCurve([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    with pytest.raises(InputError, match="no inertial axis stays clear"):
+        point_at_orientation(corner, "x", [0, 0, 0])
+
+
+def test_a_sampled_attitude_passes_its_samples():
+    """R(s_i) is the rotation of quaternion i."""
+    for knot, rotation in zip(KNOTS, GENTLE, strict=True):
+        found = LAWS["sampled"].rotation(knot)
+        assert_close(found, rotation.as_matrix(), atol=1e-13)
+
+
+def test_the_sign_of_a_sampled_quaternion_does_not_matter():
+    """q and -q are one attitude, also between the samples."""
+    signs = np.array([1, -1, -1, 1, -1, 1])[:, None]
+    other = OrientationSpline(signs * GENTLE.as_quat(), KNOTS)
+    for s in PLACES:
+        assert_close(other.rotation(s), LAWS["sampled"].rotation(s), atol=1e-13)
+        assert_close(other.rate(s), LAWS["sampled"].rate(s), atol=1e-12)
+
+
+def test_a_sampled_attitude_turns_with_continuous_acceleration():
+    """At inner samples omega and its derivative have no jump (C2)."""
+    law, h = LAWS["sampled"], 1e-5
+
+    def acceleration(s, side):
+        step = side * h
+        return (-3 * law.rate(s) + 4 * law.rate(s + step) - law.rate(s + 2 * step)) / (2 * step)
+
+    for knot in KNOTS[1:-1]:
+        jump = law.rate(knot + 1e-9) - law.rate(knot - 1e-9)
+        assert np.abs(jump).max() < 1e-6
+        both = acceleration(knot, 1.0), acceleration(knot, -1.0)
+        assert_close(both[0], both[1], atol=1e-4 * np.abs(both[0]).max() + 1e-4)
+
+
+# --- what stands for an attitude ----------------------------------------------------------------
+
+
+def test_quaternions_stand_for_axes_and_axes_are_kept_to_the_bit():
+    first, second = TURNS[0].as_quat(), TURNS[1].as_quat()
+    assert_close(FixedOrientation(list(first * 1.004)).axes, START, atol=1e-14)
+    law = SlerpOrientation(first, END)
+    assert_close(law.rotation(0.5), SlerpOrientation(START, second).rotation(0.5), atol=1e-14)
+    assert np.array_equal(law.end, END)
+    assert not law.start.flags.writeable
+    assert not law.end.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        (2.0 * START, "its columns are not square to each other and of length 1, off by 3"),
+        (START + 1e-5, "its columns are not square"),
+        (-START, "it is left-handed, its determinant is -1"),
+        (np.zeros((3, 3)), "off by 1"),
+        (np.full((3, 3), np.nan), "nan"),
+        ([0.0, 0.0, 0.0, 2.0], "norm 2 was given"),
+        ([0.1, 0.2, 0.3], r"an array of shape (3,) was given"),
+        (np.eye(4), "an array of shape (4, 4) was given"),
+        ("upright", "'upright' was given"),
+        (None, "was given"),
+    ],
+)
+def test_what_is_no_rotation_is_refused_when_a_law_is_made(given, problem):
+    for made in (
+        FixedOrientation,
+        partial(SlerpOrientation, START),
+        lambda x: SlerpOrientation(x, START),
+    ):
+        with pytest.raises(InputError) as caught:
+            made(given)
+        assert caught.value.key == "attitude"
+        assert problem in caught.value.problem
+        assert "a unit quaternion x, y, z, w" in caught.value.accepted

@@ -1,0 +1,199 @@
+"""End-effector paths: pose and tangent belong together; files of samples are read with care."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from freefloat.errors import InputError
+from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
+from freefloat.paths.orientation import FixedOrientation, SlerpOrientation, follow_orientation
+from freefloat.paths.path import EndEffectorPath, read_samples
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+STILL = PolynomialCurve([[0.3, 0.2, 0.1]])
+LINE = PolynomialCurve.line([1.0, 0.0, 0.0], [-0.5, 0.8, 0.33])
+UPRIGHT = FixedOrientation(np.eye(3))
+TURN = SlerpOrientation(np.eye(3), Rotation.from_rotvec([0.3, -0.2, 0.4]).as_matrix())
+SAMPLES = """x, y, z, qx, qy, qz, qw
+0,0,0,0,0,0,1
+1,0,0,0,0,0.70710678,0.70710678
+1,1,0,0,0,1,0
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Writes a file of samples, returns its path."""
+
+    def _write(text, encoding="utf-8"):
+        file = tmp_path / "samples.csv"
+        file.write_text(text, encoding=encoding)
+        return file
+
+    return _write
+
+
+@pytest.mark.parametrize("s", [0.0, 0.2, 0.55, 1.0])
+def test_the_tangent_is_the_twist_of_the_pose(s):
+    """[dr/ds; omega] with [omega]x = dR/ds R^T."""
+    curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
+    path, h = EndEffectorPath(curve, follow_orientation(curve, "y", [0.1, 0.6, 0.8])), 1e-6
+    before, after = path.pose(s - h), path.pose(s + h)
+    moved = (after.position - before.position) / (2 * h)
+    turned = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec() / (2 * h)
+    assert_close(path.tangent(s), [*moved, *turned], atol=1e-8)
+
+
+@pytest.mark.parametrize("s", [0.0, 1e-4, 0.2, 0.55, 1.0])
+def test_the_bend_is_the_derivative_of_the_tangent(s):
+    """Also at the ends, where the attitude is not looked at beyond them."""
+    curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
+    path, h = EndEffectorPath(curve, follow_orientation(curve, "y", [0.4, 0.6, 0.8])), 1e-5
+    bend = (path.tangent(s + h) - path.tangent(s - h)) / (2 * h)
+    assert_close(path.bend(s), bend, atol=1e-8 if 0.1 < s < 0.9 else 1e-2)
+
+
+def test_a_pose_is_the_curve_and_the_attitude():
+    """The path adds nothing of its own."""
+    pose = EndEffectorPath(LINE, TURN).pose(0.3)
+    assert (pose.position == LINE(0.3)).all()
+    assert (pose.rotation == TURN.rotation(0.3)).all()
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        STILL,
+        PolynomialCurve.line([1, 2, 3], [1, 2, 3]),
+        ArcCurve([0, 0, 0], [1, 0, 0], [0, 0, 1], 0),
+    ],
+    ids=["point", "line", "arc"],
+)
+def test_a_path_of_zero_length_is_refused(curve):
+    """Something has to move."""
+    with pytest.raises(InputError, match="length is zero"):
+        EndEffectorPath(curve, UPRIGHT)
+
+
+def test_an_arc_of_zero_radius_is_refused():
+    """A circle through its own centre is a point."""
+    with pytest.raises(InputError, match="length is zero"):
+        EndEffectorPath(ArcCurve([0.1, 0.2, 0.3], [0.1, 0.2, 0.3], [0, 0, 1], 1.0), UPRIGHT)
+
+
+def test_turning_on_the_spot_is_a_path():
+    """Attitude counts as movement, and so does a closed curve."""
+    spot = EndEffectorPath(STILL, TURN)
+    assert np.linalg.norm(spot.tangent(0.5)[:3]) == 0.0
+    assert np.linalg.norm(spot.tangent(0.5)[3:]) > 0.0
+    closed = EndEffectorPath(ArcCurve([0, 0, 0], [1, 0, 0], [0, 0, 1], 2 * np.pi), UPRIGHT)
+    assert np.linalg.norm(closed.tangent(0.5)[:3]) > 1.0
+
+
+def test_a_path_beyond_the_finite_numbers_is_refused():
+    """Coefficients may be finite and their sum not."""
+    with pytest.raises(InputError, match="finite"):
+        EndEffectorPath(ArcCurve([0, 0, 0], [1, 0, 0], [0, 0, 1], np.nan), UPRIGHT)
+
+
+def test_samples_are_passed_by_chord_length(write):
+    """Without a column s the path is a spline through x, y, z by chord length."""
+    curve, attitude = read_samples(write("x,y,z\n0,0,0\n3,0,0\n3,1,0\n"))
+    assert attitude is None
+    expected = SplineCurve([[0, 0, 0], [3, 0, 0], [3, 1, 0]])
+    assert_close(curve.knots, [0.0, 0.75, 1.0])
+    for s in (0.1, 0.5, 0.9):
+        assert_close(curve(s), expected(s), atol=1e-15)
+
+
+def test_samples_are_passed_at_their_s(write):
+    """With a column s each sample is passed there; columns come in any order."""
+    curve, _ = read_samples(write("s , z,y, x\n0,7,0,0\n0.4,7,0,3\n1,7,1,3\n"))
+    assert_close(curve(0.4), [3.0, 0.0, 7.0], atol=1e-14)
+    assert curve.knots.tolist() == [0.0, 0.4, 1.0]
+
+
+def test_samples_with_quaternions_have_an_attitude(write):
+    """qx, qy, qz, qw are passed where x, y, z are, scaled to unit length."""
+    curve, attitude = read_samples(write(SAMPLES))
+    for s, angle in ((0.0, 0.0), (0.5, np.pi / 2), (1.0, np.pi)):
+        expected = Rotation.from_rotvec([0, 0, angle]).as_matrix()
+        assert_close(attitude.rotation(s), expected, atol=1e-7)
+    assert_close(curve(0.5), [1.0, 0.0, 0.0], atol=1e-14)
+    EndEffectorPath(curve, attitude)
+
+
+def test_blank_lines_and_numbers_of_any_style_are_read(write):
+    """1e-1, +1 and .5 are numbers; blank lines are nothing."""
+    curve, _ = read_samples(write("x,y,z\n\n1e-1,+1,.5\n\n 2 , 3,4\n\n"))
+    assert curve.points.tolist() == [[0.1, 1.0, 0.5], [2.0, 3.0, 4.0]]
+
+
+def test_samples_saved_by_a_spreadsheet_are_read(write):
+    """Excel's 'CSV UTF-8' starts with a byte order mark, which is no part of the first name."""
+    curve, _ = read_samples(write("x,y,z\n0,0,0\n1,0,0\n", encoding="utf-8-sig"))
+    assert_close(curve(1.0), [1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "columns none"),
+        ("\n\n", "columns none"),
+        ("x,y\n0,0\n1,1\n", "columns x, y"),
+        ("0,0,0\n1,1,1\n", "columns 0, 0, 0"),
+        ("x,y,z,speed\n0,0,0,1\n1,1,1,1\n", "columns x, y, z, speed"),
+        ("x,y,z,x\n0,0,0,0\n1,1,1,1\n", "columns x, y, z, x"),
+        ("x,y,z,qx,qy,qz\n0,0,0,0,0,0\n1,1,1,0,0,0\n", "columns x, y, z, qx, qy, qz"),
+        ("x,y,z\n", "0 rows"),
+        ("x,y,z\n0,0,0\n", "1 rows"),
+        ("x,y,z\n0,0,0\n1,one,1\n", "1,one,1"),
+        ("x,y,z\n0,0,0\n1,1\n", "'1,1'"),
+        ("x,y,z\n0,0,0\n1,1,1,1\n", "1,1,1,1"),
+        ("x,y,z\n0,0,0\n1,nan,1\n", "1,nan,1"),
+        ("x,y,z\n0,0,0\n1,inf,1\n", "1,inf,1"),
+        ("x;y;z\n0;0;0\n1;1;1\n", "columns x;y;z"),
+        ("x,y,z\n0,0,0\n0,0,0\n1,1,1\n", "points 1 and 2 coincide"),
+        ("x,y,z,s\n0,0,0,0.1\n1,1,1,1\n", "column s"),
+        ("x,y,z,s\n0,0,0,0\n1,1,1,0.9\n", "column s"),
+        ("x,y,z,s\n0,0,0,0\n1,0,0,0.5\n1,1,0,0.5\n1,1,1,1\n", "column s"),
+        ("x,y,z,s\n0,0,0,0\n1,0,0,0.6\n1,1,0,0.5\n1,1,1,1\n", "column s"),
+        ('x,y,z\n0,0,0\n1,"1,1\n', "cannot be read"),
+    ],
+)
+def test_unfit_samples_are_refused_by_name(write, text, told):
+    """The error names the file, what is wrong with it and what would be right."""
+    file = write(text)
+    with pytest.raises(InputError) as caught:
+        read_samples(file)
+    assert caught.value.source == str(file)
+    assert caught.value.key == "path.samples"
+    assert told in caught.value.problem
+    assert caught.value.accepted
+
+
+def test_a_file_that_is_none_is_refused(tmp_path):
+    """A missing file, a folder and a file that is not text are told from an empty one."""
+    binary = tmp_path / "binary.csv"
+    binary.write_bytes(b"x,y,z\n\xff\xfe\x00")
+    for file in (tmp_path / "missing.csv", tmp_path, binary):
+        with pytest.raises(InputError, match=r"cannot be read|no such file") as caught:
+            read_samples(file)
+        assert caught.value.source == str(file)
+
+
+def test_a_quaternion_that_is_none_is_refused_with_its_line(write):
+    """Among a thousand rows one wants to be told which: here line 3 of the file."""
+    with pytest.raises(InputError, match="norm 2") as caught:
+        read_samples(write("x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n1,0,0,0,0,0,2\n1,1,0,0,0,0,1\n"))
+    assert "3" in caught.value.key + caught.value.problem.replace("norm 2", "")
+
+
+def test_errors_count_the_lines_of_the_file(write):
+    """Blank lines are lines, too: the bad number stands in line 5, where an editor shows it."""
+    with pytest.raises(InputError, match="bad") as caught:
+        read_samples(write("x,y,z\n\n0,0,0\n\n1,0,bad\n"))
+    assert "5" in caught.value.problem

@@ -1,0 +1,181 @@
+"""Recorded paths: rounded samples, whose splines bend unevenly, are followed and proved precisely.
+
+Between neighbours a spline is smooth; at them its third derivative jumps, the more the rounder the
+numbers and the denser the samples. What steps across loses its order there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.answers.report import plan_document
+from freefloat.io.plan_file import save_plan
+from freefloat.io.scenario import Scenario, parse_scenario
+from freefloat.motion.certificate import certify
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import DEGREE, Motion
+from freefloat.motion.problem import Problem
+from freefloat.paths.timing import Stop, TimeLaw, Timing
+from freefloat.verification.check import check_plan
+from freefloat.verification.checks import certificate_checks
+from tests.motions import rolled
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+FIXED = "attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}"
+
+
+def text(robot: str, task: str, margin: str, attitude: str = "") -> str:
+    return f"""\
+robot: {{urdf: {robot}, end_effector: end_effector}}
+task: {task}
+momentum: [0, 0, 0.5]
+path:
+  samples: path.csv
+  {attitude}
+timing: {{duration: 100}}
+margin: {{{margin}}}
+search: {{samples: 24}}
+"""
+
+
+def recorded(points: np.ndarray, decimals: int, turns: Rotation | None = None) -> str:
+    """A CSV file as a motion tracker writes it."""
+    rows, names = np.round(points, decimals), "x,y,z"
+    if turns is not None:
+        rows, names = np.hstack([rows, np.round(turns.as_quat(), 4)]), "x,y,z,qx,qy,qz,qw"
+    return "\n".join([names, *(",".join(f"{value:.6g}" for value in row) for row in rows)])
+
+
+def arch(count: int, noise: float = 0.0) -> np.ndarray:
+    """Half a turn of a screw, with noise [m]."""
+    a = np.linspace(0.0, np.pi, count)
+    points = np.column_stack([0.9 + 0.1 * np.cos(a), 0.1 * np.sin(a), 0.03 * a])
+    return points + noise * np.random.default_rng(4).standard_normal(points.shape)
+
+
+def nodding(count: int) -> Rotation:
+    a = np.linspace(0.0, 1.0, count)
+    return Rotation.from_euler("zy", np.column_stack([0.3 * a, 0.2 * np.sin(3.0 * a)]))
+
+
+def parabola(count: int) -> tuple[np.ndarray, Rotation]:
+    """The paper's, the hand normal to it."""
+    s = np.linspace(0.0, 1.0, count)
+    points = np.column_stack([2.0 - 3.0 * s, 0.5 * s + 1.5 * s**2, 0.0 * s])
+    headings = np.arctan2(0.5 + 3.0 * s, -3.0) + np.pi / 2.0
+    return points, Rotation.from_rotvec(headings[:, None] * [0.0, 0.0, 1.0])
+
+
+def wish(kind: str, count: int) -> Scenario:
+    """A robot, a task and a recorded path for it."""
+    arm, bent = "measure: arm, value: 5", parabola(count)
+    written, samples = {
+        "spatial": (text("spatial_6dof", "pose", arm, FIXED), recorded(arch(count), 3)),
+        "spatial, quaternions": (
+            text("spatial_6dof", "pose", arm), recorded(arch(count), 3, nodding(count))
+        ),
+        "planar": (
+            text("planar_3dof", "planar-position", "measure: gjm, value: 1e-3"),
+            recorded(bent[0], 3),
+        ),
+        "planar, quaternions": (
+            text("planar_3dof", "planar-pose", "measure: system, value: 5"),
+            recorded(bent[0], 3, bent[1]),
+        ),
+        "noise": (
+            text("spatial_6dof", "pose", arm, FIXED), recorded(arch(count, 1e-3), 6)
+        ),
+    }[kind]  # fmt: skip
+    return parse_scenario(written, Path("wish.yaml"), samples)
+
+
+def first_motion(problem: Problem, **options: object) -> Motion:
+    """That of the first branch that completes the path, from one of some attitudes."""
+    for turn in np.linspace(0.0, 6.0, 13):
+        attitude = [0.0, 0.0, np.sin(turn / 2.0), np.cos(turn / 2.0)]
+        for branch in problem.branches(attitude):
+            motion = integrate_motion(problem, attitude, branch.joints, **options)
+            if motion.completed:
+                return motion
+    raise AssertionError("none completes the path")
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [("spatial", 21), ("spatial", 61), ("spatial, quaternions", 201), ("planar", 201),
+     ("planar, quaternions", 61), ("noise", 60)],
+)  # fmt: skip
+def test_recorded_paths_are_followed_as_precisely_as_others(kind: str, count: int) -> None:
+    """A hundredth of what is allowed; kernels as precise as they are asked to be."""
+    motion = first_motion(wish(kind, count).problem())
+    for check in certificate_checks(certify(motion), motion, False):
+        if check.unit and check.allowed and check.name != "singular end":
+            assert check.found < (0.2 if "again" in check.name else 0.05) * check.allowed, check
+    last = rolled(motion)
+    assert np.abs(last.joints[0] - motion.final.joints).max() < 1e-4
+    last = rolled(motion, tolerance=1e-9)
+    assert np.abs(last.joints[0] - motion.final.joints).max() < 2e-7
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"), [("spatial, quaternions", 21), ("planar, quaternions", 21)]
+)
+def test_plans_for_recorded_paths_are_proved_again(kind: str, count: int, tmp_path: Path) -> None:
+    scenario = wish(kind, count)
+    plan = ff.plan(scenario.problem(), scenario.search())
+    assert plan.feasible
+    save_plan(tmp_path / "plan.h5", plan, scenario, plan_document(plan))
+    assert check_plan(tmp_path / "plan.h5").reasons == ()
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
+    """At every break, of path and time law, forward and back."""
+    problem = wish("spatial, quaternions", 21).problem()
+    law = Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.33, 40.0),))
+    problem = replace(problem, path=replace(problem.path, timing=law))
+    motion = first_motion(problem)
+    if backwards:
+        final = motion.final
+        motion = integrate_motion(
+            problem, final.attitude, final.joints, start=100.0, end=0.0
+        )  # fmt: skip
+        assert motion.completed
+    breaks, path = problem.path.breaks, problem.path.path
+    assert set(law.ends[:-1]) <= set(breaks.tolist())
+    assert len(breaks) == len(path.breaks) + len(law.ends) - 1
+    assert set(breaks.tolist()) <= set(motion.times[::DEGREE].tolist())
+    reached = np.array([law.s(t) for t in breaks.tolist()])
+    assert np.abs(reached[:, None] - path.breaks).min(axis=0).max() < 1e-14
+
+
+def test_dense_exact_samples_take_no_more_steps_than_the_curve_itself() -> None:
+    """Jumps too small to matter are stepped across; those of rounded samples are not."""
+    exact = text("spatial_6dof", "pose", "measure: arm, value: 5", FIXED)
+    rows = "\n".join(",".join(map(repr, row)) for row in arch(2001).tolist())
+    smooth = parse_scenario(exact, Path("wish.yaml"), f"x,y,z\n{rows}").problem()
+    assert len(smooth.path.breaks) == 0
+    assert first_motion(smooth).panels < 50
+    rounded = parse_scenario(exact, Path("wish.yaml"), recorded(arch(401), 4)).problem()
+    assert len(rounded.path.breaks) > 350
+    assert first_motion(rounded).panels < 1.5 * 401
+
+
+def test_a_tangent_between_breaks_goes_on_smoothly_beyond() -> None:
+    """It is the path's own between, and a polynomial of s where the path's is none."""
+    path = wish("spatial", 21).problem().path.path
+    low, high = path.breaks[3:5].tolist()
+    own = path.tangent_within(low, high)
+    for s in np.linspace(low, high, 7):
+        assert own(s) == pytest.approx(path.tangent(s), abs=1e-12)
+    places = np.linspace(low - (high - low), high + (high - low), 13)
+    third = np.diff([own(s)[:3] for s in places], 3, axis=0)
+    assert np.abs(third).max() < 1e-10
+    assert np.abs(np.diff([path.tangent(s)[:3] for s in places], 3, axis=0)).max() > 1e-4

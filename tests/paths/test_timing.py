@@ -1,0 +1,236 @@
+"""Time laws: from rest to rest, at rest at every stop, derivatives exact, never backwards."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from freefloat.errors import InputError
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation, SlerpOrientation, follow_orientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+
+assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+EXAMPLE_1 = (Stop(0.8333333333, 69.73),)
+LAWS = list(TimeLaw)
+
+
+@st.composite
+def timings(draw):
+    """Any law, duration and number of stops."""
+    count = draw(st.integers(0, 3))
+    shares = st.lists(st.floats(0.05, 1.0), min_size=count + 1, max_size=count + 1)
+    duration = draw(st.floats(1e-3, 1e6))
+    places, times = (np.cumsum(draw(shares)) for _ in "st")
+    stops = zip(places[:-1] / places[-1], duration * times[:-1] / times[-1], strict=True)
+    return Timing(duration, draw(st.sampled_from(LAWS)), tuple(Stop(s, t) for s, t in stops))
+
+
+relentless = settings(deadline=None, derandomize=True, database=None, max_examples=60)
+
+
+@relentless
+@given(timings())
+def test_every_law_rests_at_its_ends_and_stops(timing):
+    """s = 0 and ds/dt = 0 at the start, s_i and 0 at every stop, 1 and 0 at the end."""
+    rests = [Stop(0.0, 0.0), *timing.stops, Stop(1.0, timing.duration)]
+    for rest in rests:
+        assert timing.s(rest.t) == pytest.approx(rest.s, abs=1e-12)
+        assert timing.s(rest.t, 1) * timing.duration == pytest.approx(0.0, abs=1e-10)
+
+
+@relentless
+@given(timings(), st.floats(0.001, 0.999))
+def test_every_order_is_the_derivative_of_the_one_below(timing, share):
+    """ds/dt and d2s/dt2 by central differences of eighth order, inside each piece of the law."""
+    for piece, (low, high) in enumerate(zip((0.0, *timing.ends), timing.ends, strict=False)):
+        t, h = low + share * (high - low), 1e-2 * (high - low)
+        for order in (1, 2):
+            weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+            slope = sum(
+                w * (timing.s(t + k * h, order - 1, piece) - timing.s(t - k * h, order - 1, piece))
+                for k, w in weights.items()
+            ) / h  # fmt: skip
+            found = timing.s(t, order, piece) * (high - low) ** order
+            assert found == pytest.approx(slope * (high - low) ** order, abs=1e-9)
+
+
+@relentless
+@given(timings())
+def test_time_never_runs_backwards_along_the_path(timing):
+    """ds/dt >= 0, so s rises from 0 to 1."""
+    t = np.linspace(0.0, timing.duration, 301)
+    rates = np.array([timing.s(x, 1) for x in t]) * timing.duration
+    places = np.array([timing.s(x) for x in t])
+    assert rates.min() > -1e-10
+    assert np.diff(places).min() > -1e-12
+    assert (places >= -1e-12).all()
+    assert (places <= 1.0 + 1e-12).all()
+
+
+@relentless
+@given(timings())
+def test_place_and_speed_are_continuous_where_pieces_meet(timing):
+    """At every inner end of a piece both neighbours give the same s and ds/dt."""
+    for piece, end in enumerate(timing.ends[:-1]):
+        for order, tolerance in ((0, 1e-12), (1, 1e-9)):
+            both = [timing.s(end, order, k) * timing.duration**order for k in (piece, piece + 1)]
+            assert both[0] == pytest.approx(both[1], abs=tolerance)
+
+
+def test_the_quintic_is_that_of_18b():
+    """s = 10 tau^3 - 15 tau^4 + 6 tau^5, and the printed time at F follows from it (19)."""
+    timing = Timing(100.0)
+    for tau, s in ((0.0, 0.0), (0.25, 0.103515625), (0.5, 0.5), (0.75, 0.896484375), (1.0, 1.0)):
+        assert timing.s(100.0 * tau) == pytest.approx(s, abs=1e-15)
+        assert timing.s(100.0 * tau, 1) == pytest.approx(0.3 * tau**2 * (1 - tau) ** 2, abs=1e-16)
+    assert timing.s(69.73) == pytest.approx(2.5 / 3.0, abs=1e-4)
+
+
+def test_the_quintic_also_starts_and_ends_without_acceleration():
+    """d2s/dt2 = 0 at both ends; the cubic starts with 6 / T^2."""
+    for t in (0.0, 40.0):
+        assert Timing(40.0).s(t, 2) == pytest.approx(0.0, abs=1e-15)
+    assert Timing(40.0, TimeLaw.CUBIC).s(0.0, 2) == pytest.approx(6.0 / 1600.0)
+    assert Timing(40.0, TimeLaw.CUBIC).s(40.0, 2) == pytest.approx(-6.0 / 1600.0)
+
+
+def test_the_cubic_is_the_lowest_polynomial_from_rest_to_rest():
+    """s = 3 tau^2 - 2 tau^3."""
+    timing = Timing(8.0, TimeLaw.CUBIC)
+    for tau in (0.0, 0.3, 0.5, 0.9, 1.0):
+        assert timing.s(8.0 * tau) == pytest.approx(3 * tau**2 - 2 * tau**3, abs=1e-15)
+
+
+def test_the_trapezoid_speeds_up_cruises_and_slows_down():
+    """A quarter of the time each for the ramps, 4/3 of the mean speed in between."""
+    timing = Timing(100.0, TimeLaw.TRAPEZOIDAL)
+    assert timing.ends == pytest.approx((25.0, 75.0, 100.0))
+    for t in (25.0, 40.0, 75.0):
+        assert timing.s(t, 1) == pytest.approx(4.0 / 300.0)
+    assert timing.s(25.0) == pytest.approx(1.0 / 6.0)
+    assert timing.s(75.0) == pytest.approx(5.0 / 6.0)
+    assert [timing.s(t, 2) * 1e4 for t in (10.0, 50.0, 90.0)] == pytest.approx([16 / 3, 0, -16 / 3])
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_is_symmetric_in_time(law):
+    """s(T - t) = 1 - s(t): the way back takes the same course."""
+    timing = Timing(7.0, law)
+    for t in np.linspace(0.0, 3.5, 12):
+        assert timing.s(7.0 - t) == pytest.approx(1.0 - timing.s(t), abs=1e-14)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_segment_has_the_law_to_itself(law):
+    """Between stops s is the law of the segment's own dimensionless time, as in Example 1."""
+    timing, whole = Timing(100.0, law, EXAMPLE_1), Timing(1.0, law)
+    s_F, t_F = EXAMPLE_1[0].s, EXAMPLE_1[0].t
+    for tau in (0.1, 0.3, 0.5, 0.7, 0.9):
+        first, second = timing.s(tau * t_F), timing.s(t_F + tau * (100.0 - t_F))
+        assert first == pytest.approx(s_F * whole.s(tau), abs=1e-14)
+        assert second == pytest.approx(s_F + (1.0 - s_F) * whole.s(tau), abs=1e-14)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_end_effector_waits_before_and_after(law):
+    """Without a piece named, s rests at 0 before the start and at 1 after the end."""
+    timing = Timing(5.0, law, (Stop(0.3, 2.0),))
+    assert timing.s(-1.0) == 0.0
+    assert timing.s(6.0) == pytest.approx(1.0, abs=1e-15)
+    assert [timing.s(t, 1) for t in (-1.0, 6.0)] == pytest.approx([0.0, 0.0], abs=1e-14)
+
+
+def test_a_named_piece_goes_on_beyond_its_ends():
+    """An integrator may look ahead: the polynomial is not clamped."""
+    timing = Timing(10.0, stops=(Stop(0.5, 4.0),))
+    tau = 4.2 / 4.0
+    ahead = 0.5 * (10 * tau**3 - 15 * tau**4 + 6 * tau**5)
+    assert timing.s(4.2, 0, 0) == pytest.approx(ahead, abs=1e-14)
+    assert timing.s(4.2) != pytest.approx(ahead, abs=1e-6)
+
+
+def test_pieces_are_found_by_time():
+    """A piece holds from its start to just before its end; the last one to the very end."""
+    timing = Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.5, 40.0),))
+    assert timing.ends == pytest.approx((10.0, 30.0, 40.0, 55.0, 85.0, 100.0))
+    assert [timing.piece_at(t) for t in (0.0, 9.9, 10.0, 35.0, 40.0, 99.0, 100.0)] == [
+        0, 0, 1, 2, 3, 5, 5,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])
+def test_a_duration_is_a_positive_number(duration):
+    """Zero, negative and endless durations are refused by name."""
+    with pytest.raises(InputError) as caught:
+        Timing(duration)
+    assert caught.value.key == "timing.duration"
+
+
+@pytest.mark.parametrize(
+    "stops",
+    [
+        [(0.0, 1.0)], [(1.0, 1.0)], [(0.5, 0.0)], [(0.5, 10.0)], [(0.5, 11.0)], [(-0.1, 1.0)],
+        [(1.1, 1.0)], [(0.5, 2.0), (0.4, 3.0)], [(0.4, 3.0), (0.5, 2.0)], [(0.4, 3.0), (0.4, 4.0)],
+        [(0.4, 3.0), (0.5, 3.0)], [(np.nan, 3.0)], [(0.5, np.nan)],
+    ],
+)  # fmt: skip
+def test_stops_rise_in_place_and_time(stops):
+    """0 < s_1 < s_2 < ... < 1 and 0 < t_1 < t_2 < ... < T."""
+    with pytest.raises(InputError) as caught:
+        Timing(10.0, TimeLaw.QUINTIC, tuple(Stop(s, t) for s, t in stops))
+    assert caught.value.key == "timing.stops"
+    assert "10" in caught.value.accepted
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_timed_path_moves_with_the_twist_of_its_pose(law):
+    """v_E = (d pose / ds) ds/dt (33a), and the poses are those of the path at s(t)."""
+    path = EndEffectorPath(
+        PolynomialCurve([[2.0, 0.0, 0.0], [-3.0, 0.5, 0.3], [0.0, 1.5, -0.4]]),
+        SlerpOrientation(np.eye(3), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])),
+    )
+    timed, h = TimedPath(path, Timing(20.0, law, (Stop(0.4, 9.0),))), 1e-4
+    assert timed.duration == 20.0
+    for t in (1.0, 4.5, 8.0, 12.0, 19.0):
+        pose = timed.pose(t)
+        assert (pose.position == path.pose(timed.timing.s(t)).position).all()
+        moved = (timed.pose(t + h).position - timed.pose(t - h).position) / (2 * h)
+        assert_close(timed.twist(t)[:3], moved, atol=1e-8)
+        turned = (timed.pose(t + h).rotation - timed.pose(t - h).rotation) / (2 * h)
+        W = turned @ pose.rotation.T
+        assert_close(timed.twist(t)[3:], [W[2, 1], W[0, 2], W[1, 0]], atol=1e-8)
+
+
+def test_the_end_effector_stands_still_at_ends_and_stops():
+    """The twist vanishes wherever s rests."""
+    path = EndEffectorPath(
+        PolynomialCurve.line([1, 0, 0], [0, 1, 0]),
+        SlerpOrientation(np.eye(3), np.diag([1, -1, -1])),
+    )
+    timed = TimedPath(path, Timing(100.0, TimeLaw.QUINTIC, EXAMPLE_1))
+    for t in (0.0, 69.73, 100.0):
+        assert_close(timed.twist(t), 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_twist_rate_is_the_derivative_of_the_twist(law):
+    """Of a path that bends, turns and turns faster on the way, away from jumps of the law."""
+    curve = PolynomialCurve([[2.0, 0.0, 0.0], [-3.0, 0.5, 0.3], [0.0, 1.5, -0.4]])
+    path = EndEffectorPath(curve, follow_orientation(curve, "x", [0.1, 0.2, 1.0]))
+    timed, h = TimedPath(path, Timing(20.0, law, (Stop(0.4, 9.0),))), 1e-3
+    for t in (0.01, 1.0, 4.5, 8.0, 12.0, 19.99):
+        rate = (timed.twist(t + h) - timed.twist(t - h)) / (2 * h)
+        assert_close(timed.twist_rate(t), rate, atol=1e-6)
+
+
+def test_the_twist_rate_of_a_piece_holds_beyond_its_end():
+    """Where a trapezoid's ramp ends the acceleration jumps; each piece tells its own."""
+    path = EndEffectorPath(PolynomialCurve.line([0, 0, 0], [3, 0, 0]), FixedOrientation(np.eye(3)))
+    timed = TimedPath(path, Timing(20.0, TimeLaw.TRAPEZOIDAL))
+    assert_close(timed.twist_rate(5.0, 0), [3 * 16 / 3 / 400, 0, 0, 0, 0, 0], atol=1e-12)
+    assert_close(timed.twist_rate(5.0, 1), 0.0, atol=1e-12)

@@ -1,0 +1,291 @@
+"""Plans in space: what each objective asks for, proved precisely, and what is said without one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
+from freefloat.errors import InputError
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import SimulatedBranch, simulate
+from freefloat.planning import robust_radius as attitude_depth
+from freefloat.planning import search as attitude_search
+from freefloat.planning import spatial_planner, tolerance
+from freefloat.planning.attitude_map import map_attitudes
+from freefloat.planning.options import Objective, Search
+from freefloat.planning.plan import Plan
+from freefloat.so3 import angle_between, attitudes_within, frozen, grid_spacing
+
+MARGIN = 50.0
+BAD = np.array([0.1, 0.5, 0.2, -0.8367]) / np.linalg.norm([0.1, 0.5, 0.2, -0.8367])
+SAMPLES = 512
+
+
+@pytest.fixture(autouse=True, scope="module")
+def smaller() -> Iterator[None]:
+    """Searches of the same steps with fewer attitudes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(attitude_search, "_CANDIDATES", 6)
+        patch.setattr(attitude_search, "_FINISHED", 2)
+        patch.setattr(attitude_depth, "_EDGE", 200)
+        patch.setattr(attitude_depth, "_ROUNDS", 10)
+        patch.setattr(attitude_depth, "_SURE", 1024)
+        patch.setattr(tolerance, "_DIRECTIONS", 48)
+        yield
+
+
+def margined(value: float) -> Problem:
+    """Example 2 with another margin; the largest anywhere is 53.613."""
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    return replace(problem, margin=Margin(problem.margin.measure, value))
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return margined(MARGIN)
+
+
+@pytest.fixture(scope="module")
+def largest(problem: Problem) -> Plan:
+    return ff.plan(problem, Search(Objective.MARGIN, frozen(BAD), SAMPLES), threads=1)
+
+
+@pytest.fixture(scope="module")
+def nearest(problem: Problem) -> Plan:
+    return ff.plan(problem, Search(Objective.NEAREST, frozen(BAD), SAMPLES), threads=1)
+
+
+@pytest.fixture(scope="module")
+def robust(problem: Problem) -> Plan:
+    return ff.plan(problem, Search(Objective.ROBUST, None, SAMPLES), threads=1)
+
+
+@pytest.mark.parametrize("objective", ["largest", "nearest", "robust"])
+def test_every_plan_is_proved_precisely(
+    objective: str, request: pytest.FixtureRequest, problem: Problem
+) -> None:
+    """The chosen motion is that of a simulation, completes, and keeps the margin."""
+    plan: Plan = request.getfixturevalue(objective)
+    assert plan.feasible
+    assert plan.chosen is not None
+    assert plan.chosen.motion.completed
+    assert plan.chosen.least.keeps(MARGIN)
+    attitude = plan.chosen.motion.initial.attitude
+    again = simulate(problem, attitude, branch=plan.chosen.branch.index).chosen
+    assert again.least.value == pytest.approx(plan.chosen.least.value, rel=1e-9)
+    residuals = plan.chosen.motion.residuals()
+    assert residuals.momentum < 1e-6
+    assert plan.map is not None
+    assert len(plan.map.attitudes) == SAMPLES
+    assert plan.tolerance is not None
+    assert plan.tolerance.shortest <= 100.0 <= plan.tolerance.longest
+    assert plan.disagreements == ()
+    assert (plan.ranges, plan.segments) == ((), ())
+
+
+@pytest.mark.parametrize("objective", ["largest", "nearest", "robust"])
+def test_the_robust_radius_holds(
+    objective: str, request: pytest.FixtureRequest, problem: Problem
+) -> None:
+    """Of 2,000 attitudes within it none breaks the margin."""
+    plan: Plan = request.getfixturevalue(objective)
+    assert plan.chosen is not None
+    assert plan.robust_radius is not None
+    attitude, branch = plan.chosen.motion.initial.attitude, plan.chosen.branch.index
+    within = attitudes_within(attitude, plan.robust_radius, 2000, 99)
+    assert FeasibilityEvaluator(problem, 1).keeps(within, branch).all()
+
+
+def test_the_largest_margin_is_chosen(largest: Plan) -> None:
+    assert largest.chosen is not None
+    assert largest.map is not None
+    assert largest.chosen.least.value >= largest.map.margins.max() * (1.0 - 1e-5)
+    assert largest.chosen.least.value == pytest.approx(53.6132, rel=1e-4)
+    assert largest.reason == "the largest margin, arm 53.6132"
+    attitude = largest.chosen.motion.initial.attitude
+    assert largest.deviation == pytest.approx(angle_between(attitude, BAD))
+
+
+def test_the_nearest_attitude_is_chosen(nearest: Plan, largest: Plan) -> None:
+    """Nearer than every feasible sample and than the attitude of the largest margin."""
+    assert nearest.map is not None
+    assert nearest.deviation is not None
+    assert largest.deviation is not None
+    feasible = nearest.map.attitudes[nearest.map.kept.any(axis=1)]
+    assert nearest.deviation <= angle_between(feasible, BAD).min()
+    assert nearest.deviation < largest.deviation
+    degrees = np.degrees(nearest.deviation)
+    assert nearest.reason == f"the nearest to from_attitude, {degrees:.4g} degrees away"
+    assert nearest.chosen is not None
+    assert nearest.chosen.least.value == pytest.approx(MARGIN, rel=3e-3)
+
+
+def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Plan) -> None:
+    """As deep as others, but for a search cut short; at a twentieth more it breaks."""
+    assert robust.robust_radius is not None
+    assert largest.robust_radius is not None
+    assert nearest.robust_radius is not None
+    assert robust.robust_radius > 0.9 * largest.robust_radius > nearest.robust_radius >= 0.0
+    assert robust.deviation is None
+    assert robust.reason.startswith("the deepest inside: the margin is kept up to ")
+    assert f"{np.degrees(robust.robust_radius):.4g} degrees" in robust.reason
+    assert robust.chosen is not None
+    attitude, branch = robust.chosen.motion.initial.attitude, robust.chosen.branch.index
+    beyond = attitudes_within(attitude, 1.05 * robust.robust_radius, 4000, 5)
+    assert not FeasibilityEvaluator(robust.problem, 1).safe(beyond, branch).all()
+
+
+def test_a_feasible_present_attitude_stays() -> None:
+    """Nothing has to turn."""
+    problem = margined(20.0)
+    few = Rotation.random(20, rng=np.random.default_rng(1)).as_quat()
+    now = few[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(few, None)))]
+    plan = ff.plan(problem, Search(Objective.NEAREST, frozen(now), 64), threads=1)
+    assert plan.deviation == 0.0
+    assert plan.reason == "the attitude the spacecraft has keeps the margin already"
+    assert plan.chosen is not None
+    np.testing.assert_allclose(plan.chosen.motion.initial.attitude, now, atol=1e-12)
+
+
+@pytest.mark.parametrize("objective", [Objective.MARGIN, Objective.ROBUST])
+def test_a_margin_nowhere_kept_is_told(objective: Objective) -> None:
+    """With the largest there is, found between the samples, and where."""
+    plan = ff.plan(margined(60.0), Search(objective, frozen(BAD), 64), threads=1)
+    assert not plan.feasible
+    assert plan.chosen is plan.robust_radius is plan.tolerance is plan.deviation is None
+    assert plan.reason.startswith("of 64 attitudes and those near the best of them none keeps arm")
+    assert "the largest least arm is 53.61" in plan.reason
+    assert plan.map is not None
+    assert plan.disagreements == ()
+
+
+@pytest.mark.parametrize(
+    "objective",
+    [
+        Objective.MARGIN,
+        Objective.NEAREST,
+        Objective.ROBUST,
+    ],
+)
+def test_what_is_narrower_than_the_grid_is_still_found(objective: Objective) -> None:
+    """A margin that no sample keeps, between them; angles are told as such."""
+    value, samples, seed = 53.55, 16, 3
+    problem = margined(value)
+    coarse = map_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
+    assert coarse.feasible_fraction == 0.0
+    plan = ff.plan(problem, Search(objective, frozen(BAD), samples, seed), threads=1)
+    assert plan.feasible
+    assert plan.chosen is not None
+    assert plan.chosen.least.keeps(value)
+    assert plan.robust_radius is not None
+    assert 0.0 <= plan.robust_radius < grid_spacing(samples)
+    if objective is not Objective.MARGIN:
+        angle = plan.deviation if objective is Objective.NEAREST else plan.robust_radius
+        assert angle is not None
+        assert f"{np.degrees(angle):.4g} degrees" in plan.reason
+
+
+def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
+    """By less than compiled motions are trusted to tell; the precise one decides."""
+    value, samples, seed = 53.6, 16, 1
+    problem = margined(value)
+    coarse = map_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
+    assert value < coarse.margins.max() < value * 1.001
+    plan = ff.plan(problem, Search(Objective.NEAREST, frozen(BAD), samples, seed), threads=1)
+    assert plan.feasible, plan.reason
+
+
+def test_a_start_out_of_reach_is_told() -> None:
+    """No attitude brings the arm there."""
+    from freefloat.paths.curves import PolynomialCurve
+    from freefloat.paths.orientation import FixedOrientation
+
+    near = margined(5.0)
+    line = PolynomialCurve.line(np.array([50.0, 0.0, 0.0]), np.array([51.0, 0.0, 0.0]))
+    path = ff.EndEffectorPath(line, FixedOrientation(np.eye(3)))
+    problem = replace(near, path=ff.TimedPath(path, near.path.timing))
+    for objective in Objective:
+        plan = ff.plan(problem, Search(objective, frozen(BAD), 16), threads=1)
+        assert not plan.feasible
+        assert plan.reason == (
+            "the path begins out of reach: [50.0, 0.0, 0.0] m is 50 m from the centre of mass, "
+            "the arm reaches 2.635 m"
+        )
+        assert plan.map is not None
+        assert (plan.map.endings == UNREACHED).all()
+
+
+def test_an_end_out_of_reach_is_told() -> None:
+    """Where the path leaves the reach, not that every motion becomes singular on the way."""
+    from freefloat.paths.curves import PolynomialCurve
+
+    near = margined(5.0)
+    line = PolynomialCurve.line(np.array([1.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
+    path = ff.EndEffectorPath(line, near.path.path.attitude)
+    problem = replace(near, path=ff.TimedPath(path, near.path.timing))
+    plan = ff.plan(problem, Search(Objective.MARGIN, None, 16), threads=1)
+    assert not plan.feasible
+    share = (VirtualManipulator.of(problem.model).reach - 1.0) / 29.0
+    assert plan.reason == f"the path leaves the reach of 2.635 m at s = {share:.3g}"
+
+
+def test_a_candidate_that_is_not_confirmed_is_told_and_the_next_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem, tried = margined(20.0), list[SimulatedBranch]()
+    true = spatial_planner._keeps
+
+    def keeps(chosen: SimulatedBranch, problem: Problem) -> bool:
+        tried.append(chosen)
+        return len(tried) > 2 and true(chosen, problem)
+
+    monkeypatch.setattr(spatial_planner, "_keeps", keeps)
+    plan = ff.plan(problem, Search(samples=48), threads=1)
+    assert plan.feasible
+    assert plan.chosen is tried[2]
+    assert len(plan.disagreements) == 2
+    for one, said in zip(tried, plan.disagreements, strict=False):
+        assert str(np.round(one.motion.initial.attitude, 6).tolist()) in said
+        assert f"branch {one.branch.index}: compiled motions keep the margin" in said
+        assert f"falls to arm {one.least.value:.6g}" in said
+    # the reason and the attitude are those of the one that was taken
+    assert plan.reason == f"the largest margin, arm {tried[2].least.value:.6g}"
+
+
+def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a dozen at most; what was tried is told."""
+    monkeypatch.setattr(spatial_planner, "_keeps", lambda chosen, problem: False)
+    plan = ff.plan(margined(50.0), Search(Objective.NEAREST, frozen(BAD), 64), threads=1)
+    assert not plan.feasible
+    assert plan.chosen is None
+    assert 1 <= len(plan.disagreements) <= 12
+
+
+def test_a_stock_arm_finds_its_largest_margin() -> None:
+    """A UR5, whose wrist is not spherical."""
+    problem = ff.load_scenario("ur5_servicer/arc").problem()
+    shares: list[float] = []
+    plan = ff.plan(problem, Search(samples=64), shares.append, threads=1)
+    assert plan.feasible
+    assert plan.chosen is not None
+    assert plan.chosen.least.keeps(problem.margin.value)
+    assert plan.map is not None
+    assert plan.chosen.least.value >= plan.map.margins.max() * (1.0 - 1e-3)
+    assert plan.reason.startswith("the largest margin, gjm ")
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert plan.tolerance is not None
+    assert plan.tolerance.longest == pytest.approx(10.0 * problem.path.duration)
+
+
+def test_from_attitude_must_be_an_attitude(problem: Problem) -> None:
+    with pytest.raises(InputError) as caught:
+        ff.plan(problem, Search(Objective.NEAREST, np.array([1.0, 1.0, 0.0, 0.0]), 16))
+    assert caught.value.key == "search.from_attitude"

@@ -1,0 +1,588 @@
+"""A spacecraft under an arm and a payload in its hand weigh, stand and drift as by hand."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
+
+from freefloat.cli.app import app
+from freefloat.dynamics.momentum import momentum_map
+from freefloat.errors import InputError, ModelError
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.closest_approach import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.robot.assembly import Attachment, Mount, Payload, Spacecraft, assemble
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import EXAMPLE, find_robot
+from freefloat.robot.parts import roll_pitch_yaw
+from tests.robots import Robot, inertial_text, joint_text, link_text, random_inertia, random_robot
+
+UR5 = """
+robot:
+  urdf: example-robot-data:ur5
+  end_effector: tool0
+  spacecraft: {mass: 200, inertia: [35, 35, 35], size: [1, 1, 1], mount: {xyz: [0, 0, 0.5], rpy: [0, 0, 0]}}
+task: pose
+momentum: [0, 0, 0]
+path:
+  arc: {center: [0.25, 0, 0.75], normal: [0, 0, 1], from: [0.6, 0, 0.75], angle_deg: 120}
+  attitude: {fixed: {rpy: [0, 1.5707963268, 0]}}
+timing: {law: quintic, duration: 40}
+margin: {measure: gjm, fraction: 0.2}
+search: {objective: nearest, from_attitude: [0, 0, 0, 1]}
+"""  # noqa: E501
+ARM_MASS = 4.0 + 3.7 + 8.393 + 2.275 + 1.219 + 1.219 + 0.1879
+"""Of the UR5, its base included [kg]."""
+CUBE = np.array([35.0, 35.0, 35.0])
+IDENTITY = [0.0, 0.0, 0.0, 1.0]
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_spacecraft(rng: np.random.Generator) -> Spacecraft:
+    mount = Mount(rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3))
+    return Spacecraft(rng.uniform(50, 500), random_inertia(rng, 40.0), mount)
+
+
+def random_payload(rng: np.random.Generator) -> Payload:
+    return Payload(rng.uniform(1, 50), random_inertia(rng, 2.0), rng.uniform(-0.5, 0.5, 3))
+
+
+def mounted(spacecraft: Spacecraft) -> pin.SE3:
+    turn = Rotation.from_euler("xyz", spacecraft.mount.rpy).as_matrix()
+    return pin.SE3(turn, np.array(spacecraft.mount.xyz))
+
+
+def free_flyer(text: str) -> Any:
+    return pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+
+
+def centre_of_mass(model: Any, q: np.ndarray) -> np.ndarray:
+    """In the root link's frame."""
+    whole = np.concatenate([np.zeros(3), IDENTITY, q])
+    return np.array(pin.centerOfMass(model, model.createData(), whole))
+
+
+def joints(rng: np.random.Generator, robot: Robot) -> np.ndarray:
+    return rng.uniform(-2.0, 2.0, len(robot.joints))
+
+
+# ------------------------------------------------------------------------------- the spacecraft
+
+
+@given(seed=seeds)
+def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
+    """The same masses and joints as ``appendModel`` of a fixed-base arm to a free body."""
+    rng = np.random.default_rng(seed)
+    arm, craft = random_robot(rng, "RPR"), random_spacecraft(rng)
+    model = FreeFloatingModel.from_urdf(arm.text, arm.tip, spacecraft=craft)
+    body = free_flyer(f'<robot name="b"><link name="b">'
+                      f"{inertial_text(craft.mass, craft.inertia)}</link></robot>")  # fmt: skip
+    fixed = pin.buildModelFromXML(arm.text)
+    whole = pin.appendModel(body, fixed, body.getFrameId("b"), mounted(craft))
+    q = np.concatenate(
+        [rng.uniform(-1, 1, 3), Rotation.random(rng=rng).as_quat(), joints(rng, arm)]
+    )
+    assert np.isclose(model.total_mass, pin.computeTotalMass(whole), rtol=1e-12)
+    ours = pin.crba(model.pin_model, model.pin_model.createData(), q)
+    theirs = pin.crba(whole, whole.createData(), q)
+    scale = np.abs(theirs).max()
+    assert np.allclose(np.triu(ours), np.triu(theirs), rtol=0, atol=1e-12 * scale)
+
+
+@given(seed=seeds)
+def test_the_arms_kinematics_relative_to_its_root_stay_as_they_were(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    arm, craft = random_robot(rng, "RRPR"), random_spacecraft(rng)
+    text = assemble(arm.text, craft, random_payload(rng), arm.tip)
+    q = joints(rng, arm)
+    poses = []
+    for model in (pin.buildModelFromXML(arm.text), pin.buildModelFromXML(text)):
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, q)
+        poses.append(data.oMf[model.getFrameId(arm.tip)].homogeneous)
+    assert np.allclose(mounted(craft).homogeneous @ poses[0], poses[1], rtol=0, atol=1e-12)
+    assert not np.allclose(poses[0], poses[1], rtol=0, atol=1e-3), "the mount moves the arm"
+
+
+def test_the_arms_own_base_counts_as_part_of_the_spacecraft() -> None:
+    """The UR5's massless root ``world`` carries a ``base_link`` of 4 kg; neither is lost."""
+    craft = Spacecraft(200.0, CUBE, Mount([0.0, 0.0, 0.5]))
+    model = FreeFloatingModel.from_urdf(
+        find_robot(f"{EXAMPLE}ur5", Path()), "tool0", spacecraft=craft
+    )
+    assert np.isclose(model.total_mass, 200.0 + ARM_MASS, rtol=1e-12)
+    bus = model.bodies[0]
+    assert np.isclose(bus.mass, 204.0, rtol=1e-12)
+    assert np.allclose(bus.centre, [0, 0, 4.0 * 0.5 / 204.0], rtol=0, atol=1e-12)
+    reduced = 200.0 * 4.0 / 204.0 * 0.5**2
+    base = np.diag([0.00443333156, 0.00443333156, 0.0072])
+    wanted = np.diag(CUBE) + base + np.diag([reduced, reduced, 0])
+    assert np.allclose(bus.inertia, wanted, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("root", ["", inertial_text(30.0, 2.0 * np.eye(3), "0.1 0 0")])
+def test_a_root_with_and_without_mass_is_carried(root: str) -> None:
+    arm = '<robot name="a">' + link_text("foot", root) + joint_text("q1", "C", "foot", "tip")
+    arm += link_text("tip", inertial_text(5.0, np.eye(3), "1 0 0")) + "</robot>"
+    model = FreeFloatingModel.from_urdf(arm, spacecraft=Spacecraft(65.0, CUBE))
+    foot = 30.0 if root else 0.0
+    assert np.isclose(model.total_mass, 70.0 + foot, rtol=1e-12)
+    centre = centre_of_mass(model.pin_model, np.zeros(1))
+    assert np.allclose(centre, [(5.0 + 0.1 * foot) / (70.0 + foot), 0, 0], rtol=0, atol=1e-12)
+
+
+def test_the_box_is_drawn_and_may_collide_only_where_a_size_is_given() -> None:
+    arm = random_robot(np.random.default_rng(1), "RR").text
+    drawn = ET.fromstring(assemble(arm, Spacecraft(9.0, CUBE, size=[1.0, 2.0, 0.5])))
+    (link,) = (link for link in drawn.findall("link") if link.get("name") == "spacecraft")
+    for tag in ("visual", "collision"):
+        (box,) = link.findall(f"{tag}/geometry/box")
+        assert box.get("size") == "1.0 2.0 0.5"
+    bare = ET.fromstring(assemble(arm, Spacecraft(9.0, CUBE)))
+    assert not bare.findall("link/visual") + bare.findall("link/collision")
+
+
+def test_nothing_to_assemble_leaves_the_robot_as_it_is() -> None:
+    arm = random_robot(np.random.default_rng(2), "RC").text
+    assert ET.canonicalize(assemble(arm)) == ET.canonicalize(arm)
+
+
+def test_continuous_joints_stay_continuous_in_the_text() -> None:
+    arm = random_robot(np.random.default_rng(3), "CR").text
+    kinds = [
+        joint.get("type")
+        for joint in ET.fromstring(assemble(arm, Spacecraft(9.0, CUBE))).findall("joint")
+    ]
+    assert kinds == ["continuous", "revolute", "fixed"]
+
+
+# ---------------------------------------------------------------------------------- the payload
+
+
+@given(seed=seeds)
+def test_a_payload_adds_its_own_momentum(seed: int) -> None:
+    """Angular momentum about the whole's centre, summed by hand over robot and payload."""
+    rng = np.random.default_rng(seed)
+    arm, load = random_robot(rng, "RRPR"), random_payload(rng)
+    empty = FreeFloatingModel.from_urdf(arm.text, arm.tip)
+    laden = FreeFloatingModel.from_urdf(arm.text, arm.tip, payload=load)
+    assert np.isclose(laden.total_mass, empty.total_mass + load.mass, rtol=1e-12)
+    q, v = joints(rng, arm), rng.normal(size=6 + len(arm.joints))
+
+    model, data = empty.pin_model, empty.pin_model.createData()
+    whole = np.concatenate([np.zeros(3), IDENTITY, q])
+    pin.computeCentroidalMomentum(model, data, whole, v)
+    pin.framesForwardKinematics(model, data, whole)
+    hand = data.oMf[empty.frame_id]
+    twist = pin.getFrameVelocity(model, data, empty.frame_id, pin.LOCAL_WORLD_ALIGNED)
+    arm_to_load = hand.rotation @ load.com
+    where = hand.translation + arm_to_load
+    p_load = load.mass * (twist.linear + np.cross(twist.angular, arm_to_load))
+    p_robot = data.hg.linear
+    centre = (empty.total_mass * data.com[0] + load.mass * where) / laden.total_mass
+    turning = hand.rotation @ load.inertia @ hand.rotation.T @ twist.angular
+    h = data.hg.angular + turning
+    h = h + np.cross(data.com[0] - centre, p_robot) + np.cross(where - centre, p_load)
+
+    found = momentum_map(laden, q) @ v
+    scale = np.abs(np.concatenate([p_robot + p_load, h])).max()
+    assert np.allclose(found[:3], p_robot + p_load, rtol=0, atol=1e-11 * scale)
+    assert np.allclose(found[3:], h, rtol=0, atol=1e-11 * scale)
+    assert not np.allclose(momentum_map(empty, q) @ v, found, rtol=0, atol=1e-6 * scale)
+
+
+def test_the_only_last_link_holds_the_payload_and_stays_the_end_effector() -> None:
+    rng = np.random.default_rng(4)
+    arm, load = random_robot(rng, "RRR"), random_payload(rng)
+    named = FreeFloatingModel.from_urdf(arm.text, arm.tip, payload=load)
+    unnamed = FreeFloatingModel.from_urdf(arm.text, payload=load)
+    q = joints(rng, arm)
+    poses = [model.end_effector_pose(IDENTITY, q) for model in (named, unnamed)]
+    assert np.allclose(poses[0].position, poses[1].position, rtol=0, atol=1e-12)
+    assert np.allclose(poses[0].rotation, poses[1].rotation, rtol=0, atol=1e-12)
+
+
+def test_a_joint_names_the_link_it_moves() -> None:
+    arm = random_robot(np.random.default_rng(5), "RRR")
+    load = random_payload(np.random.default_rng(6))
+    assert assemble(arm.text, None, load, arm.joints[-1]) == assemble(arm.text, None, load, arm.tip)
+
+
+def test_of_several_last_links_one_must_be_named() -> None:
+    arm = random_robot(np.random.default_rng(7), "RR", "R")
+    load = random_payload(np.random.default_rng(8))
+    with pytest.raises(ModelError) as caught:
+        assemble(arm.text, payload=load)
+    assert caught.value.key == "end_effector"
+    assert arm.tip in caught.value.accepted
+    assert caught.value.source == "URDF text"
+    with pytest.raises(ModelError, match="no frame 'hand'; accepted: bus, "):
+        assemble(arm.text, None, load, "hand")
+
+
+# ------------------------------------------------------------------------------------ the names
+
+
+def test_names_that_are_taken_get_a_number() -> None:
+    arm = '<robot name="a">' + link_text("spacecraft", inertial_text(1.0, np.eye(3)))
+    arm += joint_text("spacecraft_2", "R", "spacecraft", "payload")
+    arm += link_text("payload", inertial_text(2.0, np.eye(3)))
+    arm += joint_text("spacecraft_mount", "F", "payload", "tool") + link_text("tool") + "</robot>"
+    text = assemble(arm, Spacecraft(100.0, CUBE), Payload(3.0, CUBE), "tool")
+    robot = ET.fromstring(text)
+    names = [element.get("name") for element in robot]
+    assert len(set(names)) == len(names)
+    assert {"spacecraft_3", "payload_2", "spacecraft_mount_2"} <= set(names)
+    model = FreeFloatingModel.from_urdf(text, "tool")
+    assert np.isclose(model.total_mass, 106.0, rtol=1e-12)
+    assert np.isclose(model.bodies[0].mass, 101.0, rtol=1e-12)
+
+
+def test_factors_reach_what_was_assembled_by_its_name() -> None:
+    arm = random_robot(np.random.default_rng(9), "RR")
+    given_ = {"spacecraft": Spacecraft(100.0, CUBE), "payload": Payload(3.0, CUBE)}
+    alone = FreeFloatingModel.from_urdf(arm.text, arm.tip).total_mass
+    for scale, wanted in (
+        ({"spacecraft": 2.0, "payload": 10.0}, alone + 230.0),
+        (3.0, 3.0 * (alone + 103.0)),
+    ):
+        model = FreeFloatingModel.from_urdf(arm.text, arm.tip, scale_mass=scale, **given_)
+        assert np.isclose(model.total_mass, wanted, rtol=1e-12)
+
+
+# ---------------------------------------------------------------------------------- bad input
+
+IMPOSSIBLE = {
+    "negative mass": ({"mass": -1.0}, "mass", "a positive mass"),
+    "no mass": ({"mass": 0.0}, "mass", "a positive mass"),
+    "mass without end": ({"mass": np.inf}, "mass", "1 finite numbers"),
+    "mass in words": ({"mass": "heavy"}, "mass", "1 finite numbers"),
+    "two moments": ({"inertia": [1.0, 1.0]}, "inertia", "three principal moments or"),
+    "moments that are none": ({"inertia": [1.0, 1.0, np.nan]}, "inertia", "three principal"),
+    "ragged rows": ({"inertia": [[1.0], [1.0, 2.0], 3.0]}, "inertia", "three principal"),
+    "a lopsided matrix": (
+        {"inertia": [[2.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]]},
+        "inertia",
+        "symmetric",
+    ),
+    "a moment of zero": ({"inertia": [1.0, 1.0, 0.0]}, "inertia", "positive definite"),
+    "a matrix that is not positive": (
+        {"inertia": [[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 3.0]]},
+        "inertia",
+        "positive definite",
+    ),
+    "a broken triangle": ({"inertia": [1.0, 1.0, 2.001]}, "inertia", "smaller two sum to"),
+}
+
+
+@pytest.mark.parametrize("part", [Spacecraft, Payload])
+@pytest.mark.parametrize("name", IMPOSSIBLE)
+def test_bodies_that_cannot_be_are_refused(name: str, part: type) -> None:
+    changed, key, accepted = IMPOSSIBLE[name]
+    with pytest.raises(InputError) as caught:
+        part(**{"mass": 10.0, "inertia": [1.0, 1.0, 1.0], **changed})
+    assert caught.value.key == f"{part.__name__.lower()}.{key}"
+    assert accepted in caught.value.accepted
+
+
+def test_a_flat_plate_is_a_body() -> None:
+    assert np.array_equal(Payload(1.0, [1.0, 1.0, 2.0]).inertia, np.diag([1.0, 1.0, 2.0]))
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda: Mount([0.0, 0.0]), "spacecraft.mount.xyz"),
+        (lambda: Mount(rpy=[0.0, 0.0, np.nan]), "spacecraft.mount.rpy"),
+        (lambda: Spacecraft(1.0, CUBE, size=[1.0, 1.0, 0.0]), "spacecraft.size"),
+        (lambda: Payload(1.0, CUBE, [0.0]), "payload.com"),
+    ],
+)
+def test_places_and_sizes_that_are_none_are_refused(make: Any, key: str) -> None:
+    with pytest.raises(InputError) as caught:
+        make()
+    assert caught.value.key == key
+
+
+def test_what_was_given_cannot_be_changed_afterwards() -> None:
+    mine = np.diag([1.0, 1.0, 1.0])
+    craft = Spacecraft(1.0, mine, size=[1.0, 1.0, 1.0])
+    mine[0, 0] = 2.0
+    assert craft.inertia[0, 0] == 1.0
+    for array in (craft.inertia, craft.size, craft.mount.xyz, Payload(1.0, mine).com):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 5.0
+
+
+def test_an_arm_that_is_unfit_is_refused_with_its_file(tmp_path: Path) -> None:
+    arm = tmp_path / "arm.urdf"
+    arm.write_text("<!DOCTYPE a><robot/>")
+    with pytest.raises(ModelError) as caught:
+        assemble(arm, Spacecraft(1.0, CUBE))
+    assert caught.value.source == str(arm)
+    assert "without <!...> parts" in caught.value.accepted
+
+
+# ------------------------------------------------------------------------------ what is attached
+
+
+@given(seed=seeds)
+def test_an_attached_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
+    """The same mass matrix as ``appendModel`` of a fixed-base arm to a link of the other."""
+    rng = np.random.default_rng(seed)
+    first, second = random_robot(rng, "RPR"), random_robot(rng, "CR")
+    mount, at = Mount(rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3)), first.joints[1]
+    whole = free_flyer(assemble(first.text, attached=[Attachment(second.text, at, mount, "b_")]))
+    place = pin.SE3(Rotation.from_euler("xyz", mount.rpy).as_matrix(), np.array(mount.xyz))
+    renamed = second.text.replace('name="', 'name="b_').replace('link="', 'link="b_')
+    base = free_flyer(first.text)
+    moved = base.frames[base.getFrameId(at)].parentJoint
+    frame = next(i for i, one in enumerate(base.frames)
+                 if one.type == pin.FrameType.BODY and one.parentJoint == moved)  # fmt: skip
+    wanted = pin.appendModel(base, pin.buildModelFromXML(renamed), frame, place)
+    q = {name: rng.uniform(-2, 2) for name in [*whole.names][2:]}
+    stance = [*rng.uniform(-1, 1, 3), *Rotation.random(rng=rng).as_quat()]
+    masses = []
+    for model in (whole, wanted):
+        values = pin.neutral(model)
+        values[:7] = stance
+        order = list(range(6))
+        for name in sorted(q):
+            joint = model.joints[model.getJointId(name)]
+            angle = [np.cos(q[name]), np.sin(q[name])] if joint.nq == 2 else [q[name]]
+            values[joint.idx_q : joint.idx_q + joint.nq] = angle
+            order.append(joint.idx_v)
+        M = pin.crba(model, model.createData(), values)
+        M = np.triu(M) + np.triu(M, 1).T
+        masses.append(M[np.ix_(order, order)])
+    assert np.allclose(*masses, rtol=0, atol=1e-12 * np.abs(masses[0]).max())
+
+
+def test_an_empty_root_gives_way_to_what_is_joined_to_it() -> None:
+    """Also where several joints leave it and one of them moves, under an awkward mount."""
+    arm = '<robot name="a">' + link_text("world")
+    arm += joint_text("left", "F", "world", "foot", "1 2 3", "0.3 -0.2 1")
+    arm += link_text("foot", inertial_text(3.0, np.eye(3), "0.2 0 0"))
+    arm += joint_text("rail", "P", "world", "cart", "0 1 0", "0 0 0.5", "1 0 0")
+    arm += link_text("cart", inertial_text(4.0, np.eye(3), "0 0.3 0")) + "</robot>"
+    mount = Mount([0.5, -0.4, 0.3], [0.7, np.pi / 2, -0.4])
+    text = assemble(arm, Spacecraft(65.0, CUBE, mount))
+    assert "world" not in text
+    model = free_flyer(text)
+    whole = pin.SE3(mount.pose.rotation, mount.pose.position)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, np.array([0, 0, 0, *IDENTITY, 0.0]))
+    for name, xyz, rpy in (("foot", [1, 2, 3], [0.3, -0.2, 1]), ("cart", [0, 1, 0], [0, 0, 0.5])):
+        wanted = whole * pin.SE3(Rotation.from_euler("xyz", rpy).as_matrix(), np.array(xyz, float))
+        found = data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
+        assert np.allclose(found.homogeneous, wanted.homogeneous, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-8, 1.0, np.pi / 2 + 1e-5])
+def test_roll_pitch_and_yaw_come_back_as_the_same_turn(pitch: float) -> None:
+    for roll, yaw in ((0.0, 0.0), (0.7, -0.4), (-3.0, 2.0)):
+        turn = Mount(rpy=np.array([roll, pitch, yaw])).pose.rotation
+        assert np.allclose(turn, Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix(),
+                           rtol=0, atol=1e-15)  # fmt: skip
+        again = Mount(rpy=roll_pitch_yaw(turn)).pose.rotation
+        assert np.allclose(again, turn, rtol=0, atol=1e-15)
+
+
+def test_names_that_are_taken_ask_for_a_prefix() -> None:
+    arm = random_robot(np.random.default_rng(3), "RR")
+    with pytest.raises(ModelError) as caught:
+        assemble(arm.text, attached=[Attachment(arm.text)])
+    assert caught.value.key == "attached.0.prefix"
+    assert arm.joints[0] in caught.value.problem
+    text = assemble(arm.text, attached=[Attachment(arm.text, prefix="left_")])
+    assert f'name="left_{arm.joints[0]}"' in text
+
+
+def test_a_colour_of_its_own_keeps_its_name_to_itself() -> None:
+    plain = '<robot name="{0}"><material name="m"><color rgba="{1} 0 0 1"/></material>'
+    plain += link_text("{0}", inertial_text(1.0, np.eye(3))) + "</robot>"
+    red, dark = plain.format("a", "1"), plain.format("b", "0")
+    with pytest.raises(ModelError) as caught:
+        assemble(red, attached=[Attachment(dark)])
+    assert caught.value.key == "attached.0.prefix"
+    assert assemble(red, attached=[Attachment(red.replace('"a"', '"b"'))]).count('"m"') == 2
+    assert '"x_m"' in assemble(red, attached=[Attachment(dark, prefix="x_")])
+
+
+def test_meshes_of_an_attached_robot_are_found_from_the_first(tmp_path: Path) -> None:
+    (tmp_path / "tool").mkdir()
+    (tmp_path / "tool" / "part.stl").write_bytes(b"")
+    shown = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
+    tool = tmp_path / "tool" / "tool.urdf"
+    tool.write_text(
+        '<robot name="t">' + link_text("t", inertial_text(1.0, np.eye(3)) + shown) + "</robot>"
+    )
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(random_robot(np.random.default_rng(4), "R").text)
+    text = assemble(arm, attached=[Attachment(tool)])
+    assert f'filename="{tmp_path / "tool" / "part.stl"}"' in text
+
+
+def test_a_link_that_is_not_there_and_a_bad_file_are_told() -> None:
+    arm = random_robot(np.random.default_rng(5), "R").text
+    with pytest.raises(ModelError) as caught:
+        assemble(arm, attached=[Attachment(arm, "elbow", prefix="b_")])
+    assert caught.value.key == "attached.0.link"
+    with pytest.raises(ModelError) as caught:
+        assemble(arm, attached=[Attachment("<robot/>")])
+    assert caught.value.source == "URDF text"
+
+
+@pytest.mark.parametrize(
+    "given_", [[4.0, 0.1, 0.2, 5.0, 0.3, 6.0], [4.0, 0.1, 0.2, 0.1, 5.0, 0.3, 0.2, 0.3, 6.0]]
+)
+def test_inertias_may_be_six_or_nine_numbers(given_: list[float]) -> None:
+    wanted = [[4.0, 0.1, 0.2], [0.1, 5.0, 0.3], [0.2, 0.3, 6.0]]
+    assert np.array_equal(Spacecraft(9.0, given_).inertia, wanted)
+
+
+def test_the_spacecrafts_centre_of_mass_need_not_be_its_origin() -> None:
+    arm = random_robot(np.random.default_rng(6), "R").text
+    craft = Spacecraft(1e6, CUBE, size=[1, 2, 3], com=[0.1, -0.2, 0.3])
+    text = assemble(arm, craft)
+    centre = centre_of_mass(free_flyer(text), np.zeros(1))
+    assert np.allclose(centre, [0.1, -0.2, 0.3], rtol=0, atol=1e-3)
+    (origin,) = ET.fromstring(text).findall("link[@name='spacecraft']/visual/origin")
+    assert origin.get("xyz") == "0.0 0.0 0.0"
+
+
+# ---------------------------------------------------------------------------------- scenarios
+
+
+def written(folder: Path, old: str = "", new: str = "") -> Path:
+    assert old in UR5
+    file = folder / "ur5.yaml"
+    file.write_text(UR5.replace(old, new, 1) if old else UR5)
+    return file
+
+
+def test_the_ur5_scenario_loads_as_it_is(tmp_path: Path) -> None:
+    problem = load_scenario(written(tmp_path)).problem()
+    model = problem.model
+    assert model.dof == 6
+    assert np.isclose(model.total_mass, 200.0 + ARM_MASS, rtol=1e-12)
+    assert len(problem.branches(IDENTITY)) == 8
+    assert Path(model.description.source).name == "ur5_robot.urdf"
+    assert '<link name="spacecraft">' in model.description.text
+    twin = load_scenario("ur5_servicer/arc").problem()
+    assert twin.model.description.text == model.description.text
+    assert twin.margin.value == problem.margin.value
+    for s in np.linspace(0, 1, 5):
+        poses = [p.path.path.pose(float(s)) for p in (problem, twin)]
+        assert np.array_equal(poses[0].position, poses[1].position)
+        assert np.array_equal(poses[0].rotation, poses[1].rotation)
+
+
+def test_info_tells_of_an_assembled_scenario(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["info", str(written(tmp_path)), "--json"])
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    assert np.isclose(document["total_mass"], 200.0 + ARM_MASS, rtol=1e-12)
+    assert (document["end_effector"], document["dof"]) == ("tool0", 6)
+    told = [(one["severity"], one["line"], one["element"]) for one in document["findings"]]
+    assert told == [
+        ("doubt", 155, "link wrist_1_link"),
+        ("doubt", 180, "link wrist_2_link"),
+        ("doubt", 205, "link wrist_3_link"),
+        ("note", 331, "link world"),
+    ]
+    assert all(Path(one["file"]).name == "ur5_robot.urdf" for one in document["findings"])
+
+
+def test_the_mount_of_a_scenario_turns_the_arm(tmp_path: Path) -> None:
+    turned = written(tmp_path, "rpy: [0, 0, 0]", "rpy: [0, 1.5707963267948966, 0]")
+    body = load_scenario(turned).model().bodies[1]
+    assert np.allclose(body.placement.position, [0.089159, 0, 0.5], rtol=0, atol=1e-9)
+
+
+def test_a_payload_of_a_scenario_is_held(tmp_path: Path) -> None:
+    section = "payload: {mass: 7, inertia: [[0.3, 0.1, 0], [0.1, 0.3, 0], [0, 0, 0.2]], com: "
+    laden = written(tmp_path, "end_effector: tool0", f"end_effector: tool0\n  {section}[0, 0, 1]}}")
+    model, empty = load_scenario(laden).model(), load_scenario(written(tmp_path)).model()
+    assert np.isclose(model.total_mass, 207.0 + ARM_MASS, rtol=1e-12)
+    tool = empty.tool
+    last, before = model.bodies[-1], empty.bodies[-1]
+    at = tool.position + tool.rotation @ [0, 0, 1]
+    centre = (before.mass * before.centre + 7.0 * at) / (before.mass + 7.0)
+    assert np.allclose(last.centre, centre, rtol=0, atol=1e-12)
+    gap = at - before.centre
+    reduced = 7.0 * before.mass / (7.0 + before.mass)
+    own = tool.rotation @ np.array([[0.3, 0.1, 0], [0.1, 0.3, 0], [0, 0, 0.2]]) @ tool.rotation.T
+    wanted = before.inertia + own + reduced * (gap @ gap * np.eye(3) - np.outer(gap, gap))
+    assert np.allclose(last.inertia, wanted, rtol=0, atol=1e-12)
+
+
+BAD = {
+    "negative mass": ("mass: 200", "mass: -200", "spacecraft.mass", "greater than 0"),
+    "mass in words": ("mass: 200", "mass: heavy", "spacecraft.mass", "a number"),
+    "no inertia": ("inertia: [35, 35, 35], ", "", "spacecraft.inertia", "principal"),
+    "broken triangle": ("[35, 35, 35]", "[35, 35, 71]", "spacecraft.inertia", "smaller two"),
+    "negative moment": ("[35, 35, 35]", "[35, 35, -1]", "spacecraft.inertia", "positive definite"),
+    "two moments": ("[35, 35, 35]", "[35, 35]", "spacecraft.inertia", "three principal"),
+    "one moment": ("[35, 35, 35]", "35", "spacecraft.inertia", "principal moments"),
+    "flat box": ("size: [1, 1, 1]", "size: [1, 1, 0]", "spacecraft.size.2", "greater than 0"),
+    "unknown key": (
+        "mass: 200",
+        "weight: 1, mass: 2",
+        "spacecraft.weight",
+        "mass, inertia, com, mount",
+    ),
+    "unknown mount": ("xyz: [0", "zyx: [0", "spacecraft.mount.zyx", "xyz, rpy"),
+    "unknown frame": ("tool0", "tool9", "end_effector", "tool0"),
+    "unknown link": ("tool0", "tool0\n  scale_mass: {bus: 2}", "scale_mass.bus", "spacecraft"),
+    "unknown robot": (":ur5", ":ur6", "urdf", "example-robot-data:panda"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_scenario_with_an_impossible_assembly_is_refused(name: str, tmp_path: Path) -> None:
+    old, new, key, accepted = BAD[name]
+    file = written(tmp_path, old, new)
+    with pytest.raises(InputError) as caught:
+        load_scenario(file).problem()
+    assert caught.value.key == f"robot.{key}"
+    assert caught.value.source == str(file)
+    assert accepted in caught.value.accepted
+
+
+# --------------------------------------------------------------------------- a redundant arm
+
+
+def test_the_panda_moves_seven_joints_and_holds_its_fingers() -> None:
+    """150 kg, the arm's 16.69 kg, the hand's 0.73 kg and two fingers of 15 g."""
+    model = load_scenario("panda_servicer/line").model()
+    assert model.joint_names == tuple(f"panda_joint{k}" for k in range(1, 8))
+    assert np.isclose(model.total_mass, 167.451901, rtol=1e-9)
+    assert np.isclose(model.bodies[0].mass, 150.0 + 0.629769, rtol=1e-12)
+    assert np.isclose(model.bodies[-1].mass, 0.735522 + 0.73 + 2 * 0.015, rtol=1e-12)
+    (doubt,) = model.doubts
+    assert doubt.element == "joint panda_finger_joint2"
+    assert "it mimics panda_finger_joint1" in doubt.problem
+
+
+def test_the_panda_follows_its_line_from_the_identity_attitude() -> None:
+    """In a usual posture, every joint within its range at the start, the margin kept."""
+    problem = load_scenario("panda_servicer/line").problem()
+    posture = [0.15, -0.28, -0.33, -2.19, -0.10, 1.92, 0.64]
+    branch = problem.branch_near(IDENTITY, posture, problem.branches(IDENTITY))
+    for value, body in zip(branch.joints, problem.model.bodies[1:], strict=True):
+        assert body.lower < value < body.upper
+    motion = integrate_motion(problem, IDENTITY, branch.joints)
+    assert motion.completed
+    assert least(motion, problem.margin.measure).keeps(problem.margin.value)

@@ -1,0 +1,165 @@
+"""The bundled models: what they are made of, and published numbers where there are some."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+import yourdfpy
+
+from freefloat.dynamics.momentum import Task
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.closest_approach import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.planning.limited_planner import keep_limits
+from freefloat.planning.planar_planner import plan_in_plane
+from freefloat.planning.spatial_planner import plan_in_space
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import bundled_robots, bundled_scenarios, find_robot
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+SAMPLES = 256
+NEW = ("ets_vii", "planar_2dof", "ssrms")
+
+
+def urdf(name: str) -> Path:
+    return find_robot(name, Path("/"))
+
+
+def model(name: str) -> FreeFloatingModel:
+    return FreeFloatingModel.from_urdf(urdf(name))
+
+
+# ----------------------------------------------------------------------------------- every model
+
+
+@pytest.mark.parametrize("name", NEW)
+def test_nothing_about_a_model_is_doubtful(name: str) -> None:
+    assert model(name).doubts == ()
+
+
+@pytest.mark.parametrize("name", bundled_robots())
+def test_a_model_tells_where_its_numbers_are_from(name: str) -> None:
+    head = urdf(name).read_text()[:1200]
+    assert "Papadopoulos" in head or "Yoshida" in head or "Hughes" in head
+
+
+def _corners(robot: Any, shapes: list[Any]) -> np.ndarray:
+    """Lowest and highest corner of some shapes, in the link's frame."""
+    bounds = []
+    for shape in shapes:
+        box, cylinder = shape.geometry.box, shape.geometry.cylinder
+        body = (trimesh.creation.box(box.size) if box is not None
+                else trimesh.creation.cylinder(cylinder.radius, cylinder.length))  # fmt: skip
+        if shape.origin is not None:
+            body.apply_transform(shape.origin)
+        bounds.append(body.bounds)
+    return np.array([np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]])
+
+
+@pytest.mark.parametrize("name", bundled_robots())
+def test_every_body_can_be_hit_where_it_is_seen(name: str) -> None:
+    """Links with a mass worth the name have collision shapes, no larger than what is drawn."""
+    robot = yourdfpy.URDF.load(str(urdf(name)), load_meshes=False)
+    for link in robot.robot.links:
+        if link.inertial is None or link.inertial.mass < 1e-3:
+            continue
+        assert link.collisions, link.name
+        seen, hit = _corners(robot, link.visuals), _corners(robot, link.collisions)
+        assert (hit[0] >= seen[0] - 1e-9).all()
+        assert (hit[1] <= seen[1] + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", ["ets_vii", "ssrms"])
+def test_every_joint_of_a_real_arm_has_a_range_a_rate_and_a_torque(name: str) -> None:
+    joints = [joint for joint in ET.parse(urdf(name)).getroot().findall("joint")
+              if joint.get("type") != "fixed"]  # fmt: skip
+    assert len(joints) == model(name).dof
+    for joint in joints:
+        limit = {key: float(value) for key, value in joint.find("limit").attrib.items()}  # type: ignore[union-attr]
+        assert -2 * np.pi < limit["lower"] < 0.0 < limit["upper"] < 2 * np.pi
+        assert 0.0 < limit["velocity"] < 0.2
+        assert limit["effort"] > 0.0
+
+
+def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:
+    etsvii, ssrms = model("ets_vii"), model("ssrms")
+    assert [body.mass for body in etsvii.bodies] == [2550, 35, 22.5, 21.9, 16.5, 26, 18.5]
+    assert np.isclose(ssrms.total_mass, 1e5 + 2 * 243.66 + 4 * 105.98 + 314.88 + 279.2, rtol=1e-12)
+    straight = etsvii.body_poses(IDENTITY, np.zeros(6))
+    shoulder = straight[2].position
+    tip = etsvii.end_effector_pose(IDENTITY, np.zeros(6)).position
+    assert np.isclose(np.linalg.norm(tip - shoulder), np.hypot(0.87 + 0.63 + 0.53, np.hypot(
+        0.26, 0.28)), rtol=1e-12)  # fmt: skip
+    upright = ssrms.end_effector_pose(IDENTITY, np.zeros(7)).position
+    foot = ssrms.body_poses(IDENTITY, np.zeros(7))[0].position[2] + 2.2
+    assert np.isclose(upright[2] - foot, 2 * (1.3589 + 7.11), rtol=1e-12)
+
+
+# ------------------------------------------------------------------------------------- scenarios
+
+ATTITUDES = {"planar_2dof/line": 0.45, "planar_2dof/arc": 0.77}
+"""Headings from which planar ones succeed [rad]; the others from the identity attitude."""
+FOLLOWED = tuple(
+    name for name in bundled_scenarios()
+    if name.split("/")[0] in NEW or name in ("ur5_servicer/inspect", "panda_servicer/arc")
+)  # fmt: skip
+OF_THE_PAPER = ("planar_3dof/parabola", "planar_3dof/parabola_nonstop", "spatial_6dof/line")
+LIMITED = tuple(name for name in bundled_scenarios() if name not in OF_THE_PAPER)
+
+
+def test_scenarios_of_every_kind_are_bundled() -> None:
+    problems = {name: load_scenario(name).problem() for name in FOLLOWED}
+    redundant = {name for name, problem in problems.items()
+                 if problem.model.dof > len(problem.task.rows)}  # fmt: skip
+    assert {"ssrms/transfer", "ets_vii/reach", "panda_servicer/arc"} <= redundant
+    assert problems["ets_vii/reach"].task is Task.POSITION
+    assert sum(bool(problem.momentum.any()) for problem in problems.values()) >= 4
+    laws = [load_scenario(name).content.path.attitude or {} for name in FOLLOWED]
+    kinds = {kind for law in laws for kind, value in law if value}
+    assert {"point_at", "follow"} <= kinds
+
+
+@pytest.mark.parametrize("name", FOLLOWED)
+def test_a_scenario_can_be_followed_with_its_margin_kept(name: str) -> None:
+    """With some arm branch, from the attitude the spacecraft has; and the motion is right."""
+    problem = load_scenario(name).problem()
+    half = ATTITUDES.get(name, 0.0) / 2.0
+    attitude = np.array([0.0, 0.0, np.sin(half), np.cos(half)])
+    kept = []
+    for branch in problem.branches(attitude)[:4]:
+        motion = integrate_motion(problem, attitude, branch.joints)
+        if motion.completed:
+            kept.append(least(motion, problem.margin.measure).keeps(problem.margin.value))
+            residuals = motion.residuals()
+            assert residuals.end_effector_position < 1e-7
+            assert residuals.momentum < 1e-5 * max(1.0, motion.problem.model.total_mass / 1e3)
+    assert any(kept)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LIMITED)
+def test_a_scenario_plans_within_its_limits(name: str) -> None:
+    """With few samples; scripts/verify_plans.py plans them as they are, and proves it."""
+    scenario = load_scenario(name)
+    problem, limits = scenario.problem(), scenario.limits()
+    assert limits is not None
+    find = plan_in_plane if problem.task.planar else plan_in_space
+    found = keep_limits(find(problem, replace(scenario.search(), samples=SAMPLES)), limits)
+    assert found.feasible, found.reason
+    assert found.chosen is not None
+    assert found.chosen.least.keeps(problem.margin.value)
+    assert found.disagreements == ()
+    kept = {finding.limit: finding.kept for finding in found.findings}
+    assert {"joint_rate", "joint_torque", "base_rate", "clearance"} <= kept.keys()
+    assert all(kept.values())
+    wrench = next(one.base_wrench for one in found.findings if one.limit == "joint_torque")
+    assert wrench is not None
+    assert wrench < 1e-6

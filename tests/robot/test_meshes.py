@@ -1,0 +1,189 @@
+"""Mesh files: where they are looked for, and that what is read of them is what stands in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import coal
+import numpy as np
+import pytest
+import trimesh
+
+from freefloat.robot.meshes import MeshFileError, Part, find_mesh, read_mesh
+from freefloat.robot.names import examples_folder
+
+EXAMPLES = [
+    path
+    for folder in ("ur_description/meshes/ur5/visual", "panda_description/meshes/visual")
+    for path in sorted((examples_folder() / folder).glob("*.dae"))
+]
+
+
+def bounds(parts: tuple[Part, ...]) -> np.ndarray:
+    points = np.vstack([part.mesh.vertices for part in parts])
+    return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def pinocchio_bounds(path: Path, scale: list[float]) -> np.ndarray:
+    """What Pinocchio's own reader of meshes finds."""
+    mesh = coal.MeshLoader().load(str(path), np.array(scale))
+    mesh.computeLocalAABB()
+    return np.array([mesh.aabb_local.min_, mesh.aabb_local.max_]).reshape(2, 3)
+
+
+def saved(mesh: trimesh.Trimesh, path: Path) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    mesh.export(path)
+    return path
+
+
+# ------------------------------------------------------------------------------------- reading
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: f"{path.parts[-4]}-{path.stem}")
+@pytest.mark.parametrize("scale", [[1.0, 1.0, 1.0], [0.5, 2.0, 3.0]])
+def test_real_arms_have_the_bounds_that_pinocchio_finds(path: Path, scale: list[float]) -> None:
+    """All nodes of the file in their places, in metres, scaled axis by axis."""
+    parts = read_mesh(path, scale)
+    np.testing.assert_allclose(bounds(parts), pinocchio_bounds(path, scale), atol=1e-6)
+    assert len({part.colour for part in parts}) == len(parts)
+
+
+def test_the_unit_of_a_file_counts_and_its_upward_axis_does_not(tmp_path: Path) -> None:
+    """As in RViz and Pinocchio: a URDF speaks of the axes of the file."""
+    text = EXAMPLES[0].read_text().replace("Z_UP", "Y_UP")
+    text = text.replace('meter="1"', 'meter="0.01"')
+    copy = tmp_path / "copy.dae"
+    copy.write_text(text)
+    np.testing.assert_allclose(bounds(read_mesh(copy)), 0.01 * bounds(read_mesh(EXAMPLES[0])))
+
+
+def test_edges_stay_sharp_and_curves_smooth(tmp_path: Path) -> None:
+    """A box has three normals at each corner; a ball has the same vertices as before."""
+    (box,) = read_mesh(saved(trimesh.creation.box((1, 2, 3)), tmp_path / "box.stl"))
+    assert len(box.mesh.vertices) == 24
+    assert box.colour is None
+    outwards = np.abs(box.mesh.normals * np.sign(box.mesh.vertices)).max(axis=1)
+    np.testing.assert_allclose(outwards, 1.0, atol=1e-12)
+    ball = trimesh.creation.icosphere(3)
+    (smooth,) = read_mesh(saved(ball, tmp_path / "ball.stl"))
+    assert len(smooth.mesh.vertices) == len(ball.vertices)
+    np.testing.assert_allclose(smooth.mesh.normals, smooth.mesh.vertices, atol=0.01)
+
+
+def test_a_mirrored_mesh_still_looks_outwards(tmp_path: Path) -> None:
+    """Normals and the order of every triangle's corners."""
+    (ball,) = read_mesh(saved(trimesh.creation.icosphere(2), tmp_path / "ball.stl"), [-1, 1, 1])
+    np.testing.assert_allclose(ball.mesh.normals, ball.mesh.vertices, atol=0.05)
+    a, b, c = np.moveaxis(ball.mesh.vertices[ball.mesh.faces], 1, 0)
+    assert (np.einsum("fi,fi->f", np.cross(b - a, c - a), a + b + c) > 0.0).all()
+
+
+def test_the_parts_of_a_scene_stand_where_its_nodes_put_them(tmp_path: Path) -> None:
+    """Two boxes of one colour are one part, the red one is another."""
+    scene = trimesh.Scene()
+    for place, colour in ((0.0, [9, 9, 9, 255]), (5.0, [9, 9, 9, 255]), (8.0, [255, 0, 0, 255])):
+        box = trimesh.creation.box((1, 1, 1))
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=colour)
+        box.visual = trimesh.visual.TextureVisuals(material=material)
+        scene.add_geometry(box, transform=trimesh.transformations.translation_matrix([place, 0, 0]))
+    scene.export(tmp_path / "boxes.glb")
+    red, grey = sorted(read_mesh(tmp_path / "boxes.glb"), key=lambda part: -part.colour[0])
+    assert red.colour == (1.0, 0.0, 0.0, 1.0)
+    np.testing.assert_allclose(bounds((grey,))[:, 0], [-0.5, 5.5])
+    np.testing.assert_allclose(bounds((red,))[:, 0], [7.5, 8.5])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"solid nonsense", b"\x00" * 200, b"<COLLADA/>", b"v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"],
+)
+@pytest.mark.parametrize("suffix", ["stl", "dae", "obj", "glb", "xyz1"])
+def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
+    tmp_path: Path, suffix: str, content: bytes
+) -> None:
+    """Whatever the readers of the formats throw."""
+    path = tmp_path / f"broken.{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(MeshFileError, match=r"cannot be read|no triangles") as caught:
+        read_mesh(path)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_reason_is_short_however_much_of_the_file_it_cites(tmp_path: Path) -> None:
+    path = tmp_path / "long.dae"
+    path.write_text(f"<COLLADA><{'a' * 70_000}")
+    with pytest.raises(MeshFileError, match=r"cannot be read .*aaa\.\.\..*\)$") as caught:
+        read_mesh(path)
+    assert len(str(caught.value)) <= 1000
+
+
+def test_a_mesh_scaled_to_nothing_is_refused(tmp_path: Path) -> None:
+    """A scale of zero leaves no triangle."""
+    path = saved(trimesh.creation.box((1, 1, 1)), tmp_path / "box.stl")
+    with pytest.raises(MeshFileError, match="no triangles"):
+        read_mesh(path, 0.0)
+
+
+# ------------------------------------------------------------------------------------- finding
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    """``tmp/kit/meshes/a box.stl``."""
+    return saved(trimesh.creation.box((1, 1, 1)), tmp_path / "kit" / "meshes" / "a box.stl")
+
+
+def test_names_are_relative_to_the_folder_of_the_urdf(
+    box: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not to the current one."""
+    urdf = tmp_path / "kit" / "urdf" / "arm.urdf"
+    urdf.parent.mkdir()
+    assert find_mesh("../meshes/a box.stl", str(urdf)).samefile(box)
+    assert find_mesh(str(box), str(urdf)) == box
+    assert find_mesh(box.as_uri(), str(urdf)) == box
+    monkeypatch.chdir(tmp_path / "kit")
+    assert find_mesh("../meshes/a box.stl", "urdf/arm.urdf").samefile(box)
+
+
+@pytest.mark.parametrize(
+    "name", ["package://kit/meshes/a box.stl", "model://kit/meshes/a%20box.stl"]
+)
+def test_packages_are_found_by_folder_and_by_environment(
+    name: str, box: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Above the URDF; in a folder of packages or a package itself; installed under a prefix."""
+    for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+        monkeypatch.delenv(variable, raising=False)
+    assert find_mesh(name, str(tmp_path / "kit" / "urdf" / "arm.urdf")) == box
+    assert find_mesh(name, str(tmp_path / "other" / "arm.urdf")) == box
+    far = "/nowhere/arm.urdf"
+    with pytest.raises(MeshFileError, match="folder kit above"):
+        find_mesh(name, far)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{tmp_path}")
+    assert find_mesh(name, far) == box
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "kit"))
+    assert find_mesh(name, far) == box
+    monkeypatch.delenv("ROS_PACKAGE_PATH")
+    installed = saved(trimesh.creation.box((1, 1, 1)), tmp_path / "p/share/kit/meshes/a box.stl")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "p"))
+    assert find_mesh(name, far) == installed
+
+
+def test_the_example_robots_need_no_environment() -> None:
+    """Their package is found wherever the URDF came from."""
+    name = "package://example-robot-data/robots/panda_description/meshes/visual/hand.dae"
+    assert (
+        find_mesh(name, "URDF text")
+        == examples_folder() / "panda_description/meshes/visual/hand.dae"
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["http://a.b/c.stl", "gone.stl", "file:///gone.stl", "a\0b", "x" * 9999]
+)
+def test_what_is_not_there_is_told(name: str) -> None:
+    """Nothing is fetched from the net, no name is too odd."""
+    with pytest.raises(MeshFileError, match=r"no such file|not fetched"):
+        find_mesh(name, "/nowhere/arm.urdf")

@@ -1,0 +1,499 @@
+"""A URDF as a drifting robot: which joints move, what is merged or held, what is refused."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.momentum import generalized_jacobian, momentum_map
+from freefloat.errors import InputError, ModelError
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import models_folder
+from freefloat.robot.urdf import read_urdf
+from freefloat.so3 import rotation_matrix
+from tests.robots import (
+    Robot,
+    attitudes,
+    inertial_text,
+    joint_text,
+    joint_values,
+    link_text,
+    numbers,
+    random_robot,
+    robots,
+)
+
+BUS = link_text("bus", inertial_text(100.0, 10.0 * np.eye(3)))
+
+
+def a_link(name: str, mass: float = 5.0) -> str:
+    return link_text(name, inertial_text(mass, 0.5 * mass * np.eye(3), "0.3 0 0"))
+
+
+def chain_of(*parts: str) -> str:
+    return f"<robot name='r'>{BUS}{''.join(parts)}</robot>"
+
+
+ELBOW = chain_of(
+    a_link("upper"), joint_text("shoulder", "R", "bus", "upper", "0.5 0 0", limits=(-1.0, 2.0)),
+    a_link("fore"), joint_text("elbow", "C", "upper", "fore", "1 0 0"),
+    a_link("mast"), joint_text("hinge", "R", "bus", "mast", "-0.5 0 0", axis="0 1 0"),
+)  # fmt: skip
+
+
+# -------------------------------------------------------------------------------- which joints
+
+
+@given(robot=robots())
+def test_joints_run_from_the_spacecraft_to_the_end_effector(robot: Robot) -> None:
+    """In chain order whatever their names; the second arm's joints do not count."""
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    assert model.joint_names == robot.joints
+    assert model.dof == len(robot.joints)
+    assert [body.joint for body in model.bodies] == ["root_joint", *robot.joints]
+
+
+def test_continuous_joints_are_plain_angles() -> None:
+    """One number a joint, no cosine and sine: a whole turn more changes nothing but the number."""
+    model = FreeFloatingModel.from_urdf(ELBOW, "fore")
+    assert model.pin_model.nq == 7 + model.dof
+    here = model.end_effector_pose([0, 0, 0, 1], [0.3, 0.4])
+    turned = model.end_effector_pose([0, 0, 0, 1], [0.3, 0.4 + 2.0 * np.pi])
+    np.testing.assert_allclose(here.position, turned.position, atol=1e-14)
+    np.testing.assert_allclose(here.rotation, turned.rotation, atol=1e-14)
+
+
+def test_bodies_tell_ranges_axes_and_kinds() -> None:
+    """Ranges come from the URDF; a continuous joint has none."""
+    text = ELBOW.replace('axis xyz="0 0 1"', 'axis xyz="0 0 3"')
+    text = text.replace("</robot>", a_link("slide") + joint_text(
+        "rail", "P", "fore", "slide", "0.2 0 0", "0 0 1.5707963267948966", "0 -2 0", (0.1, 0.9)
+    ) + "</robot>")  # fmt: skip
+    bus, shoulder, elbow, rail = FreeFloatingModel.from_urdf(text, "slide").bodies
+    assert (bus.joint, bus.lower, bus.upper) == ("root_joint", -np.inf, np.inf)
+    assert (shoulder.lower, shoulder.upper, shoulder.prismatic) == (-1.0, 2.0, False)
+    assert (elbow.lower, elbow.upper) == (-np.inf, np.inf)
+    assert (rail.lower, rail.upper, rail.prismatic) == (0.1, 0.9, True)
+    np.testing.assert_array_equal(bus.axis, [0, 0, 0])
+    np.testing.assert_allclose(shoulder.axis, [0, 0, 1], atol=1e-15)  # unit, though written as 3
+    np.testing.assert_allclose(rail.axis, [0, -1, 0], atol=1e-15)
+    np.testing.assert_allclose(rail.placement.position, [0.2, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(rail.placement.rotation[:, 0], [0, 1, 0], atol=1e-15)
+
+
+def test_the_only_last_link_is_the_end_effector() -> None:
+    """With one tip it need not be named; with several they are listed."""
+    folder = models_folder()
+    model = FreeFloatingModel.from_urdf(folder / "planar_3dof" / "planar_3dof.urdf")
+    assert model.end_effector == "end_effector"
+    with pytest.raises(ModelError) as caught:
+        FreeFloatingModel.from_urdf(ELBOW)
+    assert caught.value.key == "end_effector"
+    way_out, _, hands = caught.value.accepted.partition(" such as ")
+    assert way_out.startswith("--end-effector, or end_effector of a scenario")
+    assert set(hands.split(", ")) == {"fore", "mast"}
+
+
+def test_a_frame_that_is_not_there_is_answered_with_those_that_are() -> None:
+    """Every link may be the end-effector, and all are listed."""
+    with pytest.raises(ModelError) as caught:
+        FreeFloatingModel.from_urdf(ELBOW, "four")
+    assert "'four'" in caught.value.problem
+    assert set(caught.value.accepted.split(", ")) == {"bus", "upper", "fore", "mast"}
+
+
+@pytest.mark.parametrize("frame", ["bus", "universe", "antenna"])
+def test_a_frame_fixed_to_the_spacecraft_is_refused(frame: str) -> None:
+    """No joint moves it; the links that joints do move are listed."""
+    antenna = a_link("antenna") + joint_text("glue", "F", "bus", "antenna")
+    with pytest.raises(ModelError, match="fixed to the spacecraft") as caught:
+        FreeFloatingModel.from_urdf(ELBOW.replace("</robot>", antenna + "</robot>"), frame)
+    listed = caught.value.accepted.split(": ")[1].split(", ")
+    assert set(listed) == {"upper", "fore", "mast"}
+
+
+def test_a_link_may_bear_the_name_of_its_joint(planar_3dof: FreeFloatingModel) -> None:
+    """Links and joints have separate names in URDF: 'tool' may be both."""
+    text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
+    same = text.replace('"end_effector"', '"tool"')
+    q = [0.3, -0.8, 1.1]
+    for end_effector in ("tool", None):
+        model = FreeFloatingModel.from_urdf(same, end_effector)
+        assert model.end_effector == "tool"
+        np.testing.assert_allclose(
+            generalized_jacobian(model, q), generalized_jacobian(planar_3dof, q), atol=1e-14
+        )
+
+
+def test_of_a_link_and_a_joint_the_link_is_meant() -> None:
+    """The shoulder's joint may be called 'fore': the end-effector is the link of that name."""
+    named = FreeFloatingModel.from_urdf(ELBOW.replace('"shoulder"', '"fore"'), "fore")
+    assert named.joint_names == ("fore", "elbow")
+    plain = FreeFloatingModel.from_urdf(ELBOW, "fore")
+    here, there = (m.end_effector_pose([0, 0, 0, 1], [0.4, 0.9]) for m in (named, plain))
+    np.testing.assert_array_equal(here.position, there.position)
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_joints_of_other_kinds_are_refused(kind: str) -> None:
+    """What is supported is said."""
+    with pytest.raises(
+        ModelError, match=r"joint elbow: .*revolute, continuous, prismatic or fixed"
+    ):
+        FreeFloatingModel.from_urdf(ELBOW.replace('type="continuous"', f'type="{kind}"'), "fore")
+
+
+# ------------------------------------------------------------------------------ merged and held
+
+
+def test_fixed_joints_are_merged_into_one_body() -> None:
+    """A link cut in two and glued together again is the same link."""
+    m, I1 = 3.0, np.diag([0.3, 0.2, 0.4])
+    R = Rotation.from_euler("xyz", [0.4, -0.3, 1.0])
+    shift = np.array([0.1, 0.5, -0.2])
+    I2 = R.as_matrix() @ np.diag([0.1, 0.5, 0.45]) @ R.as_matrix().T
+    centre = (m * np.array([0.3, 0, 0]) + 2.0 * shift) / (m + 2.0)
+
+    def about(point: np.ndarray) -> np.ndarray:
+        d = point - centre
+        return d @ d * np.eye(3) - np.outer(d, d)
+
+    whole = I1 + m * about(np.array([0.3, 0, 0])) + I2 + 2.0 * about(shift)
+    cut = chain_of(
+        link_text("a", inertial_text(m, I1, "0.3 0 0")), joint_text("q", "C", "bus", "a", "1 0 0"),
+        link_text("b", inertial_text(2.0, np.diag([0.1, 0.5, 0.45]))),
+        joint_text("glue", "F", "a", "b", numbers(shift), numbers(R.as_euler("xyz"))),
+    )  # fmt: skip
+    one = chain_of(
+        link_text("a", inertial_text(m + 2.0, whole, numbers(centre))),
+        joint_text("q", "C", "bus", "a", "1 0 0"),
+    )
+    cut_body = FreeFloatingModel.from_urdf(cut, "a").bodies[1]
+    one_body = FreeFloatingModel.from_urdf(one, "a").bodies[1]
+    assert cut_body.mass == pytest.approx(one_body.mass, abs=1e-14)
+    np.testing.assert_allclose(cut_body.centre, one_body.centre, atol=1e-14)
+    np.testing.assert_allclose(cut_body.inertia, one_body.inertia, atol=1e-14)
+
+
+def test_held_joints_are_as_if_glued() -> None:
+    """The mast held at 0.7 rad is the mast mounted at 0.7 rad."""
+    held = FreeFloatingModel.from_urdf(ELBOW, "fore", held={"hinge": 0.7})
+    glue = joint_text("hinge", "F", "bus", "mast", "-0.5 0 0", "0 0.7 0")
+    turning = joint_text("hinge", "R", "bus", "mast", "-0.5 0 0", axis="0 1 0")
+    assert turning in ELBOW
+    glued = FreeFloatingModel.from_urdf(ELBOW.replace(turning, glue), "fore")
+    q = [0.2, -1.0]
+    np.testing.assert_allclose(momentum_map(held, q), momentum_map(glued, q), atol=1e-12)
+    straight = FreeFloatingModel.from_urdf(ELBOW, "fore")
+    assert np.abs(momentum_map(held, q) - momentum_map(straight, q)).max() > 0.1
+
+
+@given(data=st.data(), robot=robots(branch=st.just("RP")))
+def test_joints_not_named_are_held_at_zero(data: st.DataObject, robot: Robot) -> None:
+    """Silence means zero."""
+    silent = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    told = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=dict.fromkeys(robot.others, 0.0))
+    q = data.draw(joint_values(silent.dof))
+    np.testing.assert_array_equal(momentum_map(silent, q), momentum_map(told, q))
+
+
+def test_a_stuck_joint_of_the_arm_is_as_if_glued() -> None:
+    """Held by name it moves no more, and the bodies beyond it stand as if it had never moved."""
+    stuck = FreeFloatingModel.from_urdf(ELBOW, "fore", held={"shoulder": 0.4})
+    free = FreeFloatingModel.from_urdf(ELBOW, "fore")
+    (left,) = stuck.joint_names
+    assert {left, "shoulder"} == set(free.joint_names)
+    q = np.zeros(free.dof)
+    q[free.joint_names.index("shoulder")], q[free.joint_names.index(left)] = 0.4, -0.7
+    attitude = [0.1, -0.2, 0.3, np.sqrt(0.86)]
+    found, expected = (m.end_effector_pose(attitude, j) for m, j in ((stuck, [-0.7]), (free, q)))
+    np.testing.assert_allclose(found.position, expected.position, atol=1e-12)
+    kept = [*range(6), 6 + free.joint_names.index(left)]
+    np.testing.assert_allclose(
+        momentum_map(stuck, [-0.7]), momentum_map(free, q)[:, kept], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("name", ["hing", "root_joint"])
+def test_only_joints_of_the_robot_can_be_held(name: str) -> None:
+    """A misspelt one and the drift itself are refused, the others listed."""
+    with pytest.raises(ModelError) as caught:
+        FreeFloatingModel.from_urdf(ELBOW, "fore", held={name: 0.1})
+    assert caught.value.key == f"held.{name}"
+    assert set(caught.value.accepted.split(", ")) == {"shoulder", "elbow", "hinge"}
+
+
+def test_an_arm_of_which_every_joint_is_held_is_refused() -> None:
+    with pytest.raises(ModelError, match="all joints that move"):
+        FreeFloatingModel.from_urdf(ELBOW, "fore", held={"shoulder": 0.1, "elbow": 0.2})
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_values_of_held_joints_must_be_finite(value: float) -> None:
+    """A joint held nowhere would make every momentum a NaN."""
+    with pytest.raises(InputError, match=r"held\.hinge"):
+        FreeFloatingModel.from_urdf(ELBOW, "fore", held={"hinge": value})
+
+
+# -------------------------------------------------------------------------------- where things are
+
+
+@given(data=st.data(), robot=robots(), attitude=attitudes)
+def test_the_centre_of_mass_is_the_origin(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
+    """At every attitude and with every joint vector, summed over the bodies."""
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    q = data.draw(joint_values(model.dof))
+    p, R = model.base_position(attitude, q), rotation_matrix(attitude)
+    moment = model.bodies[0].mass * (p + R @ model.bodies[0].centre)
+    for value, body in zip(q, model.bodies[1:], strict=True):
+        p, R = p + R @ body.placement.position, R @ body.placement.rotation
+        if body.prismatic:
+            p = p + value * R @ body.axis
+        else:
+            R = R @ Rotation.from_rotvec(value * body.axis).as_matrix()
+        moment = moment + body.mass * (p + R @ body.centre)
+    assert np.abs(moment).max() < 1e-11 * model.total_mass
+    pose = model.end_effector_pose(attitude, q)
+    np.testing.assert_allclose(pose.position, p + R @ model.tool.position, atol=1e-12)
+    np.testing.assert_allclose(pose.rotation, R @ model.tool.rotation, atol=1e-12)
+
+
+def test_total_mass_counts_every_link() -> None:
+    """Moving, held and fixed ones."""
+    extra = a_link("box", 7.0) + joint_text("glue", "F", "fore", "box")
+    model = FreeFloatingModel.from_urdf(ELBOW.replace("</robot>", extra + "</robot>"), "fore")
+    assert model.total_mass == pytest.approx(100.0 + 3 * 5.0 + 7.0)
+    assert sum(body.mass for body in model.bodies) == pytest.approx(model.total_mass)
+
+
+def test_published_spatial_arm_lies_straight_along_x_at_zero(
+    spatial_6dof: FreeFloatingModel,
+) -> None:
+    """Table II: 2.4 m from the shoulder, which is 0.5 m above the spacecraft's centre."""
+    base = spatial_6dof.base_position([0, 0, 0, 1], np.zeros(6))
+    pose = spatial_6dof.end_effector_pose([0, 0, 0, 1], np.zeros(6))
+    np.testing.assert_allclose(pose.position - base, [2.4, 0, 0.5], atol=1e-12)
+    np.testing.assert_allclose(pose.rotation, np.eye(3), atol=1e-15)
+    raised = spatial_6dof.end_effector_pose([0, 0, 0, 1], [0, 0.5, 0, 0, 0, 0])
+    assert raised.position[2] - pose.position[2] > 0.5  # positive q2 raises the arm toward +z
+
+
+# ---------------------------------------------------------------------------- joints by name
+
+
+def test_joint_vectors_come_by_name_or_in_order(planar_3dof: FreeFloatingModel) -> None:
+    """A map in any order and a sequence in chain order mean the same."""
+    by_name = planar_3dof.joint_vector({"q3": 3, "q1": 1.0, "q2": np.float64(2)})
+    np.testing.assert_array_equal(by_name, [1, 2, 3])
+    np.testing.assert_array_equal(planar_3dof.joint_vector((1, 2, 3)), [1, 2, 3])
+
+
+def test_a_single_joint_may_be_a_plain_number() -> None:
+    """One joint, one number."""
+    text = chain_of(a_link("arm"), joint_text("q", "C", "bus", "arm"))
+    np.testing.assert_array_equal(FreeFloatingModel.from_urdf(text).joint_vector(0.5), [0.5])
+
+
+@pytest.mark.parametrize(
+    ("joints", "problem"),
+    [
+        ({"q1": 1, "q2": 2}, "unknown: -, missing: q3"),
+        ({"q1": 1, "q2": 2, "q3": 3, "q4": 4, "a": 0}, "unknown: a, q4, missing: -"),
+        ([1, 2], "2 values were given"),
+        ([1, 2, 3, 4], "4 values were given"),
+        ([[1, 2, 3]], "3 values were given"),
+    ],
+)
+def test_joint_vectors_that_do_not_fit_are_told_the_names(
+    planar_3dof: FreeFloatingModel, joints: object, problem: str
+) -> None:
+    """What is missing or unknown, and what the joints are called."""
+    with pytest.raises(InputError) as caught:
+        planar_3dof.joint_vector(joints)
+    assert (caught.value.key, caught.value.problem) == ("joints", problem)
+    assert "q1, q2, q3" in caught.value.accepted
+
+
+@pytest.mark.parametrize(
+    "joints", [[1, 2, np.nan], ["a", "b", "c"], {"q1": "x", "q2": 0, "q3": 0}, [[1, 2], 3, 4]]
+)
+def test_joint_values_must_be_finite_numbers(
+    planar_3dof: FreeFloatingModel, joints: object
+) -> None:
+    """Words, NaNs and nested lists are input errors, not crashes."""
+    with pytest.raises(InputError, match="joints"):
+        planar_3dof.joint_vector(joints)
+
+
+# ------------------------------------------------------------------------------------- records
+
+
+def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
+    """A worker process gets the same robot, held joints and scaled masses included."""
+    robot = random_robot(rng, "RCPRR", "RP")
+    held = dict(zip(robot.others, (0.3, -0.2), strict=True))
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held, scale_mass={"bus": 2.0})
+    q = rng.uniform(-2, 2, 5)
+    expected = momentum_map(model, q)
+    for twin in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model), copy.copy(model)):
+        np.testing.assert_array_equal(momentum_map(twin, q), expected)
+        assert twin.joint_names == model.joint_names
+        assert twin.scratch is not model.scratch
+    assert len(pickle.dumps(model)) < 2 * len(robot.text)  # the text travels, not the machinery
+
+
+def test_model_errors_survive_pickling() -> None:
+    """A worker's refusal arrives whole."""
+    with pytest.raises(ModelError) as caught:
+        FreeFloatingModel.from_urdf(ELBOW, "four")
+    twin = pickle.loads(pickle.dumps(caught.value))
+    assert type(twin) is ModelError
+    assert (str(twin), twin.key, twin.accepted) == (
+        str(caught.value), caught.value.key, caught.value.accepted,
+    )  # fmt: skip
+
+
+def test_what_a_model_returns_stays_as_it_was(spatial_6dof: FreeFloatingModel) -> None:
+    """Poses and configurations are copies: the next call does not change them."""
+    attitude, q = [0, 0, 0, 1], np.full(6, 0.3)
+    first = [
+        spatial_6dof.configuration(attitude, q),
+        spatial_6dof.base_position(attitude, q),
+        spatial_6dof.end_effector_pose(attitude, q).position,
+        spatial_6dof.end_effector_pose(attitude, q).rotation,
+    ]
+    kept = [array.copy() for array in first]
+    spatial_6dof.end_effector_pose([0.6, 0, 0, 0.8], np.full(6, -1.1))
+    for array, copied in zip(first, kept, strict=True):
+        np.testing.assert_array_equal(array, copied)
+
+
+def test_records_are_read_only(spatial_6dof: FreeFloatingModel) -> None:
+    """Neither the fields of a body nor the numbers in them can be changed."""
+    body = spatial_6dof.bodies[2]
+    arrays = [body.axis, body.centre, body.inertia, body.placement.position]
+    arrays += [body.placement.rotation, spatial_6dof.tool.position, spatial_6dof.tool.rotation]
+    for array in arrays:
+        assert not array.flags.writeable
+    with pytest.raises(AttributeError):
+        body.mass = 0.0  # type: ignore[misc]
+    with pytest.raises(AttributeError):
+        spatial_6dof.end_effector = "link_3"  # type: ignore[misc]
+
+
+def test_files_and_text_give_the_same_model(spatial_6dof: FreeFloatingModel) -> None:
+    """A path, its string and the text itself."""
+    path = models_folder() / "spatial_6dof" / "spatial_6dof.urdf"
+    q = np.full(6, 0.4)
+    text = path.read_text()
+    told = {
+        path: str(path),
+        str(path): str(path),
+        text: "URDF text",
+        f"\n  {text[21:]}": "URDF text",
+    }
+    for urdf, source in told.items():
+        model = FreeFloatingModel.from_urdf(urdf)
+        np.testing.assert_array_equal(momentum_map(model, q), momentum_map(spatial_6dof, q))
+        assert model.description.source == source
+
+
+def test_doubts_travel_with_the_model() -> None:
+    """What the reader of the URDF doubted, the model tells."""
+    text = chain_of(a_link("arm"), joint_text("q", "C", "bus", "arm"), link_text("tip"),
+                    joint_text("p", "C", "arm", "tip"))  # fmt: skip
+    model = FreeFloatingModel.from_urdf(text)
+    assert [doubt.element for doubt in model.doubts] == ["link tip"]
+    assert model.dof == 2
+
+
+def test_the_pinocchio_model_is_a_plain_one(rng: np.random.Generator) -> None:
+    """A free-flyer first, then the joints; its own centre of mass is at the origin, too."""
+    robot = random_robot(rng, "RPR")
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    assert model.pin_model.joints[1].shortname() == "JointModelFreeFlyer"
+    q = model.configuration([0.6, 0, 0, 0.8], [0.1, 0.2, 0.3])
+    data = model.pin_model.createData()
+    np.testing.assert_allclose(pin.centerOfMass(model.pin_model, data, q), np.zeros(3), atol=1e-14)
+    np.testing.assert_array_equal(q[3:7], [0.6, 0, 0, 0.8])
+
+
+def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
+    """The path is in the message."""
+    with pytest.raises(ModelError, match=r"no such file or name: .*gone\.urdf"):
+        FreeFloatingModel.from_urdf(tmp_path / "gone.urdf")
+
+
+def test_a_joint_off_the_chain_with_the_name_of_a_link_is_refused() -> None:
+    """Pinocchio cannot tell which of the two it should hold; on the chain the name does no harm."""
+    robot = '<robot name="twins">' + link_text("bus", inertial_text(9.0, np.eye(3)))
+    for name in ("one", "two"):
+        robot += joint_text(name, "R", "bus", name)
+        robot += link_text(name, inertial_text(1.0, np.eye(3)))
+    robot += "</robot>"
+    with pytest.raises(ModelError, match="joint two: a link has the same name"):
+        FreeFloatingModel.from_urdf(robot, "one")
+    alone = robot.replace('joint name="two"', 'joint name="other"')
+    assert FreeFloatingModel.from_urdf(alone, "one").joint_names == ("one",)
+
+
+# -------------------------------------------------------------------------------- where things are
+
+
+def whole_robot(robot: Robot, held: dict[str, float], joints: np.ndarray) -> tuple[pin.Model, ...]:
+    """Pinocchio's own robot, no joint held still, its root link at the origin."""
+    model = pin.buildModelFromXML(read_urdf(robot.text).text)
+    q = pin.neutral(model)
+    for name, value in [*held.items(), *zip(robot.joints, joints, strict=True)]:
+        q[model.joints[model.getJointId(name)].idx_q] = value
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return model, data
+
+
+@given(
+    robot=robots(branch=st.text("RCPF", max_size=3)), attitude=attitudes, seed=st.integers(0, 99)
+)
+def test_every_link_is_where_pinocchio_puts_it(
+    robot: Robot, attitude: np.ndarray, seed: int
+) -> None:
+    """Body pose times link place, whether the link moves, is fixed or on a held arm."""
+    rng = np.random.default_rng(seed)
+    held = {name: float(rng.uniform(-2, 2)) for name in robot.others}
+    joints = rng.uniform(-2, 2, len(robot.joints))
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+    whole, data = whole_robot(robot, held, joints)
+    poses = model.body_poses(attitude, joints)
+    assert len(poses) == model.dof + 1
+    np.testing.assert_allclose(poses[0].position, model.base_position(attitude, joints))
+    np.testing.assert_allclose(poses[0].rotation, rotation_matrix(attitude), atol=1e-14)
+    links = [frame.name for frame in whole.frames if frame.type == pin.FrameType.BODY]
+    assert set(model.link_places) == set(links) - {"universe"}
+    for link, (body, place) in model.link_places.items():
+        inside = poses[body] @ place
+        frame = data.oMf[whole.getFrameId(link, pin.FrameType.BODY)]
+        seen = poses[0].rotation @ frame.translation + poses[0].position
+        np.testing.assert_allclose(inside.position, seen, atol=1e-12)
+        np.testing.assert_allclose(inside.rotation, poses[0].rotation @ frame.rotation, atol=1e-12)
+
+
+def test_bodies_are_named_after_the_links_that_joints_move(spatial_6dof: FreeFloatingModel) -> None:
+    """The root link for the spacecraft; links fixed behind a moved one do not count."""
+    names = ("spacecraft", *(f"link_{k}" for k in range(1, 7)))
+    assert spatial_6dof.body_names == names
+    text = ELBOW.replace("</robot>", a_link("hand") + joint_text("glue", "F", "fore", "hand")
+                         + "</robot>")  # fmt: skip
+    model = FreeFloatingModel.from_urdf(text, "hand")
+    assert model.body_names == ("bus", "upper", "fore")
+    assert model.link_places["hand"][0] == 2
+    assert model.link_places["mast"][0] == 0

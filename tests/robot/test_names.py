@@ -1,0 +1,241 @@
+"""The robots and scenarios that come with the package."""
+
+from __future__ import annotations
+
+import shutil
+import sysconfig
+import xml.etree.ElementTree as ET
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from freefloat.cli.app import app
+from freefloat.errors import InputError, ModelError
+from freefloat.io.scenario import load_scenario
+from freefloat.robot import names as bundled
+from freefloat.robot.assembly import assemble
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import (
+    EXAMPLE,
+    bundled_robots,
+    bundled_scenarios,
+    example_robots,
+    find_robot,
+    find_scenario,
+    models_folder,
+)
+from freefloat.robot.parts import Payload
+from freefloat.robot.urdf import read_urdf
+
+
+def test_the_papers_robots_and_scenarios_are_there() -> None:
+    assert {"planar_3dof", "spatial_6dof"} <= set(bundled_robots())
+    assert {"planar_3dof/parabola", "planar_3dof/parabola_nonstop", "spatial_6dof/line"} <= set(
+        bundled_scenarios()
+    )
+    assert {"ur5_servicer/arc", "panda_servicer/line"} <= set(bundled_scenarios())
+    assert list(bundled_scenarios()) == sorted(bundled_scenarios())
+
+
+def test_a_robot_of_the_other_package_is_meant_by_its_name_alone() -> None:
+    with pytest.raises(InputError, match=r"did you mean example-robot-data:ur10\?"):
+        find_robot("ur10", Path("/"))
+
+
+def test_a_folder_of_scenarios_is_told_with_them() -> None:
+    result = CliRunner().invoke(app, ["info", "ur5_servicer"])
+    assert result.exit_code == 2
+    assert "accepted: one of them: freefloat info ur5_servicer/arc | ur5" in result.stderr
+
+
+def test_hands_that_hold_something_are_told_where_none_was_named(tmp_path: Path) -> None:
+    """Not the foot's frame, which is a last link as well."""
+    file = tmp_path / "laden.urdf"
+    load = Payload(mass=10.0, inertia=np.full(3, 0.2))
+    file.write_text(assemble(find_robot(f"{EXAMPLE}ur10", Path("/")), None, load, "tool0"))
+    with pytest.raises(ModelError) as caught:
+        FreeFloatingModel.from_urdf(file)
+    accepted = caught.value.accepted
+    assert accepted.startswith("--end-effector, or end_effector of a scenario, with a link such as")
+    assert set(accepted.rpartition("such as ")[2].split(", ")) == {
+        "wrist_3_link", "ee_link", "tool0", "payload"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", bundled_robots())
+def test_every_bundled_robot_loads(name: str) -> None:
+    urdf = find_robot(name, Path("/"))
+    assert urdf.parent.name == urdf.stem == name
+    assert ET.parse(urdf).getroot().get("name") == name
+    assert FreeFloatingModel.from_urdf(urdf).dof > 0
+
+
+def test_the_papers_impossible_inertias_are_the_only_doubts_about_its_robots() -> None:
+    urdfs = [find_robot(name, Path("/")) for name in ("planar_3dof", "spatial_6dof")]
+    planar, spatial = [FreeFloatingModel.from_urdf(urdf).doubts for urdf in urdfs]
+    assert [doubt.element for doubt in planar] == ["link link_3"]
+    assert "gyration radius is 1.22 m (largest moment 1.5 kg m² of 1 kg)" in planar[0].problem
+    assert [doubt.element for doubt in spatial] == ["link link_3"]
+    assert "0.001, 1.7, 7.5" in spatial[0].problem
+
+
+@pytest.mark.parametrize("name", bundled_scenarios())
+def test_every_bundled_scenario_builds_with_a_reachable_start(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.source == models_folder() / f"{name}.yaml"
+    problem = scenario.problem()
+    assert problem.margin.value > 0.0
+    reached = [
+        bool(problem.branches([0.0, 0.0, np.sin(angle), np.cos(angle)]))
+        for angle in np.linspace(0.0, np.pi, 8)
+    ]
+    assert any(reached)
+
+
+@pytest.mark.parametrize("name", bundled_scenarios())
+def test_every_bundled_scenario_uses_the_robot_beside_it_or_a_stock_arm(name: str) -> None:
+    scenario = load_scenario(name)
+    urdf = scenario.content.robot.urdf
+    beside = scenario.source.parent / urdf
+    assert beside.is_file() != urdf.startswith(EXAMPLE)
+    wanted = find_robot(urdf, Path("/")) if urdf.startswith(EXAMPLE) else beside
+    assert scenario.model().description.source == str(wanted)
+
+
+def test_a_scenario_is_found_by_its_path_before_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_scenario("spatial_6dof/line") == models_folder() / "spatial_6dof" / "line.yaml"
+    mine = tmp_path / "spatial_6dof" / "line"
+    mine.parent.mkdir()
+    mine.write_text("task: pose\n")
+    assert find_scenario("spatial_6dof/line").resolve() == mine
+    assert find_scenario(str(mine)) == mine
+
+
+def test_a_folder_named_like_a_scenario_does_not_hide_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "spatial_6dof" / "line").mkdir(parents=True)
+    assert find_scenario("spatial_6dof/line") == models_folder() / "spatial_6dof" / "line.yaml"
+
+
+@pytest.mark.parametrize("name", ["planar_3dof", "planar_3dof.urdf"])
+def test_a_robot_is_found_by_its_file_before_its_name(name: str, tmp_path: Path) -> None:
+    bundled = models_folder() / "planar_3dof" / "planar_3dof.urdf"
+    assert find_robot(name, tmp_path) == bundled
+    mine = tmp_path / name
+    shutil.copy(bundled, mine)
+    assert find_robot(name, tmp_path) == mine
+    assert find_robot(str(mine), Path("/")) == mine
+
+
+def test_a_robot_in_a_folder_below_is_found_relative_to_the_scenario(tmp_path: Path) -> None:
+    mine = tmp_path / "robots" / "arm.urdf"
+    mine.parent.mkdir()
+    mine.write_text("<robot/>")
+    assert find_robot("robots/arm.urdf", tmp_path) == mine
+    assert find_robot("../robots/arm.urdf", tmp_path / "robots").resolve() == mine
+
+
+@pytest.mark.parametrize(
+    ("name", "nearest"),
+    [("spatial_6dof/lin", "spatial_6dof/line"), ("planar_3dof/parabla", "planar_3dof/parabola")],
+)
+def test_a_misspelt_scenario_gets_a_suggestion_and_the_list(name: str, nearest: str) -> None:
+    with pytest.raises(InputError) as caught:
+        find_scenario(name)
+    error = caught.value
+    assert error.key == "scenario"
+    assert name in error.problem
+    assert f"did you mean {nearest}?" in error.problem
+    assert all(known in error.accepted for known in bundled_scenarios())
+
+
+def test_a_misspelt_robot_gets_a_suggestion_and_the_list(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        find_robot("spatial_7dof.urdf", tmp_path)
+    error = caught.value
+    assert error.key == "urdf"
+    assert "did you mean spatial_6dof?" in error.problem
+    assert all(known in error.accepted for known in bundled_robots())
+
+
+def test_a_name_unlike_any_other_gets_the_list_without_a_guess(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        find_robot("xyz", tmp_path)
+    assert "did you mean" not in caught.value.problem
+    assert "planar_3dof" in caught.value.accepted
+
+
+# --- the robots of example-robot-data ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("ur3", "ur3_robot.urdf"),
+        ("ur5", "ur5_robot.urdf"),
+        ("ur5_robot", "ur5_robot.urdf"),
+        ("ur5_gripper", "ur5_gripper.urdf"),
+        ("ur10", "ur10_robot.urdf"),
+        ("panda", "panda.urdf"),
+        ("kinova", "kinova.urdf"),
+        ("anymal_c_simple/anymal", "anymal.urdf"),
+    ],
+)
+def test_a_stock_robot_is_found_by_its_short_name(name: str, file: str) -> None:
+    path = find_robot(EXAMPLE + name, Path("/nowhere"))
+    assert path.name == file
+    assert read_urdf(path).source == str(path)
+
+
+def test_every_urdf_of_the_package_has_a_name_and_the_empty_one_gives_way() -> None:
+    robots = example_robots()
+    folder = bundled.examples_folder()
+    missing = {path.name for path in folder.glob("*/**/*.urdf")} - {
+        path.name for path in robots.values()
+    }
+    assert missing == {"ur3.urdf"}, "it holds no link"
+    assert len(set(robots.values())) == len(robots)
+    assert not any(name.endswith("_robot") for name in robots)
+
+
+def test_a_misspelt_stock_robot_gets_a_suggestion_and_the_list() -> None:
+    with pytest.raises(InputError) as caught:
+        find_robot(EXAMPLE + "pandaa", Path("/"))
+    assert caught.value.key == "urdf"
+    assert f"did you mean {EXAMPLE}panda?" in caught.value.problem
+    assert all(EXAMPLE + name in caught.value.accepted for name in example_robots())
+
+
+def _not_installed(name: str) -> None:
+    raise PackageNotFoundError(name)
+
+
+def test_without_the_package_the_message_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bundled, "distribution", _not_installed)
+    monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
+    with pytest.raises(InputError) as caught:
+        find_robot(f"{EXAMPLE}ur5", Path("/"))
+    assert caught.value.key == "urdf"
+    assert "not installed" in caught.value.problem
+    assert "pip install example-robot-data" in caught.value.accepted
+
+
+def test_the_package_may_lie_where_conda_puts_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mine = tmp_path / "share/example-robot-data/robots/my_description/urdf/mine_robot.urdf"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("<robot/>")
+    monkeypatch.setattr(bundled, "distribution", _not_installed)
+    monkeypatch.setattr(sysconfig, "get_path", lambda name: str(tmp_path))
+    assert example_robots() == {"mine": mine}

@@ -1,0 +1,141 @@
+"""Values of varied keys: listed ones are exact, random ones have the distribution they name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from freefloat.errors import InputError
+from freefloat.studies.sampling import drawn, listed, refuse_bad_draw
+from freefloat.studies.schema import DrawSection
+
+COUNT = 2000
+UNIFORM = 0.3680156217372059
+BALL = [-0.5025370083852754, -0.41353189853269773, 0.5555345605568277]
+UNLIKELY = 1e-4
+"""Probability below which a sample is not of its distribution."""
+
+
+def draw(**given: Any) -> DrawSection:
+    return DrawSection.model_validate(given)
+
+
+def sample(count: int = COUNT, seed: int = 3, key: str = "key", **given: Any) -> np.ndarray:
+    return np.array([drawn(draw(**given), seed, key, number) for number in range(count)])
+
+
+@pytest.mark.parametrize(
+    ("given", "values"),
+    [
+        ({"list": [1, [2, 3], "a"]}, [1, [2, 3], "a"]),
+        ({"range": [0, 1, 0.25]}, [0, 0.25, 0.5, 0.75, 1.0]),
+        ({"range": [0, 1, 0.1]}, [k / 10 for k in range(11)]),
+        ({"range": [1, 0, -0.4]}, [1.0, 0.6, 0.2]),
+        ({"range": [-0.3, 0.3, 0.1]}, [-0.3, -0.2, -0.1, 0, 0.1, 0.2, 0.3]),
+        ({"range": [0, np.pi, np.pi / 2]}, [0, np.pi / 2, np.pi]),
+        ({"range": [0, 0, 1]}, [0]),
+        ({"range": [5, 5, 1]}, [5]),
+        ({"range": [8, 32, 8]}, [8, 16, 24, 32]),
+        ({"grid": {"from": 0, "to": 1, "count": 3}}, [0.0, 0.5, 1.0]),
+        ({"grid": {"from": 0, "to": 1, "count": 11}}, [k / 10 for k in range(11)]),
+        ({"grid": {"from": [0], "to": [1], "count": [11]}}, [[k / 10] for k in range(11)]),
+        ({"grid": {"from": 2, "to": 9, "count": 1}}, [2.0]),
+        (
+            {"grid": {"from": [0, 1], "to": [1, 1], "count": [3, 2]}},
+            [[0.0, 1.0], [0.0, 1.0], [0.5, 1.0], [0.5, 1.0], [1.0, 1.0], [1.0, 1.0]],
+        ),
+    ],
+)
+def test_listed_values_are_what_they_say(given: dict[str, Any], values: list[Any]) -> None:
+    assert listed(draw(**given)) == values
+
+
+def test_whole_numbers_stay_whole_for_keys_that_take_no_others() -> None:
+    values = listed(draw(range=[8, 32, 8]))
+    assert values is not None
+    assert all(isinstance(value, int) for value in values)
+
+
+def test_a_value_depends_on_seed_key_and_case_alone() -> None:
+    spec = draw(uniform=[0, 1])
+    assert drawn(spec, 1, "a", 5) == drawn(spec, 1, "a", 5)
+    others = {drawn(spec, 2, "a", 5), drawn(spec, 1, "b", 5), drawn(spec, 1, "a", 6)}
+    assert len(others | {drawn(spec, 1, "a", 5)}) == 4
+
+
+def test_values_never_change_from_version_to_version() -> None:
+    """A study that goes on after an upgrade must go on with the same cases."""
+    assert drawn(draw(uniform=[0, 1]), 7, "momentum", 0) == pytest.approx(UNIFORM, abs=1e-15)
+    ball = draw(ball={"center": [0, 0, 0], "radius": 1})
+    assert drawn(ball, 7, "momentum", 199) == pytest.approx(BALL, abs=1e-15)
+
+
+def test_uniform_values_are_uniform() -> None:
+    assert stats.kstest(sample(uniform=[-2, 6]), "uniform", (-2, 8)).pvalue > UNLIKELY
+    pairs = sample(uniform=[[0, 10], [1, 30]])
+    assert stats.kstest(pairs[:, 1], "uniform", (10, 20)).pvalue > UNLIKELY
+    assert abs(np.corrcoef(pairs.T)[0, 1]) < 0.1
+
+
+def test_normal_values_are_normal() -> None:
+    assert stats.kstest(sample(normal={"mean": 3, "sd": 2}), "norm", (3, 2)).pvalue > UNLIKELY
+    pairs = sample(normal={"mean": [1, 5], "sd": [0.1, 4]})
+    assert stats.kstest(pairs[:, 1], "norm", (5, 4)).pvalue > UNLIKELY
+    assert sample(normal={"mean": [1, 2, 3], "sd": 0.5}).shape == (COUNT, 3)
+
+
+def test_points_fill_a_ball_evenly() -> None:
+    """The share within a radius is its cube, and no direction is preferred."""
+    points = (sample(ball={"center": [1, 2, 3], "radius": 4}) - [1, 2, 3]) / 4.0
+    lengths = np.linalg.norm(points, axis=1)
+    assert stats.kstest(lengths**3, "uniform").pvalue > UNLIKELY
+    for axis in (points / lengths[:, None]).T:
+        assert stats.kstest(axis, "uniform", (-1, 2)).pvalue > UNLIKELY
+
+
+def test_attitudes_fill_so3_evenly() -> None:
+    """The angle of a random rotation has the density (1 - cos) / pi."""
+    turns = Rotation.from_quat(sample(so3={}))
+    angles = turns.magnitude()
+    assert stats.kstest((angles - np.sin(angles)) / np.pi, "uniform").pvalue > UNLIKELY
+    assert stats.kstest(turns.apply([0, 0, 1])[:, 2], "uniform", (-1, 2)).pvalue > UNLIKELY
+
+
+def test_attitudes_stay_within_the_angle_of_their_centre() -> None:
+    center = Rotation.from_rotvec([0.4, -1.0, 0.2])
+    quaternions = sample(so3={"center": center.as_quat().tolist(), "angle_deg": 30.0})
+    angles = (Rotation.from_quat(quaternions) * center.inv()).magnitude()
+    assert angles.max() <= np.radians(30.0) + 1e-12
+    volume = (angles - np.sin(angles)) / (np.radians(30.0) - 0.5)
+    assert stats.kstest(volume, "uniform").pvalue > UNLIKELY
+
+
+def test_a_spread_of_nothing_gives_the_centre() -> None:
+    assert sample(1, uniform=[4, 4])[0] == 4.0
+    assert sample(1, normal={"mean": 4, "sd": 0})[0] == 4.0
+    assert sample(1, ball={"center": [1, 2], "radius": 0})[0].tolist() == [1, 2]
+
+
+def test_what_is_listed_is_not_drawn() -> None:
+    with pytest.raises(InputError, match="listed"):
+        drawn(draw(list=[1]), 0, "key", 0)
+
+
+@pytest.mark.parametrize(
+    ("given", "key"),
+    [
+        ({"so3": {"center": [0, 0, 0, 2], "angle_deg": 5.0}}, "vary.q.so3.center"),
+        (
+            {"grid": {"from": [0, 0], "to": [1, 1], "count": [10_000, 10_000]}},
+            "vary.q.grid.count",
+        ),
+    ],
+)
+def test_what_no_schema_sees_is_refused(given: dict[str, Any], key: str) -> None:
+    with pytest.raises(InputError) as caught:
+        refuse_bad_draw("q", draw(**given))
+    assert caught.value.key == key

@@ -1,0 +1,148 @@
+"""Figures of a motion show the motion: its numbers, its margin, its end, its errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.simulation import SimulatedBranch, simulate
+from freefloat.motion.time_series import TimeSeries
+from freefloat.so3 import heading_quaternion
+from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
+from freefloat.visualization.motion_figures import motion_figures, shown_times
+from tests.figures import labels, line, overlaps, unlabelled
+
+
+def followed(name: str, attitude: list[float] | float, branch: int) -> SimulatedBranch:
+    start = attitude if isinstance(attitude, list) else heading_quaternion(np.deg2rad(attitude))
+    return simulate(load_scenario(name).problem(), start, branch=branch).chosen
+
+
+@pytest.fixture(scope="module")
+def planar() -> SimulatedBranch:
+    return followed("planar_3dof/parabola", 200.0, 0)
+
+
+@pytest.fixture(scope="module")
+def singular() -> SimulatedBranch:
+    return followed("planar_3dof/parabola", 140.0, 0)
+
+
+@pytest.fixture(scope="module")
+def spatial() -> SimulatedBranch:
+    return followed("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
+
+
+@pytest.fixture(scope="module")
+def redundant() -> SimulatedBranch:
+    return followed("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 0)
+
+
+@pytest.fixture(params=["planar", "singular", "spatial", "redundant"])
+def one(request: pytest.FixtureRequest) -> SimulatedBranch:
+    found = request.getfixturevalue(request.param)
+    assert isinstance(found, SimulatedBranch)
+    return found
+
+
+def test_every_axis_says_what_it_shows_and_nothing_overlaps(one: SimulatedBranch) -> None:
+    figures = motion_figures(one.motion, one.least)
+    assert list(figures) == ["motion", "margin", "momentum"]
+    for name, figure in figures.items():
+        assert unlabelled(figure) == [], name
+        assert overlaps(figure) == [], name
+
+
+def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
+    motion = spatial.motion
+    series = TimeSeries.of(motion, shown_times(motion))
+    joints, rates, angles, turning, tip, base = motion_figures(motion, spatial.least)["motion"].axes
+    for k in range(6):
+        for axes, values in ((joints, series.joints), (rates, series.joint_rates)):
+            drawn = line(axes, f"$q_{{{k + 1}}}$")
+            assert np.array_equal(drawn[:, 0], series.times)
+            assert np.allclose(drawn[:, 1], np.degrees(values[:, k]))
+    for k, letter in enumerate("xyz"):
+        assert np.allclose(line(angles, f"${letter}$")[:, 1], np.degrees(series.euler_angles[:, k]))
+        spin = line(turning, rf"$\omega_{letter}$")[:, 1]
+        assert np.allclose(spin, np.degrees(series.angular_velocities[:, k]))
+        assert np.allclose(line(tip, f"${letter}$")[:, 1], series.end_effector[:, k])
+        assert np.allclose(line(base, f"${letter}$")[:, 1], series.base_positions[:, k])
+
+
+def test_a_planar_motion_shows_its_heading_and_its_rest(planar: SimulatedBranch) -> None:
+    axes = motion_figures(planar.motion, planar.least)["motion"].axes
+    heading = line(axes[2], "heading")
+    assert heading[0, 1] == pytest.approx(200.0)
+    assert line(axes[3], r"$\omega_z$")[0, 1] == pytest.approx(
+        (heading[1, 1] - heading[0, 1]) / (heading[1, 0] - heading[0, 0]), rel=1e-2
+    )
+    assert labels(axes[4]) == ["$x$", "$y$"]
+    stop = planar.motion.problem.path.timing.stops[0].t
+    assert line(axes[5], "at rest")[:, 0].tolist() == [stop, stop]
+    for panel in axes:
+        assert any(set(np.atleast_1d(drawn.get_xdata())) == {stop} for drawn in panel.lines)
+
+
+def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -> None:
+    axes = motion_figures(singular.motion, singular.least)["motion"].axes
+    early = TimeSeries.of(singular.motion, np.linspace(0.0, 0.97 * singular.motion.final.time, 50))
+    for panel, values in ((axes[1], early.joint_rates), (axes[3], early.angular_velocities)):
+        largest = np.degrees(np.abs(values).max())
+        low, high = panel.get_ylim()
+        assert largest < high == -low < 2.0 * largest
+    assert line(axes[5], "singular")[:, 0].tolist() == [singular.motion.final.time] * 2
+
+
+def test_the_margin_is_drawn_where_it_is(one: SimulatedBranch) -> None:
+    (axes,) = motion_figures(one.motion, one.least)["margin"].axes
+    margin = one.motion.problem.margin
+    level = one.least.sign * margin.value
+    marks = [drawn for drawn in axes.lines if drawn.get_label().startswith("margin")]
+    assert marks[0].get_ydata() == [level, level]
+    assert to_hex(marks[0].get_color()) == VERMILION.lower()
+    (band,) = [patch for patch in axes.patches if to_hex(patch.get_facecolor()) == PALE.lower()]
+    assert sorted([band.get_y(), band.get_y() + band.get_height()]) == sorted([0.0, level])
+    (curve,) = [drawn for drawn in axes.lines if len(drawn.get_xdata()) > 100]
+    series = TimeSeries.of(one.motion, curve.get_xdata())
+    assert np.array_equal(curve.get_ydata(), series.measure)
+    assert axes.get_ylabel() == axis_label(f"$S$ ({margin.measure.name})", margin.measure.unit)
+
+
+def test_the_least_point_lies_on_the_curve(one: SimulatedBranch) -> None:
+    (axes,) = motion_figures(one.motion, one.least)["margin"].axes
+    (point,) = [drawn for drawn in axes.lines if drawn.get_marker() in ("o", "X")]
+    assert point.get_marker() == ("o" if one.motion.completed else "X")
+    assert point.get_label().startswith("least" if one.motion.completed else "singular")
+    (time,), (value,) = point.get_data()
+    assert (time, abs(value)) == (one.least.time, one.least.value)
+    here = TimeSeries.of(one.motion, [time]).measure[0]
+    assert here == pytest.approx(value, abs=1e-4)
+
+
+def test_a_margin_of_zero_has_no_line(planar: SimulatedBranch) -> None:
+    problem = load_scenario("planar_3dof/parabola").problem()
+    free = type(problem.margin)(problem.margin.measure, 0.0)
+    motion = planar.motion
+    bare = type(motion)(
+        type(problem)(problem.model, problem.path, problem.task, problem.momentum, free),
+        motion.ending, motion.times, motion.attitudes, motion.joints,
+    )  # fmt: skip
+    (axes,) = motion_figures(bare, planar.least)["margin"].axes
+    assert len(labels(axes)) == 1
+
+
+def test_errors_are_those_of_the_motion(one: SimulatedBranch) -> None:
+    motion = one.motion
+    momentum, pose = motion_figures(motion, one.least)["momentum"].axes
+    assert momentum.get_yscale() == pose.get_yscale() == "log"
+    drawn = line(momentum, "momentum")
+    errors = motion.momentum_errors(motion.node_parameters)
+    shown = np.isfinite(drawn[:, 1])
+    assert np.array_equal(drawn[shown, 1], errors[shown])
+    residuals = motion.residuals()
+    assert np.nanmax(drawn[:, 1]) == np.nanmax(errors) < 1.0001 * residuals.momentum
+    assert np.nanmax(line(pose, "end-effector position")[:, 1]) == residuals.end_effector_position
+    assert np.nanmax(line(pose, "end-effector attitude")[:, 1]) == residuals.end_effector_attitude

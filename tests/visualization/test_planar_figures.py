@@ -1,0 +1,137 @@
+"""Joint space and headings: curves on which S is what they say, spans that are the ranges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from freefloat.dynamics.measures import measure
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.motion import Motion
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import simulate
+from freefloat.planning.heading_map import HeadingMap
+from freefloat.planning.planar_ranges import BranchRanges, HeadingRange, RangeLimitCause
+from freefloat.so3 import heading_quaternion
+from freefloat.visualization.planar_figures import headings_figure, joint_space_figure, wrapped
+from freefloat.workspace.margin_curves import point_3, two_angles
+from freefloat.workspace.planar_arm import PlanarArm
+from tests.figures import labels, line, overlaps, unlabelled
+
+PLANAR = load_scenario("planar_3dof/parabola").problem()
+BOTH = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
+
+
+@pytest.fixture(scope="module")
+def motions() -> list[Motion]:
+    starts = [heading_quaternion(np.deg2rad(degrees)) for degrees in (200.0, 140.0)]
+    return [simulate(PLANAR, start, branch=0).chosen.motion for start in starts]
+
+
+def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
+    """(22): S = 0 and S = +-5 in joint space."""
+    figure = joint_space_figure(PLANAR, motions)
+    (axes,), arm = figure.axes, PlanarArm.of(PLANAR.model)
+    for level, label in ((0.0, "$S$ = 0"), (5.0, "$S$ = 5"), (-5.0, "$S$ = −5")):
+        curve = np.radians(line(axes, label))
+        curve = curve[np.isfinite(curve).all(axis=1)]
+        assert len(curve) > 500
+        assert np.allclose(arm.determinant(two_angles(arm, curve)), level, atol=1e-6)
+    assert unlabelled(figure) == []
+    assert overlaps(figure) == []
+
+
+def test_motion_curves_are_the_joints_of_the_motions(motions: list[Motion]) -> None:
+    """200 degrees keeps away from S = 0, 140 ends on it."""
+    (axes,), arm = joint_space_figure(PLANAR, motions).axes, PlanarArm.of(PLANAR.model)
+    ends = []
+    for motion, label in zip(motions, ("from 200°", "from 140°"), strict=True):
+        curve = line(axes, label)
+        inside = curve[np.isfinite(curve).all(axis=1)]
+        assert (np.abs(inside) <= 180.0).all()
+        assert np.allclose(np.exp(1j * np.radians(inside[0])), np.exp(1j * motion.joints[0, :2]))
+        S = arm.determinant(two_angles(arm, np.radians(inside)))
+        ends.append((S.min(), S[-1]))
+    assert ends[0][0] > 60.0
+    assert abs(ends[1][1]) < 1e-3
+    marks = [one.get_marker() for one in axes.lines if one.get_marker() in ("o", "X")]
+    assert marks == ["o", "o", "o", "X"]
+
+
+def test_distance_curves_are_where_the_path_begins_and_ends(motions: list[Motion]) -> None:
+    (axes,), arm = joint_space_figure(PLANAR, motions).axes, PlanarArm.of(PLANAR.model)
+    assert {"start radius", "end radius"} <= set(labels(axes))
+    (first, last) = (one for one in axes.collections)
+    for drawn, place in ((first, 0), (last, -1)):
+        corners = np.radians(np.vstack(drawn.get_paths()[0].vertices))
+        joints = motions[0].joints[place, :2]
+        assert np.allclose(np.abs(point_3(arm, corners)), abs(point_3(arm, joints)), atol=1e-3)
+
+
+def test_levels_of_another_measure_are_not_drawn_as_s() -> None:
+    gjm = measure(PLANAR.model, PLANAR.task, "gjm")
+    problem = Problem(
+        PLANAR.model, PLANAR.path, PLANAR.task, PLANAR.momentum, Margin(gjm, 0.05)
+    )  # fmt: skip
+    (axes,) = joint_space_figure(problem, []).axes
+    assert [label for label in labels(axes) if "S" in label] == ["$S$ = 0"]
+
+
+def test_curves_are_cut_where_they_leave_the_square() -> None:
+    rows = wrapped(np.array([[170.0, 0.0], [175.0, 10.0], [185.0, 20.0], [190.0, -10.0]]))
+    assert np.array_equal(
+        rows,
+        [[170.0, 0.0], [175.0, 10.0], [np.nan, np.nan], [-175.0, 20.0], [-170.0, -10.0]],
+        equal_nan=True,
+    )
+    assert np.array_equal(wrapped(np.array([[1.0, 2.0]])), [[1.0, 2.0]])
+
+
+def some_map() -> HeadingMap:
+    """Two branches from eight headings, a margin of 5; one branch does not always reach."""
+    least = np.array([[0, 2, 6, 8, 9, 7, 4, 0], [9, 9, 9, np.nan, 0, 1, 5, 9]], dtype=float)
+    headings = np.arange(8) * np.pi / 4
+    return HeadingMap(headings, (0, 3), least, np.full((2, 8), 100.0), 5.0)
+
+
+def spans(axes: object) -> list[tuple[float, float]]:
+    patches = axes.patches  # type: ignore[attr-defined]
+    return [(one.get_x(), one.get_x() + one.get_width()) for one in patches]
+
+
+def test_shaded_spans_are_the_ranges() -> None:
+    ranges = (
+        BranchRanges(0, "elbow+", (HeadingRange(1.0, 4.5, BOTH),), (1.0, 4.5)),
+        BranchRanges(3, "elbow-", (HeadingRange(5.0, 2.0 * np.pi + 1.0, BOTH),), (1.0, 5.0)),
+    )
+    figure = headings_figure(some_map(), "S [m]", ranges, (3, 6.0))
+    first, second = figure.axes
+    assert np.allclose(spans(first), np.degrees([(1.0, 4.5)]))
+    assert np.allclose(sorted(spans(second)), [(0.0, np.degrees(1.0)), (np.degrees(5.0), 360.0)])
+    assert labels(first)[0] == "elbow+"
+    assert "chosen" not in labels(first)
+    assert np.allclose(line(second, "chosen")[:, 0], np.degrees(6.0))
+    for axes, row in zip(figure.axes, some_map().least, strict=True):
+        (curve,) = [one for one in axes.lines if len(one.get_xdata()) == 8]
+        assert np.array_equal(curve.get_ydata(), row, equal_nan=True)
+        assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
+    assert unlabelled(figure) == []
+    assert overlaps(figure) == []
+
+
+def test_without_ranges_the_samples_tell() -> None:
+    first, second = headings_figure(some_map(), "S [m]").axes
+    assert np.allclose(spans(first), [(67.5, 247.5)])
+    assert np.allclose(spans(second), [(0.0, 112.5), (247.5, 360.0)])
+    assert labels(first)[0] == "branch 0"
+
+
+def test_a_redundant_arm_has_one_axes_for_the_best_branch() -> None:
+    ranges = (BranchRanges(0, "any", (HeadingRange(0.5, 1.0, BOTH),), (0.5, 1.0)),)
+    (axes,) = headings_figure(some_map(), "S [m]", ranges, (3, 0.7)).axes
+    best = [9.0, 9.0, 9.0, 8.0, 9.0, 7.0, 5.0, 9.0]
+    assert line(axes, "best branch")[:, 1].tolist() == best
+    assert np.allclose(spans(axes), np.degrees([(0.5, 1.0)]))
+    assert len(line(axes, "chosen")) == 2
+    assert to_hex(axes.patches[0].get_facecolor()) != "#ffffff"

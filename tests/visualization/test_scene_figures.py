@@ -1,0 +1,150 @@
+"""Pictures of areas and robots show them where they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.patches import Circle, Polygon, Wedge
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from freefloat.io.scenario import load_scenario
+from freefloat.motion.motion import Motion
+from freefloat.motion.simulation import simulate
+from freefloat.so3 import heading_quaternion
+from freefloat.visualization.outlines import outlines
+from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
+from freefloat.workspace.margin_curves import planar_workspace, point_3_on_path
+from freefloat.workspace.regions import workspace_of
+from tests.figures import labels, line, overlaps, unlabelled
+
+PLANAR = load_scenario("planar_3dof/parabola").problem()
+AREAS = planar_workspace(PLANAR)
+
+
+def heading(degrees: float) -> Motion:
+    return simulate(PLANAR, heading_quaternion(np.deg2rad(degrees)), branch=0).chosen.motion
+
+
+@pytest.fixture(scope="module")
+def good() -> Motion:
+    return heading(200.0)
+
+
+@pytest.fixture(scope="module")
+def singular() -> Motion:
+    return heading(140.0)
+
+
+@pytest.fixture(scope="module")
+def spatial() -> Motion:
+    problem = load_scenario("spatial_6dof/line").problem()
+    return simulate(problem, [0.1, 0.5, 0.2, -0.8367], branch=2).chosen.motion
+
+
+def test_areas_are_rings_around_the_centre_of_mass() -> None:
+    (axes,) = workspace_figure(PLANAR, AREAS).axes
+    rings = [one for one in axes.patches if isinstance(one, Wedge)]
+    drawn = [(ring.r - ring.width, ring.r) for ring in rings]
+    assert np.allclose(drawn, [*AREAS.path_dependent, *AREAS.path_independent])
+    colours = [one.get_facecolor() for one in rings]
+    assert len(set(colours)) == 2
+    assert colours[0] == colours[1] != colours[2]
+    circles = [one for one in axes.patches if isinstance(one, Circle)]
+    assert [circle.radius for circle in circles] == list(AREAS.reach)
+    assert all(ring.center == (0.0, 0.0) for ring in rings)
+
+
+def test_the_path_runs_from_its_start_to_its_end() -> None:
+    (axes,) = workspace_figure(PLANAR, AREAS).axes
+    path, point = line(axes, "path"), line(axes, "last joint")
+    assert np.allclose(path[[0, -1]], [[2.0, 0.0], [-1.0, 2.0]])
+    assert np.allclose(path[:, 1], path[:, 0] ** 2 / 6 - 5 * path[:, 0] / 6 + 1)  # (30a)
+    assert np.allclose(line(axes, "start"), path[:1])
+    assert np.allclose(line(axes, "end"), path[-1:])
+    wanted = [point_3_on_path(PLANAR, s) for s in (0.0, 1.0)]
+    assert np.allclose(point[[0, -1]] @ [1.0, 1.0j], wanted)
+
+
+def test_in_space_the_distance_from_the_centre_is_shown() -> None:
+    """The wrist of Example 2 passes two shells in which its arm can be singular."""
+    problem = load_scenario("spatial_6dof/line").problem()
+    areas = workspace_of(problem)
+    figure = workspace_figure(problem, areas)
+    (axes,) = figure.axes
+    assert areas.path_dependent is not None
+    shells = [(band.get_y(), band.get_y() + band.get_height()) for band in axes.patches]
+    assert areas.path_independent is not None
+    assert np.allclose(shells, [*areas.path_dependent, *areas.path_independent])
+    drawn = line(axes, "wrist centre")
+    for s, distance in drawn[[0, 100, -1]]:
+        pose = problem.path.path.pose(float(s))
+        assert distance == pytest.approx(np.linalg.norm(pose.position + pose.rotation @ areas.tip))
+    assert labels(axes) == ["path-dependent", "path-independent", "wrist centre"]
+    assert unlabelled(figure) == []
+    assert overlaps(figure) == []
+
+
+def test_areas_that_are_not_known_are_not_drawn() -> None:
+    problem = load_scenario("panda_servicer/line").problem()
+    areas = workspace_of(problem)
+    assert areas.path_dependent is None
+    (axes,) = workspace_figure(problem, areas).axes
+    assert len(axes.patches) == 0
+    assert labels(axes) == ["end-effector"]
+
+
+def test_areas_found_by_sampling_are_told_as_such() -> None:
+    sampled = replace(AREAS, exact=False)
+    (axes,) = workspace_figure(PLANAR, sampled).axes
+    assert labels(axes)[0] == "path-dependent, sampled"
+
+
+def test_pictures_say_what_they_show(good: Motion, singular: Motion, spatial: Motion) -> None:
+    for figure in (
+        workspace_figure(PLANAR, AREAS), snapshots_figure(good, AREAS),
+        snapshots_figure(singular, AREAS), snapshots_figure(spatial), snapshots_figure(good),
+    ):  # fmt: skip
+        assert unlabelled(figure) == []
+        assert overlaps(figure) == []
+
+
+def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motion) -> None:
+    (axes,) = snapshots_figure(good, AREAS).axes
+    arms = [one for one in axes.lines if len(one.get_xdata()) == 5]
+    wanted = outlines(good, np.linspace(0.0, 100.0, 5))
+    assert len(arms) == len(wanted)
+    for drawn, robot in zip(arms, wanted, strict=True):
+        assert np.allclose(drawn.get_xydata(), robot.arm[:, :2])
+    greys = [float(drawn.get_color()) for drawn in arms]
+    assert greys == sorted(greys, reverse=True)
+    assert greys[-1] == 0.0
+    outline = [one for one in axes.patches if isinstance(one, Polygon)][-1].get_xy()
+    corners = wanted[-1].spacecraft[:, :2]
+    assert np.allclose(np.ptp(outline, axis=0), np.ptp(corners, axis=0))
+    edges = np.linalg.norm(np.diff(outline, axis=0), axis=1)
+    assert np.allclose(edges, 1.0)  # a square of 1 m, not a bow tie
+
+
+def test_a_motion_ends_in_a_cross_where_it_is_singular(good: Motion, singular: Motion) -> None:
+    (axes,) = snapshots_figure(singular, AREAS).axes
+    cross = line(axes, f"singular at {singular.final.time:.4g} s")
+    arms = [one for one in axes.lines if len(one.get_xdata()) == 5]
+    assert np.allclose(cross, arms[-1].get_xydata()[-1:], atol=1e-6)
+    assert not any("singular" in text for text in labels(snapshots_figure(good, AREAS).axes[0]))
+
+
+def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -> None:
+    figure = snapshots_figure(spatial)
+    times = np.linspace(0.0, spatial.final.time, 3)
+    for axes, robot, time in zip(figure.axes, outlines(spatial, times), times, strict=True):
+        arms = [one for one in axes.lines if len(one.get_data_3d()[0]) == 8]
+        assert np.allclose(np.transpose(arms[0].get_data_3d()), robot.arm)
+        assert axes.get_title() == f"{time:.4g} s"
+        faces = [one for one in axes.collections if isinstance(one, Poly3DCollection)]
+        assert len(faces) == 1
+        spans = [np.ptp(getattr(axes, f"get_{letter}lim")()) for letter in "xyz"]
+        assert np.allclose(spans, spans[0])  # as long one way as the other
+    singular = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert singular[-1].startswith("singular at 54.66")

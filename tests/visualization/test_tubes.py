@@ -1,0 +1,63 @@
+"""Tubes: closed where they should be, round everywhere, facing outwards."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from freefloat.visualization.tubes import SIDES, arrow, tube, tube_between
+
+
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Enclosed volume by the divergence theorem; positive when faces look outwards."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
+
+
+def test_rings_lie_around_the_curve() -> None:
+    s = np.linspace(0.0, 3.0, 200)
+    points = np.column_stack([np.cos(s), np.sin(s), 0.3 * s])
+    vertices, faces = tube(points, 0.05)
+    rings = vertices.reshape(200, SIDES, 3)
+    assert np.linalg.norm(rings - points[:, None], axis=2) == pytest.approx(0.05)
+    tangents = np.gradient(points, s, axis=0)
+    off = np.einsum("kij,kj->ki", rings - points[:, None], tangents)
+    assert np.abs(off[1:-1]).max() < 1e-4
+    assert faces.max() == len(vertices) - 1
+
+
+def test_neighbouring_rings_are_not_twisted() -> None:
+    s = np.linspace(0.0, 6.0, 300)
+    points = np.column_stack([np.sin(s), np.cos(2.0 * s), 0.2 * s])
+    vertices, _ = tube(points, 0.01)
+    rings = vertices.reshape(300, SIDES, 3) - points[:, None]
+    turns = np.einsum("ki,ki->k", rings[1:, 0], rings[:-1, 0]) / 0.01**2
+    assert turns.min() > 0.9
+
+
+def test_a_closed_tube_has_the_volume_of_its_prism() -> None:
+    end = np.array([0.3, -0.4, 1.2])
+    vertices, faces = tube_between(np.zeros(3), end, 0.1)
+    corner = 0.5 * SIDES * 0.1**2 * np.sin(2.0 * np.pi / SIDES)
+    assert volume(vertices, faces) == pytest.approx(corner * np.linalg.norm(end))
+
+
+def test_an_arrow_points_to_its_end() -> None:
+    end = np.array([0.0, 2.0, 0.0])
+    vertices, faces = arrow(np.zeros(3), end, 0.1)
+    assert vertices[-SIDES:] == pytest.approx(np.tile(end, (SIDES, 1)))
+    assert volume(vertices, faces) > 0.0
+    assert np.abs(vertices[:, [0, 2]]).max() == pytest.approx(0.25, rel=0.06)
+
+
+def test_points_that_coincide_and_hairpins_do_no_harm() -> None:
+    points = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, 0]], dtype=float)
+    vertices, _ = tube(points, 0.1)
+    assert np.isfinite(vertices).all()
+    distances = np.linalg.norm(vertices.reshape(5, SIDES, 3) - points[:, None], axis=2)
+    assert distances == pytest.approx(0.1)
+
+
+def test_a_curve_that_is_a_point_is_refused() -> None:
+    with pytest.raises(ValueError, match="coincide"):
+        tube(np.ones((4, 3)), 0.1)

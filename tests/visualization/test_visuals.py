@@ -1,0 +1,333 @@
+"""What a robot looks like: its URDF's visuals in place, and shapes made for what has none."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from freefloat.robot.assembly import Spacecraft
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import examples_folder, find_robot
+from freefloat.so3 import Pose
+from freefloat.visualization.visuals import Box, Cylinder, Look, Mesh, Sphere, Visual, look_of
+from tests.robots import (
+    Robot,
+    in_units,
+    inertial_text,
+    joint_text,
+    link_text,
+    robots,
+    ur5_on_spacecraft,
+)
+
+
+def named(look: Look, name: str) -> Visual:
+    (found,) = [visual for visual in look.visuals if visual.name == name]
+    return found
+
+
+def of_link(look: Look, link: str) -> list[Visual]:
+    return [one for one in look.visuals if re.fullmatch(rf"{link}( \d+)?", one.name)]
+
+
+def two_links(visual: str, head: str = "") -> str:
+    """A spacecraft with an arm of one link that has these visuals."""
+    return (
+        f"<robot name='r'>{head}{link_text('bus', inertial_text(100.0, 10.0 * np.eye(3)))}"
+        f"{link_text('arm', inertial_text(5.0, np.eye(3)) + visual)}{link_text('tip')}"
+        + joint_text("q", "R", "bus", "arm", "0.5 0 0", axis="0 1 0")
+        + joint_text("end", "F", "arm", "tip", "0 0 2")
+        + "</robot>"
+    )
+
+
+# --------------------------------------------------------------------------------- from the URDF
+
+
+def test_the_planar_robot_is_boxes_and_cylinders(planar_3dof: FreeFloatingModel) -> None:
+    """Sizes, places and colours of the file; a cylinder's axis is its z."""
+    look = look_of(planar_3dof)
+    assert look.missing == ()
+    assert len({one.name for one in look.visuals}) == len(look.visuals) == 9
+    wing, hub = named(look, "spacecraft 2"), named(look, "link_2 1")
+    assert (wing.body, hub.body) == (0, 2)
+    np.testing.assert_array_equal(wing.shape.size, [0.7, 1.1, 0.03])
+    np.testing.assert_array_equal(wing.placement.position, [0, 1.1, 0])
+    assert wing.colour == (0.10, 0.20, 0.45, 1.0)
+    assert hub.shape == Cylinder(0.08, 0.2)
+    np.testing.assert_array_equal(hub.placement.rotation, np.eye(3))
+
+
+def test_hubs_of_the_spatial_robot_lie_along_their_joints(spatial_6dof: FreeFloatingModel) -> None:
+    """The file turns each cylinder into its joint's axis."""
+    look = look_of(spatial_6dof)
+    for link, joint in (("link_1", 1), ("link_2 1", 2), ("link_3 1", 3), ("link_4", 4)):
+        hub = named(look, link)
+        assert isinstance(hub.shape, Cylinder)
+        assert hub.body == joint
+        along = hub.placement.rotation[:, 2] @ spatial_6dof.bodies[joint].axis
+        assert abs(along) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("name", "tip"), [("ur5", "tool0"), ("panda", "panda_hand")])
+def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, tip: str) -> None:
+    """Bounds of every body at zero joints, in metres, against Pinocchio's geometry model."""
+    path = find_robot(f"example-robot-data:{name}", Path())
+    model = FreeFloatingModel.from_urdf(path, tip)
+    look = look_of(model)
+    assert look.missing == ()
+    whole = pin.buildModelFromUrdf(str(path))
+    shown = pin.buildGeomFromUrdf(whole, str(path), pin.GeometryType.VISUAL,
+                                  package_dirs=[str(examples_folder().parents[1])])  # fmt: skip
+    data, geometry = whole.createData(), shown.createData()
+    pin.forwardKinematics(whole, data, pin.neutral(whole))
+    pin.updateGeometryPlacements(whole, data, shown, geometry)
+    joints = np.zeros(model.dof)
+    poses = model.body_poses([0, 0, 0, 1], joints)
+    for index, one in enumerate(shown.geometryObjects):
+        link = one.name.rsplit("_", 1)[0]
+        mine = [(poses[v.body] @ v.placement, v.shape) for v in of_link(look, link)]
+        points = np.vstack([m.vertices @ at.rotation.T + at.position for at, m in mine])
+        points -= poses[0].position
+        placed = geometry.oMg[index]
+        theirs = one.geometry.vertices() @ placed.rotation.T + placed.translation
+        np.testing.assert_allclose(points.min(axis=0), theirs.min(axis=0), atol=1e-5)
+        np.testing.assert_allclose(points.max(axis=0), theirs.max(axis=0), atol=1e-5)
+    faces = sum(len(v.shape.faces) for v in look.visuals if isinstance(v.shape, Mesh))
+    assert 50_000 < faces < 200_000  # a few megabytes, no need to thin them out
+
+
+def test_the_same_file_is_read_once() -> None:
+    """Both fingers of the Panda share their meshes."""
+    model = FreeFloatingModel.from_urdf(
+        find_robot("example-robot-data:panda", Path()), "panda_hand"
+    )
+    look = look_of(model)
+    assert named(look, "panda_leftfinger 1").shape is named(look, "panda_rightfinger 1").shape
+
+
+def test_a_bare_arm_on_a_spacecraft_without_size_gets_a_box() -> None:
+    """The base link's mesh alone would not show that a spacecraft is there."""
+    look = look_of(FreeFloatingModel.from_urdf(ur5_on_spacecraft(), "tool0"))
+    bus, *_ = of_link(look, "spacecraft")
+    np.testing.assert_allclose(bus.shape.size, np.full(3, np.sqrt(6 * 35 / 200)))
+    path = find_robot("example-robot-data:ur5", Path())
+    spacecraft = Spacecraft(200.0, np.full(3, 35.0), size=np.array([1.0, 2.0, 3.0]))
+    sized = look_of(FreeFloatingModel.from_urdf(path, "tool0", spacecraft=spacecraft))
+    assert sized.missing == ()
+    np.testing.assert_array_equal(named(sized, "spacecraft").shape.size, [1, 2, 3])
+
+
+RED = "<material name='paint'><color rgba='1 0 0 1'/></material>"
+NAMED = "<material name='paint'/>"
+BOX = "<geometry><box size='1 2 3'/></geometry>"
+
+
+@pytest.mark.parametrize(
+    ("visual", "head"),
+    [
+        (f"<visual>{BOX}{RED}</visual>", ""),
+        (f"<visual>{BOX}{NAMED}</visual>", RED),
+        (f"<visual>{BOX}{NAMED}</visual><visual>{BOX}{RED}</visual>", ""),
+    ],
+)
+def test_colours_are_told_in_place_globally_or_elsewhere(visual: str, head: str) -> None:
+    """By the three ways in which URDF files do it."""
+    look = look_of(FreeFloatingModel.from_urdf(two_links(visual, head)))
+    assert {one.colour for one in of_link(look, "arm")} == {(1.0, 0.0, 0.0, 1.0)}
+
+
+def test_a_relative_mesh_takes_place_scale_and_colour_from_the_urdf(tmp_path: Path) -> None:
+    """The file has no colour of its own; a mesh with colours keeps them."""
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
+    visual = (
+        "<visual><origin xyz='1 0 0' rpy='0 0 1.5707963267948966'/><geometry>"
+        f"<mesh filename='box.stl' scale='1 2 3'/></geometry>{RED}</visual>"
+    )
+    (tmp_path / "arm.urdf").write_text(two_links(visual))
+    arm = named(look_of(FreeFloatingModel.from_urdf(tmp_path / "arm.urdf")), "arm")
+    assert arm.colour == (1.0, 0.0, 0.0, 1.0)
+    np.testing.assert_allclose(arm.shape.vertices.max(axis=0), [0.5, 1.0, 1.5])
+    np.testing.assert_allclose(arm.placement.position, [1, 0, 0])
+    np.testing.assert_allclose(arm.placement.rotation @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+    dae = (examples_folder() / "ur_description/meshes/ur5/visual/base.dae").as_uri()
+    painted = f"<visual><geometry><mesh filename='{dae}'/></geometry>{RED}</visual>"
+    look = look_of(FreeFloatingModel.from_urdf(two_links(painted)))
+    assert (1.0, 0.0, 0.0, 1.0) not in {one.colour for one in of_link(look, "arm")}
+
+
+def test_records_are_read_only(planar_3dof: FreeFloatingModel) -> None:
+    """Arrays of shapes and places."""
+    first = look_of(planar_3dof).visuals[0]
+    for array in (first.shape.size, first.placement.position):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+# -------------------------------------------------------------------------------- what cannot be
+
+
+def test_a_missing_mesh_is_told_and_replaced(tmp_path: Path) -> None:
+    """One sentence, and a rod from the joint to the end."""
+    visual = "<visual><geometry><mesh filename='gone.stl'/></geometry></visual>"
+    (tmp_path / "arm.urdf").write_text(two_links(visual))
+    look = look_of(FreeFloatingModel.from_urdf(tmp_path / "arm.urdf"))
+    assert look.missing == ("link arm: mesh gone.stl: no such file; made shapes stand for it",)
+    rods = [one for one in of_link(look, "arm") if isinstance(one.shape, Cylinder)]
+    assert len(rods) == 2  # and the hub
+    partly = look_of(FreeFloatingModel.from_urdf(two_links(f"<visual>{BOX}</visual>" + visual)))
+    assert partly.missing[0].endswith("the rest of the link is drawn")
+    assert isinstance(named(partly, "arm").shape, Box)
+
+
+@pytest.mark.parametrize(
+    "nonsense",
+    [
+        "<visual/>",
+        "<visual><geometry/></visual>",
+        "<visual><geometry><box/></geometry></visual>",
+        "<visual><geometry><capsule radius='1' length='2'/></geometry></visual>",
+        "<visual><geometry><cylinder radius='-1' length='2'/></geometry></visual>",
+        "<visual><geometry><sphere radius='0'/></geometry></visual>",
+        "<visual><geometry><mesh/></geometry></visual>",
+    ],
+)
+def test_nonsense_in_one_visual_spoils_no_other(nonsense: str) -> None:
+    """It is told, the others are drawn."""
+    ball = "<visual><geometry><sphere radius='0.5'/></geometry></visual>"
+    look = look_of(FreeFloatingModel.from_urdf(two_links(nonsense + ball)))
+    assert named(look, "arm").shape == Sphere(0.5)
+    assert look.missing == (
+        "link arm: its <visual> 1 cannot be read; the rest of the link is drawn",
+    )
+
+
+@pytest.mark.parametrize("rgba", ["a b c d", "1 0 0", "nan 0 0 1"])
+def test_nonsense_in_a_colour_is_no_error(rgba: str) -> None:
+    """The shape is drawn in another colour, or a made shape for it."""
+    head = f"<material name='paint'><color rgba='{rgba}'/></material>"
+    look = look_of(FreeFloatingModel.from_urdf(two_links(f"<visual>{BOX}{NAMED}</visual>", head)))
+    assert isinstance(named(look, "arm").shape, Box)
+    inline = two_links(f"<visual>{BOX}{head}</visual>")
+    assert of_link(look_of(FreeFloatingModel.from_urdf(inline)), "arm")
+
+
+# ------------------------------------------------------------------------------------ made shapes
+
+
+def ends(visual: Visual) -> np.ndarray:
+    """Both ends of a cylinder in its body's frame, shape (2, 3)."""
+    half = 0.5 * visual.shape.length * visual.placement.rotation[:, 2]
+    return visual.placement.position + np.outer([-1.0, 1.0], half)
+
+
+def nearest_end(visuals: list[Visual], pose: Pose, point: np.ndarray) -> float:
+    """From the ends of all cylinders of a body to a point, both in the inertial frame."""
+    all_ends = np.vstack([ends(one) for one in visuals if isinstance(one.shape, Cylinder)])
+    return float(np.linalg.norm(all_ends @ pose.rotation.T + pose.position - point, axis=1).min())
+
+
+@given(robot=robots(chain=st.text("RC", min_size=1, max_size=6)), seed=st.integers(0, 99))
+def test_made_rods_lead_from_joint_to_joint(robot: Robot, seed: int) -> None:
+    """In any configuration: a rod of every body ends where the next joint is; hubs lie along it."""
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    look = look_of(model)
+    assert look.missing == ()
+    joints = np.random.default_rng(seed).uniform(-3, 3, model.dof)
+    poses = model.body_poses([0.5, 0.5, 0.5, 0.5], joints)
+    for k, body in enumerate(model.bodies[1:], 1):
+        before = [one for one in look.visuals if one.body == k - 1]
+        assert nearest_end(before, poses[k - 1], poses[k].position) < 1e-9
+        hub = next(
+            one for one in of_link(look, model.body_names[k]) if isinstance(one.shape, Cylinder)
+        )
+        assert hub.body == k
+        np.testing.assert_allclose(hub.placement.position, 0.0, atol=1e-12)
+        assert hub.placement.rotation[:, 2] @ body.axis == pytest.approx(1.0)
+
+
+@given(robot=robots(branch=st.text("RCPF", min_size=1, max_size=3)))
+def test_every_link_of_a_bare_robot_is_drawn(robot: Robot) -> None:
+    """Those of a second, held arm as well, on the body that carries it."""
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    look = look_of(model)
+    assert len({one.name for one in look.visuals}) == len(look.visuals)
+    for link, (body, _) in model.link_places.items():
+        assert {one.body for one in of_link(look, link)} == {body}
+    for one in look.visuals:
+        assert np.linalg.det(one.placement.rotation) == pytest.approx(1.0)
+
+
+def test_the_hub_of_a_held_joint_lies_along_it() -> None:
+    """It is a part of the spacecraft, turned by the joint's origin and the value it is held at."""
+    bus, arm, mast, flag = (
+        link_text(name, inertial_text(9.0, np.eye(3))) for name in ("bus", "arm", "mast", "flag")
+    )
+    text = f"<robot name='r'>{bus}{arm}{mast}{flag}{link_text('tip')}" + (
+        joint_text("q", "R", "bus", "arm", "1 0 0") + joint_text("end", "F", "arm", "tip", "2 0 0")
+        + joint_text("p", "R", "bus", "mast", "0 1 0", f"0 0 {np.pi / 2}", "1 0 0")
+        + joint_text("r", "R", "mast", "flag", "3 0 0", "0 0 0", "0 1 0") + "</robot>"
+    )  # fmt: skip
+    model = FreeFloatingModel.from_urdf(text, "tip", held={"p": np.pi / 2, "r": 0.3})
+    look = look_of(model)
+    for link, place, axis in (("mast", [0, 1, 0], [0, 1, 0]), ("flag", [0, 4, 0], [0, 0, 1])):
+        hub = next(one for one in of_link(look, link) if isinstance(one.shape, Cylinder))
+        assert hub.body == 0
+        np.testing.assert_allclose(hub.placement.position, place, atol=1e-12)
+        np.testing.assert_allclose(hub.placement.rotation[:, 2], axis, atol=1e-12)
+
+
+def test_the_gripper_is_at_the_end_effector(planar_3dof: FreeFloatingModel) -> None:
+    """The tips of its fingers, at any length of arm."""
+    text = re.sub(r"<visual>.*?</visual>", "", planar_3dof.description.text)
+    for factor in (1.0, 100.0):
+        scaled = in_units(text, metres=factor)
+        model = FreeFloatingModel.from_urdf(scaled)
+        palm, left, right = (
+            one for one in look_of(model).visuals
+            if isinstance(one.shape, Box) and one.body == model.dof
+        )  # fmt: skip
+        tips = [one.placement @ Pose(np.array([0, 0, one.shape.size[2] / 2]), np.eye(3))
+                for one in (left, right)]  # fmt: skip
+        middle = (tips[0].position + tips[1].position) / 2.0
+        np.testing.assert_allclose(middle, model.tool.position, atol=1e-12 * factor)
+        apart = np.linalg.norm(tips[0].position - tips[1].position)
+        assert 0.01 * factor < apart < 0.5 * factor
+        assert np.linalg.norm(palm.placement.position - model.tool.position) < 0.5 * factor
+
+
+def test_the_spacecraft_is_the_box_of_its_mass_and_inertia() -> None:
+    """Uniform density, turned into the principal axes, about the centre of mass."""
+    edges, mass = np.array([1.0, 2.0, 3.0]), 120.0
+    turn = np.array([[0.0, -1.0, 0.0], [0.8, 0.0, -0.6], [0.6, 0.0, 0.8]])
+    inertia = turn @ np.diag(mass / 12.0 * (edges @ edges - edges**2)) @ turn.T
+    bus = link_text("bus", inertial_text(mass, inertia, "0.1 0.2 0.3"))
+    text = f"<robot name='r'>{bus}{link_text('arm', inertial_text(1.0, np.eye(3)))}" + (
+        joint_text("q", "R", "bus", "arm", "4 4 4") + link_text("tip")
+        + joint_text("end", "F", "arm", "tip", "0 0 5") + "</robot>"
+    )  # fmt: skip
+    box = of_link(look_of(FreeFloatingModel.from_urdf(text)), "bus")[0]
+    np.testing.assert_allclose(box.placement.position, [0.1, 0.2, 0.3])
+    a, R = box.shape.size, box.placement.rotation
+    again = R @ np.diag(mass / 12.0 * (a @ a - a**2)) @ R.T
+    np.testing.assert_allclose(again, inertia, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("first", ["0.2 0 0.1", "0 0 0.4", "-0.1 -0.2 0.3"])
+def test_the_made_spacecraft_leaves_the_first_joint_in_the_open(first: str) -> None:
+    """A large inertia makes a large box, which must not hide where the arm begins."""
+    bus = link_text("bus", inertial_text(100.0, 90.0 * np.eye(3)))
+    text = f"<robot name='r'>{bus}{link_text('arm', inertial_text(1.0, np.eye(3)))}" + (
+        joint_text("q", "R", "bus", "arm", first) + link_text("tip")
+        + joint_text("end", "F", "arm", "tip", "0 0 5") + "</robot>"
+    )  # fmt: skip
+    box = of_link(look_of(FreeFloatingModel.from_urdf(text)), "bus")[0]
+    joint = np.abs(np.array([float(word) for word in first.split()]))
+    assert (joint >= box.shape.size / 2.0 - 1e-12).any()

@@ -1,0 +1,68 @@
+"""A planar arm in complex numbers agrees with Pinocchio."""
+
+import numpy as np
+import pytest
+
+from freefloat.dynamics.measures import measure
+from freefloat.dynamics.momentum import ResolvedRateSolver, Task, inertia_matrices
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_quaternion
+from freefloat.workspace.planar_arm import PlanarArm
+
+URDF = """<robot name="bent"><link name="l0"><inertial><origin xyz="0.1 -0.2 0"/><mass value="90"/>
+<inertia ixx="9" ixy="0" ixz="0" iyy="9" iyz="0" izz="12"/></inertial></link>
+{joint1}<link name="l1"><inertial><origin xyz="0.4 0.1 0"/><mass value="11"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1.5"/></inertial></link>
+{joint2}<link name="l2"><inertial><origin xyz="0.3 -0.1 0"/><mass value="7"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="0.8"/></inertial></link>
+{joint3}<link name="l3"><inertial><origin xyz="0.1 0.05 0"/><mass value="2"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="0.3"/></inertial></link>
+<joint name="tool" type="fixed"><parent link="l3"/><child link="tip"/>
+<origin xyz="0.3 0.1 0" rpy="0 0 0.4"/></joint><link name="tip"/></robot>"""
+
+
+def bent_arm(*axes: int) -> FreeFloatingModel:
+    """Offsets everywhere, joint frames turned, joint axes along +z or -z."""
+    joints = {
+        f"joint{i}": f'<joint name="q{i}" type="continuous"><parent link="l{i - 1}"/>'
+        f'<child link="l{i}"/><origin xyz="{0.4 + 0.2 * i} {0.1 * i} 0" rpy="0 0 {0.3 * i}"/>'
+        f'<axis xyz="0 0 {axis}"/></joint>'
+        for i, axis in enumerate(axes, start=1)
+    }
+    return FreeFloatingModel.from_urdf(URDF.format(**joints), "tip")
+
+
+@pytest.mark.parametrize("axes", [(1, 1, 1), (1, -1, 1), (-1, -1, -1), (-1, 1, 1)])
+def test_determinant_rates_and_place_agree_with_pinocchio(axes):
+    """S, the rates of (24) and the end-effector's place, for offset links and either axis sense."""
+    model = bent_arm(*axes)
+    arm, S = PlanarArm.of(model), measure(model, Task.PLANAR_POSE, "system")
+    equation = ResolvedRateSolver(model, Task.PLANAR_POSE, [0, 0, 0.7])
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        joints, heading = rng.uniform(-np.pi, np.pi, 3), rng.uniform(-np.pi, np.pi)
+        twist = np.array([*rng.normal(size=2), 0, 0, 0, rng.normal()])
+        attitude = heading_quaternion(heading)
+        angles = arm.angles(heading, joints)
+        assert arm.determinant(angles) == pytest.approx(S.value(joints), rel=1e-9, abs=1e-9)
+        place = model.end_effector_pose(attitude, joints).position
+        assert arm.vectors(angles).sum() == pytest.approx(complex(*place[:2]), abs=1e-12)
+        D, _ = inertia_matrices(model, joints)
+        assert arm.momentum_coefficients(angles).sum() == pytest.approx(D[2, 2], rel=1e-12)
+        omega, rates = equation.rates(attitude, joints, twist)
+        tip = 1j * twist[5] * arm.vectors(angles)[3]
+        velocity = np.asarray(complex(*twist[:2]) - tip)
+        found = arm.rates(angles, 0.7, velocity, np.asarray(twist[5]))
+        expected = np.cumsum(np.append(omega[2], arm.signs * rates))
+        assert found == pytest.approx(expected, rel=1e-7, abs=1e-9)
+
+
+def test_determinant_rate_is_the_derivative_of_the_determinant():
+    """dS/dt against a central difference along arbitrary rates."""
+    arm = PlanarArm.of(bent_arm(1, -1, 1))
+    rng = np.random.default_rng(4)
+    angles, rates = rng.uniform(-3, 3, (50, 4)), rng.normal(size=(50, 4))
+    rates[:, 3] = 0.0
+    step = 1e-6
+    difference = arm.determinant(angles + step * rates) - arm.determinant(angles - step * rates)
+    assert arm.determinant_rate(angles, rates) == pytest.approx(difference / (2 * step), abs=1e-6)
