@@ -27,8 +27,9 @@ momentum = np.array([0.5, 0.3, 0.1])  # that the system drifts with [N m s]
 problem = ff.Problem(model, timed, task, momentum, margin)
 
 simulation = ff.simulate(problem, attitude=[0.1, 0.5, 0.2, -0.8367])
-for one in simulation.followed:
-    closest = f"least |{one.least.measure}| {one.least.value:8.4f} at {one.least.time:8.4f} s"
+for one in simulation.branches:
+    closest = one.closest_approach
+    closest = f"least |{closest.measure}| {closest.value:8.4f} at {closest.time:8.4f} s"
     print(f"{one.branch.index} {one.branch.label:28} {closest}  {one.motion.ending.value}")
 
 # A motion can be asked for its state at any time, and proves itself.
@@ -36,5 +37,5 @@ motion = simulation.chosen.motion
 print("joints at 50 s:", np.round(motion.sample([50.0])[0].joints, 4))
 print("off by", motion.residuals())
 
-lost = [one for one in simulation.followed if not one.motion.completed]
+lost = [one for one in simulation.branches if not one.motion.completed]
 print(f"branch {lost[0].branch.index} becomes singular at {lost[0].motion.final.time:.4f} s")

@@ -74,7 +74,7 @@ def motion() -> Figure:
     """Fig. 11: the motion of Example 2 from the touch point's attitude."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
     chosen = ff.simulate(problem, TOUCHING, branch=2).chosen
-    return motion_figures(chosen.motion, chosen.least)["motion"]
+    return motion_figures(chosen.motion, chosen.closest_approach)["motion"]
 
 
 def taken(times: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:

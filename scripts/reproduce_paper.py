@@ -172,7 +172,7 @@ def spatial() -> Iterator[Line]:
     found = problem.model.end_effector_pose(attitude, TOUCH_JOINTS).position
     yield from lines("Example 2: end-effector at the touch point in m", list(wanted), found, 2e-4)
     bad = ff.simulate(problem, [0.1, 0.5, 0.2, -0.8367])
-    singular = [one.motion for one in bad.followed if not one.motion.completed]
+    singular = [one.motion for one in bad.branches if not one.motion.completed]
     yield Line("Example 2: singular branches of the bad attitude", 4, len(singular), 0, "decoded")
     for motion in singular:
         final = motion.final
@@ -224,7 +224,7 @@ def spatial_touch() -> Iterator[Line]:
         ("from the touch point by h as printed", boundary_attitude(problem, touch), 5e-4),
     ):
         motion = ff.integrate_motion(problem, state.attitude, state.joints)
-        least = ff.least(motion, problem.margin.measure)
+        least = ff.closest_approach(motion, problem.margin.measure)
         yield Line("Example 2: the path is completed", True, motion.completed, 0, remark)
         yield Line("Example 2: S_max", -5.0, least.sign * least.value, tolerance, remark)
 

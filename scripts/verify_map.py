@@ -71,7 +71,7 @@ def touches(outlook: FeasibilityEvaluator, seed: int) -> Iterator[Check]:
     begun = time.perf_counter()
     points = touched_boundary(outlook, TOUCHES, seed)
     gaps = np.degrees([point.gap for point in points if point.gap is not None])
-    worst, value = float(gaps.max(initial=0.0)), outlook.problem.margin.value
+    worst, value = float(gaps.max(initial=0.0)), outlook.problem.margin.threshold
     yield Check(
         f"touch points, margin {value:g}", f"{len(gaps)}, worst gap {worst:.2g} deg",
         f"{TOUCHES}, {GAP} deg", len(gaps) == TOUCHES and worst <= GAP, time.perf_counter() - begun,
@@ -81,7 +81,7 @@ def touches(outlook: FeasibilityEvaluator, seed: int) -> Iterator[Check]:
 def largest(problem: Problem, fine: AttitudeMap, threads: int | None) -> Iterator[Check]:
     begun = time.perf_counter()
     found, best = plan(problem, Search(), threads=threads), float(fine.margins.max())
-    value = found.chosen.least.value if found.chosen is not None else 0.0
+    value = found.chosen.closest_approach.value if found.chosen is not None else 0.0
     yield Check(
         "largest margin", f"{value:.6f}", f"{best:.6f}", value >= best * (1.0 - ROUNDING),
         time.perf_counter() - begun,
@@ -96,7 +96,7 @@ def nearest(
     seed: int,
 ) -> Iterator[Check]:
     """Branch by branch and for the best of them."""
-    coarse, value = map_attitudes(outlook, COARSE, seed), outlook.problem.margin.value
+    coarse, value = map_attitudes(outlook, COARSE, seed), outlook.problem.margin.threshold
     fine = replace(fine, problem=outlook.problem)
     for name, now in zip(names, nows, strict=True):
         begun = time.perf_counter()
@@ -134,7 +134,7 @@ def robust(problem: Problem, threads: int | None, seed: int) -> Iterator[Check]:
         turned(center, size[:, None] * axes), found.chosen.branch.index
     )
     yield Check(
-        f"robust, margin {problem.margin.value:g}",
+        f"robust, margin {problem.margin.threshold:g}",
         f"{np.degrees(radius):.3f} deg, {keeps.sum()} of {WITHIN} keep it",
         "all", bool(keeps.all()), time.perf_counter() - begun,
     )  # fmt: skip

@@ -22,11 +22,11 @@ from rich.table import Table
 
 import freefloat as ff
 from freefloat.dynamics.measures import joint_space_extremes, measure
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
 from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation, follow_orientation
+from freefloat.paths.orientation import DirectedOrientation, FixedOrientation
 from freefloat.planning.planar_ranges import BranchRanges, find_range_limits, heading_ranges
 from freefloat.so3 import heading_quaternion
 from freefloat.workspace.margin_curves import path_areas, planar_workspace, point_3_on_path
@@ -88,7 +88,7 @@ def random_problem(rng: np.random.Generator) -> Problem:
                 [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
             )
             if rng.random() < 0.5:
-                law = follow_orientation(curve, str(rng.choice(["x", "-y"])), [0, 0, 1])
+                law = DirectedOrientation.follow(curve, str(rng.choice(["x", "-y"])), [0, 0, 1])
         path = ff.TimedPath(ff.EndEffectorPath(curve, law), ff.Timing(float(rng.uniform(30, 200))))
         problem = Problem(model, path, task, momentum, Margin(of, float(S0)))
         radii = [abs(point_3_on_path(problem, s)) for s in np.linspace(0, 1, 41)]
@@ -99,7 +99,7 @@ def random_problem(rng: np.random.Generator) -> Problem:
 def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int, np.ndarray]:
     """Whether each heading keeps the margin, by branch: Runge-Kutta steps for all at once."""
     arm, h = PlanarArm.of(problem.model), float(problem.momentum[2])
-    duration, level = problem.path.duration, problem.margin.value
+    duration, level = problem.path.duration, problem.margin.threshold
     last_link = arm.links[3] if len(arm.links) == 4 else 0.0
 
     def travel(t: float) -> tuple[complex, float]:
@@ -151,8 +151,8 @@ def precise(problem: Problem, heading: float, index: int) -> bool:
     for branch in problem.branches(attitude):
         if branch.index == index:
             motion = integrate_motion(problem, attitude, branch.joints, tolerance=1e-9)
-            closest = least(motion, problem.margin.measure).value
-            return motion.completed and closest >= problem.margin.value
+            closest = closest_approach(motion, problem.margin.measure).value
+            return motion.completed and closest >= problem.margin.threshold
     return False
 
 

@@ -32,7 +32,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR
 from freefloat.errors import IntegrationError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
@@ -118,7 +118,7 @@ def compare(scenario: str, seed: int, count: int, numbers: range) -> list[Compar
     found = []
     for number in numbers:
         branches = problem.branches(attitudes[number])
-        if problem.model.dof > len(problem.task.rows) and branches:
+        if problem.redundant and branches:
             generator = np.random.default_rng([seed, number])
             few = min(REDUNDANT_BRANCHES, len(branches))
             branches = tuple(branches[k] for k in generator.choice(len(branches), few, False))
@@ -150,7 +150,7 @@ def precise(
         motion = integrate_motion(problem, attitude, joints)
     except IntegrationError as error:
         return FAILED, 0.0, error.time, 0.0
-    closest = least(motion, problem.margin.measure).value
+    closest = closest_approach(motion, problem.margin.measure).value
     ending = COMPLETED if motion.ending is Ending.COMPLETED else SINGULAR
     return ending, closest, motion.final.time, float(angle_between(last, motion.final.attitude))
 
@@ -202,7 +202,7 @@ def print_table(everything: list[Comparison], troubles: dict[str, list[str]], co
 
 def scale(scenario: str, group: list[Comparison]) -> tuple[float, float]:
     """The margin and the largest S_min."""
-    margin = prepared(scenario)[0].margin.value
+    margin = prepared(scenario)[0].margin.threshold
     return margin, max((one.least[1] for one in group), default=0.0)
 
 

@@ -95,7 +95,7 @@ def test_records_are_told_in_one_line(simulation: ff.Simulation) -> None:
     found = ff.Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
     study = ff.load_study("planar_3dof/grid")
     records = [
-        *(simulation, *simulation.followed, simulation.chosen.motion, found, found.problem),
+        *(simulation, *simulation.branches, simulation.chosen.motion, found, found.problem),
         *(found.problem.path, found.problem.path.path, found.problem.margin, found.problem.model),
         *(found.problem.margin.measure, ff.load_scenario("spatial_6dof/line"), study),
         *(simulation.chosen.motion.initial, ff.Search(), ff.Limits()),
@@ -117,7 +117,7 @@ def test_short_arrays_are_told_whole_and_long_ones_by_their_shape(
     assert f"ending=Ending.COMPLETED, times=array({count},), attitudes=array({count}, 4)" in told
     assert told.startswith("Motion(problem=Problem(...), ")
     assert "attitude=[0 0 1 0], joints=[" in repr(motion.initial)
-    assert "followed=<2 SimulatedBranch>" in repr(simulation)
+    assert "branches=<2 SimulatedBranch>" in repr(simulation)
 
 
 def test_every_record_with_long_arrays_in_public_is_brief() -> None:

@@ -302,8 +302,8 @@ def test_those_who_answer_tell_what_they_want_beside_a_problem(
     motion = simulation.chosen.motion
     of = motion.problem.margin.measure
     for key, given, accepted, door in (
-        ("of", "'arm'", "measure(model, task, name)", lambda: ff.least(motion, "arm")),
-        ("motion", "Simulation", ".chosen.motion", lambda: ff.least(simulation, of)),
+        ("of", "'arm'", "measure(model, task, name)", lambda: ff.closest_approach(motion, "arm")),
+        ("motion", "Simulation", ".chosen.motion", lambda: ff.closest_approach(simulation, of)),
         ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {"samples": 64})),
         ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {})),
         ("limits", "dict", "Limits(", lambda: ff.plan(problem, limits={"base_rate": 1})),

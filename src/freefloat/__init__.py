@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from freefloat.limits.limits import LimitResult as LimitResult
     from freefloat.limits.limits import Limits as Limits
     from freefloat.motion.closest_approach import ClosestApproach as ClosestApproach
-    from freefloat.motion.closest_approach import least as least
+    from freefloat.motion.closest_approach import closest_approach as closest_approach
     from freefloat.motion.integration import integrate_motion as integrate_motion
     from freefloat.motion.motion import Ending as Ending
     from freefloat.motion.motion import Motion as Motion
@@ -115,7 +115,7 @@ _ROOMS = {
     "integrate_motion": "motion.integration",
     "Motion": "motion.motion",
     "Ending": "motion.motion",
-    "least": "motion.closest_approach",
+    "closest_approach": "motion.closest_approach",
     "ClosestApproach": "motion.closest_approach",
     "TimeSeries": "motion.time_series",
     # its limits

@@ -134,7 +134,7 @@ def test_a_map_file_holds_what_the_map_holds(partly: AttitudeMap, folder: Path) 
     assert np.array_equal(stored.endings, partly.endings)
     assert stored.branches.tolist() == list(range(8))
     margin = partly.problem.margin
-    assert (stored.margin, stored.measure, stored.unit) == (margin.value, "arm", "m^4 kg")
+    assert (stored.margin, stored.measure, stored.unit) == (margin.threshold, "arm", "m^4 kg")
     assert stored.document == {"best": None, "robust": None, "regions": []}
 
 

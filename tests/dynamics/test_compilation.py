@@ -95,7 +95,7 @@ def test_whole_numbers_and_those_that_nobody_may_change_take_the_same_machine_co
     motion = used(problem)
     before = machine_code()
     path = TimedPath(problem.path.path, Timing(round(problem.path.duration)))
-    margin = Margin(problem.margin.measure, round(problem.margin.value))
+    margin = Margin(problem.margin.measure, round(problem.margin.threshold))
     whole = Problem(problem.model, path, problem.task, (0, 0, 1), margin)
     used(whole)
     determinant = arc_flow(whole, 1.0).determinant

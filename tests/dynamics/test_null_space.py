@@ -18,7 +18,7 @@ from freefloat.dynamics.null_space import middles
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.time_series import TimeSeries
 from freefloat.paths.timing import TimeLaw, Timing
@@ -187,7 +187,9 @@ def test_toward_sigma_ends_farther_from_singularities(metric, seed):
         of = measure(start.problem.model, Task.POSITION, name)
         without, drawn = (of.value(motion.final.joints) for motion in motions)
         assert drawn > 1.02 * without
-        assert least(motions[1], of).value >= least(motions[0], of).value * (1.0 - 1e-6)
+        assert closest_approach(motions[1], of).value >= closest_approach(motions[0], of).value * (
+            1.0 - 1e-6
+        )
 
 
 @pytest.mark.parametrize("gain", [0.5, 2.0])

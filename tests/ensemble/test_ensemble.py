@@ -13,20 +13,20 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import measure
 from freefloat.dynamics.momentum import ResolvedRateSolver, Task, generalized_determinant
-from freefloat.ensemble.ensemble import Ensemble, EnsembleIntegrator, kept, run_chunks
+from freefloat.ensemble.ensemble import Ensemble, EnsembleIntegrator, run_chunks
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, MARGIN, SINGULAR
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import first_place_below, least
+from freefloat.motion.closest_approach import closest_approach, first_place_below
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Margin, Problem, is_kept
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import (
+    DirectedOrientation,
     FixedOrientation,
     OrientationLaw,
     SlerpOrientation,
-    follow_orientation,
 )
 from freefloat.paths.orientation_spline import OrientationSpline
 from freefloat.paths.path import EndEffectorPath
@@ -123,7 +123,7 @@ class Case:
         """
         motion, k = self.motion, self.k
         of = motion.problem.margin.measure
-        wanted, first = least(motion, of), abs(of.value(motion.joints[0]))
+        wanted, first = closest_approach(motion, of), abs(of.value(motion.joints[0]))
         for roll, exact in ((self.rollout, 3e-4), (self.fine, 1e-5)):
             assert roll.endings[k] == CODES[motion.ending]
             late = abs(roll.ended_at[k] - motion.final.time) / motion.problem.path.duration
@@ -234,7 +234,7 @@ def arc_and_follow(p: np.ndarray, R: np.ndarray) -> tuple[Curve, OrientationLaw]
     """A circle with the hand turning along, from the hand's own first attitude."""
     centre = p - 0.6 * R[:, 0]
     arc = ArcCurve(centre, p, R[:, 2], 0.7)
-    return arc, follow_orientation(arc, "y", R[:, 2])
+    return arc, DirectedOrientation.follow(arc, "y", R[:, 2])
 
 
 def waypoints(p: np.ndarray, R: np.ndarray) -> tuple[Curve, OrientationLaw]:
@@ -385,14 +385,14 @@ def test_a_skewed_dip_between_nodes_is_found() -> None:
     curve = ArcCurve(
         np.array([1.0, 0.0, 0.3]), np.array([1.3, 0.0, 0.3]), np.array([0.0, 0.0, 1.0]), 2.0 * np.pi
     )
-    path = EndEffectorPath(curve, line.path.path.attitude)
+    path = EndEffectorPath(curve, line.path.path.orientation)
     problem = replace(line, path=TimedPath(path, Timing(60.0, TimeLaw.QUINTIC)))
     attitude = np.array(
         [-0.5258695578591587, -0.774324080597602, -0.1540999826222065, -0.3164437101279262]
     )
     start = next(one.joints for one in problem.branches(attitude) if one.index == 2)
     found = EnsembleIntegrator(problem, 1).follow(attitude[None], start[None])
-    precise = least(integrate_motion(problem, attitude, start), problem.margin.measure)
+    precise = closest_approach(integrate_motion(problem, attitude, start), problem.margin.measure)
     assert found.least[0] == pytest.approx(precise.value, rel=2e-5)
     assert found.least_at[0] == pytest.approx(precise.time, abs=0.1)
 
@@ -767,8 +767,8 @@ def test_the_length_of_a_quaternion_does_not_matter(spatial: Problem) -> None:
 
 def test_kept_margins_allow_for_rounding_and_not_for_zero() -> None:
     values = np.array([0.0, 4.99, 5.0 * (1 - 2e-6), 5.0 * (1 - 0.5e-6), 5.0, 6.0])
-    assert kept(values, 5.0).tolist() == [False, False, False, True, True, True]
-    assert kept(values, 0.0).tolist() == [False, True, True, True, True, True]
+    assert is_kept(values, 5.0).tolist() == [False, False, False, True, True, True]
+    assert is_kept(values, 0.0).tolist() == [False, True, True, True, True, True]
 
 
 def test_clearances_compare_determinants_along_the_way(spatial: Problem) -> None:

@@ -68,12 +68,12 @@ def test_prospects_are_those_of_simulations(name: str, count: int) -> None:
         except UnreachableError:
             assert len(numbers) == 0
             continue
-        assert [one.branch.index for one in simulation.followed] == numbers.tolist()
-        for one, b in zip(simulation.followed, numbers, strict=True):
+        assert [one.branch.index for one in simulation.branches] == numbers.tolist()
+        for one, b in zip(simulation.branches, numbers, strict=True):
             np.testing.assert_allclose(prospects.joints[k, b], one.branch.joints, atol=1e-9)
             assert prospects.endings[k, b] == CODES[one.motion.ending]
             if one.motion.completed:
-                assert prospects.least[k, b] == pytest.approx(one.least.value, rel=3e-3)
+                assert prospects.least[k, b] == pytest.approx(one.closest_approach.value, rel=3e-3)
                 assert prospects.margins[k, b] == prospects.least[k, b]
                 np.testing.assert_allclose(last[k, b], one.motion.final.joints, atol=1e-3)
             else:
@@ -86,7 +86,7 @@ def test_example_2_is_singular_in_four_branches_of_eight() -> None:
     assert prospects.endings.shape[1] == 8
     assert prospects.endings[0].tolist().count(SINGULAR) == 4
     assert prospects.endings[0].tolist().count(COMPLETED) == 4
-    assert problem.margin.value == 5.0
+    assert problem.margin.threshold == 5.0
 
 
 @pytest.mark.parametrize(("name", "count"), CASES)
@@ -139,7 +139,7 @@ def test_the_best_branch_counts_where_none_is_named(name: str, count: int) -> No
     np.testing.assert_array_equal(best, prospects.margins.max(axis=1, initial=0.0))
     for k in np.flatnonzero(best > 0.0)[:4]:
         simulation = simulate(problem, attitudes[k])
-        assert best[k] == pytest.approx(simulation.chosen.least.value, rel=3e-3)
+        assert best[k] == pytest.approx(simulation.chosen.closest_approach.value, rel=3e-3)
 
 
 @pytest.mark.parametrize(("name", "count"), CASES)
@@ -164,7 +164,7 @@ def test_keeping_the_margin_is_having_it(name: str, count: int) -> None:
         alone = outlook.keeps(attitudes, branch)
         np.testing.assert_array_equal(alone[clear], keeps[clear, branch])
     for k in np.flatnonzero((prospects.endings != UNREACHED).any(axis=1))[:4]:
-        for one in simulate(strict, attitudes[k], stop_at_margin=True).followed:
+        for one in simulate(strict, attitudes[k], stop_at_margin=True).branches:
             nearly = abs(prospects.least[k, one.branch.index] / level - 1.0) < 3e-3
             assert nearly or one.motion.completed == keeps[k, one.branch.index]
 
@@ -244,7 +244,7 @@ def test_branches_of_a_redundant_arm_are_followed_as_they_are() -> None:
         assert prospects.endings[0, branch] == CODES[motion.ending]
         if motion.completed:
             assert prospects.least[0, branch] == pytest.approx(
-                simulation.chosen.least.value, rel=1e-3
+                simulation.chosen.closest_approach.value, rel=1e-3
             )
 
 
@@ -333,8 +333,8 @@ def test_a_heavy_wrist_makes_every_branch_its_own() -> None:
     prospects = FeasibilityEvaluator(problem, 1).prospects(attitudes)
     apart = np.abs(prospects.margins[:, ::2] - prospects.margins[:, 1::2])
     assert apart.max() > 1e-3 * prospects.margins.max()
-    for one in simulate(problem, attitudes[0]).followed:
+    for one in simulate(problem, attitudes[0]).branches:
         b = one.branch.index
         assert prospects.margins[0, b] == pytest.approx(
-            one.least.value if one.motion.completed else 0.0, rel=1e-3
+            one.closest_approach.value if one.motion.completed else 0.0, rel=1e-3
         )

@@ -70,8 +70,8 @@ def rebuilt(stored, motion):
         assert np.array_equal(getattr(again, name), getattr(motion, name)), name
     assert again.residuals() == motion.residuals()
     margin, wanted = again.problem.margin, motion.problem.margin
-    assert margin.value == wanted.value
-    assert ff.least(again, margin.measure) == ff.least(motion, wanted.measure)
+    assert margin.threshold == wanted.value
+    assert ff.closest_approach(again, margin.measure) == ff.closest_approach(motion, wanted.measure)
     assert np.array_equal(again.problem.momentum, motion.problem.momentum)
     return again
 
@@ -155,7 +155,7 @@ def test_an_infeasible_plan_has_no_motion(tmp_path):
     save_plan(tmp_path / "plan.h5", plan, scenario, {"reason": plan.reason})
     stored = load_plan(tmp_path / "plan.h5")
     assert (stored.feasible, stored.ending, stored.motion()) == (False, None, None)
-    assert stored.problem().margin.value == 5.0
+    assert stored.problem().margin.threshold == 5.0
     assert stored.document["reason"] == "nothing keeps it"
 
 

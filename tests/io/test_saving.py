@@ -112,7 +112,7 @@ def test_a_problem_is_restated_with_stops_and_laws(name: str) -> None:
     problem = ff.load_scenario(name).problem()
     own = same(problem)
     assert own.path.timing == problem.path.timing
-    assert own.margin.value == problem.margin.value
+    assert own.margin.threshold == problem.margin.threshold
     for t in np.linspace(0.0, problem.path.duration, 7):
         assert np.allclose(own.path.pose(t).position, problem.path.pose(t).position, atol=1e-14)
         assert np.allclose(own.path.pose(t).rotation, problem.path.pose(t).rotation, atol=1e-14)

@@ -8,7 +8,7 @@ from freefloat.dynamics.measures import measure
 from freefloat.dynamics.momentum import Task
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.bounds import lower_bounds
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.matrix_bounds import ScaledSystem
 from freefloat.motion.motion import DEGREE, NODES, Ending, Motion
@@ -70,7 +70,7 @@ def test_the_matrix_bends_no_more_than_bounded(rng, chain, task):
 
 
 def proven(motion, names):
-    found = {name: least(motion, _measure(motion, name)).value for name in names}
+    found = {name: closest_approach(motion, _measure(motion, name)).value for name in names}
     return found, lower_bounds(motion, found)
 
 
@@ -92,7 +92,7 @@ def test_bounds_hold_on_motions_of_random_robots(rng, chain, task):
     count = 0
     while count < 1:
         motion = wandering(rng, chain, task, 0.15)
-        found = {name: least(motion, _measure(motion, name)).value
+        found = {name: closest_approach(motion, _measure(motion, name)).value
                  for name in ("gjm", "system", "sigma")}  # fmt: skip
         if found["sigma"] < 0.01:
             continue

@@ -9,7 +9,7 @@ import pytest
 
 from freefloat.io.scenario import load_scenario, parse_scenario
 from freefloat.motion.certificate import certify
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Ending
 from freefloat.motion.second_integration import follow_again
@@ -54,7 +54,7 @@ def test_a_certificate_tells_what_the_motion_tells_of_itself(spatial):
     assert found.centre_of_mass.value == 0.0
     for one in found.least:
         assert 0.9 * one.value <= one.bound <= one.value
-    kept = least(spatial, spatial.problem.margin.measure)
+    kept = closest_approach(spatial, spatial.problem.margin.measure)
     assert (found.of("arm").value, found.of("arm").time) == (kept.value, kept.time)
     assert json.loads(json.dumps(found.document(), allow_nan=False)) == found.document()
 

@@ -7,7 +7,7 @@ import pytest
 
 from freefloat.dynamics.measures import NAMES, Measure, measure
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import first_place_below, least
+from freefloat.motion.closest_approach import closest_approach, first_place_below
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin
@@ -70,7 +70,7 @@ def test_the_minimum_between_nodes_is_found(motions, of, name):
     if name == "arm" and "planar" in of:
         name = "system"
     measured = measure(motion.problem.model, motion.problem.task, name)
-    found = least(motion, measured)
+    found = closest_approach(motion, measured)
     value, time = brute_force(motion, measured.value)
     assert found.measure == name
     assert found.value == pytest.approx(value, rel=1e-7)
@@ -85,7 +85,7 @@ def test_a_motion_that_becomes_singular_comes_down_to_zero(motions, of, name):
     """Every measure vanishes at the end of it, and nowhere earlier."""
     motion = motions[of]
     measured = measure(motion.problem.model, motion.problem.task, name)
-    found, start = least(motion, measured), abs(measured.value(motion.joints[0]))
+    found, start = closest_approach(motion, measured), abs(measured.value(motion.joints[0]))
     assert abs(found.value) < 1e-9 * start
     assert found.time == pytest.approx(motion.final.time, abs=1e-9)
 
@@ -108,7 +108,7 @@ def test_the_depth_of_a_known_dip_is_known(near):
         joint = int(np.argmax(np.abs(near.sample(t + 1e-3 * (100 - t))[0].joints - joints)))
         for sign in (1.0, -1.0):
             dip = passing(joint, joints[joint], lambda x, sign=sign: sign * (x**2 + 1e-6))
-            found = least(near, dip)
+            found = closest_approach(near, dip)
             assert found.value == pytest.approx(1e-6, abs=1e-12)
             assert found.sign == sign
             again = near.sample(found.time)[0].joints[joint]
@@ -120,11 +120,11 @@ def test_a_graze_is_told_from_a_near_miss(near, depth):
     """A measure that dips to -d between two nodes changes sign there; one that dips to +d not."""
     for t in times_inside(near)[2::3]:
         q1 = near.sample(t)[0].joints[1]
-        graze = least(near, passing(1, q1, lambda x: x**2 - depth))
+        graze = closest_approach(near, passing(1, q1, lambda x: x**2 - depth))
         assert graze.value == 0.0
         passed = near.sample(graze.time)[0].joints[1]
         assert abs(passed - q1) == pytest.approx(np.sqrt(depth), rel=1e-4)
-        miss = least(near, passing(1, q1, lambda x: x**2 + depth))
+        miss = closest_approach(near, passing(1, q1, lambda x: x**2 + depth))
         assert miss.value == pytest.approx(depth, abs=1e-12)
 
 
@@ -133,7 +133,7 @@ def test_a_change_of_sign_is_least_zero_where_it_happens(near):
     for t in (20.0, 42.0, 61.3):
         q1 = near.sample(t)[0].joints[1]
         for sign in (1.0, -1.0):
-            found = least(near, passing(1, q1, lambda x, sign=sign: sign * x))
+            found = closest_approach(near, passing(1, q1, lambda x, sign=sign: sign * x))
             assert found.value == 0.0
             assert near.sample(found.time)[0].joints[1] == pytest.approx(q1, abs=1e-9)
             first = np.argmax((near.joints[:, 1] - q1) * (near.joints[0, 1] - q1) <= 0.0)
@@ -151,7 +151,7 @@ def test_a_graze_comes_before_a_crossing_that_every_node_sees(near):
         roll, later = (state.joints[3] for state in near.sample([early, late]))
         gap = later - roll
         both = passing(3, roll, lambda x, gap=gap: (x**2 - depth) * (gap - x) / gap)
-        found = least(near, both)
+        found = closest_approach(near, both)
         assert found.value == 0.0
         assert found.time < early
         passed = near.sample(found.time)[0].joints[3]
@@ -169,7 +169,7 @@ def test_the_first_of_two_grazes_counts(near, first):
         def both(x, later=rolls[1] - rolls[0]):
             return (x**2 - depths[0]) * ((x - later) ** 2 - depths[1])
 
-        found = least(near, passing(3, rolls[0], both))
+        found = closest_approach(near, passing(3, rolls[0], both))
         assert found.value == 0.0
         assert found.time == pytest.approx(early, abs=0.2)
         passed = near.sample(found.time)[0].joints[3]
@@ -184,25 +184,28 @@ def test_a_dip_beside_either_end_is_found(near, share, first):
     q = near.evaluate([low, low + share * (high - low), high])[2]
     joint = int(np.argmax(np.abs(q[2] - q[0])))
     width = q[2, joint] - q[0, joint]
-    found = least(near, passing(joint, q[1, joint], lambda x: (x / width) ** 2 + 1e-3))
+    found = closest_approach(near, passing(joint, q[1, joint], lambda x: (x / width) ** 2 + 1e-3))
     assert found.value == pytest.approx(1e-3, rel=1e-7)
 
 
 def test_the_nearest_approach_is_the_same_just_before_the_end(spatial, near):
     """Ending 3 ms after the minimum of S, the motion has the same least S, to seven digits."""
     arm = spatial.margin.measure
-    whole = least(near, arm)
+    whole = closest_approach(near, arm)
     short = integrate_motion(
         spatial, near.initial.attitude, near.initial.joints, end=whole.time + 3e-3
     )
-    assert least(short, arm).value == pytest.approx(whole.value, rel=1e-7)
+    assert closest_approach(short, arm).value == pytest.approx(whole.value, rel=1e-7)
 
 
 def test_the_way_back_comes_as_near_as_the_way_there(spatial, near):
     """Reversal changes neither the least magnitude nor when it is reached, nor the sign."""
     final = near.final
     back = integrate_motion(spatial, final.attitude, final.joints, start=100.0, end=0.0)
-    there, again = least(near, spatial.margin.measure), least(back, spatial.margin.measure)
+    there, again = (
+        closest_approach(near, spatial.margin.measure),
+        closest_approach(back, spatial.margin.measure),
+    )
     assert again.value == pytest.approx(there.value, rel=1e-8)
     assert again.time == pytest.approx(there.time, abs=1e-3)
     assert again.sign == there.sign
@@ -210,7 +213,7 @@ def test_the_way_back_comes_as_near_as_the_way_there(spatial, near):
 
 def test_the_margin_of_example_2_is_as_printed(near):
     """The motion of Fig. 10 was made to touch S0 = -5 at tau_t = 0.4225 (4 digits of attitude)."""
-    found = least(near, near.problem.margin.measure)
+    found = closest_approach(near, near.problem.margin.measure)
     assert found.sign == -1
     assert found.value == pytest.approx(5.0, abs=0.05)
     assert found.time == pytest.approx(42.25, abs=0.25)
@@ -231,12 +234,12 @@ def test_a_motion_stops_exactly_where_the_margin_is_used_up(spatial, name, share
     assert abs(measured.value(motion.final.joints)) == pytest.approx(value, rel=1e-9)
     for q in motion.evaluate(np.linspace(0.0, motion.panels, 20 * motion.panels)[:-1])[2]:
         assert abs(measured.value(q)) > value
-    assert least(motion, measured).value == pytest.approx(value, rel=1e-9)
+    assert closest_approach(motion, measured).value == pytest.approx(value, rel=1e-9)
 
 
 def test_a_margin_that_is_kept_stops_nothing(near):
     """S0 just below the least S lets the motion complete, just above stops it at that minimum."""
-    found = least(near, near.problem.margin.measure)
+    found = closest_approach(near, near.problem.margin.measure)
     for factor, ending in ((1.0 - 1e-7, Ending.COMPLETED), (1.0 + 1e-7, Ending.MARGIN)):
         margin = Margin(near.problem.margin.measure, factor * found.value)
         problem = replace(near.problem, margin=margin)
@@ -254,14 +257,14 @@ def test_a_margin_used_up_from_the_start_leaves_no_motion(near):
     motion = integrate_motion(problem, start.attitude, start.joints, stop_at_margin=True)
     assert (motion.ending, motion.panels, motion.final.time) == (Ending.MARGIN, 0, 0.0)
     assert (motion.final.joints == start.joints).all()
-    found = least(motion, problem.margin.measure)
+    found = closest_approach(motion, problem.margin.measure)
     assert found.value == pytest.approx(abs(problem.margin.measure.value(start.joints)))
 
 
 def test_the_first_place_is_where_the_magnitude_is_reached(near):
     """The measure equals the magnitude there; None where it never does."""
     of = near.problem.margin.measure.value
-    smallest = least(near, near.problem.margin.measure).value
+    smallest = closest_approach(near, near.problem.margin.measure).value
     for value in (5.03, 6.0, 8.0, abs(of(near.joints[0])) * 0.999):
         place = first_place_below(near, of, value)
         assert abs(of(near.evaluate(place)[2][0])) == pytest.approx(value, rel=1e-11)

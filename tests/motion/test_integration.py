@@ -15,7 +15,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin
 from freefloat.paths.curves import ArcCurve, PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation, SlerpOrientation, follow_orientation
+from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 from freefloat.so3 import heading_of, rotation_matrix
@@ -243,7 +243,7 @@ def test_turning_the_whole_problem_turns_the_motion(spatial):
     R = turn.as_matrix()
     path = spatial.path.path
     line = PolynomialCurve(path.curve.coefficients @ R.T)
-    law = FixedOrientation(R @ path.attitude.rotation(0.0))
+    law = FixedOrientation(R @ path.orientation.rotation(0.0))
     problem = replace(
         spatial, momentum=R @ spatial.momentum,
         path=TimedPath(EndEffectorPath(line, law), spatial.path.timing),
@@ -389,7 +389,7 @@ def test_a_circle_is_followed_with_the_hand_looking_along_it(spatial):
     """An arc, an attitude that turns with it, no momentum: 1e-8 m and rad all the way round."""
     attitude = spatial.attitude("attitude", GOOD)
     arc = ArcCurve([0.9, 0.0, 0.0], [1.3, 0.0, 0.0], [0.0, 0.0, 1.0], 1.5)
-    law = follow_orientation(arc, "y", [0.0, 0.0, 1.0])
+    law = DirectedOrientation.follow(arc, "y", [0.0, 0.0, 1.0])
     problem = asked(spatial.model, Task.POSE, [0, 0, 0], arc, law, Timing(50.0))
     motions = [
         integrate_motion(problem, attitude, branch.joints) for branch in problem.branches(attitude)

@@ -119,7 +119,7 @@ def test_a_planar_path_stays_at_the_height_of_the_hand(planar):
     for rise, task in (([0, 0, 0.1], Task.PLANAR_POSE), ([0, 0, 0.0], Task.PLANAR_POSITION)):
         start = np.array([2.0, 0.0, 0.0 if any(rise) else 0.2])
         line = PolynomialCurve.line(start, start + np.array([-0.5, 0.3, 0.0]) + rise)
-        path = EndEffectorPath(line, planar.path.path.attitude)
+        path = EndEffectorPath(line, planar.path.path.orientation)
         with pytest.raises(InputError, match="leaves the plane of the end-effector, z = 0 m"):
             asking(planar, path=TimedPath(path, Timing(100.0)), task=task)
 

@@ -22,7 +22,7 @@ def along(start: list[float], end: list[float]) -> Problem:
     """Example 2 along another line."""
     line = ff.load_scenario("spatial_6dof/line").problem()
     path = ff.EndEffectorPath(
-        PolynomialCurve.line(np.array(start), np.array(end)), line.path.path.attitude
+        PolynomialCurve.line(np.array(start), np.array(end)), line.path.path.orientation
     )
     return replace(line, path=ff.TimedPath(path, line.path.timing))
 

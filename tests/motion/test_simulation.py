@@ -12,7 +12,7 @@ from freefloat.dynamics.measures import measure
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError, UnreachableError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.joint_extents import joint_extents
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin
@@ -47,30 +47,30 @@ def good(spatial):
 
 def test_every_branch_is_followed_from_its_own_joints(spatial, good):
     """Eight branches, each begun where it stands, each with the margin it kept."""
-    assert [one.branch.index for one in good.followed] == list(range(8))
-    for one in good.followed:
+    assert [one.branch.index for one in good.branches] == list(range(8))
+    for one in good.branches:
         assert (one.motion.initial.joints == one.branch.joints).all()
         assert_close(one.motion.initial.attitude, spatial.attitude("a", GOOD), atol=1e-15)
-        assert one.least == least(one.motion, spatial.margin.measure)
+        assert one.closest_approach == closest_approach(one.motion, spatial.margin.measure)
 
 
 def test_the_branch_with_the_largest_margin_is_chosen(good):
     """All complete: the one that stays farthest from singularities."""
-    assert good.chosen in good.followed
-    largest = max(one.least.value for one in good.followed)
-    assert good.chosen.least.value == pytest.approx(largest, rel=1e-6)
+    assert good.chosen in good.branches
+    largest = max(one.closest_approach.value for one in good.branches)
+    assert good.chosen.closest_approach.value == pytest.approx(largest, rel=1e-6)
 
 
 def test_a_branch_that_completes_comes_before_one_that_does_not(planar):
     """At 140 degrees one branch is singular: the other is chosen, however small its margin."""
     simulation = simulate(planar, heading_quaternion(np.deg2rad(140.0)))
-    endings = {one.branch.label: one.motion.ending for one in simulation.followed}
+    endings = {one.branch.label: one.motion.ending for one in simulation.branches}
     assert endings == {"elbow+": Ending.SINGULAR, "elbow-": Ending.COMPLETED}
     assert simulation.chosen.branch.label == "elbow-"
     wide = replace(planar, margin=Margin(planar.margin.measure, 20.0))
     stopped = simulate(wide, heading_quaternion(np.deg2rad(140.0)), stop_at_margin=True)
-    assert {one.motion.ending for one in stopped.followed} == {Ending.MARGIN}
-    assert stopped.chosen in stopped.followed
+    assert {one.motion.ending for one in stopped.branches} == {Ending.MARGIN}
+    assert stopped.chosen in stopped.branches
 
 
 def test_completing_counts_more_than_any_margin(spatial):
@@ -85,17 +85,19 @@ def test_completing_counts_more_than_any_margin(spatial):
     path = EndEffectorPath(line, SlerpOrientation(pose.rotation, pitched))
     problem = replace(spatial, path=TimedPath(path, Timing(20.0)), momentum=[0.0, 0.2, 0.0])
     simulation = simulate(problem, [0, 0, 0, 1])
-    failed = [one for one in simulation.followed if one.motion.ending is Ending.SINGULAR]
+    failed = [one for one in simulation.branches if one.motion.ending is Ending.SINGULAR]
     assert len(failed) == 4
     assert simulation.chosen.motion.completed
-    assert all(one.least.value > simulation.chosen.least.value for one in failed)
+    assert all(
+        one.closest_approach.value > simulation.chosen.closest_approach.value for one in failed
+    )
 
 
 def test_where_none_completes_the_motion_is_still_told(planar):
     """At 80 degrees both branches are singular: one of them is the answer, with its end."""
     simulation = simulate(planar, heading_quaternion(np.deg2rad(80.0)))
-    assert {one.motion.ending for one in simulation.followed} == {Ending.SINGULAR}
-    assert simulation.chosen in simulation.followed
+    assert {one.motion.ending for one in simulation.branches} == {Ending.SINGULAR}
+    assert simulation.chosen in simulation.branches
     assert 0.0 < simulation.chosen.motion.final.time < 100.0
 
 
@@ -104,12 +106,12 @@ def test_a_branch_can_be_chosen_by_number(spatial, branch):
     """The number asked for is chosen, whatever its margin; all are followed."""
     simulation = simulate(spatial, BAD, branch=branch)
     assert simulation.chosen.branch.index == branch
-    assert len(simulation.followed) == 8
+    assert len(simulation.branches) == 8
 
 
 def test_a_branch_can_be_chosen_by_joints(spatial, good):
     """Joint values within 0.05 rad of a branch mean that branch."""
-    for one in good.followed:
+    for one in good.branches:
         chosen = simulate(spatial, GOOD, joints=one.branch.joints + 0.03).chosen
         assert chosen.branch.index == one.branch.index
         assert (chosen.motion.joints == one.motion.joints).all()
@@ -155,13 +157,13 @@ def test_motions_end_at_the_margin_when_asked_to(spatial):
     """Every motion that would pass S0 = 8 ends there, the others complete."""
     problem = replace(spatial, margin=Margin(spatial.margin.measure, 8.0))
     simulation = simulate(problem, GOOD, stop_at_margin=True)
-    for one in simulation.followed:
+    for one in simulation.branches:
         if one.motion.ending is Ending.MARGIN:
-            assert one.least.value == pytest.approx(8.0, rel=1e-9)
+            assert one.closest_approach.value == pytest.approx(8.0, rel=1e-9)
         else:
             assert one.motion.completed
-            assert one.least.value > 8.0
-    endings = [one.motion.ending for one in simulation.followed]
+            assert one.closest_approach.value > 8.0
+    endings = [one.motion.ending for one in simulation.branches]
     assert endings.count(Ending.MARGIN) == 4
     assert simulation.chosen.motion.completed
 
@@ -178,7 +180,7 @@ def test_the_tolerance_reaches_the_integrator(spatial):
 def test_a_redundant_arm_follows_a_set_of_configurations_and_any_given_one(spatial):
     """Six joints, three coordinates: a spread of configurations, and one more when asked for."""
     near = EndEffectorPath(
-        PolynomialCurve.line([1, 0, 0], [0.85, 0.08, 0.033]), spatial.path.path.attitude
+        PolynomialCurve.line([1, 0, 0], [0.85, 0.08, 0.033]), spatial.path.path.orientation
     )
     problem = replace(
         spatial, task=Task.POSITION,
@@ -188,10 +190,10 @@ def test_a_redundant_arm_follows_a_set_of_configurations_and_any_given_one(spati
     given = spatial.branches(spatial.attitude("a", GOOD))[3].joints
     simulation = simulate(problem, GOOD, joints=given)
     assert simulation.chosen.branch.label == "given"
-    assert len(simulation.followed) == len(problem.branches(spatial.attitude("a", GOOD))) + 1
-    assert len({one.branch.index for one in simulation.followed}) == len(simulation.followed)
+    assert len(simulation.branches) == len(problem.branches(spatial.attitude("a", GOOD))) + 1
+    assert len({one.branch.index for one in simulation.branches}) == len(simulation.branches)
     assert_close(simulation.chosen.motion.initial.joints, given, atol=1e-6)
-    for one in simulation.followed:
+    for one in simulation.branches:
         assert one.motion.residuals().end_effector_position < 1e-7
 
 
@@ -206,7 +208,7 @@ def test_joints_are_told_with_the_turns_that_keep_them_in_range():
     margin = Margin(measure(model, whole.task, "gjm"), 0.0)
     problem = replace(whole, model=model, margin=margin)
     (free,), (told,) = (
-        [one for one in simulate(of, [0, 0, 0, 1]).followed if one.branch.index == 7]
+        [one for one in simulate(of, [0, 0, 0, 1]).branches if one.branch.index == 7]
         for of in (whole, problem)
     )
     span = joint_extents(free.motion)

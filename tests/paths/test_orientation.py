@@ -9,10 +9,9 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import (
+    DirectedOrientation,
     FixedOrientation,
     SlerpOrientation,
-    follow_orientation,
-    point_at_orientation,
 )
 from freefloat.paths.orientation_spline import OrientationSpline
 
@@ -35,12 +34,13 @@ LAWS = {
         START, Rotation.from_rotvec([0, 3.14159, 0]).as_matrix()),
     "slerp that stays": SlerpOrientation(START, START),
     "slerp by a little": SlerpOrientation(START, Rotation.from_rotvec([1e-9, 0, 0]).as_matrix()),
-    **{f"follow {axis}": follow_orientation(BEND, axis, NORMAL) for axis in ("x", "-x", "y", "-y")},
-    "follow an arc": follow_orientation(ARC, "x", [0.0, 0.0, 1.0]),
-    "follow a spline": follow_orientation(SPLINE, "-y", [0.0, 0.0, 1.0]),
-    **{f"point {axis}": point_at_orientation(BEND, axis, TARGET)
+    **{f"follow {axis}": DirectedOrientation.follow(BEND, axis, NORMAL)
+       for axis in ("x", "-x", "y", "-y")},
+    "follow an arc": DirectedOrientation.follow(ARC, "x", [0.0, 0.0, 1.0]),
+    "follow a spline": DirectedOrientation.follow(SPLINE, "-y", [0.0, 0.0, 1.0]),
+    **{f"point {axis}": DirectedOrientation.point_at(BEND, axis, TARGET)
        for axis in ("x", "-x", "y", "-y", "z", "-z")},
-    "point from a spline": point_at_orientation(SPLINE, "z", TARGET),
+    "point from a spline": DirectedOrientation.point_at(SPLINE, "z", TARGET),
     "sampled": OrientationSpline(GENTLE.as_quat(), KNOTS),
 }  # fmt: skip
 
@@ -99,7 +99,7 @@ def test_a_slerp_goes_from_start_to_end_by_the_shortest_turn_at_a_constant_rate(
 @pytest.mark.parametrize("axis", ["x", "-x", "y", "-y"])
 def test_follow_looks_along_the_path_with_z_nearest_to_the_normal(axis):
     """The named axis is the unit tangent; z is the normal less its share along the tangent."""
-    law = follow_orientation(BEND, axis, NORMAL)
+    law = DirectedOrientation.follow(BEND, axis, NORMAL)
     for s in PLACES:
         R, tangent = law.rotation(s), BEND(s, 1) / np.linalg.norm(BEND(s, 1))
         assert_close(column(R, axis), tangent, atol=1e-14)
@@ -116,7 +116,7 @@ def test_following_a_circle_turns_once_with_it():
 def test_the_third_link_of_example_1_is_normal_to_the_path():
     """(30c): theta_E = 3 pi / 2 + arctan(dy/dx), the angle of the end-effector's x axis."""
     parabola = PolynomialCurve([[2.0, 0.0, 0.0], [-3.0, 0.5, 0.0], [0.0, 1.5, 0.0]])
-    law = follow_orientation(parabola, "-y", [0.0, 0.0, 1.0])
+    law = DirectedOrientation.follow(parabola, "-y", [0.0, 0.0, 1.0])
     for s in PLACES:
         dx, dy, _ = parabola(s, 1)
         angle = 1.5 * np.pi + np.arctan(dy / dx)
@@ -127,7 +127,7 @@ def test_the_third_link_of_example_1_is_normal_to_the_path():
 @pytest.mark.parametrize("axis", ["x", "-x", "y", "-y", "z", "-z"])
 def test_point_at_keeps_its_axis_on_the_target(axis):
     """The named axis is the unit vector from the end-effector to the target."""
-    law = point_at_orientation(BEND, axis, TARGET)
+    law = DirectedOrientation.point_at(BEND, axis, TARGET)
     for s in PLACES:
         sight = TARGET - BEND(s)
         pointed = column(law.rotation(s), axis)
@@ -138,7 +138,7 @@ def test_point_at_keeps_its_axis_on_the_target(axis):
 def test_point_at_settles_roll_by_the_axis_farthest_from_all_sights(axis, second):
     """Seen mostly along +-x, the next axis keeps to the inertial axis least looked along."""
     line = PolynomialCurve.line([2.0, 0.3, 0.1], [2.0, -0.3, 0.15])
-    law = point_at_orientation(line, axis, [0.0, 0.0, 0.0])
+    law = DirectedOrientation.point_at(line, axis, [0.0, 0.0, 0.0])
     for s in PLACES:
         sight = -line(s) / np.linalg.norm(line(s))
         near = np.array([0.0, 0.0, 1.0]) - sight[2] * sight
@@ -150,14 +150,14 @@ def test_point_at_settles_roll_by_the_axis_farthest_from_all_sights(axis, second
 def test_follow_knows_four_axes(axis):
     """z keeps to the normal, so x and y are left for the travel."""
     with pytest.raises(InputError, match="x, -x, y or -y"):
-        follow_orientation(BEND, axis, NORMAL)
+        DirectedOrientation.follow(BEND, axis, NORMAL)
 
 
 @pytest.mark.parametrize("axis", ["--x", "w", ""])
 def test_point_at_knows_six_axes(axis):
     """x, y, z, forwards or backwards."""
     with pytest.raises(InputError, match="x, y, z, -x, -y or -z"):
-        point_at_orientation(BEND, axis, TARGET)
+        DirectedOrientation.point_at(BEND, axis, TARGET)
 
 
 def turning_back(s_back):
@@ -169,7 +169,7 @@ def turning_back(s_back):
 def test_a_path_that_stands_still_has_no_direction_to_follow(place):
     """Where dr/ds vanishes the tangent is undefined: it would turn about in no time."""
     with pytest.raises(InputError, match="no direction of travel"):
-        follow_orientation(turning_back(place), "x", [0.0, 0.0, 1.0])
+        DirectedOrientation.follow(turning_back(place), "x", [0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("place", [0.0, 0.5, 1.0, 1.0 / 3.0, 0.123456])
@@ -177,20 +177,20 @@ def test_a_path_along_the_normal_cannot_be_followed(place):
     """Where the tangent is parallel to the normal nothing says where z points."""
     rising = PolynomialCurve([[0, 0, 0], [-2 * place, 0, 1.0], [1.0, 0, 0]])
     with pytest.raises(InputError, match="normal lies along the path"):
-        follow_orientation(rising, "x", [0.0, 0.0, 1.0])
+        DirectedOrientation.follow(rising, "x", [0.0, 0.0, 1.0])
 
 
 def test_a_line_along_the_normal_cannot_be_followed():
     """Parallel everywhere, in either sense."""
     for end in ([0, 0, 1], [0, 0, -1]):
         with pytest.raises(InputError, match="normal lies along the path"):
-            follow_orientation(PolynomialCurve.line([0, 0, 0], end), "y", [0, 0, 2.0])
+            DirectedOrientation.follow(PolynomialCurve.line([0, 0, 0], end), "y", [0, 0, 2.0])
 
 
 def test_follow_needs_a_normal_with_a_direction():
     """The zero vector has none."""
     with pytest.raises(InputError) as caught:
-        follow_orientation(BEND, "x", [0, 0, 0])
+        DirectedOrientation.follow(BEND, "x", [0, 0, 0])
     assert caught.value.key == "attitude.follow.normal"
 
 
@@ -199,13 +199,13 @@ def test_a_target_on_the_path_is_refused(place):
     """At the target there is nothing to point at; beyond it the hand would face about."""
     line = PolynomialCurve.line([1.0, 0.0, 0.2], [-1.0, 0.4, 0.3])
     with pytest.raises(InputError, match="passes through the target"):
-        point_at_orientation(line, "x", line(place))
+        DirectedOrientation.point_at(line, "x", line(place))
 
 
 def test_a_target_beside_the_path_is_fine():
     """A millimetre off, it can be looked at, however fast the hand has to turn."""
     line = PolynomialCurve.line([1.0, 0.0, 0.2], [-1.0, 0.4, 0.3])
-    law = point_at_orientation(line, "x", line(1.0 / 3.0) + np.array([0.0, 0.0, 1e-3]))
+    law = DirectedOrientation.point_at(line, "x", line(1.0 / 3.0) + np.array([0.0, 0.0, 1e-3]))
     assert_close(law.rotation(1.0 / 3.0)[:, 0], [0.0, 0.0, 1.0], atol=1e-9)
 
 
@@ -213,7 +213,7 @@ def test_a_target_that_has_to_be_seen_along_every_axis_is_refused():
     """Roll cannot be settled where each inertial axis is a direction of sight."""
     corner = SplineCurve([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
     with pytest.raises(InputError, match="no inertial axis stays clear"):
-        point_at_orientation(corner, "x", [0, 0, 0])
+        DirectedOrientation.point_at(corner, "x", [0, 0, 0])
 
 
 def test_a_sampled_attitude_passes_its_samples():

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
 from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
-from freefloat.paths.orientation import FixedOrientation, SlerpOrientation, follow_orientation
+from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath, read_samples
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -40,7 +40,7 @@ def write(tmp_path):
 def test_the_tangent_is_the_twist_of_the_pose(s):
     """[dr/ds; omega] with [omega]x = dR/ds R^T."""
     curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
-    path, h = EndEffectorPath(curve, follow_orientation(curve, "y", [0.1, 0.6, 0.8])), 1e-6
+    path, h = EndEffectorPath(curve, DirectedOrientation.follow(curve, "y", [0.1, 0.6, 0.8])), 1e-6
     before, after = path.pose(s - h), path.pose(s + h)
     moved = (after.position - before.position) / (2 * h)
     turned = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec() / (2 * h)
@@ -51,9 +51,9 @@ def test_the_tangent_is_the_twist_of_the_pose(s):
 def test_the_bend_is_the_derivative_of_the_tangent(s):
     """Also at the ends, where the attitude is not looked at beyond them."""
     curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
-    path, h = EndEffectorPath(curve, follow_orientation(curve, "y", [0.4, 0.6, 0.8])), 1e-5
+    path, h = EndEffectorPath(curve, DirectedOrientation.follow(curve, "y", [0.4, 0.6, 0.8])), 1e-5
     bend = (path.tangent(s + h) - path.tangent(s - h)) / (2 * h)
-    assert_close(path.bend(s), bend, atol=1e-8 if 0.1 < s < 0.9 else 1e-2)
+    assert_close(path.second_derivative(s), bend, atol=1e-8 if 0.1 < s < 0.9 else 1e-2)
 
 
 def test_a_pose_is_the_curve_and_the_attitude():

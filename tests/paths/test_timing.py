@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from freefloat.errors import InputError
 from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation, SlerpOrientation, follow_orientation
+from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 
@@ -221,7 +221,7 @@ def test_the_end_effector_stands_still_at_ends_and_stops():
 def test_the_twist_rate_is_the_derivative_of_the_twist(law):
     """Of a path that bends, turns and turns faster on the way, away from jumps of the law."""
     curve = PolynomialCurve([[2.0, 0.0, 0.0], [-3.0, 0.5, 0.3], [0.0, 1.5, -0.4]])
-    path = EndEffectorPath(curve, follow_orientation(curve, "x", [0.1, 0.2, 1.0]))
+    path = EndEffectorPath(curve, DirectedOrientation.follow(curve, "x", [0.1, 0.2, 1.0]))
     timed, h = TimedPath(path, Timing(20.0, law, (Stop(0.4, 9.0),))), 1e-3
     for t in (0.01, 1.0, 4.5, 8.0, 12.0, 19.99):
         rate = (timed.twist(t + h) - timed.twist(t - h)) / (2 * h)

@@ -13,7 +13,7 @@ from freefloat.ensemble.feasibility import UNREACHED, BranchOutcomes, Feasibilit
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Margin, Problem, is_kept
 from freefloat.motion.simulation import simulate
 from freefloat.planning import attitude_map
 from freefloat.planning.attitude_map import AttitudeMap, depths, map_attitudes, regions
@@ -71,14 +71,14 @@ def test_a_map_is_a_grid_and_its_prospects(
 def test_entries_of_a_map_are_those_of_simulations(found: AttitudeMap) -> None:
     for k in (3, 101, 300, 487):
         simulation = simulate(found.problem, found.attitudes[k])
-        numbers = [one.branch.index for one in simulation.followed]
+        numbers = [one.branch.index for one in simulation.branches]
         assert np.flatnonzero(found.endings[k] != UNREACHED).tolist() == numbers
-        for one in simulation.followed:
+        for one in simulation.branches:
             completed = found.endings[k, one.branch.index] == COMPLETED
             assert completed == one.motion.completed
-            least = one.least.value if completed else 0.0
+            least = one.closest_approach.value if completed else 0.0
             assert found.margins[k, one.branch.index] == pytest.approx(least, rel=1e-3)
-            keeps = completed and one.least.keeps(30.0)
+            keeps = completed and is_kept(one.closest_approach.value, 30.0)
             assert found.kept[k, one.branch.index] == keeps
 
 

@@ -96,7 +96,7 @@ def test_the_margin_is_just_kept_on_the_boundary(
         assert point.gap is None
         chosen = simulate(problem, point.attitude, branch=point.branch).chosen
         assert chosen.motion.completed
-        assert chosen.least.value == pytest.approx(MARGIN, rel=1e-3)
+        assert chosen.closest_approach.value == pytest.approx(MARGIN, rel=1e-3)
 
 
 def serving(outlook: FeasibilityEvaluator, branch: int) -> Inside:
@@ -150,7 +150,7 @@ def test_motions_from_touched_attitudes_just_keep_the_margin(
     for point in touched[:3]:
         chosen = simulate(problem, point.attitude, branch=point.branch).chosen
         assert chosen.motion.completed
-        assert chosen.least.value == pytest.approx(MARGIN, rel=2e-4)
+        assert chosen.closest_approach.value == pytest.approx(MARGIN, rel=2e-4)
 
 
 def test_other_arms_have_no_touch_points() -> None:

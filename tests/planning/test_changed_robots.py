@@ -73,11 +73,13 @@ def test_another_robot_gets_another_plan_that_holds(
     motion = found.chosen.motion
     grown = motion.problem.model.total_mass - before.problem.model.total_mass
     assert np.isclose(grown, mass, rtol=0, atol=1e-9)
-    assert abs(found.chosen.least.value / before.chosen.least.value - 1.0) > 1e-3
+    assert (
+        abs(found.chosen.closest_approach.value / before.chosen.closest_approach.value - 1.0) > 1e-3
+    )
     residuals = motion.residuals()
     assert residuals.end_effector_position < 1e-7
     assert residuals.momentum < 1e-6
-    assert found.chosen.least.keeps(found.problem.margin.value)
+    assert found.problem.margin.is_kept(found.chosen.closest_approach.value)
     limits = scenario.limits()
     assert limits is not None
     findings = LimitChecker(found.problem, limits).findings(motion)

@@ -55,7 +55,7 @@ def looked_at(found: Plan, limits: Limits) -> Plan:
     """A plan that keeps what it says it keeps."""
     assert found.feasible, found.reason
     assert found.chosen is not None
-    assert found.chosen.least.keeps(found.problem.margin.value)
+    assert found.problem.margin.is_kept(found.chosen.closest_approach.value)
     again = LimitChecker(found.problem, limits).findings(found.chosen.motion)
     assert all(one.kept for one in again)
     assert [one.limit for one in again] == [one.limit for one in found.findings]

@@ -45,7 +45,7 @@ def outcome(problem, heading, branch):
     for one in problem.branches(attitude):
         if one.index == branch:
             motion = ff.integrate_motion(problem, attitude, one.joints, tolerance=1e-9)
-            return keeps_margin(problem, motion, problem.margin.value)
+            return keeps_margin(problem, motion, problem.margin.threshold)
     return False
 
 
@@ -92,7 +92,7 @@ def test_a_margin_of_zero_stands_for_nearly_none(example_1):
     largest = largest_magnitude(example_1.model, example_1.margin.measure)
     zero = replace(example_1, margin=ff.Margin(example_1.margin.measure, 0.0))
     assert 0.0 < margin_level(zero) < 1e-3 * largest
-    assert margin_level(example_1) == example_1.margin.value
+    assert margin_level(example_1) == example_1.margin.threshold
 
 
 def test_a_limit_belongs_to_the_branch_of_its_joints(example_1):

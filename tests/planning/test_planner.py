@@ -7,6 +7,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import InputError
+from freefloat.motion.problem import is_kept
 from freefloat.planning.heading_map import (
     attitudes_at,
     heading_evaluator,
@@ -31,7 +32,7 @@ def test_the_largest_margin_beats_a_sweep(problem):
     assert plan.feasible
     sweep = attitudes_at(np.radians(np.arange(0.0, 360.0, 10.0)))
     swept = heading_evaluator(problem).margins(sweep, None).max()
-    assert plan.chosen.least.value >= swept - 1e-4
+    assert plan.chosen.closest_approach.value >= swept - 1e-4
     assert plan.chosen.motion.residuals().momentum < 1e-6
 
 
@@ -42,7 +43,7 @@ def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem):
     assert plan.robust_radius == pytest.approx(widest.width / 2)
     headings = chosen_heading(plan) + np.array([-0.9, 0.9]) * plan.robust_radius
     margins = heading_evaluator(problem).margins(attitudes_at(headings), plan.chosen.branch.index)
-    assert (margins > problem.margin.value).all()
+    assert (margins > problem.margin.threshold).all()
 
 
 @pytest.mark.parametrize(("now", "deviation"), [(200.0, 0.0), (100.0, None)])
@@ -100,8 +101,8 @@ def test_other_measures_are_searched(problem):
                        ff.Margin(measure, 0.05))  # fmt: skip
     plan = ff.plan(other, ff.Search(ff.Objective.ROBUST, samples=12))
     assert plan.feasible
-    assert plan.chosen.least.measure == "sigma"
-    assert plan.chosen.least.value >= 0.05
+    assert plan.chosen.closest_approach.measure == "sigma"
+    assert plan.chosen.closest_approach.value >= 0.05
 
 
 def test_precise_motions_confirm_searched_limits(problem):
@@ -118,8 +119,8 @@ def test_precise_motions_confirm_searched_limits(problem):
                 ff.simulate(other, heading_quaternion(limit + step), branch=branch).chosen
                 for step in (inward, -inward)
             )
-            assert inside.least.keeps(0.05)
-            assert not (outside.motion.completed and outside.least.keeps(0.05))
+            assert is_kept(inside.closest_approach.value, 0.05)
+            assert not (outside.motion.completed and is_kept(outside.closest_approach.value, 0.05))
 
 
 def test_a_planar_arm_with_a_joint_to_spare_is_planned_by_search(problem):
@@ -131,7 +132,7 @@ def test_a_planar_arm_with_a_joint_to_spare_is_planned_by_search(problem):
     assert plan.feasible
     assert plan.ranges[0].label == "any"
     assert plan.chosen.motion.completed
-    assert plan.chosen.least.value >= 0.02
+    assert plan.chosen.closest_approach.value >= 0.02
 
 
 def test_the_map_shows_the_ranges(problem):
@@ -181,4 +182,4 @@ def test_a_plan_that_is_feasible_keeps_its_margin(problem):
     for objective in (ff.Objective.MARGIN, ff.Objective.ROBUST):
         plan = ff.plan(problem, ff.Search(objective))
         assert plan.feasible
-        assert plan.chosen.least.keeps(problem.margin.value)
+        assert problem.margin.is_kept(plan.chosen.closest_approach.value)

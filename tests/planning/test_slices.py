@@ -40,7 +40,7 @@ def test_the_three_planes_go_through_the_mark(slices):
 
 def test_every_place_tells_the_margin_of_its_attitude(outlook, slices):
     """Also which component runs to the right and which upwards."""
-    value = outlook.problem.margin.value
+    value = outlook.problem.margin.threshold
     for one in slices:
         rows, columns = np.nonzero(np.isfinite(one.least))
         picked = np.random.default_rng(1).choice(len(rows), 12, replace=False)

@@ -13,7 +13,7 @@ import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
 from freefloat.errors import InputError
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Margin, Problem, is_kept
 from freefloat.motion.simulation import SimulatedBranch, simulate
 from freefloat.planning import robust_radius as attitude_depth
 from freefloat.planning import search as attitude_search
@@ -76,10 +76,12 @@ def test_every_plan_is_proved_precisely(
     assert plan.feasible
     assert plan.chosen is not None
     assert plan.chosen.motion.completed
-    assert plan.chosen.least.keeps(MARGIN)
+    assert is_kept(plan.chosen.closest_approach.value, MARGIN)
     attitude = plan.chosen.motion.initial.attitude
     again = simulate(problem, attitude, branch=plan.chosen.branch.index).chosen
-    assert again.least.value == pytest.approx(plan.chosen.least.value, rel=1e-9)
+    assert again.closest_approach.value == pytest.approx(
+        plan.chosen.closest_approach.value, rel=1e-9
+    )
     residuals = plan.chosen.motion.residuals()
     assert residuals.momentum < 1e-6
     assert plan.map is not None
@@ -106,8 +108,8 @@ def test_the_robust_radius_holds(
 def test_the_largest_margin_is_chosen(largest: Plan) -> None:
     assert largest.chosen is not None
     assert largest.map is not None
-    assert largest.chosen.least.value >= largest.map.margins.max() * (1.0 - 1e-5)
-    assert largest.chosen.least.value == pytest.approx(53.6132, rel=1e-4)
+    assert largest.chosen.closest_approach.value >= largest.map.margins.max() * (1.0 - 1e-5)
+    assert largest.chosen.closest_approach.value == pytest.approx(53.6132, rel=1e-4)
     assert largest.reason == "the largest margin, arm 53.6132"
     attitude = largest.chosen.motion.initial.attitude
     assert largest.deviation == pytest.approx(angle_between(attitude, BAD))
@@ -124,7 +126,7 @@ def test_the_nearest_attitude_is_chosen(nearest: Plan, largest: Plan) -> None:
     degrees = np.degrees(nearest.deviation)
     assert nearest.reason == f"the nearest to from_attitude, {degrees:.4g} degrees away"
     assert nearest.chosen is not None
-    assert nearest.chosen.least.value == pytest.approx(MARGIN, rel=3e-3)
+    assert nearest.chosen.closest_approach.value == pytest.approx(MARGIN, rel=3e-3)
 
 
 def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Plan) -> None:
@@ -183,7 +185,7 @@ def test_what_is_narrower_than_the_grid_is_still_found(objective: Objective) -> 
     plan = ff.plan(problem, Search(objective, frozen(BAD), samples, seed), threads=1)
     assert plan.feasible
     assert plan.chosen is not None
-    assert plan.chosen.least.keeps(value)
+    assert is_kept(plan.chosen.closest_approach.value, value)
     assert plan.robust_radius is not None
     assert 0.0 <= plan.robust_radius < grid_spacing(samples)
     if objective is not Objective.MARGIN:
@@ -228,7 +230,7 @@ def test_an_end_out_of_reach_is_told() -> None:
 
     near = margined(5.0)
     line = PolynomialCurve.line(np.array([1.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
-    path = ff.EndEffectorPath(line, near.path.path.attitude)
+    path = ff.EndEffectorPath(line, near.path.path.orientation)
     problem = replace(near, path=ff.TimedPath(path, near.path.timing))
     plan = ff.plan(problem, Search(Objective.MARGIN, None, 16), threads=1)
     assert not plan.feasible
@@ -254,9 +256,9 @@ def test_a_candidate_that_is_not_confirmed_is_told_and_the_next_taken(
     for one, said in zip(tried, plan.disagreements, strict=False):
         assert str(np.round(one.motion.initial.attitude, 6).tolist()) in said
         assert f"branch {one.branch.index}: compiled motions keep the margin" in said
-        assert f"falls to arm {one.least.value:.6g}" in said
+        assert f"falls to arm {one.closest_approach.value:.6g}" in said
     # the reason and the attitude are those of the one that was taken
-    assert plan.reason == f"the largest margin, arm {tried[2].least.value:.6g}"
+    assert plan.reason == f"the largest margin, arm {tried[2].closest_approach.value:.6g}"
 
 
 def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -275,9 +277,9 @@ def test_a_stock_arm_finds_its_largest_margin() -> None:
     plan = ff.plan(problem, Search(samples=64), shares.append, threads=1)
     assert plan.feasible
     assert plan.chosen is not None
-    assert plan.chosen.least.keeps(problem.margin.value)
+    assert problem.margin.is_kept(plan.chosen.closest_approach.value)
     assert plan.map is not None
-    assert plan.chosen.least.value >= plan.map.margins.max() * (1.0 - 1e-3)
+    assert plan.chosen.closest_approach.value >= plan.map.margins.max() * (1.0 - 1e-3)
     assert plan.reason.startswith("the largest margin, gjm ")
     assert shares == sorted(shares)
     assert shares[-1] == 1.0

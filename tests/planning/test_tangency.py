@@ -89,7 +89,7 @@ def test_by_the_printed_momentum_time_and_elbow_are_as_printed(printed):
     assert 0.02 < gap(touch.joints, PRINTED_JOINTS) < 0.03
     there = boundary_attitude(printed, touch)
     motion = ff.integrate_motion(printed, there.attitude, there.joints)
-    least = ff.least(motion, printed.margin.measure)
+    least = ff.closest_approach(motion, printed.margin.measure)
     assert motion.completed
     assert least.sign * least.value == pytest.approx(-5.0, abs=1e-6)
     assert least.time == pytest.approx(touch.time, abs=1e-2)
@@ -127,7 +127,10 @@ def test_touches_are_on_the_path_and_on_the_margin_surface(case):
     """(35) and (34) with S = S0, at the angles asked for, on the branch told."""
     problem, q1, q2, touches = case
     assert touches
-    assert {touch.level for touch in touches} <= {problem.margin.value, -problem.margin.value}
+    assert {touch.level for touch in touches} <= {
+        problem.margin.threshold,
+        -problem.margin.threshold,
+    }
     for touch in touches:
         pose = problem.model.end_effector_pose(touch.attitude, touch.joints)
         wanted = problem.path.pose(touch.time)
@@ -265,7 +268,7 @@ def test_brute_force_finds_no_touch_that_was_missed(case):
     problem, q1, q2, touches = case
     brute, seen = BruteForce(problem, q1, q2), 0
     times, turns = np.linspace(0.2, 99.8, 201), np.linspace(0.0, 2 * np.pi, 97)
-    levels = problem.margin.value, -problem.margin.value
+    levels = problem.margin.threshold, -problem.margin.threshold
     for t, attitude, joints in brute.touches(levels, times, turns):
         known = any(
             abs(t - touch.time) < 1e-4 and gap(joints, touch.joints) < 1e-4 for touch in touches
@@ -319,8 +322,8 @@ def with_attitude(problem, there, turn):
     attitude = (Rotation.from_quat(there.attitude) * Rotation.from_rotvec(turn)).as_quat()
     branch = problem.branch_near(attitude, there.joints, problem.branches(attitude))
     motion = ff.integrate_motion(problem, attitude, branch.joints)
-    least = ff.least(motion, problem.margin.measure)
-    return motion.completed and least.keeps(problem.margin.value)
+    least = ff.closest_approach(motion, problem.margin.measure)
+    return motion.completed and problem.margin.is_kept(least.value)
 
 
 @pytest.mark.parametrize("h", [MOMENTUM, STILL])
@@ -343,7 +346,7 @@ def test_a_spoiled_touch_gives_no_boundary_attitude(problem):
     for touch in touches[::2]:
         start = integrate_to_start(problem, touch).final
         motion = ff.integrate_motion(problem, start.attitude, start.joints)
-        least = ff.least(motion, problem.margin.measure)
+        least = ff.closest_approach(motion, problem.margin.measure)
         spoiled.append(least.value < 4.9)
         assert (boundary_attitude(problem, touch) is None) == spoiled[-1]
     assert set(spoiled) == {True, False}

@@ -10,7 +10,7 @@ import pytest
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
 from freefloat.motion.simulation import simulate
@@ -41,8 +41,8 @@ class Case:
     def __init__(self, problem: Problem, attitude: object) -> None:
         self.problem = problem
         chosen = simulate(problem, attitude).chosen
-        assert chosen.least.keeps(problem.margin.value)
-        self.least = chosen.least.value
+        assert problem.margin.is_kept(chosen.closest_approach.value)
+        self.least = chosen.closest_approach.value
         self.attitude, self.joints = chosen.motion.initial.attitude, chosen.branch.joints
         self.roller = EnsembleIntegrator(problem, 1)
         self.bears: Tolerance = tolerance(self.roller, self.attitude, self.joints)
@@ -53,7 +53,7 @@ class Case:
         rollout = self.roller.follow(
             np.tile(self.attitude, (K, 1)), np.tile(self.joints, (K, 1)), momenta=momenta
         )
-        return rollout.keeps(self.problem.margin.value)
+        return rollout.keeps(self.problem.margin.threshold)
 
     def precisely(self, *, momentum: object = None, duration: float | None = None) -> float:
         """Smallest S of a precise motion with another momentum or duration."""
@@ -63,7 +63,7 @@ class Case:
         h = self.problem.momentum if momentum is None else momentum
         problem = replace(self.problem, path=path, momentum=np.asarray(h))
         motion = integrate_motion(problem, self.attitude, self.joints)
-        return least(motion, problem.margin.measure).value if motion.completed else 0.0
+        return closest_approach(motion, problem.margin.measure).value if motion.completed else 0.0
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +168,9 @@ def test_a_shortest_duration_is_found_too() -> None:
         motion = integrate_motion(
             replace(strict, path=path), base.motion.initial.attitude, base.branch.joints
         )
-        smallest = least(motion, strict.margin.measure).value if motion.completed else 0.0
+        smallest = (
+            closest_approach(motion, strict.margin.measure).value if motion.completed else 0.0
+        )
         assert (smallest >= value) is keeps
 
 

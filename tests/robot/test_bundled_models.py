@@ -14,7 +14,7 @@ import yourdfpy
 
 from freefloat.dynamics.momentum import Task
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.planning.limited_planner import keep_limits
 from freefloat.planning.planar_planner import plan_in_plane
@@ -118,7 +118,7 @@ LIMITED = tuple(name for name in bundled_scenarios() if name not in OF_THE_PAPER
 def test_scenarios_of_every_kind_are_bundled() -> None:
     problems = {name: load_scenario(name).problem() for name in FOLLOWED}
     redundant = {name for name, problem in problems.items()
-                 if problem.model.dof > len(problem.task.rows)}  # fmt: skip
+                 if problem.redundant}  # fmt: skip
     assert {"ssrms/transfer", "ets_vii/reach", "panda_servicer/arc"} <= redundant
     assert problems["ets_vii/reach"].task is Task.POSITION
     assert sum(bool(problem.momentum.any()) for problem in problems.values()) >= 4
@@ -137,7 +137,9 @@ def test_a_scenario_can_be_followed_with_its_margin_kept(name: str) -> None:
     for branch in problem.branches(attitude)[:4]:
         motion = integrate_motion(problem, attitude, branch.joints)
         if motion.completed:
-            kept.append(least(motion, problem.margin.measure).keeps(problem.margin.value))
+            kept.append(
+                problem.margin.is_kept(closest_approach(motion, problem.margin.measure).value)
+            )
             residuals = motion.residuals()
             assert residuals.end_effector_position < 1e-7
             assert residuals.momentum < 1e-5 * max(1.0, motion.problem.model.total_mass / 1e3)
@@ -155,7 +157,7 @@ def test_a_scenario_plans_within_its_limits(name: str) -> None:
     found = keep_limits(find(problem, replace(scenario.search(), samples=SAMPLES)), limits)
     assert found.feasible, found.reason
     assert found.chosen is not None
-    assert found.chosen.least.keeps(problem.margin.value)
+    assert problem.margin.is_kept(found.chosen.closest_approach.value)
     assert found.disagreements == ()
     kept = {finding.limit: finding.kept for finding in found.findings}
     assert {"joint_rate", "joint_torque", "base_rate", "clearance"} <= kept.keys()

@@ -87,7 +87,7 @@ def test_every_bundled_scenario_builds_with_a_reachable_start(name: str) -> None
     scenario = load_scenario(name)
     assert scenario.source == models_folder() / f"{name}.yaml"
     problem = scenario.problem()
-    assert problem.margin.value > 0.0
+    assert problem.margin.threshold > 0.0
     reached = [
         bool(problem.branches([0.0, 0.0, np.sin(angle), np.cos(angle)]))
         for angle in np.linspace(0.0, np.pi, 8)

@@ -11,7 +11,7 @@ import pytest
 
 from freefloat.io.plan_file import load_plan
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.files import StudyFiles
@@ -46,7 +46,7 @@ def test_a_simulated_case_tells_what_simulate_tells(
         start = heading_quaternion(np.radians(heading))
         chosen = simulate(problem, start, branch=0).chosen
         assert row["completed"] == chosen.motion.completed
-        assert row["margin"] == pytest.approx(chosen.least.value, abs=1e-12)
+        assert row["margin"] == pytest.approx(chosen.closest_approach.value, abs=1e-12)
         assert row["heading_deg"] == pytest.approx(heading)
         assert row["joints"] == pytest.approx(chosen.motion.initial.joints.tolist())
         assert row["seconds"] > 0.0
@@ -82,7 +82,7 @@ def test_a_planned_case_tells_what_plan_tells(tmp_path: Path) -> None:
     assert stored.problem().momentum.tolist() == [0.0, 0.0, 0.25]
     document, motion = stored.document, stored.motion()
     assert motion is not None
-    found = least(motion, stored.problem().margin.measure)
+    found = closest_approach(motion, stored.problem().margin.measure)
     assert row["margin"] == pytest.approx(found.value, abs=1e-9)
     for key in ("robust_radius_deg", "heading_deg", "branch", "reason"):
         assert row[key] == document[key]

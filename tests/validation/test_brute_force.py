@@ -10,7 +10,7 @@ import pytest
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.so3 import attitude_grid
 from tests.motions import bundled
@@ -50,7 +50,7 @@ def test_a_map_agrees_with_precise_motions():
         joints = found.joints[at, branch]
         motion = integrate_motion(problem, found.attitudes[at], joints)
         assert motion.completed == (found.endings[at, branch] == COMPLETED)
-        lowest = least(motion, problem.margin.measure)
+        lowest = closest_approach(motion, problem.margin.measure)
         off = abs(lowest.value - found.least[at, branch])
         agrees(
             "test_a_map_agrees_with_precise_motions",

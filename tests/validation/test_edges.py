@@ -21,9 +21,9 @@ from freefloat.io.digest import seal
 from freefloat.io.plan_file import save_motion
 from freefloat.motion import integration
 from freefloat.motion.certificate import certify
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.problem import Margin
+from freefloat.motion.problem import Margin, is_kept
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
 from freefloat.planning.robust_radius import safe_radius
@@ -150,7 +150,7 @@ def test_a_margin_grazed_to_a_billionth_is_told(planar, above):
     The verdict on a finished motion allows a millionth of S0 for rounding.
     """
     motion = followed(planar, heading(200.0), 0)
-    lowest = least(motion, planar.margin.measure)
+    lowest = closest_approach(motion, planar.margin.measure)
     margin = Margin(planar.margin.measure, lowest.value + above)
     asked = ff.Problem(planar.model, planar.path, planar.task, planar.momentum, margin)
     grazing = followed(asked, heading(200.0), 0, stop_at_margin=True)
@@ -158,8 +158,8 @@ def test_a_margin_grazed_to_a_billionth_is_told(planar, above):
     if not grazing.completed:
         assert grazing.ending is ff.Ending.MARGIN
         assert grazing.final.time == pytest.approx(lowest.time, abs=1e-3)
-    assert lowest.keeps(margin.value)
-    assert not lowest.keeps(lowest.value * (1.0 + 2e-6))
+    assert margin.is_kept(lowest.value)
+    assert not is_kept(lowest.value, lowest.value * (1.0 + 2e-6))
     fine = rolled(motion, tolerance=1e-11)
     assert fine.least[0] == pytest.approx(lowest.value, abs=1e-7)
 
@@ -178,7 +178,7 @@ def test_a_motion_that_grazes_zero_is_told_from_one_that_does_not(planar):
             low = middle
     ends = [followed(planar, heading(np.degrees(one)), 0) for one in (low, high)]
     assert [one.ending for one in ends] == [ff.Ending.SINGULAR, ff.Ending.COMPLETED]
-    assert 0.0 < least(ends[1], planar.margin.measure).value < 1e-5
+    assert 0.0 < closest_approach(ends[1], planar.margin.measure).value < 1e-5
     assert ends[1].residuals().momentum < 1e-4
     for beside in (low - 1e-5, high + 1e-5):
         motion = followed(planar, heading(np.degrees(beside)), 0)
@@ -191,7 +191,7 @@ def test_the_ends_of_a_range_graze_the_margin(planar, ranges):
         for one in entry.ranges:
             for end in (one.low, one.high):
                 motion = followed(planar, heading(np.degrees(end)), entry.branch)
-                found = least(motion, planar.margin.measure).value
+                found = closest_approach(motion, planar.margin.measure).value
                 assert found == pytest.approx(5.0, abs=5e-7)
 
 
@@ -360,12 +360,12 @@ def small(name, metres, kilograms=1.0):
     given = bundled(name)
     path = ff.EndEffectorPath(
         PolynomialCurve(metres * given.path.path.curve.coefficients),
-        given.path.path.attitude,
+        given.path.path.orientation,
     )
     timed = ff.TimedPath(path, given.path.timing)
     momentum = metres**2 * kilograms * given.momentum
     plain = along(model, given.task, [0, 0, 0], [1, 0, 0], UPRIGHT)
-    value = metres**4 * kilograms * given.margin.value  # S of (21a): an inertia times an area
+    value = metres**4 * kilograms * given.margin.threshold  # S of (21a): an inertia times an area
     return ff.Problem(model, timed, given.task, momentum, Margin(plain.margin.measure, value))
 
 
@@ -489,7 +489,9 @@ def test_half_a_turn_from_the_grids_first_attitude_is_nothing_special(spatial):
     for k in range(3):
         motion = integrate_motion(spatial, away[k], found.joints[k, 0])
         assert motion.completed == (found.endings[k, 0] == COMPLETED)
-        assert_close(least(motion, spatial.margin.measure).value, found.least[k, 0], atol=1e-3)
+        assert_close(
+            closest_approach(motion, spatial.margin.measure).value, found.least[k, 0], atol=1e-3
+        )
 
 
 def test_recorded_quaternions_of_either_sign_are_one_motion(spatial, tmp_path):

@@ -80,7 +80,7 @@ def test_reversal_is_a_forward_motion_with_opposite_momentum(spatial):
     """(47): from x2, the path from B to A with -h, forwards in time, ends at x1."""
     there, back = there_and_back(spatial, GOOD, 2)
     path = spatial.path.path
-    reverse = EndEffectorPath(Reversed(path.curve), path.attitude)
+    reverse = EndEffectorPath(Reversed(path.curve), path.orientation)
     problem = replace(
         spatial, path=TimedPath(reverse, spatial.path.timing), momentum=-spatial.momentum
     )

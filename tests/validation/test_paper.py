@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
@@ -86,17 +86,17 @@ def test_example_1_at_140_and_200_degrees(planar):
     assert bad.ending is Ending.SINGULAR
     assert 0.0 < bad.final.time < 69.73
     assert good.completed
-    assert least(good, planar.margin.measure).value > 5.0
+    assert closest_approach(good, planar.margin.measure).value > 5.0
     for degrees in (140.0, 200.0):
         other = on_side(planar, degrees, -1)
         assert other.completed
-        assert least(other, planar.margin.measure).sign == -1
+        assert closest_approach(other, planar.margin.measure).sign == -1
 
 
 @pytest.mark.parametrize(("degrees", "limit"), [(160.5, "<"), (161.5, ">")])
 def test_the_limit_at_161_degrees_is_where_it_was_printed(planar, degrees, limit):
     """Theta_AB = [0, 63] U [161, 360] at A: least S passes S0 = 5 at 161 degrees."""
-    found = least(on_side(planar, degrees, 1), planar.margin.measure)
+    found = closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
     assert found.sign == 1
     assert found.value < 5.0 if limit == "<" else found.value > 5.0
 
@@ -104,7 +104,7 @@ def test_the_limit_at_161_degrees_is_where_it_was_printed(planar, degrees, limit
 @pytest.mark.parametrize(("degrees", "kept"), [(62.0, True), (63.6, False), (0.0, True)])
 def test_the_limit_at_63_degrees_is_where_it_was_printed(planar, degrees, kept):
     """ClosestApproach S passes S0 = 5 near 63 degrees, coming from 0."""
-    found = least(on_side(planar, degrees, 1), planar.margin.measure)
+    found = closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
     assert (found.value >= 5.0) == kept
 
 

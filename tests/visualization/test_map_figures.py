@@ -79,7 +79,7 @@ def test_the_colour_scale_begins_at_the_margin_and_has_its_unit(shown, problem):
     found, _, figures = shown
     bar = figures["map_slices"].axes[-1]
     low, high = bar.get_ylim()
-    assert low == problem.margin.value
+    assert low == problem.margin.threshold
     assert high >= found.margins.max()
     assert "[m$^{4}$ kg]" in bar.get_ylabel()
 
@@ -101,7 +101,7 @@ def test_bars_add_up_to_the_shares(shown, problem):
         assert f"{kept:.1f} % keep the margin" in axes.get_title(loc="left")
         assert axes.get_title(loc="left").startswith("shoulder")
         (line,) = axes.get_lines()
-        assert set(line.get_xdata()) == {problem.margin.value}
+        assert set(line.get_xdata()) == {problem.margin.threshold}
 
 
 def test_a_map_with_nothing_feasible_is_drawn(problem, tmp_path):

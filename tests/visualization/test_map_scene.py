@@ -80,7 +80,7 @@ def test_points_are_rotation_vectors_coloured_by_the_margin(
     """In two halves where the margin is kept, in one colour where it is not."""
     drawn, margins = points(recording, title), found.margins[:, columns].max(axis=1)
     vectors = Rotation.from_quat(found.attitudes).as_rotvec()
-    good, front = margins >= found.problem.margin.value, vectors[:, 1] < 0.0
+    good, front = margins >= found.problem.margin.threshold, vectors[:, 1] < 0.0
     colours = MarginColours.over(found.problem.margin, [found.margins.ravel()])
     for name, part in ((FRONT, good & front), (BACK, good & ~front), (BROKEN, ~good)):
         positions, shades = drawn[name]

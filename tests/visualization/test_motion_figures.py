@@ -48,7 +48,7 @@ def one(request: pytest.FixtureRequest) -> SimulatedBranch:
 
 
 def test_every_axis_says_what_it_shows_and_nothing_overlaps(one: SimulatedBranch) -> None:
-    figures = motion_figures(one.motion, one.least)
+    figures = motion_figures(one.motion, one.closest_approach)
     assert list(figures) == ["motion", "margin", "momentum"]
     for name, figure in figures.items():
         assert unlabelled(figure) == [], name
@@ -58,7 +58,9 @@ def test_every_axis_says_what_it_shows_and_nothing_overlaps(one: SimulatedBranch
 def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
     motion = spatial.motion
     series = TimeSeries.of(motion, shown_times(motion))
-    joints, rates, angles, turning, tip, base = motion_figures(motion, spatial.least)["motion"].axes
+    joints, rates, angles, turning, tip, base = motion_figures(motion, spatial.closest_approach)[
+        "motion"
+    ].axes
     for k in range(6):
         for axes, values in ((joints, series.joints), (rates, series.joint_rates)):
             drawn = line(axes, f"$q_{{{k + 1}}}$")
@@ -73,7 +75,7 @@ def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
 
 
 def test_a_planar_motion_shows_its_heading_and_its_rest(planar: SimulatedBranch) -> None:
-    axes = motion_figures(planar.motion, planar.least)["motion"].axes
+    axes = motion_figures(planar.motion, planar.closest_approach)["motion"].axes
     heading = line(axes[2], "heading")
     assert heading[0, 1] == pytest.approx(200.0)
     assert line(axes[3], r"$\omega_z$")[0, 1] == pytest.approx(
@@ -87,7 +89,7 @@ def test_a_planar_motion_shows_its_heading_and_its_rest(planar: SimulatedBranch)
 
 
 def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -> None:
-    axes = motion_figures(singular.motion, singular.least)["motion"].axes
+    axes = motion_figures(singular.motion, singular.closest_approach)["motion"].axes
     early = TimeSeries.of(singular.motion, np.linspace(0.0, 0.97 * singular.motion.final.time, 50))
     for panel, values in ((axes[1], early.joint_rates), (axes[3], early.angular_velocities)):
         largest = np.degrees(np.abs(values).max())
@@ -97,9 +99,9 @@ def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -
 
 
 def test_the_margin_is_drawn_where_it_is(one: SimulatedBranch) -> None:
-    (axes,) = motion_figures(one.motion, one.least)["margin"].axes
+    (axes,) = motion_figures(one.motion, one.closest_approach)["margin"].axes
     margin = one.motion.problem.margin
-    level = one.least.sign * margin.value
+    level = one.closest_approach.sign * margin.threshold
     marks = [drawn for drawn in axes.lines if drawn.get_label().startswith("margin")]
     assert marks[0].get_ydata() == [level, level]
     assert to_hex(marks[0].get_color()) == VERMILION.lower()
@@ -112,12 +114,12 @@ def test_the_margin_is_drawn_where_it_is(one: SimulatedBranch) -> None:
 
 
 def test_the_least_point_lies_on_the_curve(one: SimulatedBranch) -> None:
-    (axes,) = motion_figures(one.motion, one.least)["margin"].axes
+    (axes,) = motion_figures(one.motion, one.closest_approach)["margin"].axes
     (point,) = [drawn for drawn in axes.lines if drawn.get_marker() in ("o", "X")]
     assert point.get_marker() == ("o" if one.motion.completed else "X")
     assert point.get_label().startswith("least" if one.motion.completed else "singular")
     (time,), (value,) = point.get_data()
-    assert (time, abs(value)) == (one.least.time, one.least.value)
+    assert (time, abs(value)) == (one.closest_approach.time, one.closest_approach.value)
     here = TimeSeries.of(one.motion, [time]).measure[0]
     assert here == pytest.approx(value, abs=1e-4)
 
@@ -130,13 +132,13 @@ def test_a_margin_of_zero_has_no_line(planar: SimulatedBranch) -> None:
         type(problem)(problem.model, problem.path, problem.task, problem.momentum, free),
         motion.ending, motion.times, motion.attitudes, motion.joints,
     )  # fmt: skip
-    (axes,) = motion_figures(bare, planar.least)["margin"].axes
+    (axes,) = motion_figures(bare, planar.closest_approach)["margin"].axes
     assert len(labels(axes)) == 1
 
 
 def test_errors_are_those_of_the_motion(one: SimulatedBranch) -> None:
     motion = one.motion
-    momentum, pose = motion_figures(motion, one.least)["momentum"].axes
+    momentum, pose = motion_figures(motion, one.closest_approach)["momentum"].axes
     assert momentum.get_yscale() == pose.get_yscale() == "log"
     drawn = line(momentum, "momentum")
     errors = motion.momentum_errors(motion.node_parameters)

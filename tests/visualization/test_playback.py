@@ -398,7 +398,7 @@ def test_what_is_shown_twice_is_told_once(played: Playback) -> None:
 
 def test_pages_with_every_arm_branch_stay_small() -> None:
     problem = load_scenario("spatial_6dof/line").problem()
-    followed = simulate(problem, BAD).followed
+    followed = simulate(problem, BAD).branches
     page = play({one.branch.label: one.motion for one in followed}).html()
     assert len(followed) == 8
     assert len(page) < 5e6

@@ -94,7 +94,7 @@ def attitude_map_document(
         "feasible_fraction": found.feasible_fraction,
         "feasible_fraction_error": found.feasible_fraction_error,
         "motion_fraction": found.motion_fraction,
-        "margin": {"measure": margin.measure.name, "value": margin.value},
+        "margin": {"measure": margin.measure.name, "value": margin.threshold},
         "best": best and {**place_document(best), "value": best.merit},
         "robust": robust and _with_angle(robust, "radius_deg"),
         "regions": [_region_document(region) for region in regions],

@@ -34,7 +34,7 @@ def simulation_document(simulation: Simulation, findings: Iterable[LimitResult] 
     return {
         **_followed_document(simulation.chosen),
         "limits": limits_document(findings),
-        "branches": [_branch_document(one) for one in simulation.followed],
+        "branches": [_branch_document(one) for one in simulation.branches],
         "out_of_reach": told_reach(simulation.chosen.motion.problem),
     }
 
@@ -47,7 +47,7 @@ def _followed_document(chosen: SimulatedBranch) -> Document:
         "completed": motion.completed,
         "ending": motion.ending.value,
         "singular": singular_document(motion),
-        "min_margin": margin_document(motion, chosen.least),
+        "min_margin": margin_document(motion, chosen.closest_approach),
         "branch": chosen.branch.index,
         "joint_names": list(problem.model.joint_names),
         "initial": state_document(motion.initial),
@@ -61,7 +61,7 @@ def _followed_document(chosen: SimulatedBranch) -> Document:
 
 def _redundancy_document(problem: Problem) -> Document | None:
     """How the arm chose among its motions, or None where there is one alone."""
-    if problem.model.dof == len(problem.task.rows):
+    if not problem.redundant:
         return None
     chosen = problem.redundancy or Redundancy()
     return {
@@ -93,7 +93,7 @@ def _branch_document(one: SimulatedBranch) -> Document:
         "completed": one.motion.completed,
         "ended_at": one.motion.final.time,
         "singular": singular_document(one.motion),
-        "min_margin": margin_document(one.motion, one.least),
+        "min_margin": margin_document(one.motion, one.closest_approach),
     }
 
 
@@ -113,8 +113,8 @@ def singular_document(motion: Motion) -> Document | None:
 
 def margin_document(motion: Motion, found: ClosestApproach) -> Document:
     """How near a motion came to a singularity, and whether that is as asked."""
-    required = motion.problem.margin.value
-    kept = motion.completed and found.keeps(required)
+    required = motion.problem.margin.threshold
+    kept = motion.completed and motion.problem.margin.is_kept(found.value)
     return {**asdict(found), "required": required, "kept": kept}
 
 

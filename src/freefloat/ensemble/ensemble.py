@@ -31,7 +31,7 @@ from freefloat.ensemble.kernels.integration import (
     make_room,
 )
 from freefloat.ensemble.kernels.steps import TABLEAU
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, is_kept
 from freefloat.paths.path import EndEffectorPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, whole_number
@@ -44,8 +44,6 @@ _THROUGH_THIRDS = np.linalg.inv(np.vander(_THIRDS, increasing=True))
 """Values at the thirds of an interval as powers of its share, lowest first."""
 _CHUNK = 128
 """Motions between two looks at the clock and the keyboard."""
-_ROUNDING = 1e-6
-"""As in :mod:`freefloat.motion.closest_approach`."""
 
 
 Progress = Callable[[float], None]
@@ -86,12 +84,7 @@ class Ensemble:
 
     def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
         """Which motions complete and keep a margin, shape (K,)."""
-        return np.asarray((self.endings == COMPLETED) & kept(self.least, margin))
-
-
-def kept(values: Array, margin: float) -> npt.NDArray[np.bool_]:
-    """Where smallest magnitudes keep a margin, but for rounding, and are not zero."""
-    return np.asarray((values > 0.0) & (values >= margin * (1.0 - _ROUNDING)))
+        return np.asarray((self.endings == COMPLETED) & is_kept(self.least, margin))
 
 
 class EnsembleIntegrator:

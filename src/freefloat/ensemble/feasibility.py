@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.ensemble import TOLERANCE, Ensemble, EnsembleIntegrator, Progress, kept
+from freefloat.ensemble.ensemble import TOLERANCE, Ensemble, EnsembleIntegrator, Progress
 from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, frozen
@@ -107,7 +107,7 @@ class FeasibilityEvaluator:
         own = joints[:, leaders][followed]
         rollout = self.roller.follow(
             attitudes[where], own,
-            stop_below=self.problem.margin.value if stop_at_margin else 0.0,
+            stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
             tolerance=self.tolerance, progress=progress,
         )  # fmt: skip
         joints, found = joints[:, first:beyond], found[:, first:beyond]
@@ -129,12 +129,12 @@ class FeasibilityEvaluator:
     def keeps(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any, keeps the problem's margin from attitudes (K, 4); (K,)."""
         found = self.prospects(attitudes, branch, stop_at_margin=True)
-        return np.asarray(kept(found.margins, self.problem.margin.value).any(axis=1))
+        return np.asarray(self.problem.margin.is_kept(found.margins).any(axis=1))
 
     def safe(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
         """Whether they keep it and stay :func:`clear` of all singularities; (K,)."""
         found = self.prospects(attitudes, branch, stop_at_margin=True)
-        good = kept(found.margins, self.problem.margin.value) & clear(found.determinant_ratios)
+        good = self.problem.margin.is_kept(found.margins) & clear(found.determinant_ratios)
         return np.asarray(good.any(axis=1))
 
 

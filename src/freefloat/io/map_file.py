@@ -172,7 +172,7 @@ def map_file(
 
 def _write_margin(file: Any, problem: Problem) -> None:
     margin = problem.margin
-    file.attrs["measure"], file.attrs["margin"] = margin.measure.name, margin.value
+    file.attrs["measure"], file.attrs["margin"] = margin.measure.name, margin.threshold
     file.attrs["unit"] = margin.measure.unit
     file.attrs["joint_names"] = np.array(problem.model.joint_names, dtype=TEXT)
 

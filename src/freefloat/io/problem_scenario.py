@@ -53,7 +53,7 @@ def restated(problem: Problem, search: Search) -> Scenario:
         },
         "task": str(problem.task),
         "momentum": problem.momentum.tolist(),
-        "path": _curve(problem.path.path.curve) | _attitude(problem.path.path.attitude),
+        "path": _curve(problem.path.path.curve) | _attitude(problem.path.path.orientation),
         "timing": {
             "duration": float(timing.duration),
             "law": str(timing.law),
@@ -61,7 +61,7 @@ def restated(problem: Problem, search: Search) -> Scenario:
         },
         "margin": {
             "measure": problem.margin.measure.name,
-            "value": float(problem.margin.value),
+            "value": float(problem.margin.threshold),
         },
         "search": _search(search),
     }
@@ -166,7 +166,7 @@ def _differences(one: Problem, other: Problem) -> Iterator[str]:
         yield "momentum"
     if one.margin.measure.name != other.margin.measure.name:
         yield "measure"
-    if not _alike(one.margin.value, other.margin.value):
+    if not _alike(one.margin.threshold, other.margin.threshold):
         yield "margin"
     if not _alike(_poses(one), _poses(other)):
         yield "path"
@@ -192,7 +192,7 @@ def _times(problem: Problem) -> list[Any]:
 
 def _chosen(problem: Problem) -> dict[str, Any] | None:
     """What is done with joints to spare, where there are any."""
-    if problem.model.dof == len(problem.task.rows):
+    if not problem.redundant:
         return None
     return _redundancy(problem.redundancy or Redundancy())
 

@@ -32,12 +32,11 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Margin, Problem
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import (
+    DirectedOrientation,
     FixedOrientation,
     FreeOrientation,
     OrientationLaw,
     SlerpOrientation,
-    follow_orientation,
-    point_at_orientation,
 )
 from freefloat.paths.path import EndEffectorPath, parse_samples, samples_text
 from freefloat.paths.timing import Stop, TimedPath, Timing
@@ -244,9 +243,9 @@ def _law(section: AttitudeSection, curve: Curve) -> OrientationLaw:
         start = _rotation(section.slerp.start, "attitude.slerp.from")
         return SlerpOrientation(start, _rotation(section.slerp.end, "attitude.slerp.to"))
     if section.point_at is not None:
-        return point_at_orientation(curve, section.point_at.axis, section.point_at.target)
+        return DirectedOrientation.point_at(curve, section.point_at.axis, section.point_at.target)
     follow = section.follow or FollowSection(axis="x", normal=(0.0, 0.0, 1.0))
-    return follow_orientation(curve, follow.axis, follow.normal)
+    return DirectedOrientation.follow(curve, follow.axis, follow.normal)
 
 
 def _polynomial(section: PolynomialSection) -> PolynomialCurve:

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from freefloat.errors import InputError
-from freefloat.limits.limits import ROUNDING, LimitKind, LimitResult, Limits
+from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.limits.torques import Effort, InverseDynamics
 from freefloat.motion.extrema import Largest, Quantities, at_nodes, largest
 from freefloat.motion.joint_extents import joint_extents, joint_ranges
 from freefloat.motion.motion import DEGREE, Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import TOLERANCE, Problem
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ class LimitChecker:
             allowed=float((upper if high else lower)[joint]),
             time=_time(motion, float(place)),
             where=self._names[joint],
-            kept=ratio <= 1.0 + ROUNDING,
+            kept=ratio <= 1.0 + TOLERANCE,
             ratio=ratio,
         )
 
@@ -148,7 +148,7 @@ class LimitChecker:
             allowed=allowed,
             time=_time(motion, found.panel + (found.x + 1.0) / 2.0),
             where="spacecraft",
-            kept=ratio <= 1.0 + ROUNDING,
+            kept=ratio <= 1.0 + TOLERANCE,
             ratio=ratio,
         )
 
@@ -183,14 +183,14 @@ class LimitChecker:
             allowed=float(allowed[joint]),
             time=_time(motion, found.panel + (found.x + 1.0) / 2.0),
             where=self._names[joint],
-            kept=found.value <= 1.0 + ROUNDING,
+            kept=found.value <= 1.0 + TOLERANCE,
             ratio=found.value,
         )
 
     def _clearance(self, allowed: float, hasty: bool, motion: Motion) -> LimitResult:
         from freefloat.limits.clearance import nearest
 
-        enough = allowed * (1.0 - ROUNDING)
+        enough = allowed * (1.0 - TOLERANCE)
         found = nearest(motion, self.pairs, enough if hasty else None)
         ratio = np.inf if found.distance <= 0.0 else allowed / found.distance
         return LimitResult(

@@ -13,9 +13,6 @@ from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.so3 import Array, frozen
 
-ROUNDING = 1e-6
-"""Share of a limit by which rounding may make a motion that just keeps it exceed it."""
-
 
 class LimitKind(StrEnum):
     """What is limited."""

@@ -50,10 +50,13 @@ class ArcFlow(Protocol):
 
 def arc_flow(problem: Problem, direction: float) -> ArcFlow:
     """The flow of a problem, forward in time where ``direction`` is 1, backward where it is -1."""
-    square = problem.model.dof == len(problem.task.rows)
     reference = np.zeros(5 + problem.model.dof)
     reference[0] = direction
-    return _CompiledFlow(problem, reference) if square else _RedundantFlow(problem, reference)
+    return (
+        _RedundantFlow(problem, reference)
+        if problem.redundant
+        else _CompiledFlow(problem, reference)
+    )
 
 
 def _standing_still_in_time(reference: Array) -> Array:

@@ -11,7 +11,7 @@ from numpy.polynomial import chebyshev
 from freefloat.dynamics.measures import measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.bounds import METHOD, lower_bounds
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.motion import NODES, Ending, Motion
 from freefloat.motion.second_integration import NAME, Comparison, follow_again
 from freefloat.so3 import Array, rotation_vector_between
@@ -172,7 +172,7 @@ def _rate_errors(motion: Motion) -> tuple[Worst, float]:
 def _least(motion: Motion) -> tuple[tuple[Proven, ...], int]:
     problem = motion.problem
     names = dict.fromkeys(("gjm", "sigma", problem.margin.measure.name))
-    found = [least(motion, measure(problem.model, problem.task, name)) for name in names]
+    found = [closest_approach(motion, measure(problem.model, problem.task, name)) for name in names]
     values = {one.measure: one.value for one in found}
     if motion.ending is Ending.SINGULAR or not min(values.values()):
         proven, intervals = dict.fromkeys(values, 0.0), 0

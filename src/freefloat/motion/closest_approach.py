@@ -13,9 +13,6 @@ from freefloat.errors import require_type
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array
 
-_ROUNDING = 1e-6
-"""Share of a margin by which rounding may make a motion that just touches it miss it."""
-
 
 @dataclass(frozen=True)
 class ClosestApproach:
@@ -33,12 +30,8 @@ class ClosestApproach:
     sign: int
     time: float
 
-    def keeps(self, margin: float) -> bool:
-        """Whether the magnitude is a margin's or more, but for rounding, and not zero."""
-        return self.value > 0.0 and self.value >= margin * (1.0 - _ROUNDING)
 
-
-def least(motion: Motion, of: Measure) -> ClosestApproach:
+def closest_approach(motion: Motion, of: Measure) -> ClosestApproach:
     """Where a measure is smallest along a motion.
 
     Args:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -37,31 +37,67 @@ from freefloat.so3 import (
     unit_quaternion,
 )
 
+TOLERANCE = 1e-6
+"""Fraction of a threshold or limit that rounding may use up."""
 _NEAR = 0.05
 """How near joint values must be to mean a branch [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Margin:
-    """How far from dynamic singularities a motion has to stay.
+    """Required distance from dynamic singularities.
 
     Attributes:
-        measure: What is measured.
-        value: The measure must keep its initial sign and never be smaller in magnitude.
+        measure: The singularity measure.
+        threshold: The measure must keep its initial sign and at least this magnitude.
     """
 
     __repr__ = brief
 
     measure: Measure
-    value: float
+    threshold: float
 
     def __post_init__(self) -> None:
         accepted = "measure(model, task, name), such as measure(model, Task.POSE, 'gjm')"
         require_type("margin.measure", self.measure, Measure, accepted)
         accepted = "a magnitude, 0 or more"
-        object.__setattr__(self, "value", finite_number("margin.value", self.value, accepted))
-        if self.value < 0.0:
-            raise InputError("margin.value", f"{self.value} was given", accepted)
+        threshold = finite_number("margin.value", self.threshold, accepted)
+        object.__setattr__(self, "threshold", threshold)
+        if threshold < 0.0:
+            raise InputError("margin.value", f"{threshold} was given", accepted)
+
+    @overload
+    def is_kept(self, values: float) -> bool: ...
+
+    @overload
+    def is_kept(self, values: Array) -> npt.NDArray[np.bool_]: ...
+
+    def is_kept(self, values: float | Array) -> bool | npt.NDArray[np.bool_]:
+        """Whether smallest magnitudes along motions keep the margin.
+
+        Args:
+            values: Smallest magnitude of the measure along a motion, or an array of them.
+
+        Returns:
+            True where the value is not zero and at least the threshold, less a millionth of it for
+            rounding; of the shape of ``values``.
+        """
+        return is_kept(values, self.threshold)
+
+
+@overload
+def is_kept(values: float, threshold: float) -> bool: ...
+
+
+@overload
+def is_kept(values: Array, threshold: float) -> npt.NDArray[np.bool_]: ...
+
+
+def is_kept(values: float | Array, threshold: float) -> bool | npt.NDArray[np.bool_]:
+    """The rule of :meth:`Margin.is_kept` for any threshold."""
+    if isinstance(values, np.ndarray):
+        return np.asarray((values > 0.0) & (values >= threshold * (1.0 - TOLERANCE)))
+    return bool(values > 0.0 and values >= threshold * (1.0 - TOLERANCE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +126,12 @@ class Problem:
     def __post_init__(self) -> None:
         require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
         require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
-        require_type("margin", self.margin, Margin, "Margin(measure(model, task, name), value)")
+        require_type("margin", self.margin, Margin, "Margin(measure(model, task, name), threshold)")
         object.__setattr__(self, "task", Task.of(self.task))
         momentum = finite_vector("momentum", self.momentum, 3)
         object.__setattr__(self, "momentum", frozen(momentum))
         self.resolved_rate_solver()
-        if self.task.turns and isinstance(self.path.path.attitude, FreeOrientation):
+        if self.task.turns and isinstance(self.path.path.orientation, FreeOrientation):
             raise InputError(
                 "path.attitude",
                 f"it is missing, task {self.task} needs it",
@@ -108,6 +144,15 @@ class Problem:
         """Made anew on unpickling, so that its arrays are read-only there, too."""
         given = (self.model, self.path, self.task, self.momentum, self.margin, self.redundancy)
         return Problem, given
+
+    @property
+    def redundant(self) -> bool:
+        """Whether the arm has more joints than the task has rows."""
+        return self.model.dof > len(self.task.rows)
+
+    def stretched(self, factor: float) -> Problem:
+        """The same problem, all times of its path multiplied by a factor."""
+        return replace(self, path=replace(self.path, timing=self.path.timing.stretched(factor)))
 
     def resolved_rate_solver(self) -> ResolvedRateSolver:
         """Equation (4) of this problem, ready to be solved."""
@@ -138,7 +183,7 @@ class Problem:
                 f"a path with z = {level:g} m everywhere",
             )
         for s in np.linspace(0.0, 1.0, 21) if self.task.turns else ():
-            upright = self.path.path.attitude.rotation(float(s)) @ straight.T
+            upright = self.path.path.orientation.rotation(float(s)) @ straight.T
             if upright[2, 2] < 1.0 - 1e-9:
                 raise InputError(
                     "path.attitude",
@@ -204,7 +249,7 @@ class Problem:
         """
         given = self.model.joint_vector(joints)
         candidates = list(branches)
-        if self.model.dof > len(self.task.rows):
+        if self.redundant:
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
             candidates += nearest_configuration(self.model, target, self.task, given)
         for branch in candidates:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from freefloat.brief import brief
 from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
-from freefloat.motion.closest_approach import ClosestApproach, least
+from freefloat.motion.closest_approach import ClosestApproach, closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.joint_extents import unwrapped
 from freefloat.motion.motion import Motion
@@ -26,21 +26,21 @@ class SimulatedBranch:
     Attributes:
         branch: The arm at the start.
         motion: How it followed the path.
-        least: How near it came to a dynamic singularity, by the problem's margin.
+        closest_approach: How near it came to a dynamic singularity, by the problem's margin.
     """
 
     __repr__ = brief
 
     branch: ArmBranch
     motion: Motion
-    least: ClosestApproach
+    closest_approach: ClosestApproach
 
     @property
     def title(self) -> str:
         """``branch 2 shoulder+ elbow- wrist+``, say; of arms with joints to spare ``start 2``."""
         number, label = self.branch.index, self.branch.label
         problem = self.motion.problem
-        kind = "start" if problem.model.dof > len(problem.task.rows) else "branch"
+        kind = "start" if problem.redundant else "branch"
         return f"{kind} {number}" + ("" if label == str(number) else f" {label}")
 
 
@@ -49,20 +49,20 @@ class Simulation:
     """What an attitude leads to.
 
     Attributes:
-        followed: Every arm branch that reaches the start of the path.
+        branches: Every arm branch that reaches the start of the path.
         chosen: The one asked for; else the one that completes with the largest margin, or, where
             none completes, comes nearest to it.
     """
 
     __repr__ = brief
 
-    followed: tuple[SimulatedBranch, ...]
+    branches: tuple[SimulatedBranch, ...]
     chosen: SimulatedBranch
 
     def named_motions(self) -> dict[str, Motion]:
         """All motions by arm branch, the chosen one first."""
         named: dict[str, Motion] = {}
-        for one in sorted(self.followed, key=lambda one: one is not self.chosen):
+        for one in sorted(self.branches, key=lambda one: one is not self.chosen):
             name = one.title
             named[name if name not in named else f"{name} ({len(named)})"] = one.motion
         return named
@@ -116,7 +116,9 @@ def simulate(
             problem, attitude, one.joints, stop_at_margin=stop_at_margin, tolerance=tolerance
         ))  # fmt: skip
         told = replace(one, joints=motion.initial.joints)
-        followed.append(SimulatedBranch(told, motion, least(motion, problem.margin.measure)))
+        followed.append(
+            SimulatedBranch(told, motion, closest_approach(motion, problem.margin.measure))
+        )
     if wanted is not None:
         chosen = followed[[one is wanted for one in branches].index(True)]
     else:
@@ -131,7 +133,7 @@ def _merit(one: SimulatedBranch) -> tuple[bool, float, float]:
     """
     return (
         one.motion.completed,
-        float(f"{one.least.value:.6g}"),
+        float(f"{one.closest_approach.value:.6g}"),
         float(f"{one.motion.final.time:.6g}"),
     )
 

@@ -164,6 +164,60 @@ class DirectedOrientation:
     reference: Array
     direction: Travel | Sight
 
+    @classmethod
+    def follow(cls, curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedOrientation:
+        """An end-effector that looks along its direction of travel, its z axis along a normal.
+
+        Args:
+            curve: The curve.
+            axis: ``x``, ``-x``, ``y`` or ``-y``: kept along the direction of travel.
+            normal: Inertial direction that the z axis keeps to, made orthogonal to the travel.
+
+        Raises:
+            InputError: If the curve stands still somewhere or runs along the normal.
+        """
+        if axis not in ("x", "-x", "y", "-y"):
+            raise InputError("attitude.follow.axis", f"{axis!r} was given", "x, -x, y or -y")
+        reference = unit_vector("attitude.follow.normal", normal)
+        law = cls(axis, "z", frozen(reference), Travel(curve))
+        law.refuse_gaps(
+            "attitude.follow", "the path has no direction of travel", "normal lies along the path",
+            "a path that never stands still and a normal across it",
+        )  # fmt: skip
+        return law
+
+    @classmethod
+    def point_at(cls, curve: Curve, axis: str, target: npt.ArrayLike) -> DirectedOrientation:
+        """An end-effector that points one axis at a fixed target.
+
+        Roll about that axis is settled by keeping the next axis (y after x, z after y, x after z)
+        as near as can be to the inertial axis that lies farthest from all directions of sight.
+
+        Args:
+            curve: The curve of the end-effector.
+            axis: ``x``, ``y``, ``z`` or one of them with a minus sign.
+            target: Inertial point looked at [m], shape (3,).
+
+        Raises:
+            InputError: If the curve passes through the target or roll cannot be settled.
+        """
+        if axis not in ("x", "-x", "y", "-y", "z", "-z"):
+            raise InputError(
+                "attitude.point_at.axis", f"{axis!r} was given", "x, y, z, -x, -y or -z"
+            )
+        point = finite_vector("attitude.point_at.target", target, 3)
+        sights = np.array([point - curve(float(s)) for s in _LOOKS])
+        sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
+        reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
+        second = "yzx"["xyz".index(axis[-1])]
+        law = cls(axis, second, frozen(reference), Sight(curve, point))
+        law.refuse_gaps(
+            "attitude.point_at", "the path passes through the target",
+            "no inertial axis stays clear of the directions of sight",
+            "a target off the path, seen within less than half a sphere",
+        )  # fmt: skip
+        return law
+
     def _axes(self, s: float) -> tuple[_Vector, _Vector, _Vector, _Vector]:
         """The two named axes, and their derivatives by s."""
         sign = -1.0 if self.axis.startswith("-") else 1.0
@@ -250,55 +304,3 @@ def _unit_and_rate(vector: _Vector, rate: _Vector) -> tuple[_Vector, _Vector]:
     length = math.sqrt(_dot(vector, vector))
     unit = _scaled(1.0 / length, vector)
     return unit, _scaled(1.0 / length, _minus(rate, _scaled(_dot(unit, rate), unit)))
-
-
-def follow_orientation(curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedOrientation:
-    """An end-effector that looks along its direction of travel, its z axis along a normal.
-
-    Args:
-        curve: The curve.
-        axis: ``x``, ``-x``, ``y`` or ``-y``: kept along the direction of travel.
-        normal: Inertial direction that the z axis keeps to, made orthogonal to the travel.
-
-    Raises:
-        InputError: If the curve stands still somewhere or runs along the normal.
-    """
-    if axis not in ("x", "-x", "y", "-y"):
-        raise InputError("attitude.follow.axis", f"{axis!r} was given", "x, -x, y or -y")
-    reference = unit_vector("attitude.follow.normal", normal)
-    law = DirectedOrientation(axis, "z", frozen(reference), Travel(curve))
-    law.refuse_gaps(
-        "attitude.follow", "the path has no direction of travel", "normal lies along the path",
-        "a path that never stands still and a normal across it",
-    )  # fmt: skip
-    return law
-
-
-def point_at_orientation(curve: Curve, axis: str, target: npt.ArrayLike) -> DirectedOrientation:
-    """An end-effector that points one axis at a fixed target.
-
-    Roll about that axis is settled by keeping the next axis (y after x, z after y, x after z) as
-    near as can be to the inertial axis that lies farthest from all directions of sight.
-
-    Args:
-        curve: The curve of the end-effector.
-        axis: ``x``, ``y``, ``z`` or one of them with a minus sign.
-        target: Inertial point looked at [m], shape (3,).
-
-    Raises:
-        InputError: If the curve passes through the target or roll cannot be settled.
-    """
-    if axis not in ("x", "-x", "y", "-y", "z", "-z"):
-        raise InputError("attitude.point_at.axis", f"{axis!r} was given", "x, y, z, -x, -y or -z")
-    point = finite_vector("attitude.point_at.target", target, 3)
-    sights = np.array([point - curve(float(s)) for s in _LOOKS])
-    sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
-    reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
-    second = "yzx"["xyz".index(axis[-1])]
-    law = DirectedOrientation(axis, second, frozen(reference), Sight(curve, point))
-    law.refuse_gaps(
-        "attitude.point_at", "the path passes through the target",
-        "no inertial axis stays clear of the directions of sight",
-        "a target off the path, seen within less than half a sphere",
-    )  # fmt: skip
-    return law

@@ -31,21 +31,21 @@ class EndEffectorPath:
 
     Attributes:
         curve: Position.
-        attitude: Attitude; tasks that prescribe none may leave it out.
+        orientation: Orientation; may be left out for position tasks.
     """
 
     __repr__ = brief
 
     curve: Curve
-    attitude: OrientationLaw = field(default_factory=FreeOrientation)
+    orientation: OrientationLaw = field(default_factory=FreeOrientation)
 
     def __post_init__(self) -> None:
         accepted = "a curve, such as PolynomialCurve.line(start, end), ArcCurve or SplineCurve"
         require_type("path.curve", self.curve, Curve, accepted)
         accepted = "an attitude law, such as FixedOrientation(axes) or SlerpOrientation(start, end)"
-        require_type("path.attitude", self.attitude, OrientationLaw, accepted)
+        require_type("path.attitude", self.orientation, OrientationLaw, accepted)
         places = np.array([self.curve(float(s)) for s in _LOOKS])
-        turns = [np.linalg.norm(self.attitude.rate(float(s))) for s in _LOOKS[::10]]
+        turns = [np.linalg.norm(self.orientation.rate(float(s))) for s in _LOOKS[::10]]
         if not np.isfinite(places).all():
             raise InputError("path", "it leaves the finite numbers", "finite coordinates")
         if np.ptp(places, axis=0).max() == 0.0 and max(turns) == 0.0:
@@ -53,23 +53,23 @@ class EndEffectorPath:
 
     def pose(self, s: float) -> Pose:
         """Pose in the inertial frame, whose origin is the system's centre of mass."""
-        return Pose(self.curve(s), self.attitude.rotation(s))
+        return Pose(self.curve(s), self.orientation.rotation(s))
 
     def tangent(self, s: float) -> Array:
         """Derivative of the pose by s: [linear; angular], inertial axes [m; rad], shape (6,)."""
-        return np.concatenate([self.curve(s, 1), self.attitude.rate(s)])
+        return np.concatenate([self.curve(s, 1), self.orientation.rate(s)])
 
     @cached_property
     def breaks(self) -> Array:
         """Values of s, rising, inside (0, 1), at which high derivatives jump."""
-        return frozen(np.union1d(breaks_of(self.curve), breaks_of(self.attitude)))
+        return frozen(np.union1d(breaks_of(self.curve), breaks_of(self.orientation)))
 
     def tangent_within(self, low: float, high: float) -> Callable[[float], Array]:
         """The tangent between two places; beyond them it goes on as smoothly as there."""
-        curve, attitude = within(self.curve, low, high), within(self.attitude, low, high)
-        return lambda s: np.concatenate([curve(s, 1), attitude.rate(s)])
+        curve, orientation = within(self.curve, low, high), within(self.orientation, low, high)
+        return lambda s: np.concatenate([curve(s, 1), orientation.rate(s)])
 
-    def bend(self, s: float) -> Array:
+    def second_derivative(self, s: float) -> Array:
         """Derivative of the tangent by s [m; rad], shape (6,).
 
         That of the attitude's rate is a difference of fourth order, taken a little further inside
@@ -77,7 +77,7 @@ class EndEffectorPath:
         """
         at = min(max(s, 2.0 * _STEP), 1.0 - 2.0 * _STEP)
         before, after = (
-            (8.0 * self.attitude.rate(at + side) - self.attitude.rate(at + 2.0 * side)) / 12.0
+            (8.0 * self.orientation.rate(at + side) - self.orientation.rate(at + 2.0 * side)) / 12.0
             for side in (-_STEP, _STEP)
         )
         return np.concatenate([self.curve(s, 2), (after - before) / _STEP])

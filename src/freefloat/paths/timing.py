@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
@@ -122,6 +122,11 @@ class Timing:
                 f"0 < s < 1 and 0 < t < {self.duration:g}, both rising from stop to stop",
             )
 
+    def stretched(self, factor: float) -> Timing:
+        """The same law with all times multiplied by a factor."""
+        stops = tuple(Stop(stop.s, factor * stop.t) for stop in self.stops)
+        return replace(self, duration=factor * self.duration, stops=stops)
+
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
         """S by time, piece by piece."""
@@ -177,7 +182,7 @@ class TimedPath:
     timing: Timing
 
     def __post_init__(self) -> None:
-        require_type("path", self.path, EndEffectorPath, "EndEffectorPath(curve, attitude)")
+        require_type("path", self.path, EndEffectorPath, "EndEffectorPath(curve, orientation)")
         require_type("timing", self.timing, Timing, "Timing(duration), in seconds")
 
     @property
@@ -233,4 +238,4 @@ class TimedPath:
             piece: As for :meth:`Timing.s`; where two pieces of the law meet it may jump.
         """
         s, rate, growth = (self.timing.s(t, order, piece) for order in range(3))
-        return self.path.bend(s) * rate**2 + self.path.tangent(s) * growth
+        return self.path.second_derivative(s) * rate**2 + self.path.tangent(s) * growth

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from freefloat.brief import brief
-from freefloat.ensemble.ensemble import Progress, kept
+from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import (
     UNREACHED,
     BranchOutcomes,
@@ -22,7 +22,7 @@ from freefloat.ensemble.feasibility import (
 )
 from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.errors import InputError
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, is_kept
 from freefloat.so3 import Array, attitude_grid, frozen, grid_spacing, whole_number
 
 _BLOCK = 2048
@@ -64,7 +64,7 @@ class AttitudeMap:
     @property
     def kept(self) -> npt.NDArray[np.bool_]:
         """Where the margin is kept, shape (N, B)."""
-        return kept(self.margins, self.problem.margin.value)
+        return self.problem.margin.is_kept(self.margins)
 
     @property
     def motions(self) -> int:
@@ -102,7 +102,7 @@ class AttitudeMap:
         twins, which share their motions, only the first is told.
         """
         margins = self.margins
-        if self.problem.model.dof > len(self.problem.task.rows):
+        if self.problem.redundant:
             return [(None, margins.max(axis=1, initial=0.0))]
         reached = np.flatnonzero((self.endings != UNREACHED).any(axis=0))
         step = 2 if has_wrist_flipped_branches(self.problem) else 1
@@ -186,7 +186,7 @@ def branch_names(found: AttitudeMap) -> dict[int | None, str]:
 
     Those of a redundant arm have no names: all together are one, without a number.
     """
-    if found.problem.model.dof > len(found.problem.task.rows):
+    if found.problem.redundant:
         return {None: "any"}
     reached, names = found.endings != UNREACHED, dict[int, str]()
     for index in np.flatnonzero(reached.any(axis=0)):
@@ -214,10 +214,10 @@ def regions(found: AttitudeMap) -> list[Region]:
     Samples hang together when they are among each other's nearest and not farther apart than one
     and a half times the grid's spacing; what is narrower than that may be cut or joined.
     """
-    N, value = len(found.attitudes), found.problem.margin.value
+    N, value = len(found.attitudes), found.problem.margin.threshold
     parts = []
     for branch, margins in found.families():
-        inside = kept(margins, value)
+        inside = is_kept(margins, value)
         if not inside.any():
             continue
         depth = depths(found.attitudes, inside)

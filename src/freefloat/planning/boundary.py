@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from freefloat.ensemble.ensemble import Progress, kept
+from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.motion.problem import is_kept
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.tangency import boundary_attitude, tangency_family
 from freefloat.so3 import (
@@ -89,10 +90,10 @@ def boundary(outlook: FeasibilityEvaluator, found: AttitudeMap, count: int) -> l
         found: The map.
         count: How many for each arm branch, evenly picked among all pairs of neighbours.
     """
-    value, points = found.problem.margin.value, []
+    value, points = found.problem.margin.threshold, []
     for branch, margins in found.families():
         inside = partial(outlook.keeps, branch=branch)
-        edge_ = edge(inside, found.attitudes, kept(margins, value), count, EXACT)
+        edge_ = edge(inside, found.attitudes, is_kept(margins, value), count, EXACT)
         points += [BoundaryPoint(attitude, branch) for attitude in edge_]
     return points
 

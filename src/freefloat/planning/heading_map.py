@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.brief import brief
-from freefloat.ensemble.ensemble import Progress, kept
+from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
 from freefloat.errors import InputError
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, is_kept
 from freefloat.planning.planar_ranges import (
     TURN,
     BranchRanges,
@@ -62,7 +62,7 @@ class HeadingMap:
     @property
     def kept(self) -> Array:
         """Where the margin is kept, shape (B, N), as 0 or 1."""
-        return np.asarray(kept(np.nan_to_num(self.least), self.margin), dtype=float)
+        return np.asarray(is_kept(np.nan_to_num(self.least), self.margin), dtype=float)
 
 
 def heading_evaluator(problem: Problem, threads: int | None = None) -> FeasibilityEvaluator:
@@ -102,7 +102,7 @@ def heading_map(
     branches = np.flatnonzero(exists.any(axis=0))
     least = np.where(exists, found.margins, np.nan)[:, branches].T
     ended = found.spread(found.rollout.ended_at)[:, branches].T
-    value = problem.margin.value
+    value = problem.margin.threshold
     numbers = tuple(int(branch) for branch in branches)
     return HeadingMap(headings, numbers, frozen(least), frozen(ended), value)
 
@@ -153,7 +153,7 @@ def searched_ranges(
     problem = outlook.problem
     headings = _looked_at(problem, samples)
     good, reached = _verdicts(outlook, headings, progress)
-    if is_redundant(problem):
+    if problem.redundant:
         names = {0: "any"}
     elif has_two_angle_form(problem.model, problem.task):
         names = {0: "elbow+", 1: "elbow-"}
@@ -170,11 +170,6 @@ def searched_ranges(
         for column, (index, name) in enumerate(names.items())
         for own in [columns == column]
     )
-
-
-def is_redundant(problem: Problem) -> bool:
-    """Whether the arm has more joints than the task needs."""
-    return problem.model.dof > len(problem.task.rows)
 
 
 def _even(samples: int) -> Array:
@@ -199,8 +194,8 @@ def _verdicts(
     All branches of a redundant arm are one: a heading is good when any of them is.
     """
     found = outlook.prospects(attitudes_at(headings), stop_at_margin=True, progress=progress)
-    good = kept(found.margins, outlook.problem.margin.value)
-    if is_redundant(outlook.problem):
+    good = outlook.problem.margin.is_kept(found.margins)
+    if outlook.problem.redundant:
         good = np.asarray(good.any(axis=1, keepdims=True))
     return good, (found.endings != UNREACHED).any(axis=0)
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from freefloat.ensemble.ensemble import Progress, kept
+from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.joint_extents import unwrapped
 from freefloat.motion.motion import Motion
@@ -57,7 +57,9 @@ class _Search:
     def passes(self, chosen: SimulatedBranch) -> tuple[LimitResult, ...] | None:
         """The findings of a motion that keeps margin and limits; what breaks is counted."""
         self.followed += 1
-        if not (chosen.motion.completed and chosen.least.keeps(self.problem.margin.value)):
+        if not (
+            chosen.motion.completed and self.problem.margin.is_kept(chosen.closest_approach.value)
+        ):
             self.excluded["margin"] += 1
             return None
         found = _Findings(self.checker.in_turn(chosen.motion))
@@ -137,7 +139,7 @@ def keep_limits(
     sent_away: list[Screened] = []
     refused: list[Screened] = []
     passed_over: list[Screened] = []
-    seen, total = 0, int(kept(margins, found.problem.margin.value).sum())
+    seen, total = 0, int(found.problem.margin.is_kept(margins).sum())
     pairs = None if limits.clearance is None else search.checker.pairs
     for candidate in screened(search.outlook, attitudes, margins, found.search, limits, pairs):
         seen += 1
@@ -202,7 +204,7 @@ def _precisely(problem: Problem, attitude: Array, branch: int) -> SimulatedBranc
     """A branch's motion, integrated through Pinocchio, its joints inside their ranges if so."""
     own = next(one for one in problem.branches(attitude) if one.index == branch)
     motion = integrate_motion(problem, attitude, own.joints)
-    return _wound(SimulatedBranch(own, motion, least(motion, problem.margin.measure)))
+    return _wound(SimulatedBranch(own, motion, closest_approach(motion, problem.margin.measure)))
 
 
 def _wound(one: SimulatedBranch) -> SimulatedBranch:
@@ -268,7 +270,7 @@ def _reason(found: Plan, chosen: SimulatedBranch, attitude: Array) -> str:
     words = "deepest inside" if objective is Objective.ROBUST else "largest margin"
     return (
         f"the {words} among the samples that keep the limits, "
-        f"{chosen.least.measure} {chosen.least.value:.6g}"
+        f"{chosen.closest_approach.measure} {chosen.closest_approach.value:.6g}"
     )
 
 

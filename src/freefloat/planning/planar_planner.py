@@ -99,12 +99,12 @@ def _hopeless(problem: Problem) -> str | None:
                 f"{inner:.4g} to {outer:.4g} m{light_spacecraft(problem)}"
             )
     s, largest = most_singular_place(problem)
-    if largest < _SURE * problem.margin.value:
+    if largest < _SURE * problem.margin.threshold:
         place = point_3_on_path(problem, s)
         return (
             f"at s = {s:.3g}, with the {workspace.point} at {_point(place)} m, "
             f"no configuration has |S| above {largest:.4g}; the margin asks for "
-            f"{problem.margin.value:.4g}"
+            f"{problem.margin.threshold:.4g}"
         )
     return None
 
@@ -132,11 +132,11 @@ def _choose(
     heading, entry, one, reason = choose(outlook, now, pairs)
     branch = _number(entry)
     chosen = simulate(problem, heading_quaternion(heading), branch=branch).chosen
-    if not (chosen.motion.completed and chosen.least.keeps(problem.margin.value)):
+    if not (chosen.motion.completed and problem.margin.is_kept(chosen.closest_approach.value)):
         reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
         return Plan(problem, search, False, reason, ranges, segments)
     if search.objective is Objective.MARGIN:
-        reason = f"{reason}, {chosen.least.measure} {chosen.least.value:.6g}"
+        reason = f"{reason}, {chosen.closest_approach.measure} {chosen.closest_approach.value:.6g}"
     return Plan(
         problem, search, True, reason, ranges, segments, chosen, max(0.0, one.depth(heading))
     )
@@ -192,11 +192,11 @@ def _nearest_miss(outlook: FeasibilityEvaluator) -> str:
     ended, least = found.spread(found.rollout.ended_at), found.least
     n, branch = max(tried, key=lambda place: (ended[tuple(place)], least[tuple(place)]))
     one = simulate(problem, attitudes[n], branch=int(branch)).chosen
-    time = one.least.time
+    time = one.closest_approach.time
     where, s = problem.path.pose(time).position, round(problem.path.timing.s(time), 4)
     return (
         f"every heading breaks the margin; of {_TRIED} tried the best "
         f"{'falls to' if one.motion.completed else 'becomes singular,'} "
-        f"{one.least.measure} {one.least.value:.4g} at s = {s:g}, "
+        f"{one.closest_approach.measure} {one.closest_approach.value:.4g} at s = {s:g}, "
         f"({where[0]:.4g}, {where[1]:.4g}) m"
     )

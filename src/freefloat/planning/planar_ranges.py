@@ -16,10 +16,10 @@ import numpy as np
 from freefloat.brief import brief
 from freefloat.dynamics.measures import largest_magnitude
 from freefloat.errors import IntegrationError
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, is_kept
 from freefloat.planning.planar_tangency import TangencyPoint, tangency_points
 from freefloat.robot.joint_distance import joint_distance
 from freefloat.so3 import Array, heading_of, heading_quaternion
@@ -119,14 +119,15 @@ class BranchRanges:
 
 def margin_level(problem: Problem) -> float:
     """S0 > 0 for which limits are computed: the margin, or nearly zero where that is zero."""
-    if problem.margin.value > 0.0:
-        return problem.margin.value
+    if problem.margin.threshold > 0.0:
+        return problem.margin.threshold
     return _SMALLEST_LEVEL * largest_magnitude(problem.model, problem.margin.measure)
 
 
 def keeps_margin(problem: Problem, motion: Motion, level: float) -> bool:
     """Whether a motion was completed with S of one sign and never below a level."""
-    return motion.completed and least(motion, problem.margin.measure).keeps(level)
+    approach = closest_approach(motion, problem.margin.measure)
+    return motion.completed and is_kept(approach.value, level)
 
 
 def find_range_limits(problem: Problem, span: Span) -> tuple[Limit, ...]:

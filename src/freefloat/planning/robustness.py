@@ -24,7 +24,7 @@ def with_robustness(found: Plan, threads: int | None = None) -> Plan:
     attitude, branch = found.chosen.motion.initial.attitude, found.chosen.branch
     radius = found.robust_radius
     if radius is None:
-        redundant = found.problem.model.dof > len(found.problem.task.rows)
+        redundant = found.problem.redundant
         own = None if redundant else branch.index  # its branches do not vary with the attitude
         radius = safe_radius(outlook, attitude, own, grid_spacing(len(found.map.attitudes)))
     bears = tolerance(outlook.roller, attitude, branch.joints)

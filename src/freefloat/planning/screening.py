@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.ensemble import kept
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.collision_pairs import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.joint_extents import joint_ranges
+from freefloat.motion.problem import is_kept
 from freefloat.planning.attitude_map import depths
 from freefloat.planning.clearance_screening import shortfalls
 from freefloat.planning.options import Objective, Search
@@ -70,7 +70,9 @@ def screened(
         limits: Beside the joint ranges.
         pairs: Of bodies whose clearance is limited; None where it is not.
     """
-    samples, branches, merits = _ranked(attitudes, margins, search, outlook.problem.margin.value)
+    samples, branches, merits = _ranked(
+        attitudes, margins, search, outlook.problem.margin.threshold
+    )
     first, size = 0, _FIRST_BATCH
     while first < len(samples):
         batch = slice(first, first + size)
@@ -120,7 +122,7 @@ def _ranked(
     attitudes: Array, margins: Array, search: Search, least: float
 ) -> tuple[IntArray, IntArray, Array]:
     """Samples and branches that keep the margin, in the order of the objective; their merits."""
-    good = kept(margins, least)
+    good = is_kept(margins, least)
     samples, branches = np.nonzero(good)
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
         merits = angle_between(attitudes, search.from_attitude)[samples]

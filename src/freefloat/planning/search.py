@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.ensemble import kept
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.motion.problem import is_kept
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.boundary import EXACT, ROUGH, Inside, bisected
 from freefloat.so3 import (
@@ -119,24 +119,24 @@ def nearest_feasible(
     They lie inside the feasible set by as little as compiled motions can tell. Among them is each
     branch's nearest sample of the map.
     """
-    margin = found.problem.margin.value
+    margin = found.problem.margin.threshold
     value, candidates = margin * (1.0 + _INSIDE), []
     for branch, margins in found.families():
         here = outlook.margins(now[None], branch)
-        if kept(here, margin)[0]:
+        if is_kept(here, margin)[0]:
             candidates.append(Candidate(now, branch, 0.0))
-        if kept(here, value)[0]:
+        if is_kept(here, value)[0]:
             continue
 
         def inside(attitudes: Array, branch: int | None = branch) -> npt.NDArray[np.bool_]:
-            return kept(outlook.margins(attitudes, branch), value)
+            return is_kept(outlook.margins(attitudes, branch), value)
 
         order = np.argsort(angle_between(found.attitudes, now))
-        sure = found.attitudes[order[kept(margins[order], value)][:3]]
+        sure = found.attitudes[order[is_kept(margins[order], value)][:3]]
         places = sure
         if len(sure):
             places = closest(inside, now, sure, grid_spacing(len(order)), _SMALL)
-        nearest = found.attitudes[order[kept(margins[order], margin)][:1]]
+        nearest = found.attitudes[order[is_kept(margins[order], margin)][:1]]
         for attitude in (*places, *nearest):
             candidates.append(Candidate(attitude, branch, float(angle_between(attitude, now))))
     return sorted(candidates, key=lambda one: one.merit)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.ensemble.ensemble import Progress, kept
+from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
 from freefloat.so3 import Array, frozen
 
@@ -121,7 +121,7 @@ def _cut(
     inside = np.linalg.norm(vectors, axis=2) <= np.pi + ticks[1] - ticks[0]
     attitudes = Rotation.from_rotvec(vectors[inside]).as_quat()
     found = outlook.prospects(attitudes, stop_at_margin=True)
-    keeps = kept(found.margins, outlook.problem.margin.value)
+    keeps = outlook.problem.margin.is_kept(found.margins)
     least, reached = np.full(inside.shape, np.nan), np.zeros(inside.shape, dtype=bool)
     least[inside] = np.where(keeps, found.margins, 0.0).max(axis=1, initial=0.0)
     reached[inside] = (found.endings != UNREACHED).any(axis=1)

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from freefloat.ensemble.ensemble import Progress, kept
+from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, is_kept
 from freefloat.motion.reach import told_reach, unreached_start
 from freefloat.motion.simulation import SimulatedBranch, simulate
 from freefloat.planning.attitude_map import AttitudeMap, map_attitudes
@@ -58,7 +58,7 @@ def plan_in_space(
             f"attitude {np.round(chosen.motion.initial.attitude, 6).tolist()}, "
             f"{_arm(outlook, candidate)}: compiled motions keep the margin, the precise one "
             f"{'falls to' if chosen.motion.completed else 'becomes singular,'} "
-            f"{chosen.least.measure} {chosen.least.value:.6g}"
+            f"{chosen.closest_approach.measure} {chosen.closest_approach.value:.6g}"
         )
     else:
         reason = _nearest_miss(outlook, found)
@@ -85,8 +85,10 @@ def _candidates(
         deep = deepest(outlook, found)
         if deep is not None:
             return [deep]
-    value = found.problem.margin.value
-    between = [one for one in largest_margins(outlook, found) if kept(np.array(one.merit), value)]
+    value = found.problem.margin.threshold
+    between = [
+        one for one in largest_margins(outlook, found) if is_kept(np.array(one.merit), value)
+    ]
     if search.objective is Objective.MARGIN:
         return between
     judged = [replace(one, merit=_judged(outlook, found, one, search)) for one in between]
@@ -112,13 +114,14 @@ def _precisely(outlook: FeasibilityEvaluator, candidate: Candidate) -> Simulated
 
 
 def _keeps(chosen: SimulatedBranch, problem: Problem) -> bool:
-    return chosen.motion.completed and chosen.least.keeps(problem.margin.value)
+    return chosen.motion.completed and problem.margin.is_kept(chosen.closest_approach.value)
 
 
 def _reason(objective: Objective, candidate: Candidate, chosen: SimulatedBranch) -> str:
     degrees = np.degrees(candidate.merit)
     if objective is Objective.MARGIN:
-        return f"the largest margin, {chosen.least.measure} {chosen.least.value:.6g}"
+        closest = chosen.closest_approach
+        return f"the largest margin, {closest.measure} {closest.value:.6g}"
     if objective is Objective.ROBUST:
         return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
     if candidate.merit == 0.0:
@@ -135,7 +138,7 @@ def _nearest_miss(outlook: FeasibilityEvaluator, found: AttitudeMap) -> str:
     if (found.endings == UNREACHED).all():
         return f"from none of {N} attitudes does {unreached_start(problem)}"
     best = max(largest_margins(outlook, found), key=lambda one: one.merit, default=None)
-    name, value = problem.margin.measure.name, problem.margin.value
+    name, value = problem.margin.measure.name, problem.margin.threshold
     if best is None:
         return f"the arm becomes singular from all of {N} attitudes, with every arm branch"
     return (

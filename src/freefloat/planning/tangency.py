@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
@@ -158,7 +158,7 @@ def boundary_attitude(problem: Problem, touch: TangencyPoint) -> BoundaryAttitud
         return None
     attitude, joints = back.final.attitude, back.final.joints
     motion = integrate_motion(problem, attitude, joints)
-    off = least(motion, problem.margin.measure).value - abs(touch.level)
+    off = closest_approach(motion, problem.margin.measure).value - abs(touch.level)
     if not motion.completed or abs(off) > _ON_BOUNDARY * abs(touch.level):
         return None
     return BoundaryAttitude(attitude, joints, touch)
@@ -177,7 +177,7 @@ def refuse_arms_without_touches(problem: Problem) -> None:
 
 
 def _levels(problem: Problem, level: float | None) -> tuple[float, ...]:
-    value = problem.margin.value if level is None else level
+    value = problem.margin.threshold if level is None else level
     if not np.isfinite(value) or value == 0.0:
         key = "margin.value" if level is None else "level"
         raise InputError(key, f"{value} was given", "a value of S other than zero")

@@ -55,7 +55,7 @@ def tolerance(roller: EnsembleIntegrator, attitude: Array, joints: Array) -> Tol
         joints: At the start, shape (n,).
     """
     problem, h = roller.problem, roller.problem.momentum
-    duration, margin = problem.path.duration, problem.margin.value
+    duration, margin = problem.path.duration, problem.margin.threshold
 
     def keeps(momenta: Array) -> npt.NDArray[np.bool_]:
         K = len(momenta)

@@ -122,15 +122,15 @@ def _map_in_space(
     begin: float,
     sink: Callable[[BranchOutcomes], None] | None = None,
 ) -> dict[str, Any]:
-    from freefloat.ensemble.ensemble import kept
+    from freefloat.motion.problem import is_kept
     from freefloat.planning.attitude_map import map_attitudes, regions
     from freefloat.planning.robust_radius import deepest
     from freefloat.planning.search import largest_margins
 
     found = map_attitudes(outlook, samples, seed, sink=sink)
     highest = largest_margins(outlook, found)
-    margin = outlook.problem.margin.value
-    best = next((one for one in highest if kept(np.array(one.merit), margin)), None)
+    margin = outlook.problem.margin.threshold
+    best = next((one for one in highest if is_kept(np.array(one.merit), margin)), None)
     robust = deepest(outlook, found, [])
     seconds = time.perf_counter() - begin
     return attitude_map_document(found, regions(found), best, robust, seconds)

@@ -120,7 +120,7 @@ def _refuse_touches(problem: Problem) -> None:
     from freefloat.planning.tangency import refuse_arms_without_touches
 
     refuse_arms_without_touches(problem)
-    if problem.margin.value == 0.0:
+    if problem.margin.threshold == 0.0:
         raise InputError(
             "touch", "the margin is zero, motions touch nothing", "a margin other than zero"
         )
@@ -130,7 +130,6 @@ def _searched(
     outlook: FeasibilityEvaluator, found: AttitudeMap, wishes: Wishes, start: float
 ) -> dict[str, Any]:
     """The document of a map, with what lies between its samples."""
-    from freefloat.ensemble.ensemble import kept
     from freefloat.planning.attitude_map import regions
     from freefloat.planning.boundary import boundary, touched_boundary
     from freefloat.planning.robust_radius import deepest
@@ -143,7 +142,7 @@ def _searched(
         touched = touched_boundary(outlook, wishes.touch, found.seed)
         extra["touch"] = touch_document(touched)
     highest = largest_margins(outlook, found)
-    best = next((one for one in highest if kept(np.array(one.merit), problem.margin.value)), None)
+    best = next((one for one in highest if problem.margin.is_kept(np.array(one.merit))), None)
     robust = deepest(outlook, found, touched)
     if wishes.nearest is not None:
         now = problem.attitude("nearest", wishes.nearest)

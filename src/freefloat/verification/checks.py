@@ -10,8 +10,8 @@ from freefloat.dynamics.measures import measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.certificate import Certificate, Proven
-from freefloat.motion.closest_approach import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import is_kept
 from freefloat.so3 import angle_between
 
 _ON_PATH = 1e-7
@@ -148,9 +148,9 @@ def _kept(one: Proven, motion: Motion, promised: bool) -> Check:
     name = "|det S*|" if one.measure == "gjm" else one.measure
     required = None
     if promised and one.measure == problem.margin.measure.name:
-        required = problem.margin.value
+        required = problem.margin.threshold
     words, passed = f"proven: {one.bound:.4g} or more everywhere", True
-    if promised and not ClosestApproach(one.measure, one.value, 1, one.time).keeps(required or 0.0):
+    if promised and not is_kept(one.value, required or 0.0):
         passed = False
         words = (
             f"{one.value:.6g} at t = {one.time:.6g} s is less than the margin {required or 0.0:.6g}"

@@ -13,7 +13,7 @@ from freefloat.answers.report import Document, margin_document, singular_documen
 from freefloat.io.plan_file import StoredPlan
 from freefloat.io.result_file import PLAN
 from freefloat.io.scenario import Scenario
-from freefloat.motion.closest_approach import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.robot.joint_distance import joint_distance
 from freefloat.so3 import angle_between, heading_of
@@ -73,7 +73,7 @@ def differences(stored: StoredPlan, wish: Scenario, motion: Motion) -> list[Diff
 def _expected(stored: StoredPlan, wish: Scenario, motion: Motion) -> Document:
     """The parts of the document that the motion alone decides."""
     problem = motion.problem
-    margin = margin_document(motion, least(motion, problem.margin.measure))
+    margin = margin_document(motion, closest_approach(motion, problem.margin.measure))
     expected = {
         "completed": motion.completed,
         "ending": motion.ending.value,
@@ -169,7 +169,7 @@ def _machine(stored: StoredPlan, wish: Scenario) -> Iterator[Difference]:
 def _branch(told: Any, motion: Motion) -> Difference | None:
     """The arm branch by its number, where branches have numbers."""
     problem = motion.problem
-    if problem.model.dof > len(problem.task.rows):
+    if problem.redundant:
         return None
     joints, nearest = motion.initial.joints, None
     for one in problem.branches(motion.initial.attitude, motion.initial.time):

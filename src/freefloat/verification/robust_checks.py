@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.answers.report import Document
-from freefloat.ensemble.ensemble import EnsembleIntegrator, kept
+from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.plan_file import StoredPlan
 from freefloat.motion.integration import integrate_motion
@@ -111,8 +111,8 @@ def _all_round(stored: StoredPlan, problem: Problem) -> Check | None:
     headings = np.linspace(0.0, TURN, _ROUND // outlook.thrift, endpoint=False)
     attitudes = np.array([heading_quaternion(heading) for heading in headings.tolist()])
     found = outlook.prospects(attitudes, stop_at_margin=True)
-    serve = kept(found.margins, problem.margin.value)
-    if problem.model.dof > len(problem.task.rows):
+    serve = problem.margin.is_kept(found.margins)
+    if problem.redundant:
         serve = np.array(serve.any(axis=1, keepdims=True))
     for branch in sorted({*range(serve.shape[1]), *stored.ranges}):
         ranges = [_range(*row) for row in stored.ranges.get(branch, np.empty((0, 2))).tolist()]
@@ -135,7 +135,7 @@ def _range(low: float, high: float) -> HeadingRange:
 def _serves(problem: Problem, heading: float, branch: int) -> bool:
     """Whether the precise motion of an arm branch (of any where they have no numbers) keeps it."""
     attitude = heading_quaternion(heading)
-    spare = problem.model.dof > len(problem.task.rows)
+    spare = problem.redundant
     return any(
         _keeps(problem, attitude, one.joints)
         for one in problem.branches(attitude)
@@ -152,7 +152,7 @@ def _keeps(problem: Problem, attitude: Array, joints: Array) -> bool:
 def _depth(stored: StoredPlan, motion: Motion, told: float | None) -> Check:
     """How far the heading may be off is its distance from the end of its range."""
     heading, branch = heading_of(motion.initial.attitude), stored.document.get("branch")
-    spare = motion.problem.model.dof > len(motion.problem.task.rows)
+    spare = motion.problem.redundant
     own = [rows for number, rows in stored.ranges.items() if spare or number == branch]
     depths = [_range(*row).depth(heading) for rows in own for row in rows.tolist()]
     found = float(np.degrees(max([0.0, *depths])))
@@ -168,7 +168,7 @@ def _ball(stored: StoredPlan, motion: Motion, told: float) -> Check:
     """Attitudes spread within the radius keep the margin."""
     problem, branch = motion.problem, stored.document.get("branch")
     outlook = FeasibilityEvaluator(problem)
-    spare = problem.model.dof > len(problem.task.rows)
+    spare = problem.redundant
     radius, count = np.radians(told), _TRIED // outlook.thrift
     cloud = attitudes_within(motion.initial.attitude, min(radius, np.pi), count, _SEED)
     bad = int((~outlook.safe(cloud, None if spare else branch)).sum())

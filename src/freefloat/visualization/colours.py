@@ -34,21 +34,21 @@ class MarginColours:
     def over(cls, margin: Margin, values: Iterable[Array]) -> MarginColours:
         """Colours for some magnitudes, and whatever else is needed to show a margin."""
         found = [float(np.max(some)) for some in values if len(some)]
-        return cls(margin, max([1.2 * margin.value, 1e-12, *found]))
+        return cls(margin, max([1.2 * margin.threshold, 1e-12, *found]))
 
     def __call__(self, values: Array) -> Array:
         """Red, green and blue, shape (K, 3), of magnitudes (K,)."""
-        share = (values - self.margin.value) / (self.largest - self.margin.value)
+        share = (values - self.margin.threshold) / (self.largest - self.margin.threshold)
         bright = np.asarray(colormaps["viridis"](_DARKEST + (1.0 - _DARKEST) * share))[:, :3]
         return np.where((share < 0.0)[:, None], _BELOW, bright)
 
     def document(self) -> dict[str, Any]:
         """What a legend shows, as JSON knows it."""
-        stops = np.linspace(self.margin.value, self.largest, _STOPS)
+        stops = np.linspace(self.margin.threshold, self.largest, _STOPS)
         return {
             "measure": self.margin.measure.name,
             "unit": self.margin.measure.unit,
-            "margin": self.margin.value,
+            "margin": self.margin.threshold,
             "largest": self.largest,
             "below": _css(np.array(_BELOW)),
             "stops": [_css(colour) for colour in self(stops)],

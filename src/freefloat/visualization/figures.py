@@ -62,7 +62,7 @@ def plan_figures(
         figures |= _planar_figures(plan, progress, threads)
     if chosen is not None:
         figures["snapshots"] = snapshots_figure(chosen.motion, areas)
-        figures |= motion_figures(chosen.motion, chosen.least)
+        figures |= motion_figures(chosen.motion, chosen.closest_approach)
     if plan.map is not None:
         outlook = FeasibilityEvaluator(problem, threads)
         figures |= attitude_map_figures(plan.map, outlook, _marks(plan), progress)
@@ -146,7 +146,7 @@ def _failing(problem: Problem, entry: BranchRanges) -> Motion | None:
         return None
     heading = min(outside, key=lambda m: max(one.depth(float(m)) for one in entry.ranges))
     try:
-        followed = simulate(problem, heading_quaternion(float(heading))).followed
+        followed = simulate(problem, heading_quaternion(float(heading))).branches
     except UnreachableError:
         return None
     return next((one.motion for one in followed if one.branch.index == entry.branch), None)

@@ -10,9 +10,9 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
-from freefloat.ensemble.ensemble import kept
 from freefloat.ensemble.feasibility import UNREACHED, has_wrist_flipped_branches
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
+from freefloat.motion.problem import is_kept
 from freefloat.planning.attitude_map import AttitudeMap, branch_names
 from freefloat.planning.slices import Slice, rotation_vectors
 from freefloat.so3 import Array
@@ -58,7 +58,9 @@ def slices_figure(found: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
     margin = found.problem.margin
     highest = max(float(found.margins.max()), *(float(np.nanmax(one.least)) for one in slices))
-    norm = Normalize(margin.value, highest if highest > margin.value else margin.value + 1.0)
+    norm = Normalize(
+        margin.threshold, highest if highest > margin.threshold else margin.threshold + 1.0
+    )
     for axes, one in zip(panels, slices, strict=True):
         shown = _draw_slice(axes, one, norm)
     bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
@@ -145,7 +147,7 @@ def histogram_figure(found: AttitudeMap) -> Figure:
     highest = max((float(values.max()) for _, values in families), default=0.0)
     edges = np.linspace(0.0, highest if highest > 0.0 else 1.0, _BINS + 1)
     for axes, (branch, values) in zip(panels, families, strict=False):
-        _draw_bars(axes, values, edges, margin.value)
+        _draw_bars(axes, values, edges, margin.threshold)
         name = f"{names[branch][:-1]}±" if twins else names[branch]
         axes.set_title(f"{name}\n{_shares(found, branch, values)}", fontsize=7.0, loc="left")
     panels[-1].set_xlabel(_label(found, "on the way"))
@@ -156,7 +158,7 @@ def histogram_figure(found: AttitudeMap) -> Figure:
 def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
     """Bars blue where the margin is kept, grey where it is broken, and a line at it."""
     share = np.full(len(values), 100.0 / len(values))
-    good = kept(values, margin)
+    good = is_kept(values, margin)
     parts = (good, ~good & (values > 0.0))
     axes.hist(
         [values[part] for part in parts], edges, weights=[share[part] for part in parts],
@@ -172,7 +174,7 @@ def _shares(found: AttitudeMap, branch: int | None, values: Array) -> str:
     ahead = np.zeros(len(values), dtype=bool)
     shares = []
     for part, words in (
-        (kept(values, found.problem.margin.value), "keep the margin"),
+        (found.problem.margin.is_kept(values), "keep the margin"),
         ((endings == COMPLETED).any(axis=1), "fall below"),
         ((endings == SINGULAR).any(axis=1), "get singular"),
         ((endings != UNREACHED).any(axis=1), "given up"),

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from meshcat import geometry as g
 
-from freefloat.ensemble.ensemble import kept
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.motion.problem import Problem
 from freefloat.planning.slices import Mark, rotation_vectors, told_marks
@@ -103,7 +102,7 @@ def map_recording(
             "title": family.title, "node": node(family.title), "begin": 0.0, "end": 0.0,
             "lines": [*_lines(problem, family, document)], "labels": labels, "trail": None,
         })  # fmt: skip
-    share = float(kept(families[0].margins, problem.margin.value).mean())
+    share = float(problem.margin.is_kept(families[0].margins).mean())
     about = {
         "title": title, "duration": 0.0, "scenes": scenes, "items": _items(share, bool(boundary)),
         "scale": colours.document(), "view": _VIEW, "remarks": [],
@@ -139,7 +138,7 @@ def _draw_samples(
     stage: Stage, root: str, vectors: Array, margins: Array, colours: MarginColours
 ) -> None:
     """Points coloured by S_min in two halves, so that one sees inside, and specks for the rest."""
-    good, front = kept(margins, colours.margin.value), vectors[:, 1] < 0.0
+    good, front = colours.margin.is_kept(margins), vectors[:, 1] < 0.0
     between = float(np.cbrt(4.0 / 3.0 * np.pi**4 / len(vectors)))
     parts = ((FRONT, good & front, _POINT), (BACK, good & ~front, _POINT), (BROKEN, ~good, _SPECK))
     for name, part, size in parts:
@@ -177,7 +176,7 @@ def _draw_marks(stage: Stage, root: str, marks: list[Mark]) -> list[dict[str, An
 def _lines(problem: Problem, family: _Family, document: Mapping[str, Any]) -> Iterator[str]:
     """How many attitudes serve, and what is known of the marks."""
     margin = problem.margin
-    share = 100.0 * kept(family.margins, margin.value).mean()
+    share = 100.0 * margin.is_kept(family.margins).mean()
     yield "rotation vectors of the initial attitude"
     yield f"{share:.2f} % of {len(family.margins):,} attitudes keep |{margin.measure.name}|"
     words = {

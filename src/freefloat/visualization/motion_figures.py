@@ -147,7 +147,7 @@ def _bound(axes: Any, motion: Motion, series: TimeSeries) -> None:
 def margin_figure(motion: Motion, series: TimeSeries, least: ClosestApproach) -> Figure:
     """S over time, the margin it has to keep, and where it is least."""
     problem = motion.problem
-    measure, value = problem.margin.measure, problem.margin.value
+    measure, value = problem.margin.measure, problem.margin.threshold
     figure = new_figure()
     axes = figure.subplots()
     axes.axhline(0.0, color=BLACK, linewidth=0.6)

@@ -52,8 +52,8 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
     axes = figure.subplots()
     arm, margin = PlanarArm.of(problem.model), problem.margin
     looks: list[tuple[float, Any, float]] = [(0.0, "-", 1.2)]
-    if margin.value > 0.0 and margin.measure.name == "system":  # the S of (21a)
-        looks += [(margin.value, (0, (5, 1.5)), 0.8), (-margin.value, (0, (1, 1.2)), 0.8)]
+    if margin.threshold > 0.0 and margin.measure.name == "system":  # the S of (21a)
+        looks += [(margin.threshold, (0, (5, 1.5)), 0.8), (-margin.threshold, (0, (1, 1.2)), 0.8)]
     curves = margin_curves(arm, *(value for value, _, _ in looks))
     for value, dashes, width in looks:
         rows = _joined(np.degrees(one.joints) for one in curves if one.level == value)

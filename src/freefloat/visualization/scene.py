@@ -114,7 +114,7 @@ def _refuse_what_differs(motions: Mapping[str, Motion]) -> None:
     for name, motion in motions.items():
         margin = motion.problem.margin
         plane = "in the plane" if motion.problem.task.planar else "in space"
-        wishes[name] = f"{margin.measure.name} {margin.value:.6g} {plane}"
+        wishes[name] = f"{margin.measure.name} {margin.threshold:.6g} {plane}"
     first, *others = wishes
     for name in others:
         if wishes[name] != wishes[first]:

@@ -37,7 +37,7 @@ def sampled_workspace(problem: Problem) -> Workspace:
     reach = _reach(problem)
     extremes = joint_space_extremes(problem.model, of)
     dependent, independent = None, None
-    if problem.model.dof == len(problem.task.rows):
+    if not problem.redundant:
         dependent = _areas(problem, of, extremes.magnitude, _GAP * reach[1])
         rest = complement(dependent, reach)
         independent = tuple(one for one in rest if one[1] - one[0] > _GAP * reach[1])
