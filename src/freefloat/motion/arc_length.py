@@ -72,7 +72,7 @@ class _CompiledFlow:
     def __init__(self, problem: Problem, reference: Array) -> None:
         # compiled code takes half a second to import: not before it is needed
         from freefloat.dynamics.kernels import tangent as kernels
-        from freefloat.dynamics.kernels.equation import WORK_COLUMNS
+        from freefloat.dynamics.kernels.equation import DEMAND, WORK_COLUMNS
         from freefloat.dynamics.kernels.robot_arrays import robot_facts, robot_rows
 
         model, task, n = problem.model, problem.task, problem.model.dof
@@ -89,7 +89,7 @@ class _CompiledFlow:
             *robot, np.array([[0.0], [1.0]]), self._law, self._tangents, problem.path.duration,
             np.array(problem.momentum),
         )  # fmt: skip
-        self._room = (*room, np.zeros((3, max(n, 9))))
+        self._room = (*room, np.zeros((3, max(n, DEMAND))))
         self._tangent_at = kernels.tangent_at
         # joints are copied: kernels are compiled for arrays that may be written to
         self.determinant: Callable[[Array], float] | None = lambda joints: kernels.determinant_at(

@@ -37,6 +37,8 @@ METRIC, TOWARD, GAIN, BOUND, FACTS = 15, 16, 17, 18, 19
 ROT, PLACE, POINT, LINE, DQ, JAC, X, MOMENTUM, WORK_COLUMNS = 0, 9, 12, 15, 18, 21, 27, 30, 33
 D, INVERSE, HAND, OMEGA, CENTRE_OF = 12, 18, 24, 27, 30
 """In row 0 of the work."""
+DEMAND = 9
+"""Numbers of a demand: the end-effector's twist and the angular momentum."""
 
 
 @compiled

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.kernels.compilation import borrowed, compiled
-from freefloat.dynamics.kernels.equation import WORK_COLUMNS, form_jacobian
+from freefloat.dynamics.kernels.equation import DEMAND, WORK_COLUMNS, form_jacobian
 from freefloat.dynamics.kernels.right_side import Robot, flow
 from freefloat.ensemble.kernels.measures import ARM, GJM, SIGMA, measure_at
 from freefloat.ensemble.kernels.steps import dip, error_of, inside, make_stages, may_dip
@@ -42,7 +42,7 @@ class Room(NamedTuple):
     L: Array
     stages: Array  # (2, 7, 4 + n), of this step and the one before
     states: Array  # (3, 4 + n)
-    vectors: Array  # (4, 9)
+    vectors: Array  # (4, max(n, DEMAND)): joints, their rates, room for a measure, a demand
 
 
 def make_room(n: int, m: int) -> Room:
@@ -51,7 +51,7 @@ def make_room(n: int, m: int) -> Room:
     return Room(
         last=np.zeros(4 + n), extent=np.zeros((3, n)), w=np.zeros((n + 1, WORK_COLUMNS)),
         S=np.zeros((m, n)), L=np.zeros(equations), stages=np.zeros((2, 7, 4 + n)),
-        states=np.zeros((3, 4 + n)), vectors=np.zeros((4, 9)),
+        states=np.zeros((3, 4 + n)), vectors=np.zeros((4, max(n, DEMAND))),
     )  # fmt: skip
 
 
