@@ -51,7 +51,7 @@ def redundant(
     """A random robot somewhere, its end-effector to move some way along a line and turn."""
     rng = np.random.default_rng([seed, *structure.encode()])
     if task.planar:
-        m = [60.0, 9.0, 7.0, 5.0, 3.0, 2.0][: int(structure) + 1]
+        m = [60.0, 9.0, 7.0, 5.0, 3.0, *[2.0] * int(structure)][: int(structure) + 1]
         size = [0.4] * len(m)
         text = planar_robot(m, [0.2 * one for one in m], size[1:], size)
         text = text.replace('"q2" type="continuous"', '"q2" type="revolute"')
