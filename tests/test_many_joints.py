@@ -1,0 +1,162 @@
+"""Arms with as few joints as a task allows and with very many: compiled motions are precise ones.
+
+The fewest are two, for a planar position: no task prescribes less than two rates.
+"""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from freefloat.attitudes import rollout
+from freefloat.attitudes.rollout import Roller
+from freefloat.errors import InputError
+from freefloat.kernels.rollout_kernels import COMPLETED, MARGIN, SINGULAR, make_room
+from freefloat.machine.dynamics import Task
+from freefloat.machine.model import FreeFloatingModel
+from freefloat.machine.redundancy import Metric, Redundancy, Toward
+from freefloat.machine.singularity import measure
+from freefloat.motion.closeness import least
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Margin
+from freefloat.spatial import angle_between
+from freefloat.wish.timing import Timing
+from tests.motions import from_here
+from tests.redundant import choices, redundant
+from tests.robots import planar_robot
+from tests.test_rollout import both, states
+
+FEWEST = [
+    ("2", Task.PLANAR_POSITION), ("3", Task.PLANAR_POSE), ("RPR", Task.POSITION),
+    ("RRRPRR", Task.POSE),
+]  # fmt: skip
+TEN = [
+    ("10", Task.PLANAR_POSITION), ("10", Task.PLANAR_POSE), ("RRRRRPRRRP", Task.POSITION),
+    ("RRPRRRRCRR", Task.POSE),
+]  # fmt: skip
+THIRTY = [("30", Task.PLANAR_POSE), ("RRRRRRRPRRCRRRR" * 2, Task.POSE)]
+"""Structures, or the number of planar joints, and tasks, as for ``redundant``."""
+
+
+def with_measure(problem, name):
+    return replace(problem, margin=Margin(measure(problem.model, problem.task, name), 0.0))
+
+
+def ensemble(start, count):
+    """The start, and some of the arm branches at its attitude."""
+    attitudes, joints = states(start.problem, start.attitude)
+    chosen = np.linspace(0, len(joints) - 1, min(count, len(joints))).astype(int)
+    return (
+        np.vstack([start.attitude, attitudes[chosen]]), np.vstack([start.joints, joints[chosen]]),
+    )  # fmt: skip
+
+
+def assert_precise(case):
+    """Ending, last state and least measure, in units of the first; of a singular motion, when."""
+    motion, fine, k = case.motion, case.fine, case.k
+    case.assert_same()
+    if motion.ending is not Ending.COMPLETED:
+        return
+    of = motion.problem.margin.measure
+    assert fine.endings[k] == COMPLETED
+    np.testing.assert_allclose(fine.joints[k], motion.final.joints, rtol=0, atol=1e-5)
+    assert angle_between(fine.attitudes[k], motion.final.attitude) < 1e-5
+    wanted, first = least(motion, of).value, abs(of.value(motion.joints[0]))
+    assert fine.least[k] == pytest.approx(wanted, rel=0, abs=1e-5 * first)
+
+
+def follow_ensemble(start, count):
+    """Every motion precise; at least one completed."""
+    cases = both(start.problem, *ensemble(start, count))
+    for case in cases:
+        assert_precise(case)
+    assert any(case.motion.completed for case in cases)
+
+
+@pytest.mark.parametrize("task", Task)
+def test_one_joint_is_too_few_for_every_task(task):
+    text = planar_robot([60.0, 9.0], [12.0, 1.8], [0.4], [0.4, 0.4])
+    model = FreeFloatingModel.from_urdf(text, "end_effector")
+    with pytest.raises(InputError, match="a robot with more joints"):
+        measure(model, task, "gjm")
+
+
+@pytest.mark.parametrize(("structure", "task"), [*FEWEST, *TEN, *THIRTY])
+def test_motions_are_the_precise_ones(structure, task):
+    follow_ensemble(redundant(structure, task, None, 1), 2)
+
+
+@pytest.mark.parametrize("name", ["system", "sigma"])
+@pytest.mark.parametrize(("structure", "task"), [TEN[0], TEN[-1], THIRTY[-1]])
+def test_other_measures(structure, task, name):
+    start = redundant(structure, task, None, 1)
+    follow_ensemble(replace(start, problem=with_measure(start.problem, name)), 1)
+
+
+@pytest.mark.parametrize("number", range(9))
+@pytest.mark.parametrize(("structure", "task"), TEN[1::2])
+def test_ten_joints_do_all_that_their_freedom_allows(structure, task, number):
+    follow_ensemble(redundant(structure, task, choices(structure, task, 1)[number], 1), 1)
+
+
+@pytest.mark.parametrize("toward", [Toward.SIGMA, Toward.MIDDLE])
+@pytest.mark.parametrize(("structure", "task"), THIRTY)
+def test_so_do_thirty(structure, task, toward):
+    follow_ensemble(redundant(structure, task, Redundancy(Metric.ENERGY, toward, 0.8, 2.0), 1), 1)
+
+
+@pytest.mark.parametrize(("structure", "task"), [TEN[1], THIRTY[0]])
+def test_arms_pulled_out_of_reach_end_alike(structure, task):
+    """Where a straight arm is singular; before that, where a margin is used up."""
+    start = redundant(structure, task, None, 1)
+    model, away = start.problem.model, [2.0 * len(start.joints), 0.0, 0.0]
+    problem = from_here(
+        model, task, [0.0, 0.0, 0.3], start.attitude, start.joints, away, [0, 0, 0.1], Timing(30.0)
+    )
+    (case,) = both(problem, start.attitude[None], start.joints[None])
+    case.assert_same()
+    assert case.fine.endings[0] == SINGULAR
+    level = 0.3 * problem.margin.measure.value(start.joints)
+    asked = replace(problem, margin=Margin(problem.margin.measure, level))
+    exact = integrate_motion(asked, start.attitude, start.joints, stop_at_margin=True)
+    stopped = Roller(problem, 1).follow(start.attitude[None], start.joints[None], stop_below=level)
+    assert exact.ending is Ending.MARGIN
+    assert stopped.endings[0] == MARGIN
+    assert 0.0 <= stopped.ended_at[0] - exact.final.time < 0.5  # at the end of a step
+    assert stopped.least[0] < level
+
+
+def every_arm():
+    """A motion of every arm, with all that it can do."""
+    for structure, task in [*FEWEST, *TEN, *THIRTY]:
+        spare = (structure, task) not in FEWEST
+        for option in [None, *choices(structure, task, 1)] if spare else [None]:
+            start = redundant(structure, task, option, 1)
+            for name in ("gjm", "sigma") if option is None else ("gjm",):
+                problem = with_measure(start.problem, name)
+                Roller(problem, 1).follow(start.attitude[None], start.joints[None])
+
+
+def room_for_nine_joints():
+    """What is too little for ten has to be noticed."""
+    start = redundant(*TEN[-1], None, 1)
+    rollout.make_room = lambda n, m: make_room(n, m)._replace(vectors=np.zeros((4, 9)))
+    with pytest.raises(IndexError):
+        Roller(start.problem, 1).follow(start.attitude[None], start.joints[None])
+
+
+@pytest.mark.slow
+def test_kernels_stay_within_their_arrays(tmp_path):
+    """Compiled anew with checks of all bounds."""
+    command = "from tests import test_many_joints as t; t.every_arm(); t.room_for_nine_joints()"
+    checks = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", command], cwd=Path(__file__).parents[1],
+        env={**os.environ, **checks}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
