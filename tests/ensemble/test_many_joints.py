@@ -12,24 +12,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.attitudes import rollout
-from freefloat.attitudes.rollout import Roller
+from freefloat.dynamics.measures import measure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
+from freefloat.ensemble import ensemble
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR, make_room
 from freefloat.errors import InputError
-from freefloat.kernels.rollout_kernels import COMPLETED, MARGIN, SINGULAR, make_room
-from freefloat.machine.dynamics import Task
-from freefloat.machine.model import FreeFloatingModel
-from freefloat.machine.redundancy import Metric, Redundancy, Toward
-from freefloat.machine.singularity import measure
-from freefloat.motion.closeness import least
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin
-from freefloat.spatial import angle_between
-from freefloat.wish.timing import Timing
+from freefloat.paths.timing import Timing
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import angle_between
+from tests.ensemble.test_ensemble import both, states
 from tests.motions import from_here
 from tests.redundant import choices, redundant
 from tests.robots import planar_robot
-from tests.test_rollout import both, states
 
 FEWEST = [
     ("2", Task.PLANAR_POSITION), ("3", Task.PLANAR_POSE), ("RPR", Task.POSITION),
@@ -47,7 +47,7 @@ def with_measure(problem, name):
     return replace(problem, margin=Margin(measure(problem.model, problem.task, name), 0.0))
 
 
-def ensemble(start, count):
+def starts_of(start, count):
     """The start, and some of the arm branches at its attitude."""
     attitudes, joints = states(start.problem, start.attitude)
     chosen = np.linspace(0, len(joints) - 1, min(count, len(joints))).astype(int)
@@ -66,13 +66,13 @@ def assert_precise(case):
     assert fine.endings[k] == COMPLETED
     np.testing.assert_allclose(fine.joints[k], motion.final.joints, rtol=0, atol=1e-5)
     assert angle_between(fine.attitudes[k], motion.final.attitude) < 1e-5
-    wanted, first = least(motion, of).value, abs(of.value(motion.joints[0]))
+    wanted, first = closest_approach(motion, of).value, abs(of.value(motion.joints[0]))
     assert fine.least[k] == pytest.approx(wanted, rel=0, abs=1e-5 * first)
 
 
-def follow_ensemble(start, count):
+def follow_starts_of(start, count):
     """Every motion precise; at least one completed."""
-    cases = both(start.problem, *ensemble(start, count))
+    cases = both(start.problem, *starts_of(start, count))
     for case in cases:
         assert_precise(case)
     assert any(case.motion.completed for case in cases)
@@ -88,26 +88,26 @@ def test_one_joint_is_too_few_for_every_task(task):
 
 @pytest.mark.parametrize(("structure", "task"), [*FEWEST, *TEN, *THIRTY])
 def test_motions_are_the_precise_ones(structure, task):
-    follow_ensemble(redundant(structure, task, None, 1), 2)
+    follow_starts_of(redundant(structure, task, None, 1), 2)
 
 
 @pytest.mark.parametrize("name", ["system", "sigma"])
 @pytest.mark.parametrize(("structure", "task"), [TEN[0], TEN[-1], THIRTY[-1]])
 def test_other_measures(structure, task, name):
     start = redundant(structure, task, None, 1)
-    follow_ensemble(replace(start, problem=with_measure(start.problem, name)), 1)
+    follow_starts_of(replace(start, problem=with_measure(start.problem, name)), 1)
 
 
 @pytest.mark.parametrize("number", range(9))
 @pytest.mark.parametrize(("structure", "task"), TEN[1::2])
 def test_ten_joints_do_all_that_their_freedom_allows(structure, task, number):
-    follow_ensemble(redundant(structure, task, choices(structure, task, 1)[number], 1), 1)
+    follow_starts_of(redundant(structure, task, choices(structure, task, 1)[number], 1), 1)
 
 
 @pytest.mark.parametrize("toward", [Toward.SIGMA, Toward.MIDDLE])
 @pytest.mark.parametrize(("structure", "task"), THIRTY)
 def test_so_do_thirty(structure, task, toward):
-    follow_ensemble(redundant(structure, task, Redundancy(Metric.ENERGY, toward, 0.8, 2.0), 1), 1)
+    follow_starts_of(redundant(structure, task, Redundancy(Metric.ENERGY, toward, 0.8, 2.0), 1), 1)
 
 
 @pytest.mark.parametrize(("structure", "task"), [TEN[1], THIRTY[0]])
@@ -124,7 +124,9 @@ def test_arms_pulled_out_of_reach_end_alike(structure, task):
     level = 0.3 * problem.margin.measure.value(start.joints)
     asked = replace(problem, margin=Margin(problem.margin.measure, level))
     exact = integrate_motion(asked, start.attitude, start.joints, stop_at_margin=True)
-    stopped = Roller(problem, 1).follow(start.attitude[None], start.joints[None], stop_below=level)
+    stopped = EnsembleIntegrator(problem, 1).follow(
+        start.attitude[None], start.joints[None], stop_below=level
+    )
     assert exact.ending is Ending.MARGIN
     assert stopped.endings[0] == MARGIN
     assert 0.0 <= stopped.ended_at[0] - exact.final.time < 0.5  # at the end of a step
@@ -139,21 +141,23 @@ def every_arm():
             start = redundant(structure, task, option, 1)
             for name in ("gjm", "sigma") if option is None else ("gjm",):
                 problem = with_measure(start.problem, name)
-                Roller(problem, 1).follow(start.attitude[None], start.joints[None])
+                EnsembleIntegrator(problem, 1).follow(start.attitude[None], start.joints[None])
 
 
 def room_for_nine_joints():
     """What is too little for ten has to be noticed."""
     start = redundant(*TEN[-1], None, 1)
-    rollout.make_room = lambda n, m: make_room(n, m)._replace(vectors=np.zeros((4, 9)))
+    ensemble.make_room = lambda n, m: make_room(n, m)._replace(vectors=np.zeros((4, 9)))
     with pytest.raises(IndexError):
-        Roller(start.problem, 1).follow(start.attitude[None], start.joints[None])
+        EnsembleIntegrator(start.problem, 1).follow(start.attitude[None], start.joints[None])
 
 
 @pytest.mark.slow
 def test_kernels_stay_within_their_arrays(tmp_path):
     """Compiled anew with checks of all bounds."""
-    command = "from tests import test_many_joints as t; t.every_arm(); t.room_for_nine_joints()"
+    command = (
+        "from tests.ensemble import test_many_joints as t; t.every_arm(); t.room_for_nine_joints()"
+    )
     checks = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", command], cwd=Path(__file__).parents[1],
