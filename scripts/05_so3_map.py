@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
-from freefloat.planning.attitude_map import regions
+from freefloat.planning.regions import find_regions
 from freefloat.visualization.figure_style import save_figures
 from freefloat.visualization.map_figures import histogram_figure
 
 SAMPLES = 512  # attitudes, evenly spread; 36,864 make a fine map
 
 problem = ff.load_scenario("spatial_6dof/line").problem()
-found = ff.map_attitudes(ff.FeasibilityEvaluator(problem), SAMPLES)
+found = ff.attitude_map(problem, SAMPLES)
 print(f"{found.motions:,} motions followed")
 
 # Attitudes that hang together, arm branch by arm branch, and the one deepest inside.
-for region in regions(found)[:4]:
+for region in find_regions(found)[:4]:
     centre = np.array2string(region.centre, precision=4)
     print(f"branch {region.branch}: {region.fraction:.1%} of SO(3), {centre} (x y z w) is")
     print(f"  {np.degrees(region.depth):.1f} deg from the nearest sample that does not serve")

@@ -26,7 +26,7 @@ def tell(findings: tuple[ff.LimitResult, ...]) -> None:
         )
 
 
-tell(plan.findings)
+tell(plan.limit_results)
 
 # Any motion can be held against any limits, such as joints that are a tenth as fast:
 slow = replace(limits, joint_rate=limits.joint_rate / 10.0)

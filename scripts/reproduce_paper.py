@@ -19,7 +19,6 @@ from rich.table import Table
 from scipy.optimize import brentq
 
 import freefloat as ff
-from freefloat.answers.report import plan_document
 from freefloat.dynamics.measures import joint_space_extremes
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths.curves import PolynomialCurve
@@ -102,7 +101,7 @@ def planar_ranges() -> Iterator[Line]:
     The paper looks at motions with S > 0 alone. Its printed touch points have S of 5.006, 4.992 and
     4.996 instead of 5, so that they can be met to a few milliradians only.
     """
-    document = plan_document(ff.plan(ff.load_scenario("planar_3dof/parabola").problem()))
+    document = ff.plan(ff.load_scenario("planar_3dof/parabola").problem()).to_dict()
     AF, FB = (
         sorted((t for t in segment["tangency_points"] if t["level"] > 0), key=lambda t: t["tau"])
         for segment in document["segments"]

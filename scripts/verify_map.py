@@ -26,10 +26,11 @@ from scipy.spatial.transform import Rotation
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
-from freefloat.planning.attitude_map import AttitudeMap, map_attitudes
-from freefloat.planning.boundary import touched_boundary
+from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.boundary import tangent_boundary
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.planner import plan
+from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.search import nearest_feasible
 from freefloat.so3 import angle_between, frozen, turned
 
@@ -69,7 +70,7 @@ class Check:
 
 def touches(outlook: FeasibilityEvaluator, seed: int) -> Iterator[Check]:
     begun = time.perf_counter()
-    points = touched_boundary(outlook, TOUCHES, seed)
+    points = tangent_boundary(outlook, TOUCHES, seed)
     gaps = np.degrees([point.gap for point in points if point.gap is not None])
     worst, value = float(gaps.max(initial=0.0)), outlook.problem.margin.threshold
     yield Check(
@@ -96,16 +97,16 @@ def nearest(
     seed: int,
 ) -> Iterator[Check]:
     """Branch by branch and for the best of them."""
-    coarse, value = map_attitudes(outlook, COARSE, seed), outlook.problem.margin.threshold
+    coarse, value = sample_attitudes(outlook, COARSE, seed), outlook.problem.margin.threshold
     fine = replace(fine, problem=outlook.problem)
     for name, now in zip(names, nows, strict=True):
         begun = time.perf_counter()
         candidates = nearest_feasible(outlook, coarse, now)
         lines, passed = [], True
-        for branch, _ in fine.families():
-            feasible = fine.attitudes[fine.kept[:, branch]]
+        for branch, _ in fine.branch_margins():
+            feasible = fine.attitudes[fine.feasible[:, branch]]
             sample = float(angle_between(feasible, now).min(initial=np.inf))
-            own = min((one.merit for one in candidates if one.branch == branch), default=np.inf)
+            own = min((one.score for one in candidates if one.branch == branch), default=np.inf)
             passed &= own <= sample
             lines.append((own, sample))
         (own, sample), held = min(lines), outlook.keeps(candidates[0].attitude[None], None)[0]
@@ -145,7 +146,7 @@ def checks(arguments: argparse.Namespace) -> Iterator[Check]:
     problem = load_scenario(SCENARIO).problem()
     harder = replace(problem, margin=Margin(problem.margin.measure, HARDER))
     begun = time.perf_counter()
-    fine = map_attitudes(FeasibilityEvaluator(problem, threads), arguments.samples)
+    fine = sample_attitudes(FeasibilityEvaluator(problem, threads), arguments.samples)
     yield Check(
         "fine map", f"{fine.motions} motions, {100.0 * fine.feasible_fraction:.2f} % feasible",
         "", True, time.perf_counter() - begun,

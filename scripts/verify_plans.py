@@ -10,11 +10,11 @@ import tempfile
 import time
 from pathlib import Path
 
+from freefloat.tasks.planning import search_plan
+
 import freefloat as ff
-from freefloat.answers.report import plan_document
 from freefloat.io.plan_file import save_plan
 from freefloat.robot.names import bundled_scenarios
-from freefloat.tasks.planning import search_plan
 from freefloat.verification.check import Verdict, check_plan
 
 
@@ -23,7 +23,7 @@ def planned(name: str, folder: Path) -> Path:
     path = folder / (name.replace("/", "_") + ".h5")
     if not path.exists():
         loaded, found = search_plan(ff.load_scenario(name), lambda _: None, None, False)
-        save_plan(path, found, loaded, plan_document(found))
+        save_plan(path, found, loaded, found.to_dict())
     return path
 
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from freefloat.answers.report import natural_task
+from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
 from freefloat.io.map_file import load_map

@@ -14,13 +14,13 @@ import numpy as np
 import trimesh
 import yaml
 
-from freefloat.answers.report import simulation_document
 from freefloat.io.digest import seal
 from freefloat.io.plan_file import save_motion
 from freefloat.io.result_file import ATTITUDE_MAP, new_result, write_document
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.certificate import certify
 from freefloat.motion.simulation import simulate
+from freefloat.planning.documents import simulation_document
 from freefloat.robot.names import models_folder
 from freefloat.so3 import heading_quaternion
 from tests.example_studies import SHORT

@@ -38,7 +38,7 @@ def test_every_public_name_is_typed_as_it_is_loaded() -> None:
 def test_the_names_come_in_the_order_in_which_they_are_needed() -> None:
     order = [
         *("FreeFloatingModel", "EndEffectorPath", "TimedPath", "Problem", "load_scenario"),
-        *("simulate", "Motion", "plan", "Plan", "map_attitudes", "play", "load_plan", "run_study"),
+        *("simulate", "Motion", "plan", "Plan", "attitude_map", "play", "load_plan", "run_study"),
     ]
     assert [name for name in ff.__all__ if name in order] == order
     assert len(set(ff.__all__)) == len(ff.__all__)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.answers.report import plan_document, simulation_document
 from freefloat.cli.tables import plan_tables, simulation_tables
 from freefloat.ik import branches as arm_branches
 from freefloat.planning import spatial_planner
+from freefloat.planning.attitude_map import Candidate
+from freefloat.planning.documents import simulation_document
 from freefloat.planning.planar_ranges import BranchRanges
-from freefloat.planning.search import Candidate
 from tests.redundant import redundant
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -61,7 +61,7 @@ def refused(function, *given) -> ff.InputError:
         (ff.simulate, ([0, 0, 0, 1],)),
         (ff.integrate_motion, ([0, 0, 0, 1], [0.0] * 3)),
         (ff.FeasibilityEvaluator, ()),
-        (ff.map_attitudes, (64,)),
+        (ff.attitude_map, (64,)),
     ],
 )
 def test_who_wants_a_problem_tells_the_way_from_a_scenario(function, others) -> None:
@@ -83,8 +83,8 @@ def test_a_problem_tells_which_of_its_parts_is_something_else(problem: ff.Proble
 def test_a_map_makes_its_outlook_itself() -> None:
     problem = ff.load_scenario("spatial_6dof/line").problem()
     own, given = (
-        ff.map_attitudes(problem, 16),
-        ff.map_attitudes(ff.FeasibilityEvaluator(problem), 16),
+        ff.attitude_map(problem, 16),
+        ff.attitude_map(problem, 16),
     )
     assert np.array_equal(own.least, given.least)
     assert own.motions > 0
@@ -222,7 +222,7 @@ def test_motions_of_arms_with_joints_to_spare_are_told_by_where_they_start(
     assert f"Followed: from joints {joints} (*)." in "\n".join(map(str, tables))
     ranges = BranchRanges(0, "any", (), ())
     found = ff.Plan(problem, ff.Search(), False, "a test", (ranges,))
-    _, table, *_ = plan_tables(plan_document(found), "mine")
+    _, table, *_ = plan_tables(found.to_dict(), "mine")
     assert list(table.columns[0].cells) == ["any"]
 
 
@@ -252,8 +252,8 @@ def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
     doors = (
         ("search.samples", 8, lambda x: ff.Search(samples=x)),
         ("search.seed", 0, lambda x: ff.Search(seed=x)),
-        ("samples", 8, partial(ff.map_attitudes, spatial)),
-        ("seed", 0, partial(ff.map_attitudes, spatial, 8)),
+        ("samples", 8, partial(ff.attitude_map, spatial)),
+        ("seed", 0, partial(ff.attitude_map, spatial, 8)),
         ("threads", 1, lambda x: ff.plan(problem, threads=x)),
         ("threads", 1, lambda x: ff.FeasibilityEvaluator(spatial, threads=x)),
     )
@@ -266,7 +266,7 @@ def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
         assert (error.key, error.problem) == (key, f"{least - 1} was given")
         assert error.accepted == f"{least} or more"
     assert type(ff.Search(samples=np.int64(64)).samples) is int
-    assert ff.map_attitudes(spatial, np.int64(8)).attitudes.shape == (8, 4)
+    assert ff.attitude_map(spatial, np.int64(8)).attitudes.shape == (8, 4)
 
 
 # --- something else -----------------------------------------------------------------------------

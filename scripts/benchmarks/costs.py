@@ -13,9 +13,9 @@ _MAP = """
 import resource, time
 import freefloat as ff
 outlook = ff.FeasibilityEvaluator(ff.load_scenario("spatial_6dof/line").problem())
-ff.map_attitudes(outlook, 64)
+ff.attitude_map(outlook, 64)
 before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
-found = ff.map_attitudes(outlook, {samples})
+found = ff.attitude_map(outlook, {samples})
 seconds = time.perf_counter() - start
 after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 print(seconds, before / 1024, after / 1024, found.motions)

@@ -11,8 +11,8 @@ from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.motion import Motion
-from freefloat.planning.attitude_map import map_attitudes
 from freefloat.planning.planar_ranges import BranchRanges, find_range_limits, heading_ranges
+from freefloat.planning.sampling import sample_attitudes
 from freefloat.so3 import attitude_grid, heading_quaternion, unit_quaternion
 
 ATTITUDE = unit_quaternion("attitude", (0.46008, 0.09337, 0.73519, -0.48898))
@@ -88,20 +88,20 @@ def maps(quick: bool) -> list[Result]:
     problem = ff.load_scenario("spatial_6dof/line").problem()
     outlook, plain = FeasibilityEvaluator(problem), PlainMotion(problem)
     samples, picks = (64, 2) if quick else (4096, 48)
-    map_attitudes(outlook, 64)
+    sample_attitudes(outlook, 64)
     attitudes = attitude_grid(512, seed=1)
     branches = problem.many_branches(attitudes)
     where, _ = np.nonzero(branches.found)
     starts, joints = attitudes[where], branches.joints[branches.found]
     picked = np.random.default_rng(0).choice(len(where), picks, replace=False)
-    motions = map_attitudes(outlook, 64).motions * samples // 64
+    motions = sample_attitudes(outlook, 64).motions * samples // 64
 
     def loop() -> None:
         for k in picked:
             plain.least(starts[k], joints[k])
 
     whole, each, sample = race(
-        lambda: map_attitudes(outlook, samples), lambda: outlook.roller.follow(starts, joints),
+        lambda: sample_attitudes(outlook, samples), lambda: outlook.roller.follow(starts, joints),
         loop, rounds=1 if quick else 4,
     )  # fmt: skip
     motion = sample / picks

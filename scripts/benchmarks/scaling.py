@@ -14,7 +14,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.planning.attitude_map import map_attitudes
+from freefloat.planning.sampling import sample_attitudes
 from freefloat.so3 import attitude_grid
 
 SAMPLES = (1024, 4096, 16_384)
@@ -25,10 +25,10 @@ POSE = 6
 
 def with_samples(quick: bool) -> list[Result]:
     outlook = FeasibilityEvaluator(ff.load_scenario("spatial_6dof/line").problem())
-    map_attitudes(outlook, 64)
+    sample_attitudes(outlook, 64)
     sizes = SAMPLES if not quick else (16, 64)
     seconds = race(
-        *(lambda size=size: map_attitudes(outlook, size) for size in sizes),
+        *(lambda size=size: sample_attitudes(outlook, size) for size in sizes),
         rounds=1 if quick else 2,
     )
     return [

@@ -14,7 +14,7 @@ From a URDF to a plan, and to MeshCat::
     problem = ff.Problem(model, timed, task, np.array([0.5, 0.3, 0.1]), margin)  # [N m s]
     plan = ff.plan(problem, ff.Search(samples=1024))
     print(plan.reason, plan.chosen.motion.initial.attitude)
-    plan.show()  # in a browser, or the notebook's cell
+    ff.play(plan).show()  # in a browser, or the notebook's cell
 
 The same from a scenario file: ``problem = ff.load_scenario("spatial_6dof/line").problem()``.
 Quaternions are x, y, z, w, units SI and radians; what cannot be used raises :class:`InputError`,
@@ -64,7 +64,8 @@ if TYPE_CHECKING:
     from freefloat.paths.timing import TimeLaw as TimeLaw
     from freefloat.paths.timing import Timing as Timing
     from freefloat.planning.attitude_map import AttitudeMap as AttitudeMap
-    from freefloat.planning.attitude_map import map_attitudes as map_attitudes
+    from freefloat.planning.heading_map import HeadingMap as HeadingMap
+    from freefloat.planning.mapping import attitude_map as attitude_map
     from freefloat.planning.options import Objective as Objective
     from freefloat.planning.options import Search as Search
     from freefloat.planning.plan import Plan as Plan
@@ -80,6 +81,8 @@ if TYPE_CHECKING:
     from freefloat.visualization.figures import plan_figures as plan_figures
     from freefloat.visualization.playback import Playback as Playback
     from freefloat.visualization.playback import play as play
+    from freefloat.workspace.margin_curves import Workspace as Workspace
+    from freefloat.workspace.regions import workspace as workspace
 
 _ROOMS = {
     # the machine
@@ -129,8 +132,11 @@ _ROOMS = {
     "Objective": "planning.options",
     # a map
     "FeasibilityEvaluator": "ensemble.feasibility",
-    "map_attitudes": "planning.attitude_map",
+    "attitude_map": "planning.mapping",
     "AttitudeMap": "planning.attitude_map",
+    "HeadingMap": "planning.heading_map",
+    "workspace": "workspace.regions",
+    "Workspace": "workspace.margin_curves",
     # a look
     "play": "visualization.playback",
     "Playback": "visualization.playback",

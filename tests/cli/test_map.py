@@ -18,21 +18,20 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from freefloat.answers.map_report import attitude_map_document
 from freefloat.cli import console
 from freefloat.cli.app import app
 from freefloat.cli.tables import attitude_map_tables, plan_tables
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
-from freefloat.io.map_file import load_map, map_file
+from freefloat.io.map_file import load_map, save_map
 from freefloat.io.plan_file import load_plan
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin
-from freefloat.planning.attitude_map import AttitudeMap, map_attitudes, regions
+from freefloat.planning.attitude_map import AttitudeMap, Candidate
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
-from freefloat.planning.search import Candidate
-from freefloat.tasks.mapping import Wishes, map_in_space
+from freefloat.planning.regions import find_regions
+from freefloat.planning.sampling import sample_attitudes
 from tests.scenarios import EASY
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -71,7 +70,7 @@ def partly() -> AttitudeMap:
     """The paper's line with a margin that four in ten attitudes keep."""
     asked = load_scenario("spatial_6dof/line").problem()
     problem = replace(asked, margin=Margin(asked.margin.measure, 40.0))
-    return map_attitudes(FeasibilityEvaluator(problem), 64)
+    return sample_attitudes(FeasibilityEvaluator(problem), 64)
 
 
 # --- map ----------------------------------------------------------------------------------------
@@ -108,15 +107,11 @@ def test_a_map_tells_the_documented_keys_and_writes_every_attitude(folder: Path)
 
 
 def test_a_map_file_holds_what_the_map_holds(partly: AttitudeMap, folder: Path) -> None:
-    """Two blocks, one after the other; nothing but the file is there at the end."""
-    outlook, scenario = FeasibilityEvaluator(partly.problem), load_scenario("easy.yaml")
-    with map_file("map.h5", scenario, partly.problem, 64, 7) as writer:
-        for block in (partly.attitudes[:40], partly.attitudes[40:]):
-            writer.write(outlook.prospects(block))
-        writer.conclude({"best": None, "robust": None, "regions": []})
+    """Nothing but the file is there at the end."""
+    save_map("map.h5", partly, load_scenario("easy.yaml"))
     with h5py.File("map.h5") as file:
         assert np.array_equal(file["attitude"], partly.attitudes)
-        assert np.array_equal(file["least"], partly.least)
+        assert np.array_equal(file["least"], partly.minimum_margins)
         assert np.array_equal(file["ending"], partly.endings)
         assert file["joints"].shape == (64, 8, 6)
         assert file["joints"].dtype == file["joint_upper"].dtype == np.float32
@@ -148,26 +143,6 @@ def test_figures_of_a_map_are_drawn_and_told(folder: Path) -> None:
     result = run("map", "easy.yaml", "--samples", "1000000", "--plots", "taken")
     assert result.exit_code == 2
     assert "no folder" in result.stderr
-
-
-def test_an_interrupted_map_leaves_nothing_behind(
-    partly: AttitudeMap, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from freefloat.io.map_file import MapWriter
-
-    def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = sorted(folder.iterdir())
-    monkeypatch.setattr(MapWriter, "write", stopped)
-    scenario = load_scenario("easy.yaml")
-    with pytest.raises(KeyboardInterrupt):
-        map_in_space(scenario, scenario.problem(), Wishes(samples=8, output=folder / "map.h5"))
-    assert sorted(folder.iterdir()) == before
-    result = run("map", "easy.yaml", "--samples", "8", "-o", "map.h5")
-    assert result.exit_code == 130
-    assert (result.stdout, result.stderr) == ("", "freefloat: interrupted\n")
-    assert sorted(folder.iterdir()) == before
 
 
 def test_control_c_ends_a_long_map_with_one_line(folder: Path) -> None:
@@ -242,7 +217,9 @@ def test_a_map_without_a_feasible_attitude_exits_with_1(name: str) -> None:
 def test_people_are_told_of_regions_branches_and_known_attitudes(partly: AttitudeMap) -> None:
     best = Candidate(partly.attitudes[0], 2, 53.6)
     robust = Candidate(partly.attitudes[1], 4, 0.5)
-    document = attitude_map_document(partly, regions(partly), best, robust, 1.25)
+    document = replace(
+        partly, regions=find_regions(partly), best=best, robust=robust, seconds=1.25
+    ).to_dict()
     document["nearest"] = {"attitude": [0, 0, 0, 1], "branch": None, "deviation_deg": 12.5}
     text = told(attitude_map_tables(document, "spatial_6dof/line"))
     assert "40.62% ± 6.14% of the attitudes keep arm 40" in text
@@ -254,7 +231,7 @@ def test_people_are_told_of_regions_branches_and_known_attitudes(partly: Attitud
 
 
 def test_shares_of_a_map_add_up(partly: AttitudeMap) -> None:
-    document = attitude_map_document(partly, regions(partly), None, None, 0.0)
+    document = replace(partly, regions=find_regions(partly)).to_dict()
     assert 0.0 < document["feasible_fraction"] < 1.0
     for one in document["branches"]:
         parts = [r["fraction"] for r in document["regions"] if r["branch"] == one["branch"]]
@@ -316,9 +293,8 @@ def test_an_infeasible_plan_in_space_says_why(name: str, words: str, folder: Pat
 def test_people_are_told_what_was_not_confirmed() -> None:
     problem = load_scenario("easy.yaml").problem()
     plan = Plan(problem, Search(), False, "no", disagreements=("branch 3 becomes singular",))
-    from freefloat.answers.report import plan_document
 
-    document = {**plan_document(plan), "samples": 8, "feasible_fraction": 0.0}
+    document = {**plan.to_dict(), "samples": 8, "feasible_fraction": 0.0}
     document["feasible_fraction_error"] = 0.0
     assert "not confirmed: branch 3 becomes singular" in told(plan_tables(document, "easy"))
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.answers.report import _redundancy_document
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario, parse_scenario
+from freefloat.planning.documents import _redundancy_document
 from freefloat.robot.names import models_folder
 
 PANDA = (models_folder() / "panda_servicer" / "line.yaml").read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ import freefloat as ff
 from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.map_file import load_map
-from freefloat.planning.heading_map import heading_map
+from freefloat.planning.heading_map import sample_headings
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -45,7 +45,7 @@ def test_a_map_over_heading_comes_back_with_a_row_for_every_attitude(written):
     """Attitudes, margins and endings are those of the map, in the order of maps in space."""
     file, document = written
     stored, problem = load_map(file), ff.load_scenario("planar_3dof/parabola").problem()
-    found = heading_map(problem, 12)
+    found = sample_headings(problem, 12)
     assert stored.planar
     assert stored.attitudes[3] == pytest.approx([0, 0, np.sin(np.pi / 4), np.cos(np.pi / 4)])
     assert stored.branches.tolist() == [0, 1]

@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.answers.report import plan_document, simulation_document
 from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.plan_file import load_plan, save_motion, save_plan
 from freefloat.io.result_file import kind_of
+from freefloat.planning.documents import simulation_document
 from freefloat.planning.plan import Plan
 from freefloat.robot.names import find_robot
 
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("kernels")
 def made():
     scenario = ff.load_scenario("planar_3dof/parabola_nonstop")
     plan = ff.plan(scenario.problem(), ff.Search(ff.Objective.ROBUST))
-    return scenario, plan, plan_document(plan)
+    return scenario, plan, plan.to_dict()
 
 
 def test_a_plan_comes_back_as_it_was(made, tmp_path):

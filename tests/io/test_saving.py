@@ -85,7 +85,7 @@ def test_limits_that_no_scenario_states_cannot_be_saved(plan: ff.Plan, tmp_path:
 def test_a_map_is_saved_and_read_with_its_best_sample(tmp_path: Path) -> None:
     scenario = ff.load_scenario("spatial_6dof/line")
     problem = scenario.problem()
-    found = ff.map_attitudes(problem, 32, 5)
+    found = ff.attitude_map(problem, 32, 5)
     for words in (None, scenario):
         ff.save_map(tmp_path / "map.h5", found, words)
         stored = ff.load_map(tmp_path / "map.h5")

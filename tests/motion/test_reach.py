@@ -48,8 +48,8 @@ def test_a_path_within_reach_is_left_alone() -> None:
 
 
 def test_a_simulation_tells_it_of_the_start_and_of_the_end() -> None:
-    from freefloat.answers.report import simulation_document
     from freefloat.cli.tables import simulation_tables
+    from freefloat.planning.documents import simulation_document
 
     with pytest.raises(UnreachableError, match="begins out of reach"):
         ff.simulate(along([1000.0, 0.0, 0.0], [1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0])

@@ -14,7 +14,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.answers.report import plan_document
 from freefloat.io.plan_file import save_plan
 from freefloat.io.scenario import Scenario, parse_scenario
 from freefloat.motion.certificate import certify
@@ -131,7 +130,7 @@ def test_plans_for_recorded_paths_are_proved_again(kind: str, count: int, tmp_pa
     scenario = wish(kind, count)
     plan = ff.plan(scenario.problem(), scenario.search())
     assert plan.feasible
-    save_plan(tmp_path / "plan.h5", plan, scenario, plan_document(plan))
+    save_plan(tmp_path / "plan.h5", plan, scenario, plan.to_dict())
     assert check_plan(tmp_path / "plan.h5").reasons == ()
 
 

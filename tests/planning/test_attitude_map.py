@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.ensemble.feasibility import UNREACHED, BranchOutcomes, FeasibilityEvaluator
+from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.problem import Margin, Problem, is_kept
+from freefloat.motion.problem import Margin, Problem
 from freefloat.motion.simulation import simulate
-from freefloat.planning import attitude_map
-from freefloat.planning.attitude_map import AttitudeMap, depths, map_attitudes, regions
+from freefloat.planning import sampling
+from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.regions import depths, find_regions
+from freefloat.planning.sampling import sample_attitudes
 from freefloat.so3 import angle_between, attitude_grid, attitudes_within, grid_spacing
 
 SAMPLES = 512
@@ -43,7 +45,7 @@ def outlook(problem: Problem) -> FeasibilityEvaluator:
 
 @pytest.fixture(scope="module")
 def found(outlook: FeasibilityEvaluator) -> AttitudeMap:
-    return map_attitudes(outlook, SAMPLES)
+    return sample_attitudes(outlook, SAMPLES)
 
 
 def drawn(
@@ -61,10 +63,10 @@ def test_a_map_is_a_grid_and_its_prospects(
 ) -> None:
     prospects = outlook.prospects(attitude_grid(SAMPLES))
     np.testing.assert_array_equal(found.attitudes, prospects.attitudes)
-    np.testing.assert_array_equal(found.least, prospects.least)
+    np.testing.assert_array_equal(found.minimum_margins, prospects.least)
     np.testing.assert_array_equal(found.endings, prospects.endings)
     np.testing.assert_array_equal(found.margins, prospects.margins)
-    for values in (found.attitudes, found.least, found.endings):
+    for values in (found.attitudes, found.minimum_margins, found.endings):
         assert not values.flags.writeable
 
 
@@ -78,8 +80,8 @@ def test_entries_of_a_map_are_those_of_simulations(found: AttitudeMap) -> None:
             assert completed == one.motion.completed
             least = one.closest_approach.value if completed else 0.0
             assert found.margins[k, one.branch.index] == pytest.approx(least, rel=1e-3)
-            keeps = completed and is_kept(one.closest_approach.value, 30.0)
-            assert found.kept[k, one.branch.index] == keeps
+            keeps = completed and one.closest_approach.keeps(30.0)
+            assert found.feasible[k, one.branch.index] == keeps
 
 
 def test_shares_are_those_of_attitudes_drawn_at_random(
@@ -104,7 +106,7 @@ def test_counts_of_a_map_made_by_hand(problem: Problem) -> None:
     endings = np.array([[0, -1], [SINGULAR, 0], [-1, 0], [0, 0]], dtype=np.int8)
     one = drawn(problem, attitude_grid(8)[:4], least, endings)
     np.testing.assert_array_equal(one.margins, [[31.0, 0.0], [0.0, 29.0], [0.0, 10.0], [30, 60]])
-    np.testing.assert_array_equal(one.kept, [[1, 0], [0, 0], [0, 0], [1, 1]])
+    np.testing.assert_array_equal(one.feasible, [[1, 0], [0, 0], [0, 0], [1, 1]])
     assert one.motions == 6
     assert one.feasible_fraction == 0.5
     assert one.feasible_fraction_error == pytest.approx(0.25)
@@ -115,26 +117,22 @@ def test_a_map_without_a_motion_has_shares_of_zero(problem: Problem) -> None:
     endings = np.full((8, 8), UNREACHED, dtype=np.int8)
     none = drawn(problem, attitude_grid(8), np.zeros((8, 8)), endings)
     assert none.motions == none.motion_fraction == none.feasible_fraction == 0.0
-    assert none.families() == []
-    assert regions(none) == []
+    assert none.branch_margins() == []
+    assert find_regions(none) == []
 
 
 @pytest.mark.parametrize("samples", [48, 101])
-def test_blocks_arrive_in_order_and_leave_no_seam(
+def test_blocks_leave_no_seam(
     outlook: FeasibilityEvaluator, monkeypatch: pytest.MonkeyPatch, samples: int
 ) -> None:
     """A block at a time or at once, to the bit; the last one may be smaller."""
-    whole = map_attitudes(outlook, samples)
-    monkeypatch.setattr(attitude_map, "_BLOCK", 16)
-    blocks: list[BranchOutcomes] = []
+    whole = sample_attitudes(outlook, samples)
+    monkeypatch.setattr(sampling, "_BLOCK", 16)
     shares: list[float] = []
-    pieces = map_attitudes(outlook, samples, sink=blocks.append, progress=shares.append)
-    assert len(blocks) == -(-samples // 16)
-    for name in ("attitudes", "least", "endings"):
-        values = getattr(whole, name)
-        np.testing.assert_array_equal(getattr(pieces, name), values)
-        np.testing.assert_array_equal(np.concatenate([getattr(b, name) for b in blocks]), values)
-    assert [len(block.attitudes) for block in blocks[:-1]] == [16] * (len(blocks) - 1)
+    blocks = sample_attitudes(outlook, samples, progress=shares.append)
+    for name in ("attitudes", "minimum_margins", "endings"):
+        np.testing.assert_array_equal(getattr(blocks, name), getattr(whole, name))
+    assert blocks.details["joints"].shape == whole.details["joints"].shape
     assert shares == sorted(shares)
     assert shares[0] > 0.0
     assert shares[-1] == pytest.approx(1.0)
@@ -142,34 +140,34 @@ def test_blocks_arrive_in_order_and_leave_no_seam(
 
 def test_a_seed_turns_the_grid(outlook: FeasibilityEvaluator) -> None:
     """The same seed gives the same map to the bit."""
-    one, same, other = (map_attitudes(outlook, 32, seed) for seed in (5, 5, 6))
+    one, same, other = (sample_attitudes(outlook, 32, seed) for seed in (5, 5, 6))
     np.testing.assert_array_equal(one.attitudes, attitude_grid(32, 5))
     np.testing.assert_array_equal(one.attitudes, same.attitudes)
-    np.testing.assert_array_equal(one.least, same.least)
+    np.testing.assert_array_equal(one.minimum_margins, same.minimum_margins)
     np.testing.assert_array_equal(one.endings, same.endings)
     assert (one.seed, other.seed) == (5, 6)
     assert np.abs(one.attitudes - other.attitudes).max() > 0.01
-    assert np.abs(one.least - other.least).max() > 0.01
+    assert np.abs(one.minimum_margins - other.minimum_margins).max() > 0.01
 
 
 def test_threads_do_not_matter(problem: Problem, outlook: FeasibilityEvaluator) -> None:
     one, two = (
-        map_attitudes(outlook, 128, 1),
-        map_attitudes(FeasibilityEvaluator(problem, 2), 128, 1),
+        sample_attitudes(outlook, 128, 1),
+        sample_attitudes(FeasibilityEvaluator(problem, 2), 128, 1),
     )
-    np.testing.assert_array_equal(one.least, two.least)
+    np.testing.assert_array_equal(one.minimum_margins, two.minimum_margins)
     np.testing.assert_array_equal(one.endings, two.endings)
 
 
 def test_planar_tasks_and_few_samples_are_refused(outlook: FeasibilityEvaluator) -> None:
     with pytest.raises(InputError) as caught:
-        map_attitudes(FeasibilityEvaluator(bundled("planar_3dof/parabola"), 1), 64)
+        sample_attitudes(FeasibilityEvaluator(bundled("planar_3dof/parabola"), 1), 64)
     assert caught.value.key == "task"
     for samples in (7, 0, -3):
         with pytest.raises(InputError) as caught:
-            map_attitudes(outlook, samples)
+            sample_attitudes(outlook, samples)
         assert caught.value.key == "samples"
-    assert len(map_attitudes(outlook, 8).attitudes) == 8
+    assert len(sample_attitudes(outlook, 8).attitudes) == 8
 
 
 def test_depths_are_angles_to_the_nearest_outside() -> None:
@@ -204,7 +202,7 @@ def test_two_balls_are_two_regions(problem: Problem) -> None:
     held = balls(attitudes)
     least = np.zeros((N, 8))
     least[:, 2] = np.where(held.any(axis=0), 40.0, 29.0)
-    parts = regions(drawn(problem, attitudes, least))
+    parts = find_regions(drawn(problem, attitudes, least))
     assert [part.branch for part in parts] == [2, 2]
     for part, mine, center, radius in zip(parts, held, CENTERS, RADII, strict=True):
         assert part.fraction == pytest.approx(mine.mean())
@@ -222,7 +220,7 @@ def test_balls_of_different_branches_are_not_joined(problem: Problem) -> None:
     attitudes = attitude_grid(N)
     least = np.zeros((N, 8))
     least[:, [0, 1, 4]] = np.where(balls(attitudes)[0], 40.0, 0.0)[:, None]
-    parts = regions(drawn(problem, attitudes, least))
+    parts = find_regions(drawn(problem, attitudes, least))
     assert [part.branch for part in parts] == [0, 4]
     assert parts[0].fraction == parts[1].fraction == balls(attitudes)[0].mean()
 
@@ -234,7 +232,7 @@ def test_a_ring_hangs_together(problem: Problem) -> None:
     about_z = np.hypot(attitudes[:, 0], attitudes[:, 1]) < np.sin(0.2)
     least = np.zeros((N, 8))
     least[:, 0] = 40.0 * about_z
-    (part,) = regions(drawn(problem, attitudes, least))
+    (part,) = find_regions(drawn(problem, attitudes, least))
     assert part.fraction == about_z.mean()
 
 
@@ -243,7 +241,7 @@ def test_one_sample_is_a_region_and_all_of_so3_is_one(problem: Problem) -> None:
     least = np.zeros((64, 8))
     least[17, 0] = 40.0
     least[:, 2] = 40.0
-    whole, single = regions(drawn(problem, attitudes, least))
+    whole, single = find_regions(drawn(problem, attitudes, least))
     assert (whole.branch, whole.fraction, whole.depth) == (2, 1.0, np.pi)
     assert (single.branch, single.fraction) == (0, 1 / 64)
     np.testing.assert_array_equal(single.centre, attitudes[17])
@@ -251,10 +249,10 @@ def test_one_sample_is_a_region_and_all_of_so3_is_one(problem: Problem) -> None:
 
 def test_regions_of_the_example_make_up_its_branches(found: AttitudeMap) -> None:
     """Their fractions add up to the branch's share, and the largest comes first."""
-    parts = regions(found)
+    parts = find_regions(found)
     fractions = [part.fraction for part in parts]
     assert fractions == sorted(fractions, reverse=True)
-    families = dict(found.families())
+    families = dict(found.branch_margins())
     assert list(families) == [0, 2, 4, 6]
     for branch, margins in families.items():
         np.testing.assert_array_equal(margins, found.margins[:, branch])
@@ -269,8 +267,8 @@ def test_regions_of_the_example_make_up_its_branches(found: AttitudeMap) -> None
 
 def test_an_arm_without_twins_has_all_its_branches() -> None:
     """Those that some attitude reaches."""
-    found = map_attitudes(FeasibilityEvaluator(bundled("ur5_servicer/arc"), 1), 64)
-    numbers = [branch for branch, _ in found.families()]
+    found = sample_attitudes(FeasibilityEvaluator(bundled("ur5_servicer/arc"), 1), 64)
+    numbers = [branch for branch, _ in found.branch_margins()]
     reached = np.flatnonzero((found.endings != UNREACHED).any(axis=0))
     assert numbers == reached.tolist()
     assert any(number % 2 for number in numbers)
@@ -279,12 +277,14 @@ def test_an_arm_without_twins_has_all_its_branches() -> None:
 
 def test_a_redundant_arm_has_one_family() -> None:
     """The best of its configurations, whatever their numbers."""
-    found = map_attitudes(FeasibilityEvaluator(bundled("panda_servicer/line"), 1), 12)
-    ((branch, margins),) = found.families()
+    found = sample_attitudes(FeasibilityEvaluator(bundled("panda_servicer/line"), 1), 12)
+    ((branch, margins),) = found.branch_margins()
     assert branch is None
     np.testing.assert_array_equal(margins, found.margins.max(axis=1))
-    assert all(part.branch is None for part in regions(found))
-    assert sum(part.fraction for part in regions(found)) == pytest.approx(found.feasible_fraction)
+    assert all(part.branch is None for part in find_regions(found))
+    assert sum(part.fraction for part in find_regions(found)) == pytest.approx(
+        found.feasible_fraction
+    )
 
 
 def test_attitudes_of_a_ball_are_where_their_map_says(problem: Problem) -> None:
@@ -293,5 +293,5 @@ def test_attitudes_of_a_ball_are_where_their_map_says(problem: Problem) -> None:
     far = attitudes_within([0.0, 1.0, 0.0, 0.0], 0.05, 40)
     least = np.zeros((100, 8))
     least[:, 0] = 40.0
-    parts = regions(drawn(problem, np.vstack([near, far]), least))
+    parts = find_regions(drawn(problem, np.vstack([near, far]), least))
     assert [part.fraction for part in parts] == [0.6, 0.4]

@@ -13,16 +13,17 @@ from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
 from freefloat.motion.simulation import simulate
-from freefloat.planning.attitude_map import AttitudeMap, map_attitudes
+from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.boundary import (
     EXACT,
     ROUGH,
     Inside,
     bisected,
-    boundary,
+    boundary_points,
     edge,
-    touched_boundary,
+    tangent_boundary,
 )
+from freefloat.planning.sampling import sample_attitudes
 from freefloat.so3 import angle_between, attitude_grid, grid_spacing, turned
 
 MARGIN = 30.0
@@ -42,7 +43,7 @@ def outlook(problem: Problem) -> FeasibilityEvaluator:
 
 @pytest.fixture(scope="module")
 def found(outlook: FeasibilityEvaluator) -> AttitudeMap:
-    return map_attitudes(outlook, 256)
+    return sample_attitudes(outlook, 256)
 
 
 @pytest.mark.parametrize(("rounds", "share"), [(ROUGH, 8.0**-3), (EXACT, 8.0**-6), (1, 1 / 8)])
@@ -90,7 +91,7 @@ def test_the_margin_is_just_kept_on_the_boundary(
     outlook: FeasibilityEvaluator, found: AttitudeMap, problem: Problem
 ) -> None:
     """Precise motions from its points have the margin as their smallest S; one of each branch."""
-    points = boundary(outlook, found, 6)
+    points = boundary_points(outlook, found, 6)
     assert [point.branch for point in points] == [b for b in (0, 2, 4, 6) for _ in range(6)]
     for point in points[::3]:
         assert point.gap is None
@@ -107,7 +108,7 @@ def test_points_of_an_edge_lie_between_neighbours(
     outlook: FeasibilityEvaluator, found: AttitudeMap
 ) -> None:
     """Kept themselves, near a sample outside; never more than asked for."""
-    attitudes, keeps = found.attitudes, found.kept[:, 2]
+    attitudes, keeps = found.attitudes, found.feasible[:, 2]
     points = edge(serving(outlook, 2), attitudes, keeps, 20, EXACT)
     assert len(points) == 20
     assert outlook.keeps(points, 2).all()
@@ -132,7 +133,7 @@ def test_all_or_nothing_has_no_edge(outlook: FeasibilityEvaluator, found: Attitu
 @pytest.fixture(scope="module")
 def touched(outlook: FeasibilityEvaluator) -> list:
     shares: list[float] = []
-    points = touched_boundary(outlook, 12, progress=shares.append)
+    points = tangent_boundary(outlook, 12, progress=shares.append)
     assert shares == [(k + 1) / 12 for k in range(12)]
     return points
 
@@ -157,14 +158,14 @@ def test_other_arms_have_no_touch_points() -> None:
     """Arms without a spherical wrist, tasks in the plane."""
     for name, key in (("ur5_servicer/arc", "robot"), ("planar_3dof/parabola", "task")):
         with pytest.raises(InputError) as caught:
-            touched_boundary(FeasibilityEvaluator(load_scenario(name).problem(), 1), 3)
+            tangent_boundary(FeasibilityEvaluator(load_scenario(name).problem(), 1), 3)
         assert caught.value.key == key
 
 
 def test_a_margin_of_zero_has_no_touch_points(problem: Problem) -> None:
     none = replace(problem, margin=Margin(problem.margin.measure, 0.0))
     with pytest.raises(InputError) as caught:
-        touched_boundary(FeasibilityEvaluator(none, 1), 3)
+        tangent_boundary(FeasibilityEvaluator(none, 1), 3)
     assert caught.value.key == "margin.value"
 
 
@@ -173,7 +174,7 @@ def test_boundary_is_the_same_for_any_grid_sign(
 ) -> None:
     """A sample and its negative are one attitude."""
     signs = np.random.default_rng(2).choice([-1.0, 1.0], (len(found.attitudes), 1))
-    keeps = found.kept[:, 0]
+    keeps = found.feasible[:, 0]
     points = edge(serving(outlook, 0), found.attitudes, keeps, 8, ROUGH)
     other = edge(serving(outlook, 0), found.attitudes * signs, keeps, 8, ROUGH)
     np.testing.assert_allclose(angle_between(points, other), 0.0, atol=1e-6)

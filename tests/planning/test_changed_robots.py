@@ -64,8 +64,8 @@ def test_another_robot_gets_another_plan_that_holds(
     """Its motion is another one, drifts right, follows the path and keeps margin and limits."""
     scenario, before = changed(name, SAMPLES, **robot), usual(name)
     found = planned(scenario)
-    if found.stretch is not None:  # a heavy hand turns the spacecraft faster than it may
-        scenario = scenario.stretched(1.01 * found.stretch)
+    if found.needed_stretch is not None:  # a heavy hand turns the spacecraft faster than it may
+        scenario = scenario.stretched(1.01 * found.needed_stretch)
         found = planned(scenario)
     assert found.feasible, found.reason
     assert found.chosen is not None
@@ -99,4 +99,4 @@ def test_seven_joints_do_what_six_of_them_cannot() -> None:
     whole = planned(changed("panda_servicer/line", 16))
     assert whole.problem.model.dof == 7
     assert whole.feasible
-    assert all(one.kept for one in whole.findings)
+    assert all(one.kept for one in whole.limit_results)

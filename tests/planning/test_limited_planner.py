@@ -58,7 +58,7 @@ def looked_at(found: Plan, limits: Limits) -> Plan:
     assert found.problem.margin.is_kept(found.chosen.closest_approach.value)
     again = LimitChecker(found.problem, limits).findings(found.chosen.motion)
     assert all(one.kept for one in again)
-    assert [one.limit for one in again] == [one.limit for one in found.findings]
+    assert [one.limit for one in again] == [one.limit for one in found.limit_results]
     return found
 
 
@@ -78,7 +78,7 @@ def test_what_collides_everywhere_is_refused_by_name(attitudes: Plan) -> None:
     assert not found.feasible
     assert set(found.excluded) == {LimitKind.CLEARANCE}
     assert "at spacecraft - " in found.reason
-    assert found.stretch is None
+    assert found.needed_stretch is None
 
 
 @pytest.mark.parametrize(
@@ -97,8 +97,8 @@ def test_each_limit_alone_can_make_a_plan_infeasible(
     assert found.chosen is None
     assert name in found.reason
     assert set(found.excluded) == {LimitKind(name)}
-    assert found.stretch is not None
-    assert f"{found.stretch:.4g} times the duration would do" in found.reason
+    assert found.needed_stretch is not None
+    assert f"{found.needed_stretch:.4g} times the duration would do" in found.reason
 
 
 def test_joint_ranges_count_without_any_other_limit(planar: Problem, tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ def test_joint_ranges_count_without_any_other_limit(planar: Problem, tmp_path: P
     found = plan(scenario.problem(), Search(), limits=Limits())
     assert not found.feasible
     assert set(found.excluded) == {LimitKind.JOINT_RANGE}
-    assert found.stretch is None
+    assert found.needed_stretch is None
 
 
 def test_the_stretched_scenario_keeps_what_was_too_fast() -> None:
@@ -120,10 +120,10 @@ def test_the_stretched_scenario_keeps_what_was_too_fast() -> None:
     calm = replace(PLANAR, content=PLANAR.content.model_copy(update={"momentum": (0.0, 0.0, 0.0)}))
     problem = calm.problem()
     found = plan(problem, Search(), limits=limits)
-    assert found.stretch is not None
-    slower = PLANAR.stretched(1.00001 * found.stretch)
-    assert slower.content.timing.duration == pytest.approx(100.0 * 1.00001 * found.stretch)
-    assert slower.content.timing.stops[0].t == pytest.approx(69.73 * 1.00001 * found.stretch)
+    assert found.needed_stretch is not None
+    slower = PLANAR.stretched(1.00001 * found.needed_stretch)
+    assert slower.content.timing.duration == pytest.approx(100.0 * 1.00001 * found.needed_stretch)
+    assert slower.content.timing.stops[0].t == pytest.approx(69.73 * 1.00001 * found.needed_stretch)
     path = replace(problem, path=slower.problem().path)
     kept(path, limits, Search())
 
@@ -133,9 +133,9 @@ def test_the_duration_told_is_enough_where_only_a_few_headings_keep_the_rates() 
     line = load_scenario("planar_2dof/line")
     limits = Limits(joint_rate=np.full(2, 0.001))
     found = plan(line.problem(), Search(), limits=limits)
-    assert found.stretch is not None
+    assert found.needed_stretch is not None
     for factor in (1.00001, 1.001):
-        kept(line.stretched(factor * found.stretch).problem(), limits, Search())
+        kept(line.stretched(factor * found.needed_stretch).problem(), limits, Search())
 
 
 def test_the_nearest_is_drawn_toward_the_present_attitude(planar: Problem) -> None:

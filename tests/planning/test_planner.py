@@ -10,8 +10,8 @@ from freefloat.errors import InputError
 from freefloat.motion.problem import is_kept
 from freefloat.planning.heading_map import (
     attitudes_at,
-    heading_evaluator,
-    heading_map,
+    evaluator_for,
+    sample_headings,
     searched_ranges,
 )
 from freefloat.so3 import frozen, heading_of, heading_quaternion
@@ -31,7 +31,7 @@ def test_the_largest_margin_beats_a_sweep(problem):
     plan = ff.plan(problem)
     assert plan.feasible
     sweep = attitudes_at(np.radians(np.arange(0.0, 360.0, 10.0)))
-    swept = heading_evaluator(problem).margins(sweep, None).max()
+    swept = evaluator_for(problem).margins(sweep, None).max()
     assert plan.chosen.closest_approach.value >= swept - 1e-4
     assert plan.chosen.motion.residuals().momentum < 1e-6
 
@@ -42,7 +42,7 @@ def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem):
     widest = max((one for entry in plan.ranges for one in entry.ranges), key=lambda one: one.width)
     assert plan.robust_radius == pytest.approx(widest.width / 2)
     headings = chosen_heading(plan) + np.array([-0.9, 0.9]) * plan.robust_radius
-    margins = heading_evaluator(problem).margins(attitudes_at(headings), plan.chosen.branch.index)
+    margins = evaluator_for(problem).margins(attitudes_at(headings), plan.chosen.branch.index)
     assert (margins > problem.margin.threshold).all()
 
 
@@ -90,7 +90,7 @@ def test_infeasible_plans_say_where_and_why(problem, start, end, value, words):
 def test_search_agrees_with_the_exact_ranges(problem):
     """Sampling and bisection find the ranges that the touch points give."""
     exact = ff.plan(problem, ff.Search(ff.Objective.ROBUST)).ranges
-    for one, other in zip(searched_ranges(heading_evaluator(problem), 24), exact, strict=True):
+    for one, other in zip(searched_ranges(evaluator_for(problem), 24), exact, strict=True):
         assert np.array(one.limits) == pytest.approx(np.array(other.limits), abs=1e-6)
 
 
@@ -110,7 +110,7 @@ def test_precise_motions_confirm_searched_limits(problem):
     measure = ff.measure(problem.model, problem.task, "sigma")
     other = ff.Problem(problem.model, problem.path, problem.task, problem.momentum,
                        ff.Margin(measure, 0.05))  # fmt: skip
-    ranges = [(entry.branch, one) for entry in searched_ranges(heading_evaluator(other), 24)
+    ranges = [(entry.branch, one) for entry in searched_ranges(evaluator_for(other), 24)
               for one in entry.ranges]  # fmt: skip
     assert ranges
     for branch, one in ranges:
@@ -137,9 +137,9 @@ def test_a_planar_arm_with_a_joint_to_spare_is_planned_by_search(problem):
 
 def test_the_map_shows_the_ranges(problem):
     """S_min over heading is above the margin exactly inside the ranges, branch by branch."""
-    found = heading_map(problem, 24)
+    found = sample_headings(problem, 24)
     ranges = ff.plan(problem, ff.Search(ff.Objective.ROBUST)).ranges
-    for index, row in zip(found.branches, found.kept, strict=True):
+    for index, row in zip(found.branches, found.feasible, strict=True):
         inside = [max(one.depth(h) for one in ranges[index].ranges) > 0 for h in found.headings]
         assert row.astype(bool).tolist() == inside
 
@@ -147,7 +147,7 @@ def test_the_map_shows_the_ranges(problem):
 def test_progress_is_told_from_zero_to_one(problem):
     """Long searches say how far they are."""
     shares = []
-    heading_map(problem, 8, shares.append)
+    sample_headings(problem, 8, shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
@@ -155,7 +155,7 @@ def test_progress_is_told_from_zero_to_one(problem):
 def test_misuse_is_refused(problem):
     """Headings of spatial tasks, nearest to nothing, too few samples."""
     with pytest.raises(InputError, match="planar-pose"):
-        heading_map(ff.load_scenario("spatial_6dof/line").problem(), 8)
+        sample_headings(ff.load_scenario("spatial_6dof/line").problem(), 8)
     with pytest.raises(InputError, match="from_attitude"):
         ff.Search(ff.Objective.NEAREST)
     with pytest.raises(InputError, match="samples"):

@@ -14,8 +14,9 @@ from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
 from freefloat.planning import search as attitude_search
-from freefloat.planning.attitude_map import AttitudeMap, map_attitudes
+from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.robust_radius import deepest, safe_radius
+from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.search import (
     Candidate,
     largest_margins,
@@ -114,10 +115,10 @@ def test_the_highest_peak_is_climbed_though_samples_tell_of_another(problem: Pro
     assert np.argmax(found.margins[:, 2]) == 300
     best, *others = largest_margins(land, found)
     assert best.branch == 2
-    assert best.merit == pytest.approx(50.0, abs=1e-4)
+    assert best.score == pytest.approx(50.0, abs=1e-4)
     assert angle_between(best.attitude, narrow) < 1e-3
-    assert all(one.merit <= best.merit for one in others)
-    assert any(one.merit == pytest.approx(47.0, abs=1e-2) for one in others)
+    assert all(one.score <= best.score for one in others)
+    assert any(one.score == pytest.approx(47.0, abs=1e-2) for one in others)
 
 
 def test_every_branch_has_its_own_peak(problem: Problem) -> None:
@@ -125,7 +126,7 @@ def test_every_branch_has_its_own_peak(problem: Problem) -> None:
     best = largest_margins(land, land.map(256))[0]
     assert best.branch == 4
     assert angle_between(best.attitude, THERE) < 1e-3
-    np.testing.assert_allclose(land.margins(best.attitude[None], 4), best.merit)
+    np.testing.assert_allclose(land.margins(best.attitude[None], 4), best.score)
 
 
 def test_without_any_margin_there_is_no_peak(problem: Problem) -> None:
@@ -141,13 +142,13 @@ def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
     land, radius = Landscape(problem, b0=ball(HERE, 0.7)), 0.7 - SURPLUS * MARGIN / 20.0
     found = land.map(512)
     best, *others = nearest_feasible(land, found, now)
-    assert best.merit == pytest.approx(angle_between(now, HERE) - radius, rel=1e-3)
-    assert best.merit == pytest.approx(angle_between(now, best.attitude), abs=1e-9)
+    assert best.score == pytest.approx(angle_between(now, HERE) - radius, rel=1e-3)
+    assert best.score == pytest.approx(angle_between(now, best.attitude), abs=1e-9)
     assert land.margins(best.attitude[None], 0)[0] == pytest.approx(
         MARGIN * (1.0 + SURPLUS), abs=2e-3
     )
     assert all(land.keeps(one.attitude[None], one.branch)[0] for one in others)
-    merits = [one.merit for one in (best, *others)]
+    merits = [one.score for one in (best, *others)]
     assert merits == sorted(merits)
 
 
@@ -160,9 +161,9 @@ def test_the_nearest_of_two_parts_and_two_branches_is_taken(problem: Problem) ->
     candidates = nearest_feasible(land, land.map(2048), now)
     short = SURPLUS * MARGIN / 20.0
     assert candidates[0].branch == 0
-    assert candidates[0].merit == pytest.approx(0.8 + short, abs=1e-3)
+    assert candidates[0].score == pytest.approx(0.8 + short, abs=1e-3)
     other = next(one for one in candidates if one.branch == 6)
-    assert other.merit == pytest.approx(0.9 + short, abs=1e-3)
+    assert other.score == pytest.approx(0.9 + short, abs=1e-3)
 
 
 def test_around_a_corner_the_nearest_is_the_corner_of_the_set(problem: Problem) -> None:
@@ -171,10 +172,10 @@ def test_around_a_corner_the_nearest_is_the_corner_of_the_set(problem: Problem) 
     now = turned(HERE, [1.5, 0.2, 0.3])[0]
     land = Landscape(problem, b2=both(ball(a, 0.8), ball(b, 0.8)))
     best = nearest_feasible(land, land.map(1024), now)[0]
-    cloud = attitudes_within(now, best.merit, 50_000)
+    cloud = attitudes_within(now, best.score, 50_000)
     held = land.margins(cloud, 2) >= MARGIN * (1.0 + SURPLUS)
-    nearest = angle_between(cloud[held], now).min(initial=best.merit)
-    assert best.merit - nearest < np.radians(0.05)
+    nearest = angle_between(cloud[held], now).min(initial=best.score)
+    assert best.score - nearest < np.radians(0.05)
 
 
 def test_where_the_margin_is_kept_already_nothing_is_nearer(problem: Problem) -> None:
@@ -182,7 +183,7 @@ def test_where_the_margin_is_kept_already_nothing_is_nearer(problem: Problem) ->
     land = Landscape(problem, b0=ball(HERE, 0.7), b2=ball(THERE, 0.7))
     now = turned(HERE, [0.3, 0.0, 0.0])[0]
     best, *others = nearest_feasible(land, land.map(512), now)
-    assert (best.branch, best.merit) == (0, 0.0)
+    assert (best.branch, best.score) == (0, 0.0)
     np.testing.assert_array_equal(best.attitude, now)
     assert {one.branch for one in others} == {2}
 
@@ -200,7 +201,7 @@ def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(
     best = deepest(land, land.map(samples))
     assert best is not None
     assert best.branch == 2
-    assert 0.95 * 0.8 < best.merit <= 0.8
+    assert 0.95 * 0.8 < best.score <= 0.8
     assert angle_between(best.attitude, THERE) < 0.05 * 0.8
 
 
@@ -209,7 +210,7 @@ def test_a_hole_in_the_middle_is_kept_clear_of(problem: Problem) -> None:
     land = Landscape(problem, b0=both(ball(HERE, 1.4), without(HERE, 0.2)))
     best = deepest(land, land.map(512))
     assert best is not None
-    assert 0.95 * 0.6 < best.merit <= 0.6
+    assert 0.95 * 0.6 < best.score <= 0.6
     assert angle_between(best.attitude, HERE) == pytest.approx(0.8, abs=0.04)
 
 
@@ -217,7 +218,7 @@ def test_a_ring_is_as_deep_as_it_is_wide(problem: Problem) -> None:
     land = Landscape(problem, b4=near_ring(0.7))
     best = deepest(land, land.map(512))
     assert best is not None
-    assert 0.95 * 0.7 < best.merit <= 0.7
+    assert 0.95 * 0.7 < best.score <= 0.7
     assert np.hypot(*best.attitude[:2]) < np.sin(0.02)
 
 
@@ -225,7 +226,7 @@ def test_where_everything_serves_any_ball_does(problem: Problem) -> None:
     land = Landscape(problem, b0=lambda some: np.full(len(some), 40.0))
     best = deepest(land, land.map(64))
     assert best is not None
-    assert best.merit == pytest.approx(np.pi, rel=0.02)
+    assert best.score == pytest.approx(np.pi, rel=0.02)
 
 
 def test_the_deepest_of_a_tiny_set_lies_inside(problem: Problem) -> None:
@@ -269,7 +270,7 @@ def outlook(problem: Problem) -> FeasibilityEvaluator:
 
 @pytest.fixture(scope="module")
 def found(outlook: FeasibilityEvaluator) -> AttitudeMap:
-    return map_attitudes(outlook, 512)
+    return sample_attitudes(outlook, 512)
 
 
 @pytest.fixture(scope="module")
@@ -280,11 +281,11 @@ def peaks(outlook: FeasibilityEvaluator, found: AttitudeMap) -> list[Candidate]:
 def test_refined_margins_beat_every_sample(
     outlook: FeasibilityEvaluator, found: AttitudeMap, peaks: list[Candidate]
 ) -> None:
-    assert peaks[0].merit >= found.margins.max()
-    assert [one.merit for one in peaks[:4]] == sorted((p.merit for p in peaks[:4]), reverse=True)
+    assert peaks[0].score >= found.margins.max()
+    assert [one.score for one in peaks[:4]] == sorted((p.score for p in peaks[:4]), reverse=True)
     for one in peaks[:4]:
         again = outlook.margins(one.attitude[None], one.branch)
-        assert again[0] == pytest.approx(one.merit, rel=1e-12)
+        assert again[0] == pytest.approx(one.score, rel=1e-12)
 
 
 def test_the_largest_margin_is_a_local_maximum(
@@ -294,7 +295,7 @@ def test_the_largest_margin_is_a_local_maximum(
     best = peaks[0]
     for radius in (1e-4, 1e-3, 1e-2, 0.1, 0.5):
         around = attitudes_within(best.attitude, radius, 200, 17)
-        assert outlook.margins(around, best.branch).max() < best.merit * (1.0 + 1e-4)
+        assert outlook.margins(around, best.branch).max() < best.score * (1.0 + 1e-4)
 
 
 NOWS = [BAD, *Rotation.random(60, rng=np.random.default_rng(77)).as_quat()]
@@ -314,13 +315,13 @@ def test_the_nearest_feasible_attitude_lies_on_the_boundary(
     """Nearer than any sample; a little nearer on the same way the margin is broken."""
     for now in infeasible:
         best, *others = nearest_feasible(outlook, found, now)
-        samples = angle_between(found.attitudes[found.kept.any(axis=1)], now)
-        assert 0.0 < best.merit <= samples.min()
-        assert best.merit == pytest.approx(angle_between(best.attitude, now))
-        assert [one.merit for one in others] == sorted(one.merit for one in others)
+        samples = angle_between(found.attitudes[found.feasible.any(axis=1)], now)
+        assert 0.0 < best.score <= samples.min()
+        assert best.score == pytest.approx(angle_between(best.attitude, now))
+        assert [one.score for one in others] == sorted(one.score for one in others)
         for one in (best, *others):
             assert outlook.keeps(one.attitude[None], one.branch)[0]
-        back = rotation_vector_to(best.attitude, now) / best.merit
+        back = rotation_vector_to(best.attitude, now) / best.score
         for degrees in (0.1, 0.3, 1.0):
             nearer = turned(best.attitude, np.radians(degrees) * back)
             assert not outlook.keeps(nearer, best.branch)[0]
@@ -332,10 +333,10 @@ def test_no_random_attitude_is_feasible_and_nearer(
     """By more than a twentieth of a degree, among 20,000 in the ball that would hold it."""
     now = infeasible[0]
     best = nearest_feasible(outlook, found, now)[0]
-    cloud = attitudes_within(now, best.merit, 20_000, 3)
+    cloud = attitudes_within(now, best.score, 20_000, 3)
     keeps = outlook.keeps(cloud, best.branch)
-    nearest = angle_between(cloud[keeps], now).min(initial=best.merit)
-    assert best.merit - nearest < np.radians(0.05)
+    nearest = angle_between(cloud[keeps], now).min(initial=best.score)
+    assert best.score - nearest < np.radians(0.05)
 
 
 def test_the_nearest_to_a_feasible_attitude_is_itself(
@@ -343,7 +344,7 @@ def test_the_nearest_to_a_feasible_attitude_is_itself(
 ) -> None:
     k = int(np.argmax(found.margins.max(axis=1)))
     best = nearest_feasible(outlook, found, found.attitudes[k])[0]
-    assert best.merit == 0.0
+    assert best.score == 0.0
     np.testing.assert_array_equal(best.attitude, found.attitudes[k])
 
 

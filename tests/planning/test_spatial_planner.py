@@ -18,9 +18,9 @@ from freefloat.motion.simulation import SimulatedBranch, simulate
 from freefloat.planning import robust_radius as attitude_depth
 from freefloat.planning import search as attitude_search
 from freefloat.planning import spatial_planner, tolerance
-from freefloat.planning.attitude_map import map_attitudes
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.plan import Plan
+from freefloat.planning.sampling import sample_attitudes
 from freefloat.so3 import angle_between, attitudes_within, frozen, grid_spacing
 
 MARGIN = 50.0
@@ -120,7 +120,7 @@ def test_the_nearest_attitude_is_chosen(nearest: Plan, largest: Plan) -> None:
     assert nearest.map is not None
     assert nearest.deviation is not None
     assert largest.deviation is not None
-    feasible = nearest.map.attitudes[nearest.map.kept.any(axis=1)]
+    feasible = nearest.map.attitudes[nearest.map.feasible.any(axis=1)]
     assert nearest.deviation <= angle_between(feasible, BAD).min()
     assert nearest.deviation < largest.deviation
     degrees = np.degrees(nearest.deviation)
@@ -180,7 +180,7 @@ def test_what_is_narrower_than_the_grid_is_still_found(objective: Objective) -> 
     """A margin that no sample keeps, between them; angles are told as such."""
     value, samples, seed = 53.55, 16, 3
     problem = margined(value)
-    coarse = map_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
+    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
     assert coarse.feasible_fraction == 0.0
     plan = ff.plan(problem, Search(objective, frozen(BAD), samples, seed), threads=1)
     assert plan.feasible
@@ -198,7 +198,7 @@ def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
     """By less than compiled motions are trusted to tell; the precise one decides."""
     value, samples, seed = 53.6, 16, 1
     problem = margined(value)
-    coarse = map_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
+    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
     assert value < coarse.margins.max() < value * 1.001
     plan = ff.plan(problem, Search(Objective.NEAREST, frozen(BAD), samples, seed), threads=1)
     assert plan.feasible, plan.reason
@@ -274,7 +274,7 @@ def test_a_stock_arm_finds_its_largest_margin() -> None:
     """A UR5, whose wrist is not spherical."""
     problem = ff.load_scenario("ur5_servicer/arc").problem()
     shares: list[float] = []
-    plan = ff.plan(problem, Search(samples=64), shares.append, threads=1)
+    plan = ff.plan(problem, Search(samples=64), progress=shares.append, threads=1)
     assert plan.feasible
     assert plan.chosen is not None
     assert problem.margin.is_kept(plan.chosen.closest_approach.value)

@@ -159,9 +159,9 @@ def test_a_scenario_plans_within_its_limits(name: str) -> None:
     assert found.chosen is not None
     assert problem.margin.is_kept(found.chosen.closest_approach.value)
     assert found.disagreements == ()
-    kept = {finding.limit: finding.kept for finding in found.findings}
+    kept = {finding.limit: finding.kept for finding in found.limit_results}
     assert {"joint_rate", "joint_torque", "base_rate", "clearance"} <= kept.keys()
     assert all(kept.values())
-    wrench = next(one.base_wrench for one in found.findings if one.limit == "joint_torque")
+    wrench = next(one.base_wrench for one in found.limit_results if one.limit == "joint_torque")
     assert wrench is not None
     assert wrench < 1e-6

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.answers.report import simulation_document
 from freefloat.cli.app import app
 from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
@@ -25,6 +24,7 @@ from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, is_kept
 from freefloat.paths.curves import PolynomialCurve
+from freefloat.planning.documents import simulation_document
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
 from freefloat.planning.robust_radius import safe_radius
 from freefloat.robot.model import FreeFloatingModel

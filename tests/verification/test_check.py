@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.answers.report import plan_document, simulation_document
 from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.digest import seal
 from freefloat.io.plan_file import load_plan, save_motion, save_plan
 from freefloat.io.scenario import parse_scenario
 from freefloat.limits.check import LimitChecker
+from freefloat.planning.documents import simulation_document
 from freefloat.so3 import angle_between
 from freefloat.verification import robust_checks
 from freefloat.verification.check import check_plan
@@ -66,7 +66,7 @@ def planned(text, path):
     problem = scenario.problem()
     limits = scenario.limits(problem.model)
     found = ff.plan(problem, scenario.search(), limits=limits)
-    save_plan(path, found, scenario, plan_document(found))
+    save_plan(path, found, scenario, found.to_dict())
     return path
 
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from freefloat.cli.app import app
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.simulation import simulate
-from freefloat.planning.heading_map import heading_map
+from freefloat.planning.heading_map import sample_headings
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
@@ -108,7 +108,7 @@ def test_a_start_out_of_reach_leaves_no_headings(folder: Path) -> None:
     (folder / "out.yaml").write_text(SCENARIO.replace("x: [2, -3]", "x: [9, -3]"))
     assert list(plan_figures(planned("out.yaml"))) == ["workspace", "joint_space"]
     problem = load_scenario("out.yaml").problem()
-    assert heading_map_figures(problem, heading_map(problem, 8)) == {}
+    assert heading_map_figures(problem, sample_headings(problem, 8)) == {}
 
 
 def test_a_spatial_plan_has_the_figures_of_its_motion(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgba
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.attitude_map import map_attitudes
+from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.slices import Mark, map_slices
 from freefloat.visualization.figure_style import BLUE, GREY, save_figures
 from freefloat.visualization.map_figures import map_figures
@@ -19,7 +19,7 @@ BRANCHES = 4  # the others are twins
 
 def drawn(problem, marks, samples=300):
     outlook = FeasibilityEvaluator(problem)
-    found = map_attitudes(outlook, samples)
+    found = sample_attitudes(outlook, samples)
     slices = map_slices(outlook, marks, side=15)
     return found, slices, map_figures(found, slices)
 
@@ -89,13 +89,13 @@ def test_bars_add_up_to_the_shares(shown, problem):
     found, _, figures = shown
     panels = figures["map_histogram"].axes
     assert len(panels) == BRANCHES
-    for axes, (branch, values) in zip(panels, found.families(), strict=True):
+    for axes, (branch, values) in zip(panels, found.branch_margins(), strict=True):
         heights = {
             colour: sum(bar.get_height() for bar in axes.patches
                         if bar.get_facecolor() == to_rgba(colour))
             for colour in (BLUE, GREY)
         }  # fmt: skip
-        kept = 100.0 * found.kept[:, branch].mean()
+        kept = 100.0 * found.feasible[:, branch].mean()
         assert heights[BLUE] == pytest.approx(kept)
         assert heights[BLUE] + heights[GREY] == pytest.approx(100.0 * (values > 0.0).mean())
         assert f"{kept:.1f} % keep the margin" in axes.get_title(loc="left")
@@ -119,7 +119,7 @@ def test_plans_in_space_show_their_map_and_where_the_spacecraft_is_now(problem):
     """Also infeasible ones, which have no motion to show."""
     from freefloat.visualization.figures import plan_figures
 
-    found = map_attitudes(FeasibilityEvaluator(problem), 50)
+    found = sample_attitudes(FeasibilityEvaluator(problem), 50)
     search = ff.Search(ff.Objective.NEAREST, np.array([0.0, 0.0, 0.0, 1.0]))
     figures = plan_figures(ff.Plan(problem, search, False, "for a test", map=found))
     assert list(figures) == ["workspace", "map_slices", "map_histogram"]

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
-from freefloat.planning.attitude_map import AttitudeMap, map_attitudes
+from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.sampling import sample_attitudes
 from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.map_scene import (
     ANY,
@@ -51,7 +52,7 @@ DOCUMENT: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def found() -> AttitudeMap:
-    return map_attitudes(FeasibilityEvaluator(load_scenario("spatial_6dof/line").problem()), 600)
+    return sample_attitudes(FeasibilityEvaluator(load_scenario("spatial_6dof/line").problem()), 600)
 
 
 @pytest.fixture(scope="module")

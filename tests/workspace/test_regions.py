@@ -12,7 +12,8 @@ import freefloat as ff
 from freefloat.dynamics.measures import measure
 from freefloat.motion.problem import Problem
 from freefloat.workspace.margin_curves import Workspace, path_areas, planar_workspace
-from freefloat.workspace.regions import exact_workspace, workspace_of
+from freefloat.workspace.regions import exact_workspace
+from freefloat.workspace.regions import workspace as find_workspace
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def line() -> Problem:
 @pytest.fixture(scope="module")
 def shells(line: Problem) -> Workspace:
     """Its reach and areas."""
-    return workspace_of(line)
+    return find_workspace(line)
 
 
 def roots(problem: Problem, name: str, rng: np.random.Generator, lines: int) -> np.ndarray:
@@ -107,7 +108,7 @@ def test_the_path_of_example_2_crosses_one_path_dependent_area(
 def test_planar_arms_are_as_before() -> None:
     """The door leads to the same room."""
     problem = ff.load_scenario("planar_3dof/parabola").problem()
-    planar, found = planar_workspace(problem), workspace_of(problem)
+    planar, found = planar_workspace(problem), find_workspace(problem)
     assert found.path_dependent == planar.path_dependent
     assert (found.measure, found.point, found.exact) == ("system", "last joint", True)
 

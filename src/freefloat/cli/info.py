@@ -37,7 +37,7 @@ def info(
     Example: freefloat info example-robot-data:ur5 --end-effector tool0
     """
     with answering(as_json):
-        from freefloat.answers.report import info_document, natural_task
+        from freefloat.dynamics.summary import summarize
         from freefloat.io.scenario import load_scenario
         from freefloat.robot.model import FreeFloatingModel
         from freefloat.robot.names import (
@@ -57,13 +57,13 @@ def info(
             carried = loaded.content.robot.spacecraft is not None
             findings = unless_defect(examine(loaded.urdf(), carried), as_json)
             problem = loaded.problem()
-            of = problem.margin.measure
-            document = info_document(problem.model, problem.task, findings, of)
+            measure = problem.margin.measure
+            summary = summarize(problem.model, problem.task, measure, findings)
         elif robot.startswith(EXAMPLE) or robot in bundled_robots() or is_file(Path(robot)):
             urdf = find_robot(robot, Path())
             findings = unless_defect(examine(urdf), as_json)
             model = FreeFloatingModel.from_urdf(urdf, end_effector)
-            document = info_document(model, natural_task(model), findings)
+            summary = summarize(model, diagnostics=findings)
         else:
             own = [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]
             if own:
@@ -73,4 +73,5 @@ def info(
             raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
     from freefloat.cli.info_tables import info_tables
 
+    document = summary.to_dict()
     answer(document, info_tables(document), as_json)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from freefloat.cli import options
-from freefloat.cli.console import DONE, NO, answer, answering
+from freefloat.cli.console import DONE, NO, answer, answering, progress_bar
 from freefloat.cli.options import Json, Output, Plots, ScenarioName, Threads
 
 
@@ -32,14 +32,32 @@ def map_(
     """
     with answering(as_json):
         from freefloat.cli.tables import attitude_map_tables, map_tables, plot_lines
+        from freefloat.io.map_file import save_map
         from freefloat.io.scenario import load_scenario
-        from freefloat.tasks.mapping import Wishes, map_in_plane, map_in_space
+        from freefloat.planning.mapping import attitude_map
+        from freefloat.tasks.drawing import draw_map, refuse_bad_folder
+        from freefloat.tasks.warm_up import warm_up
 
         loaded = load_scenario(scenario)
-        problem = loaded.problem()
-        wishes = Wishes(samples, seed, threads, nearest, boundary, touch, output, plots)
+        problem, search = loaded.problem(), loaded.search()
         planar = problem.task.planar
-        document = (map_in_plane if planar else map_in_space)(loaded, problem, wishes)
+        refuse_bad_folder(plots)
+        warm_up(problem, threads)
+        with loaded.told(), progress_bar("integrating motions") as progress:
+            found = attitude_map(
+                problem,
+                samples or search.samples,
+                seed=search.seed if seed is None else seed,
+                nearest=nearest,
+                boundary=boundary or 0,
+                tangency=touch or 0,
+                threads=threads,
+                progress=progress,
+            )
+        document = found.to_dict()
+        if output is not None:
+            save_map(output, found, loaded)
+        document |= draw_map(plots, found, threads)
     tables = (map_tables if planar else attitude_map_tables)(document, scenario)
     best = None if planar else document["best"]  # which may lie between the samples
     served = document["feasible_fraction"] > 0.0 or best is not None

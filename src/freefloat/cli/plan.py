@@ -36,13 +36,12 @@ def plan(
     Example: freefloat plan spatial_6dof/line --json
     """
     with answering(as_json):
-        from freefloat.answers.report import plan_document
         from freefloat.cli.tables import plan_tables, plot_lines
         from freefloat.io.files import refuse_same_files
         from freefloat.io.plan_file import save_plan
         from freefloat.io.scenario import load_scenario
-        from freefloat.tasks.drawing import draw_plan, refuse_bad_folder
-        from freefloat.tasks.planning import page_lines, save_page, search_plan
+        from freefloat.planning.planner import plan as find_plan
+        from freefloat.tasks.drawing import draw_plan, page_lines, refuse_bad_folder, save_plan_page
         from freefloat.tasks.warm_up import warm_up
 
         loaded = load_scenario(scenario)
@@ -50,13 +49,17 @@ def plan(
         problem, search = loaded.problem(), loaded.search()
         refuse_bad_folder(plots)
         warm_up(problem, threads)
-        loaded.limits(problem.model)  # refused, if so, before the work
-        with progress_bar(_searching(problem, search)) as progress:
-            loaded, found = search_plan(loaded, progress, threads, stretch)
-        document = plan_document(found)
+        limits = loaded.limits(problem.model)
+        with loaded.told(), progress_bar(_searching(problem, search)) as progress:
+            found = find_plan(
+                problem, search, limits, stretch=stretch, threads=threads, progress=progress
+            )
+        if found.stretch != 1.0:
+            loaded = loaded.stretched(found.stretch)
+        document = found.to_dict()
         if output is not None:
             save_plan(output, found, loaded, document)
-        document |= save_page(html, found, scenario)
+        document |= save_plan_page(html, found, scenario)
         document |= draw_plan(plots, found, threads)
     answer(
         document,
@@ -69,6 +72,6 @@ def plan(
 def _searching(problem: Problem, search: Search) -> str:
     if problem.task.planar:
         return "searching headings"
-    from freefloat.planning.spatial_planner import ATTITUDES
+    from freefloat.planning.options import PLAN_ATTITUDES
 
-    return f"following {search.samples or ATTITUDES:,} attitudes"
+    return f"following {search.samples or PLAN_ATTITUDES:,} attitudes"

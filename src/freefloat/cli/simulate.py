@@ -29,13 +29,13 @@ def simulate(
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
     with answering(as_json):
-        from freefloat.answers.report import simulation_document
         from freefloat.cli.tables import simulation_tables
         from freefloat.io.files import refuse_same_files
         from freefloat.io.plan_file import save_motion
         from freefloat.io.scenario import load_scenario
         from freefloat.limits.check import LimitChecker
         from freefloat.motion.simulation import simulate as run
+        from freefloat.planning.documents import simulation_document
         from freefloat.tasks.simulating import joint_values, save_page, start_attitude
         from freefloat.tasks.warm_up import warm_up_branches
 

@@ -12,11 +12,11 @@ def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
     Example: freefloat workspace planar_3dof/parabola
     """
     with answering(as_json):
-        from freefloat.answers.report import workspace_document
         from freefloat.cli.tables import workspace_tables
         from freefloat.io.scenario import load_scenario
+        from freefloat.workspace.regions import workspace as find_workspace
 
         loaded = load_scenario(scenario)
         with loaded.told():
-            document = workspace_document(loaded.problem())
+            document = find_workspace(loaded.problem()).to_dict()
     answer(document, workspace_tables(document, scenario), as_json)

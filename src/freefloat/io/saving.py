@@ -6,13 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from freefloat.answers.map_report import attitude_map_document
-from freefloat.answers.report import plan_document
 from freefloat.errors import InputError, require_type
-from freefloat.io import plan_file
-from freefloat.io.map_file import map_file
+from freefloat.io import map_file, plan_file
 from freefloat.io.problem_scenario import refuse_another, restated
 from freefloat.io.scenario import Scenario
 from freefloat.limits.check import LimitChecker
@@ -22,7 +17,7 @@ from freefloat.planning.plan import Plan
 
 if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
     from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.search import Candidate
+    from freefloat.planning.heading_map import HeadingMap
 
 
 def save_plan(path: str | Path, plan: Plan, scenario: Scenario | None = None) -> None:
@@ -48,19 +43,18 @@ def save_plan(path: str | Path, plan: Plan, scenario: Scenario | None = None) ->
     if plan.chosen is not None:
         limits = scenario.limits(plan.problem.model)
         found = LimitChecker(plan.problem, limits).findings(plan.chosen.motion)
-        unsaid = {str(one.limit) for one in plan.findings} - {str(one.limit) for one in found}
+        unsaid = {str(one.limit) for one in plan.limit_results} - {str(one.limit) for one in found}
         if unsaid:
             told = f"none is stated for what the plan was to keep: {', '.join(sorted(unsaid))}"
             raise InputError("limits", told, "a Scenario with these limits")
-        plan = replace(plan, findings=found)
-    plan_file.save_plan(path, plan, scenario, plan_document(plan))
+        plan = replace(plan, limit_results=found)
+    plan_file.save_plan(path, plan, scenario, plan.to_dict())
 
 
-def save_map(path: str | Path, map_: AttitudeMap, scenario: Scenario | None = None) -> None:
-    """Write a map over all attitudes: ``load_map`` and the command view read it.
-
-    The best of the samples is marked in it; unlike the command map this looks for nothing between
-    them, such as the attitude deepest inside.
+def save_map(
+    path: str | Path, map_: AttitudeMap | HeadingMap, scenario: Scenario | None = None
+) -> None:
+    """Write a map: ``load_map`` and the command view read it.
 
     Args:
         path: The file; replaced if it exists.
@@ -71,27 +65,17 @@ def save_map(path: str | Path, map_: AttitudeMap, scenario: Scenario | None = No
         InputError: If the file cannot be written, the scenario is not that of the map, or one is
             needed.
     """
-    from freefloat.planning.attitude_map import AttitudeMap, regions
+    from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.heading_map import HeadingMap
 
-    require_type("map", map_, AttitudeMap, "an AttitudeMap, as map_attitudes returns it")
-    problem, samples = map_.problem, len(map_.attitudes)
-    own = Search(samples=samples, seed=map_.seed)
-    scenario = _scenario(scenario, problem, own if scenario is None else scenario.search())
-    document = attitude_map_document(map_, regions(map_), _best(map_), None, 0.0)
-    with map_file(path, scenario, problem, samples, map_.seed) as writer:
-        writer.write_map(map_)
-        writer.conclude(document)
-
-
-def _best(map_: AttitudeMap) -> Candidate | None:
-    """The sample of the largest margin, if that is kept."""
-    from freefloat.planning.search import Candidate
-
-    if not map_.kept.any():
-        return None
-    peaks = [(branch, int(np.argmax(own)), own) for branch, own in map_.families()]
-    best = [Candidate(map_.attitudes[at], branch, float(own[at])) for branch, at, own in peaks]
-    return max(best, key=lambda one: one.merit)
+    accepted = "an AttitudeMap or a HeadingMap, as attitude_map returns it"
+    if isinstance(map_, HeadingMap):
+        own = Search(samples=len(map_.headings))
+    else:
+        require_type("map", map_, AttitudeMap, accepted)
+        own = Search(samples=map_.samples, seed=map_.seed)
+    scenario = _scenario(scenario, map_.problem, own if scenario is None else scenario.search())
+    map_file.save_map(path, map_, scenario)
 
 
 def _scenario(given: Scenario | None, problem: Problem, search: Search) -> Scenario:

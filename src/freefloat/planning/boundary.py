@@ -7,7 +7,6 @@ touch points, which come from equations alone, check what bisection between samp
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -17,7 +16,7 @@ from scipy.spatial import cKDTree
 from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import is_kept
-from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
 from freefloat.planning.tangency import boundary_attitude, tangency_family
 from freefloat.so3 import (
     Array,
@@ -39,22 +38,6 @@ _BATCHES, _SPARE = 8, 3
 or spoiled by other parts of their motion."""
 
 Inside = Callable[[Array], npt.NDArray[np.bool_]]
-
-
-@dataclass(frozen=True, eq=False)
-class BoundaryPoint:
-    """An attitude from which the margin is just kept.
-
-    Attributes:
-        attitude: Quaternion x, y, z, w.
-        branch: Number of the arm branch; None for the best of a redundant arm.
-        gap: For one that comes from a touch point: how far from it [rad] bisection finds the
-            boundary.
-    """
-
-    attitude: Array
-    branch: int | None
-    gap: float | None = None
 
 
 def bisected(inside: Inside, within: Array, beyond: Array, rounds: int = EXACT) -> Array:
@@ -82,7 +65,9 @@ def bisected(inside: Inside, within: Array, beyond: Array, rounds: int = EXACT) 
     return turned(within, low[:, None] * turns)
 
 
-def boundary(outlook: FeasibilityEvaluator, found: AttitudeMap, count: int) -> list[BoundaryPoint]:
+def boundary_points(
+    outlook: FeasibilityEvaluator, found: AttitudeMap, count: int
+) -> tuple[BoundaryPoint, ...]:
     """Attitudes where the margin is just kept, by bisection between neighbouring samples.
 
     Args:
@@ -90,12 +75,12 @@ def boundary(outlook: FeasibilityEvaluator, found: AttitudeMap, count: int) -> l
         found: The map.
         count: How many for each arm branch, evenly picked among all pairs of neighbours.
     """
-    value, points = found.problem.margin.threshold, []
-    for branch, margins in found.families():
+    value, points = found.problem.margin.threshold, list[BoundaryPoint]()
+    for branch, margins in found.branch_margins():
         inside = partial(outlook.keeps, branch=branch)
         edge_ = edge(inside, found.attitudes, is_kept(margins, value), count, EXACT)
         points += [BoundaryPoint(attitude, branch) for attitude in edge_]
-    return points
+    return tuple(points)
 
 
 def edge(
@@ -126,9 +111,9 @@ def edge(
     return bisected(inside, within[picked], beyond[other[picked] % len(beyond)], rounds)
 
 
-def touched_boundary(
+def tangent_boundary(
     outlook: FeasibilityEvaluator, count: int, seed: int = 0, progress: Progress | None = None
-) -> list[BoundaryPoint]:
+) -> tuple[BoundaryPoint, ...]:
     """Attitudes of the boundary carried back from touch points, and how bisection agrees with them.
 
     Args:
@@ -159,7 +144,7 @@ def touched_boundary(
                 progress(len(points) / count)
         if len(points) == count:
             break
-    return points
+    return tuple(points)
 
 
 def _gap(outlook: FeasibilityEvaluator, attitude: Array, branch: int) -> float:

@@ -6,17 +6,17 @@ joints, measures other than ``system``); the map over heading is for all of them
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.brief import brief
-from freefloat.ensemble.ensemble import Progress
+from freefloat.ensemble.ensemble import TOLERANCE, Progress
 from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
-from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, is_kept
+from freefloat.motion.reach import told_reach
 from freefloat.planning.planar_ranges import (
     TURN,
     BranchRanges,
@@ -40,71 +40,124 @@ _FINEST = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class HeadingMap:
-    """S_min over heading, arm branch by arm branch.
+    """Minimum margins over initial headings, arm branch by arm branch.
 
     Attributes:
-        headings: Initial headings [rad], shape (N,).
+        problem: The problem.
+        headings: Evenly spread [rad], shape (N,).
         branches: Numbers of the arm branches, shape (B,).
-        least: Smallest magnitude of the measure, zero for motions that become singular, nan where
-            the branch does not reach the path, shape (B, N).
+        minimum_margins: Smallest magnitude of the measure, zero for motions that become singular,
+            nan where the branch does not reach the path, shape (B, N).
         ended_at: When each motion ended [s], nan where there is none, shape (B, N).
-        margin: Magnitude to keep.
+        seconds: Computing time [s].
     """
 
-    __repr__ = brief
-
-    headings: Array
+    problem: Problem = field(repr=False)
+    headings: Array = field(repr=False)
     branches: tuple[int, ...]
-    least: Array
-    ended_at: Array
-    margin: float
+    minimum_margins: Array = field(repr=False)
+    ended_at: Array = field(repr=False)
+    seconds: float = 0.0
 
     @property
-    def kept(self) -> Array:
-        """Where the margin is kept, shape (B, N), as 0 or 1."""
-        return np.asarray(is_kept(np.nan_to_num(self.least), self.margin), dtype=float)
+    def margin(self) -> float:
+        """Required magnitude of the measure."""
+        return self.problem.margin.threshold
+
+    @property
+    def feasible(self) -> npt.NDArray[np.bool_]:
+        """Where the margin is kept, shape (B, N)."""
+        return is_kept(np.nan_to_num(self.minimum_margins), self.margin)
+
+    @property
+    def feasible_fraction(self) -> float:
+        """Fraction of the headings from which at least one arm branch keeps the margin."""
+        return float(self.feasible.any(axis=0).mean()) if self.branches else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat map``."""
+        regions = self._regions()
+        widest = max(regions, key=lambda region: region["size_deg"], default=None)
+        margins, motions = self.minimum_margins, int(np.isfinite(self.minimum_margins).sum())
+        return {
+            "samples": len(self.headings),
+            "motions": motions,
+            "feasible_fraction": self.feasible_fraction,
+            "motion_fraction": float(self.feasible.sum() / max(1, motions)),
+            "best": self._best(),
+            "robust": widest and {**widest, "radius_deg": widest["size_deg"] / 2.0},
+            "regions": regions,
+            "branches": [
+                {"branch": index, "least": [None if np.isnan(v) else v for v in row.tolist()]}
+                for index, row in zip(self.branches, margins, strict=True)
+            ],
+            "headings_deg": np.degrees(self.headings).tolist(),
+            "margin": self.margin,
+            "seconds": self.seconds,
+            "out_of_reach": told_reach(self.problem),
+        }
+
+    def _best(self) -> dict[str, Any] | None:
+        margins = np.nan_to_num(self.minimum_margins)
+        if not margins.max(initial=0.0) > 0.0:
+            return None
+        b, n = np.unravel_index(int(np.argmax(margins)), margins.shape)
+        degrees = float(np.degrees(self.headings[n]))
+        return {
+            "branch": self.branches[b],
+            "heading_deg": degrees,
+            "value": float(margins[b, n]),
+            "attitude": heading_quaternion(np.radians(degrees)).tolist(),
+        }
+
+    def _regions(self) -> list[dict[str, Any]]:
+        """Runs of feasible headings round the circle, by arm branch."""
+        step, degrees, regions = 360.0 / len(self.headings), np.degrees(self.headings), []
+        for branch, row in zip(self.branches, self.feasible, strict=True):
+            if row.all():
+                regions.append({"branch": branch, "size_deg": 360.0, "centre_deg": 0.0})
+                continue
+            first = int(np.argmin(row))
+            rolled = np.append(np.roll(row, -first), False).astype(int)
+            edges = np.flatnonzero(np.diff(rolled, prepend=0))
+            for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+                centre = degrees[first] + step * (start + stop - 1) / 2.0
+                regions.append({"branch": branch, "size_deg": (stop - start) * step,
+                                "centre_deg": float(centre % 360.0)})  # fmt: skip
+        return regions
 
 
-def heading_evaluator(problem: Problem, threads: int | None = None) -> FeasibilityEvaluator:
-    """The outlook of a planar problem, precise enough to tell limits of ranges.
+def evaluator_for(problem: Problem, threads: int | None = None) -> FeasibilityEvaluator:
+    """The evaluator of a problem, for planar tasks precise enough for the limits of ranges.
 
     Args:
-        problem: A planar problem.
-        threads: How many cores to use; all this process may when left out.
-
-    Raises:
-        InputError: If the problem is not planar.
+        problem: The problem.
+        threads: Number of cores to use; all available ones when left out.
     """
-    if not problem.task.planar:
-        raise InputError("task", f"{problem.task} was given", "planar-pose or planar-position")
-    return FeasibilityEvaluator(problem, threads, tolerance=_TOLERANCE)
+    tolerance = _TOLERANCE if problem.task.planar else TOLERANCE
+    return FeasibilityEvaluator(problem, threads, tolerance=tolerance)
 
 
-def heading_map(
-    problem: Problem,
-    samples: int,
-    progress: Progress | None = None,
-    *,
-    threads: int | None = None,
+def sample_headings(
+    problem: Problem, samples: int, progress: Progress | None = None, threads: int | None = None
 ) -> HeadingMap:
-    """Follow the path from evenly spread headings with every arm branch.
+    """Integrate the motions of every arm branch from evenly spread headings.
 
     Args:
         problem: A planar problem.
         samples: Number of headings.
-        progress: Called with the share done, in [0, 1].
-        threads: How many cores to use; all this process may when left out.
+        progress: Called with the fraction done, in [0, 1].
+        threads: Number of cores to use; all available ones when left out.
     """
     headings = _even(samples)
-    outlook = heading_evaluator(problem, threads)
-    found = outlook.prospects(attitudes_at(headings), progress=progress)
-    exists = found.endings != UNREACHED
+    outcomes = evaluator_for(problem, threads).prospects(attitudes_at(headings), progress=progress)
+    exists = outcomes.endings != UNREACHED
     branches = np.flatnonzero(exists.any(axis=0))
-    least = np.where(exists, found.margins, np.nan)[:, branches].T
-    ended = found.spread(found.rollout.ended_at)[:, branches].T
-    value = problem.margin.threshold
-    numbers = tuple(int(branch) for branch in branches)
-    return HeadingMap(headings, numbers, frozen(least), frozen(ended), value)
+    margins = np.where(exists, outcomes.margins, np.nan)[:, branches].T
+    ended_at = outcomes.spread(outcomes.rollout.ended_at)[:, branches].T
+    return HeadingMap(
+        problem, headings, tuple(branches.tolist()), frozen(margins), frozen(ended_at)
+    )
 
 
 def attitudes_at(headings: npt.NDArray[np.floating]) -> Array:
@@ -172,6 +225,11 @@ def searched_ranges(
     )
 
 
+def is_redundant(problem: Problem) -> bool:
+    """Whether the arm has more joints than the task needs."""
+    return problem.redundant
+
+
 def _even(samples: int) -> Array:
     return frozen(np.arange(samples) * (TURN / samples))
 
@@ -194,7 +252,7 @@ def _verdicts(
     All branches of a redundant arm are one: a heading is good when any of them is.
     """
     found = outlook.prospects(attitudes_at(headings), stop_at_margin=True, progress=progress)
-    good = outlook.problem.margin.is_kept(found.margins)
+    good = is_kept(found.margins, outlook.problem.margin.threshold)
     if outlook.problem.redundant:
         good = np.asarray(good.any(axis=1, keepdims=True))
     return good, (found.endings != UNREACHED).any(axis=0)

@@ -110,7 +110,7 @@ def _excess(findings: tuple[LimitResult, ...]) -> tuple[float, float]:
 
 
 def keep_limits(
-    found: Plan, limits: Limits, progress: Progress | None = None, threads: int | None = None
+    outlook: FeasibilityEvaluator, found: Plan, limits: Limits, progress: Progress | None = None
 ) -> Plan:
     """The plan, if its motion keeps the limits, or the best other candidate that does.
 
@@ -120,20 +120,19 @@ def keep_limits(
     keeps everything is gone as well.
 
     Args:
+        outlook: Of the plan's problem.
         found: A plan that minds the margin alone.
         limits: What is allowed beside the joint ranges.
         progress: Called with the share done, in [0, 1].
-        threads: How many cores to use; all this process may when left out.
     """
+    found = replace(found, limits=limits)
     if found.chosen is None:
         return found
-    search = _Search(
-        FeasibilityEvaluator(found.problem, threads), LimitChecker(found.problem, limits)
-    )
+    search = _Search(outlook, LimitChecker(found.problem, limits))
     chosen = _wound(found.chosen)
     findings = search.passes(chosen)
     if findings is not None:
-        return replace(found, chosen=chosen, findings=findings)
+        return replace(found, chosen=chosen, limit_results=findings)
     attitudes, margins = _samples(found, search.outlook)
     apart = _APART_IN_PLANE if found.map is None else grid_spacing(len(attitudes))
     sent_away: list[Screened] = []
@@ -225,7 +224,7 @@ def _chosen(
         chosen, findings = _drawn_nearer(search, wish.from_attitude, chosen, findings)
     attitude = chosen.motion.initial.attitude
     return replace(
-        found, chosen=chosen, findings=findings, excluded=dict(search.excluded),
+        found, chosen=chosen, limit_results=findings, excluded=dict(search.excluded),
         robust_radius=_depth(found, attitude, candidate.branch),
         reason=_reason(found, chosen, attitude),
     )  # fmt: skip
@@ -293,5 +292,5 @@ def _refused(found: Plan, search: _Search) -> Plan:
         told += f"; {factor:.4g} times the duration would do"
     return replace(
         found, feasible=False, reason=told, chosen=None, robust_radius=None,
-        findings=findings, excluded=dict(search.excluded), stretch=factor,
+        limit_results=findings, excluded=dict(search.excluded), needed_stretch=factor,
     )  # fmt: skip

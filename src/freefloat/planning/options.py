@@ -1,16 +1,16 @@
-"""What to look for among the initial attitudes that serve."""
+"""What to search for among the feasible initial attitudes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
 
-from freefloat.brief import brief
 from freefloat.errors import InputError, member
 from freefloat.so3 import Array, whole_number
 
+HEADINGS, PLAN_ATTITUDES, MAP_ATTITUDES = 360, 4096, 36_864
+"""Default numbers of samples: planar tasks; spatial plans and maps."""
 _FEWEST = 8
-"""Samples."""
 
 
 class Objective(StrEnum):
@@ -23,17 +23,16 @@ class Objective(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What to look for.
+    """What to search for.
 
     Attributes:
-        objective: The largest margin, the nearest to ``from_attitude``, or the deepest inside.
-        from_attitude: Attitude the spacecraft has now, x, y, z, w, where that matters.
-        samples: How many attitudes a search without a closed form tries; when left out 360 headings
-            in the plane, 4,096 attitudes in space.
-        seed: Turns the grid of attitudes in space; planar searches draw nothing.
+        objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
+            or the one deepest inside the feasible set.
+        from_attitude: Present attitude of the spacecraft, x, y, z, w.
+        samples: Number of attitudes; when left out 360 headings for planar tasks (where no closed
+            form is known), 4,096 attitudes for spatial ones.
+        seed: Rotates the grid of attitudes of spatial tasks.
     """
-
-    __repr__ = brief
 
     objective: Objective = Objective.MARGIN
     from_attitude: Array | None = None

@@ -1,121 +1,165 @@
-"""Plans: which initial attitude, why this one, what motion follows, and what else would do."""
+"""The result of planning: the chosen initial attitude, its motion, and every feasible range."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
 
-from freefloat.brief import brief
+import numpy as np
+
 from freefloat.errors import InputError
-from freefloat.limits.limits import LimitResult
-from freefloat.motion.certificate import Certificate, certify
+from freefloat.limits.limits import LimitResult, Limits
+from freefloat.motion.certificate import Certificate
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import SimulatedBranch
+from freefloat.planning.documents import branch_document, limits_document
 from freefloat.planning.options import Search
-from freefloat.planning.planar_ranges import BranchRanges, Limit, Span
-from freefloat.so3 import angle_between
+from freefloat.planning.planar_ranges import BranchRanges, RangeLimit, Span
+from freefloat.so3 import angle_between, heading_of
 
-if TYPE_CHECKING:  # kernels take half a second to import: not before they are needed
+if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.tolerance import Tolerance
+
+_MOTION_KEYS = (
+    "singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy",
+    "certificate", "heading_deg",
+)  # fmt: skip
+_MAP_KEYS = ("samples", "seed", "feasible_fraction", "feasible_fraction_error")
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A part of the path between rests, looked at alone as in the paper's Fig. 5.
+    """A part of the path between stops, considered alone as in the paper's Fig. 5.
 
     Attributes:
         span: First and last time [s].
-        limits: Motions along it that touch the margin.
-        at_start: Ranges of the heading at its start that serve this segment.
-        at_end: Ranges of the heading at its end that come from such a start.
-        joined_at_end: Ranges at its end that serve this segment and all that follow, too.
+        limits: Range limits: motions along the segment that are tangent to the margin.
+        at_start: Headings at its start from which the segment is feasible.
+        at_end: Headings at its end of these motions.
+        joined_at_end: Headings at its end of motions that are feasible along this segment and all
+            that follow.
     """
 
-    __repr__ = brief
-
     span: Span
-    limits: tuple[Limit, ...]
-    at_start: tuple[BranchRanges, ...]
-    at_end: tuple[BranchRanges, ...]
-    joined_at_end: tuple[BranchRanges, ...]
+    limits: tuple[RangeLimit, ...] = field(repr=False)
+    at_start: tuple[BranchRanges, ...] = field(repr=False)
+    at_end: tuple[BranchRanges, ...] = field(repr=False)
+    joined_at_end: tuple[BranchRanges, ...] = field(repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The segment's JSON document."""
+        start, end = self.span
+        return {
+            "from": start,
+            "to": end,
+            "touch_points": [limit.to_dict(self.span) for limit in self.limits],
+            "ranges_at_start_deg": [entry.to_dict() for entry in self.at_start],
+            "ranges_at_end_deg": [entry.to_dict() for entry in self.at_end],
+            "joined_at_end_deg": [entry.to_dict() for entry in self.joined_at_end],
+        }
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """An answer.
+    """Which initial attitude to choose, why, and what motion follows.
 
     Attributes:
-        problem: What was asked.
-        search: What was looked for.
-        feasible: Whether some initial attitude keeps the margin.
+        problem: The problem that was solved; with a longer duration where it was stretched.
+        search: What was searched for.
+        feasible: Whether a motion was found that keeps the margin and the limits.
         reason: Why the attitude was chosen, or why there is none.
-        ranges: Planar: every initial heading that serves, by arm branch.
-        segments: Planar, with rests on the way: the parts between them.
-        chosen: The motion from the chosen attitude, or None.
-        robust_radius: How far the attitude may be off before the chosen arm branch breaks the
-            margin or nears another singularity, see ``feasibility.clear``; of
-            a redundant arm, before every starting configuration tried does [rad].
-        map: Spatial: the sampled attitudes that the search began with.
-        tolerance: Spatial: what momentum and durations the chosen motion bears.
-        disagreements: Candidates that a precise motion did not confirm, in words.
-        findings: Limits along the chosen motion or, where none keeps them, along the best one.
-        excluded: How many candidates broke which limit first.
-        stretch: Factor on the duration with which some candidate would keep the limits, where only
-            too little time stands against it.
+        ranges: Planar tasks: the feasible headings of every arm branch.
+        segments: Planar tasks with stops: the segments between them.
+        chosen: The motion from the chosen attitude; None where the problem is infeasible.
+        robust_radius: How far the attitude may deviate in any direction before the chosen arm
+            branch (of a redundant arm, every starting configuration tried) violates the margin or
+            nears another singularity [rad].
+        map: Spatial tasks: the map of sampled attitudes that the search began with.
+        tolerance: Spatial tasks: tolerated deviations of momentum and duration.
+        disagreements: Candidates that the precise integration did not confirm, a sentence each.
+        limits: Limits to keep beside the margin; None where none were checked.
+        limit_results: Limits along the chosen motion or, where no motion keeps them, along the
+            candidate that came nearest.
+        excluded: How many candidates violated which limit first.
+        needed_stretch: Factor on the duration with which a candidate would keep the limits, where
+            the duration alone is too short.
+        stretch: Factor by which the duration was stretched.
+        certificate: Bounds and errors of the chosen motion.
     """
 
-    __repr__ = brief
-
-    problem: Problem
+    problem: Problem = field(repr=False)
     search: Search
     feasible: bool
     reason: str
     ranges: tuple[BranchRanges, ...] = ()
-    segments: tuple[Segment, ...] = ()
-    chosen: SimulatedBranch | None = None
+    segments: tuple[Segment, ...] = field(default=(), repr=False)
+    chosen: SimulatedBranch | None = field(default=None, repr=False)
     robust_radius: float | None = None
-    map: AttitudeMap | None = None
+    map: AttitudeMap | None = field(default=None, repr=False)
     tolerance: Tolerance | None = None
     disagreements: tuple[str, ...] = ()
-    findings: tuple[LimitResult, ...] = ()
+    limits: Limits | None = None
+    limit_results: tuple[LimitResult, ...] = ()
     excluded: Mapping[str, int] = field(default_factory=dict)
-    stretch: float | None = None
+    needed_stretch: float | None = None
+    stretch: float = 1.0
+    certificate: Certificate | None = field(default=None, repr=False)
 
     def named_motions(self) -> dict[str, Motion]:
         """The chosen motion, by the name of its arm branch.
 
         Raises:
-            InputError: If the plan has none, with the reason.
+            InputError: If there is none, with the reason.
         """
         if self.chosen is None:
             raise InputError("plan", f"it has no motion to show: {self.reason}", "a feasible plan")
         return {self.chosen.title: self.chosen.motion}
 
-    def show(self, height: int = 600) -> None:
-        """Play the chosen motion in a notebook, elsewhere in a browser.
-
-        Args:
-            height: Of the notebook's cell in pixels.
-
-        Raises:
-            InputError: If the plan has no motion.
-        """
-        from freefloat.visualization.playback import play
-
-        play(self).show(height)
-
-    @cached_property
-    def certificate(self) -> Certificate | None:
-        """What can be told of the chosen motion from what is recorded of it; None without one."""
-        return None if self.chosen is None else certify(self.chosen.motion)
-
     @property
     def deviation(self) -> float | None:
-        """Angle between the chosen attitude and ``from_attitude`` [rad]."""
+        """Angle between the chosen attitude and ``search.from_attitude`` [rad]."""
         if self.chosen is None or self.search.from_attitude is None:
             return None
         return float(angle_between(self.chosen.motion.initial.attitude, self.search.from_attitude))
+
+    @property
+    def heading(self) -> float | None:
+        """Planar tasks: the chosen heading [rad], in [0, 2 pi)."""
+        if self.chosen is None or not self.problem.task.planar:
+            return None
+        return heading_of(self.chosen.motion.initial.attitude)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat plan``."""
+        duration = self.problem.path.duration
+        document = {
+            "feasible": self.feasible,
+            "reason": self.reason,
+            "objective": str(self.search.objective),
+            "attitude_ranges_deg": [entry.to_dict() for entry in self.ranges],
+            "deviation_deg": _degrees(self.deviation),
+            "robust_radius_deg": _degrees(self.robust_radius),
+            "segments": [segment.to_dict() for segment in self.segments],
+            "tolerance": None if self.tolerance is None else asdict(self.tolerance),
+            "disagreements": list(self.disagreements),
+            "duration": duration,
+            "limits": limits_document(self.limit_results),
+            "excluded": {str(limit): count for limit, count in self.excluded.items()},
+            "stretched_duration": self.needed_stretch and self.needed_stretch * duration,
+            **{key: getattr(self.map, key, None) for key in _MAP_KEYS},
+        }
+        if self.chosen is None:
+            return {**document, "completed": False, **dict.fromkeys(_MOTION_KEYS)}
+        return {
+            **document,
+            **branch_document(self.chosen),
+            "heading_deg": _degrees(self.heading),
+            "certificate": None if self.certificate is None else self.certificate.document(),
+        }
+
+
+def _degrees(angle: float | None) -> float | None:
+    return None if angle is None else float(np.degrees(angle))

@@ -15,10 +15,9 @@ from freefloat.motion.simulation import simulate
 from freefloat.planning.heading_map import (
     attitudes_at,
     best_heading,
-    heading_evaluator,
     searched_ranges,
 )
-from freefloat.planning.options import Objective, Search
+from freefloat.planning.options import HEADINGS, Objective, Search
 from freefloat.planning.plan import Plan, Segment
 from freefloat.planning.planar_ranges import (
     TURN,
@@ -35,7 +34,6 @@ from freefloat.workspace.margin_curves import (
     point_3_on_path,
 )
 
-_HEADINGS = 360
 _INSIDE = 1e-6
 """How far inside a range a heading is put that would lie on its limit [rad]."""
 _LOOKS = 24
@@ -47,13 +45,16 @@ _TRIED = 24
 
 
 def plan_in_plane(
-    problem: Problem,
-    search: Search,
-    progress: Progress | None = None,
-    threads: int | None = None,
+    evaluator: FeasibilityEvaluator, search: Search, progress: Progress | None = None
 ) -> Plan:
-    """Find every initial heading of a planar problem and choose one; see :func:`planner.plan`."""
-    outlook = heading_evaluator(problem, threads)
+    """Find every feasible initial heading of a planar problem and choose one.
+
+    Args:
+        evaluator: Of a planar problem.
+        search: What to choose.
+        progress: Called with the fraction done, in [0, 1].
+    """
+    problem = evaluator.problem
     exact = (
         has_two_angle_form(problem.model, problem.task) and problem.margin.measure.name == "system"
     )
@@ -63,8 +64,8 @@ def plan_in_plane(
             return Plan(problem, search, False, hopeless)
         ranges, segments = _exact_ranges(problem)
     else:
-        ranges, segments = searched_ranges(outlook, search.samples or _HEADINGS, progress), ()
-    return _choose(outlook, search, ranges, segments)
+        ranges, segments = searched_ranges(evaluator, search.samples or HEADINGS, progress), ()
+    return _choose(evaluator, search, ranges, segments)
 
 
 def _exact_ranges(problem: Problem) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:

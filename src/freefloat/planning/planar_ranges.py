@@ -7,13 +7,13 @@ arm just reaches the path. Between neighbouring limits nothing changes: one moti
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
-from freefloat.brief import brief
 from freefloat.dynamics.measures import largest_magnitude
 from freefloat.errors import IntegrationError
 from freefloat.motion.closest_approach import closest_approach
@@ -44,26 +44,39 @@ class RangeLimitCause(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Limit:
-    """A motion that touches its margin and keeps it everywhere else.
+class RangeLimit:
+    """A motion that is tangent to its margin and keeps it everywhere else.
 
     Attributes:
-        touch: Where it touches.
-        backward: From the touch point to the start of the span.
-        forward: From the touch point to its end.
+        tangency: Where its |S| is smallest.
+        backward: From the tangency point to the start of the span.
+        forward: From the tangency point to the end of the span.
     """
 
-    __repr__ = brief
-
-    touch: TangencyPoint
-    backward: Motion
-    forward: Motion
+    tangency: TangencyPoint
+    backward: Motion = field(repr=False)
+    forward: Motion = field(repr=False)
 
     def heading_at(self, time: float) -> tuple[float, Array]:
         """Heading [rad] in [0, 2 pi) and joints (n,) of the motion at a time [s]."""
-        motion = self.backward if time <= self.touch.time else self.forward
+        motion = self.backward if time <= self.tangency.time else self.forward
         state = motion.sample([time])[0]
         return heading_of(state.attitude), state.joints
+
+    def to_dict(self, span: Span) -> dict[str, Any]:
+        """The JSON document of the tangency point, with the headings at both ends of a span."""
+        point, (start, end) = self.tangency, span
+        return {
+            "kind": str(point.kind),
+            "time": point.time,
+            "tau": (point.time - start) / (end - start),
+            "s": point.s,
+            "level": point.level,
+            "heading": point.heading,
+            "joints": point.joints.tolist(),
+            "heading_at_start_deg": float(np.degrees(self.heading_at(start)[0])),
+            "heading_at_end_deg": float(np.degrees(self.heading_at(end)[0])),
+        }
 
 
 @dataclass(frozen=True)
@@ -116,6 +129,19 @@ class BranchRanges:
     ranges: tuple[HeadingRange, ...]
     limits: tuple[float, ...]
 
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document: degrees from 0 to 360, ranges across zero split in two."""
+        parts = []
+        for entry in self.ranges:
+            low, high = np.degrees([entry.low, entry.high]).tolist()
+            parts += [[low, high]] if high <= 360.0 else [[0.0, high - 360.0], [low, 360.0]]
+        return {
+            "branch": self.branch,
+            "label": self.label,
+            "ranges": sorted(parts),
+            "limits": [float(np.degrees(limit)) for limit in self.limits],
+        }
+
 
 def margin_level(problem: Problem) -> float:
     """S0 > 0 for which limits are computed: the margin, or nearly zero where that is zero."""
@@ -130,7 +156,7 @@ def keeps_margin(problem: Problem, motion: Motion, level: float) -> bool:
     return motion.completed and is_kept(approach.value, level)
 
 
-def find_range_limits(problem: Problem, span: Span) -> tuple[Limit, ...]:
+def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
     """All motions over a span whose smallest |S| is S0, of either sign.
 
     Args:
@@ -143,7 +169,7 @@ def find_range_limits(problem: Problem, span: Span) -> tuple[Limit, ...]:
     return tuple(limit for limit in carried if limit is not None)
 
 
-def _carried(problem: Problem, touch: TangencyPoint, span: Span, level: float) -> Limit | None:
+def _carried(problem: Problem, touch: TangencyPoint, span: Span, level: float) -> RangeLimit | None:
     """The motion through a touch point, or None where it breaks the margin elsewhere."""
     halves = []
     for end in span:
@@ -151,7 +177,7 @@ def _carried(problem: Problem, touch: TangencyPoint, span: Span, level: float) -
         if motion is None or not keeps_margin(problem, motion, level):
             return None
         halves.append(motion)
-    return Limit(touch, halves[0], halves[1])
+    return RangeLimit(touch, halves[0], halves[1])
 
 
 def _motion(
@@ -167,7 +193,7 @@ def _motion(
 
 
 def heading_ranges(
-    problem: Problem, limits: tuple[Limit, ...], span: Span, at: float
+    problem: Problem, limits: tuple[RangeLimit, ...], span: Span, at: float
 ) -> tuple[BranchRanges, ...]:
     """Ranges of the heading at one time of a span from which the whole span keeps the margin.
 
@@ -198,7 +224,7 @@ Edge = tuple[float, "int | None", RangeLimitCause]
 Arc = tuple[float, float, tuple[RangeLimitCause, ...]]
 
 
-def _edges(problem: Problem, limits: tuple[Limit, ...], at: float) -> list[Edge]:
+def _edges(problem: Problem, limits: tuple[RangeLimit, ...], at: float) -> list[Edge]:
     """Headings at which a verdict may change, and for which branch (None: for both)."""
     edges: list[Edge] = [
         (heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)

@@ -1,42 +1,52 @@
-"""Plans for every problem: in the plane or in space."""
+"""Planning: the initial attitude from which a path keeps its margin and its limits."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from freefloat.ensemble.ensemble import Progress
 from freefloat.errors import require_type
 from freefloat.limits.limits import Limits
+from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
+
+_STRETCHES = 6
+"""Attempts with a longer duration; without momentum one is enough."""
+_OVER = 1.0 + 1e-5
+"""Slightly more than what just keeps a limit."""
 
 
 def plan(
     problem: Problem,
     search: Search | None = None,
-    progress: Progress | None = None,
-    *,
-    threads: int | None = None,
     limits: Limits | None = None,
+    *,
+    stretch: bool = False,
+    threads: int | None = None,
+    progress: Progress | None = None,
 ) -> Plan:
     """Find the initial attitudes from which the path can be followed, and choose one.
 
-    In the plane all of them are found; in space a grid over SO(3) is followed, and the chosen
-    attitude refined between its samples.
+    For planar tasks all feasible headings are found; for spatial ones the motions of a grid over
+    SO(3) are integrated and the chosen attitude is refined between its samples.
 
     Args:
         problem: Robot, path, momentum and margin.
-        search: What to choose; the largest margin when left out.
-        progress: Called with the share done, in [0, 1].
-        threads: How many cores a search may use; all this process may when left out.
-        limits: To be kept beside the margin, and joint ranges with them; not looked at when left
-            out.
+        search: What to choose; the largest minimum margin when left out.
+        limits: Limits to keep beside the margin, and joint ranges with them; none are checked when
+            left out.
+        stretch: Whether the duration may grow until rates and torques keep their limits.
+        threads: Number of cores to use; all available ones when left out.
+        progress: Called with the fraction done, in [0, 1].
 
     Returns:
-        The plan; an infeasible one says why.
+        The plan; an infeasible one has the reason.
 
     Raises:
-        InputError: If it is no problem, ``search.from_attitude`` does not suit it, or the search,
-            the threads or the limits are something else.
+        InputError: If an argument is of another type, or ``search.from_attitude`` does not suit the
+            problem.
     """
     require_problem(problem)
     search = Search() if search is None else search
@@ -46,21 +56,37 @@ def plan(
         require_type("limits", limits, Limits, accepted)
     if search.from_attitude is not None:
         problem.attitude("search.from_attitude", search.from_attitude)
-    # kernels take half a second to import: not before they are needed
-    if problem.task.planar:
-        from freefloat.planning.planar_planner import plan_in_plane
+    factor = 1.0
+    for _ in range(_STRETCHES):
+        stretched = problem if factor == 1.0 else problem.stretched(factor)
+        found = replace(_plan(stretched, search, limits, threads, progress), stretch=factor)
+        if not stretch or found.needed_stretch is None:
+            break
+        factor *= _OVER * found.needed_stretch
+    return found
 
-        found = plan_in_plane(problem, search, progress, threads)
-    else:
-        from freefloat.planning.spatial_planner import plan_in_space
 
-        found = plan_in_space(problem, search, progress, threads)
-    if limits is not None:
-        from freefloat.planning.limited_planner import keep_limits
-
-        found = keep_limits(found, limits, progress, threads)
-    if problem.task.planar:
-        return found
+def _plan(
+    problem: Problem,
+    search: Search,
+    limits: Limits | None,
+    threads: int | None,
+    progress: Progress | None,
+) -> Plan:
+    """Plan with the duration as it is."""
+    # compiled kernels take half a second to import
+    from freefloat.planning.heading_map import evaluator_for
+    from freefloat.planning.limited_planner import keep_limits
+    from freefloat.planning.planar_planner import plan_in_plane
     from freefloat.planning.robustness import with_robustness
+    from freefloat.planning.spatial_planner import plan_in_space
 
-    return with_robustness(found, threads)
+    evaluator = evaluator_for(problem, threads)
+    planner = plan_in_plane if problem.task.planar else plan_in_space
+    found = planner(evaluator, search, progress)
+    if limits is not None:
+        found = keep_limits(evaluator, found, limits, progress)
+    if found.chosen is None:
+        return found
+    certificate = certify(found.chosen.motion)
+    return replace(with_robustness(evaluator, found), certificate=certificate)

@@ -13,9 +13,10 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.attitude_map import AttitudeMap, depths
-from freefloat.planning.boundary import ROUGH, BoundaryPoint, bisected, edge
-from freefloat.planning.search import Candidate, closest
+from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
+from freefloat.planning.boundary import ROUGH, bisected, edge
+from freefloat.planning.regions import depths
+from freefloat.planning.search import closest
 from freefloat.so3 import (
     Array,
     angle_between,
@@ -53,7 +54,7 @@ def safe_radius(
         spacing: Angle [rad] at which to begin to look around.
     """
     radius, _ = _limits(outlook, attitude, branch, spacing, spacing)
-    return _confirmed(outlook, Candidate(attitude, branch, radius)).merit
+    return _confirmed(outlook, Candidate(attitude, branch, radius)).score
 
 
 def _limits(
@@ -106,13 +107,13 @@ def deepest(
         None where no sample is feasible and clear of all singularities.
     """
     spacing, starts = grid_spacing(len(found.attitudes)), []
-    for branch, _ in found.families():
-        if (inside := found.safe(branch)).any():
+    for branch, _ in found.branch_margins():
+        if (inside := found.regular(branch)).any():
             depth = depths(found.attitudes, inside)
             starts.append((float(depth.max()), branch, inside, int(np.argmax(depth))))
     best: Candidate | None = None
     for deep, branch, inside, sample in sorted(starts, key=lambda start: -start[0]):
-        if best is not None and deep < best.merit + _PROMISING * spacing:
+        if best is not None and deep < best.score + _PROMISING * spacing:
             break
         limits = edge(
             partial(outlook.safe, branch=branch),
@@ -120,12 +121,12 @@ def deepest(
         )  # fmt: skip
         touched = [one.attitude for one in known if one.branch == branch]
         outside = np.vstack([found.attitudes[~inside], limits, *touched])
-        least = 0.0 if best is None else best.merit
+        least = 0.0 if best is None else best.score
         start = found.attitudes[sample]
         ball = _settled(outlook, start, branch, outside, spacing, least)
-        if best is None or ball.merit > best.merit:
+        if best is None or ball.score > best.score:
             best = ball
-    return _confirmed(outlook, best) if best is not None and best.merit > 0.0 else None
+    return _confirmed(outlook, best) if best is not None and best.score > 0.0 else None
 
 
 def _settled(
@@ -143,7 +144,7 @@ def _settled(
     centers, best = attitude_grid(_CENTERS), Candidate(start, branch, 0.0)
     for turn in range(_ROUNDS // outlook.thrift):
         center, room = (start, np.pi) if turn == 0 else _roomiest(centers, outside)
-        if max(best.merit, least) > _SETTLED * room:
+        if max(best.score, least) > _SETTLED * room:
             break
         if not outlook.safe(center[None], branch)[0]:
             outside = np.vstack([outside, center])
@@ -151,11 +152,11 @@ def _settled(
         reach = spacing if turn == 0 else 1.1 * room
         radius, limits = _limits(outlook, center, branch, spacing, reach)
         outside = np.vstack([outside, limits])
-        if radius > best.merit:
+        if radius > best.score:
             found = _found_outside(outlook, center, branch, radius)
             outside = np.vstack([outside, found])
             radius = float(angle_between(found, center).min(initial=radius))
-        if radius > best.merit:
+        if radius > best.score:
             best = Candidate(center, branch, radius)
     return best
 
@@ -198,7 +199,7 @@ def _roomiest(centers: Array, outside: Array) -> tuple[Array, float]:
 
 def _confirmed(outlook: FeasibilityEvaluator, ball: Candidate) -> Candidate:
     """The ball, made smaller where many attitudes spread in it find one outside; or none at all."""
-    radius, seed = _PRUDENT * ball.merit, 1
+    radius, seed = _PRUDENT * ball.score, 1
     while radius > _LEAST:
         cloud = attitudes_within(ball.attitude, radius, _SURE, seed)
         bad = ~outlook.safe(cloud, ball.branch)

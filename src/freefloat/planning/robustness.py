@@ -11,16 +11,15 @@ from freefloat.planning.tolerance import tolerance
 from freefloat.so3 import grid_spacing
 
 
-def with_robustness(found: Plan, threads: int | None = None) -> Plan:
+def with_robustness(outlook: FeasibilityEvaluator, found: Plan) -> Plan:
     """A plan in space with its robust radius, if it has none yet, and its tolerance.
 
     Args:
+        outlook: Of the plan's problem.
         found: The plan; one without a motion, or in the plane, is handed back as it is.
-        threads: How many cores to use; all this process may when left out.
     """
     if found.chosen is None or found.map is None:
         return found
-    outlook = FeasibilityEvaluator(found.problem, threads)
     attitude, branch = found.chosen.motion.initial.attitude, found.chosen.branch
     radius = found.robust_radius
     if radius is None:

@@ -19,9 +19,9 @@ from freefloat.limits.collision_pairs import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.joint_extents import joint_ranges
 from freefloat.motion.problem import is_kept
-from freefloat.planning.attitude_map import depths
 from freefloat.planning.clearance_screening import shortfalls
 from freefloat.planning.options import Objective, Search
+from freefloat.planning.regions import depths
 from freefloat.so3 import Array, IntArray, angle_between
 
 _FIRST_BATCH, _BATCH = 16, 256
@@ -38,7 +38,7 @@ class Screened:
     Attributes:
         attitude: Quaternion x, y, z, w.
         branch: Number of the arm branch.
-        merit: What it is ranked by: a margin, or an angle [rad].
+        score: What it is ranked by: a margin, or an angle [rad].
         broken: The limit that it breaks, if that shows already.
         haste: Largest ratio of a rate to its limit, as far as it shows; zero without limits.
         shortfall: By how much the clearance is missed [m], as far as it shows; zero without one.
@@ -46,7 +46,7 @@ class Screened:
 
     attitude: Array
     branch: int
-    merit: float
+    score: float
     broken: LimitKind | None
     haste: float
     shortfall: float

@@ -5,14 +5,12 @@ Both begin with samples of a map and go on with small clouds of attitudes, follo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import is_kept
-from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.attitude_map import AttitudeMap, Candidate
 from freefloat.planning.boundary import EXACT, ROUGH, Inside, bisected
 from freefloat.so3 import (
     Array,
@@ -33,21 +31,6 @@ _INSIDE = 5e-4
 """A compiled motion is trusted to keep a margin that it exceeds by this share."""
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """An attitude to choose.
-
-    Attributes:
-        attitude: Quaternion x, y, z, w.
-        branch: Number of the arm branch; None for the best of a redundant arm.
-        merit: The margin kept, or an angle [rad]: what it was chosen for.
-    """
-
-    attitude: Array
-    branch: int | None
-    merit: float
-
-
 def largest_margins(outlook: FeasibilityEvaluator, found: AttitudeMap) -> list[Candidate]:
     """The attitudes of the largest margins, best first, refined from samples of the map.
 
@@ -59,9 +42,9 @@ def largest_margins(outlook: FeasibilityEvaluator, found: AttitudeMap) -> list[C
         for branch, sample, margin in _peaks(found, 1.5 * spacing)
     ]
     climbed = _uphill(outlook, starts, spacing, spacing / 3.0)
-    climbed.sort(key=lambda one: -one.merit)
+    climbed.sort(key=lambda one: -one.score)
     finished = _uphill(outlook, climbed[:_FINISHED], spacing / 3.0, _FINE)
-    return sorted(finished, key=lambda one: -one.merit) + climbed[_FINISHED:]
+    return sorted(finished, key=lambda one: -one.score) + climbed[_FINISHED:]
 
 
 def _uphill(
@@ -72,7 +55,7 @@ def _uphill(
     for branch in dict.fromkeys(one.branch for one in starts):
         mine = [one for one in starts if one.branch == branch]
         best = np.array([one.attitude for one in mine])
-        margins = np.array([one.merit for one in mine])
+        margins = np.array([one.score for one in mine])
         radii = np.full(len(mine), radius)
         for turn in range(_TURNS):
             (active,) = np.nonzero(radii > least)
@@ -97,7 +80,7 @@ def _uphill(
 def _peaks(found: AttitudeMap, apart: float) -> list[tuple[int | None, int, float]]:
     """Branch, sample and value of the largest margins, no two of a branch near each other."""
     ranked = sorted(
-        ((float(margins[i]), branch, int(i)) for branch, margins in found.families()
+        ((float(margins[i]), branch, int(i)) for branch, margins in found.branch_margins()
          for i in np.argsort(-margins, kind="stable")[: 8 * _CANDIDATES] if margins[i] > 0.0),
         key=lambda entry: -entry[0],
     )  # fmt: skip
@@ -121,7 +104,7 @@ def nearest_feasible(
     """
     margin = found.problem.margin.threshold
     value, candidates = margin * (1.0 + _INSIDE), []
-    for branch, margins in found.families():
+    for branch, margins in found.branch_margins():
         here = outlook.margins(now[None], branch)
         if is_kept(here, margin)[0]:
             candidates.append(Candidate(now, branch, 0.0))
@@ -139,7 +122,7 @@ def nearest_feasible(
         nearest = found.attitudes[order[is_kept(margins[order], margin)][:1]]
         for attitude in (*places, *nearest):
             candidates.append(Candidate(attitude, branch, float(angle_between(attitude, now))))
-    return sorted(candidates, key=lambda one: one.merit)
+    return sorted(candidates, key=lambda one: one.score)
 
 
 def closest(inside: Inside, center: Array, starts: Array, spacing: float, coarse: float) -> Array:

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
+from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array, frozen
 
 _TOLD = ("best", "robust", "nearest")
@@ -71,6 +72,12 @@ def told_marks(document: Mapping[str, Any]) -> list[Mark]:
     """The best, the most robust and the nearest attitude, as far as a map's document has them."""
     places = [(name, document[name]) for name in _TOLD if document.get(name) is not None]
     return [Mark(name, frozen(place["attitude"]), place["branch"]) for name, place in places]
+
+
+def map_marks(found: AttitudeMap) -> list[Mark]:
+    """The best, the most robust and the nearest attitude of a map, as far as it has them."""
+    marks = {name: getattr(found, name) for name in _TOLD}
+    return [Mark(name, at.attitude, at.branch) for name, at in marks.items() if at is not None]
 
 
 def rotation_vectors(attitudes: npt.ArrayLike) -> Array:

@@ -8,22 +8,17 @@ import numpy as np
 
 from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
-from freefloat.motion.problem import Problem, is_kept
+from freefloat.motion.problem import Problem
 from freefloat.motion.reach import told_reach, unreached_start
 from freefloat.motion.simulation import SimulatedBranch, simulate
-from freefloat.planning.attitude_map import AttitudeMap, map_attitudes
-from freefloat.planning.options import Objective, Search
+from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.options import PLAN_ATTITUDES, Objective, Search
 from freefloat.planning.plan import Plan
 from freefloat.planning.robust_radius import deepest, safe_radius
-from freefloat.planning.search import (
-    Candidate,
-    largest_margins,
-    nearest_feasible,
-)
+from freefloat.planning.sampling import sample_attitudes
+from freefloat.planning.search import largest_margins, nearest_feasible
 from freefloat.so3 import Array, angle_between, grid_spacing
 
-ATTITUDES = 4096
-"""Followed when a search names no number."""
 _MAP_SHARE = 0.6
 """Of the time that a plan takes, for the progress shown."""
 _CANDIDATES = 12
@@ -31,43 +26,44 @@ _CANDIDATES = 12
 
 
 def plan_in_space(
-    problem: Problem,
-    search: Search,
-    progress: Progress | None = None,
-    threads: int | None = None,
+    evaluator: FeasibilityEvaluator, search: Search, progress: Progress | None = None
 ) -> Plan:
-    """Map SO(3) and choose an attitude; see :func:`planner.plan`.
+    """Map SO(3) and choose an attitude.
 
-    The plan tells its robust radius only where that is what was searched for; what else it bears is
-    left to :mod:`freefloat.planning.robustness`.
+    The robust radius is known only where it was searched for.
+
+    Args:
+        evaluator: Of a spatial problem.
+        search: What to choose.
+        progress: Called with the fraction done, in [0, 1].
     """
-    outlook = FeasibilityEvaluator(problem, threads)
+    problem = evaluator.problem
 
     def report(share: float) -> None:
         if progress is not None:
             progress(_MAP_SHARE * share)
 
-    found = map_attitudes(outlook, search.samples or ATTITUDES, search.seed, progress=report)
-    candidates = _candidates(outlook, found, search)
+    found = sample_attitudes(evaluator, search.samples or PLAN_ATTITUDES, search.seed, report)
+    candidates = _candidates(evaluator, found, search)
     disagreements = []
     for candidate in candidates[:_CANDIDATES]:
-        chosen = _precisely(outlook, candidate)
+        chosen = _precisely(evaluator, candidate)
         if _keeps(chosen, problem):
             break
         disagreements.append(
             f"attitude {np.round(chosen.motion.initial.attitude, 6).tolist()}, "
-            f"{_arm(outlook, candidate)}: compiled motions keep the margin, the precise one "
+            f"{_arm(evaluator, candidate)}: compiled motions keep the margin, the precise one "
             f"{'falls to' if chosen.motion.completed else 'becomes singular,'} "
             f"{chosen.closest_approach.measure} {chosen.closest_approach.value:.6g}"
         )
     else:
-        reason = _nearest_miss(outlook, found)
+        reason = _nearest_miss(evaluator, found)
         return Plan(problem, search, False, reason, map=found, disagreements=tuple(disagreements))
     if progress is not None:
         progress(1.0)
     return Plan(
         problem, search, True, _reason(search.objective, candidate, chosen), chosen=chosen,
-        robust_radius=candidate.merit if search.objective is Objective.ROBUST else None,
+        robust_radius=candidate.score if search.objective is Objective.ROBUST else None,
         map=found, disagreements=tuple(disagreements),
     )  # fmt: skip
 
@@ -85,15 +81,13 @@ def _candidates(
         deep = deepest(outlook, found)
         if deep is not None:
             return [deep]
-    value = found.problem.margin.threshold
-    between = [
-        one for one in largest_margins(outlook, found) if is_kept(np.array(one.merit), value)
-    ]
+    margin = found.problem.margin
+    between = [one for one in largest_margins(outlook, found) if margin.is_kept(one.score)]
     if search.objective is Objective.MARGIN:
         return between
-    judged = [replace(one, merit=_judged(outlook, found, one, search)) for one in between]
+    judged = [replace(one, score=_judged(outlook, found, one, search)) for one in between]
     ahead = 1.0 if search.objective is Objective.NEAREST else -1.0
-    return sorted(judged, key=lambda one: ahead * one.merit)
+    return sorted(judged, key=lambda one: ahead * one.score)
 
 
 def _judged(
@@ -118,13 +112,13 @@ def _keeps(chosen: SimulatedBranch, problem: Problem) -> bool:
 
 
 def _reason(objective: Objective, candidate: Candidate, chosen: SimulatedBranch) -> str:
-    degrees = np.degrees(candidate.merit)
+    degrees = np.degrees(candidate.score)
     if objective is Objective.MARGIN:
         closest = chosen.closest_approach
         return f"the largest margin, {closest.measure} {closest.value:.6g}"
     if objective is Objective.ROBUST:
         return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
-    if candidate.merit == 0.0:
+    if candidate.score == 0.0:
         return "the attitude the spacecraft has keeps the margin already"
     return f"the nearest to from_attitude, {degrees:.4g} degrees away"
 
@@ -137,13 +131,13 @@ def _nearest_miss(outlook: FeasibilityEvaluator, found: AttitudeMap) -> str:
         return beyond
     if (found.endings == UNREACHED).all():
         return f"from none of {N} attitudes does {unreached_start(problem)}"
-    best = max(largest_margins(outlook, found), key=lambda one: one.merit, default=None)
+    best = max(largest_margins(outlook, found), key=lambda one: one.score, default=None)
     name, value = problem.margin.measure.name, problem.margin.threshold
     if best is None:
         return f"the arm becomes singular from all of {N} attitudes, with every arm branch"
     return (
         f"of {N} attitudes and those near the best of them none keeps {name} {value:.6g}; the "
-        f"largest least {name} is {best.merit:.6g}, from {np.round(best.attitude, 6).tolist()} "
+        f"largest least {name} is {best.score:.6g}, from {np.round(best.attitude, 6).tolist()} "
         f"with {_arm(outlook, best)}"
     )
 

@@ -103,7 +103,7 @@ def tangency_points(
     Raises:
         InputError: For other tasks or arms, or a level of zero, where S has no margin surface.
     """
-    refuse_arms_without_touches(problem)
+    require_tangency_arm(problem)
     if not np.isfinite([q1, q2]).all():
         raise InputError("joints", f"q1 = {q1}, q2 = {q2} was given", "two finite angles in rad")
     levels = _levels(problem, level)
@@ -164,7 +164,7 @@ def boundary_attitude(problem: Problem, touch: TangencyPoint) -> BoundaryAttitud
     return BoundaryAttitude(attitude, joints, touch)
 
 
-def refuse_arms_without_touches(problem: Problem) -> None:
+def require_tangency_arm(problem: Problem) -> None:
     """Raise an InputError unless touch points can be looked for; see :func:`tangency_points`."""
     arm = "six turning joints, the second and third parallel, the last three meeting in a point"
     if problem.task is not Task.POSE:
@@ -174,6 +174,15 @@ def refuse_arms_without_touches(problem: Problem) -> None:
         )  # fmt: skip
     if not VirtualManipulator.of(problem.model).has_elbow_and_spherical_wrist:
         raise InputError("robot", "its arm has no elbow under a spherical wrist", arm)
+
+
+def require_tangency_points(problem: Problem) -> None:
+    """Raise an InputError unless a problem can have tangency points of its margin."""
+    require_tangency_arm(problem)
+    if problem.margin.threshold == 0.0:
+        raise InputError(
+            "touch", "the margin is zero, no motion is tangent to it", "a margin other than zero"
+        )
 
 
 def _levels(problem: Problem, level: float | None) -> tuple[float, ...]:

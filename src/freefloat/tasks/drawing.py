@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from freefloat.cli.console import progress_bar
-from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from freefloat.ensemble.feasibility import FeasibilityEvaluator
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
 
@@ -40,30 +38,54 @@ def draw_plan(folder: Path | None, plan: Plan, threads: int | None = None) -> di
         return _saved(folder, plan_figures(plan, progress, threads=threads))
 
 
-def draw_heading_map(folder: Path | None, problem: Problem, found: HeadingMap) -> dict[str, Any]:
-    """Draw a map over heading; as :func:`draw_plan`."""
-    if folder is None:
-        return {}
-    from freefloat.visualization.figures import heading_map_figures
-
-    return _saved(folder, heading_map_figures(problem, found))
-
-
-def draw_attitude_map(
-    folder: Path | None,
-    outlook: FeasibilityEvaluator,
-    found: AttitudeMap,
-    document: Mapping[str, Any],
+def draw_map(
+    folder: Path | None, found: AttitudeMap | HeadingMap, threads: int | None = None
 ) -> dict[str, Any]:
-    """Draw a map over all attitudes and what its document tells; as :func:`draw_plan`."""
+    """Draw a map; as :func:`draw_plan`."""
     if folder is None:
         return {}
-    from freefloat.planning.slices import told_marks
-    from freefloat.visualization.figures import attitude_map_figures
+    from freefloat.ensemble.feasibility import FeasibilityEvaluator
+    from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.slices import map_marks
+    from freefloat.visualization.figures import attitude_map_figures, heading_map_figures
 
+    if isinstance(found, HeadingMap):
+        return _saved(folder, heading_map_figures(found.problem, found))
+    evaluator = FeasibilityEvaluator(found.problem, threads)
     with progress_bar("drawing") as progress:
-        figures = attitude_map_figures(found, outlook, told_marks(document), progress)
+        figures = attitude_map_figures(found, evaluator, map_marks(found), progress)
         return _saved(folder, figures)
+
+
+def save_plan_page(file: Path | None, plan: Plan, scenario: str) -> dict[str, Any]:
+    """Write the page of a plan's motion.
+
+    Args:
+        file: Where; None for no page.
+        plan: The plan.
+        scenario: Its name, the title.
+
+    Returns:
+        What is added to the plan's document: ``html``, the file, or None without a motion.
+
+    Raises:
+        InputError: If the file cannot be written.
+    """
+    if file is None:
+        return {}
+    if plan.chosen is None:
+        return {"html": None}
+    from freefloat.visualization.playback import play  # MeshCat takes a third of a second to import
+
+    play({f"{scenario}, {plan.chosen.branch.label}": plan.chosen.motion}, scenario).save(file)
+    return {"html": str(file)}
+
+
+def page_lines(document: Mapping[str, Any]) -> list[str]:
+    """The line of the table that names the page."""
+    if "html" not in document:
+        return []
+    return [f"Page: {document['html'] or 'none, there is no motion to show'}"]
 
 
 def _saved(folder: Path, figures: dict[str, Figure]) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.answers.report import limits_document
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.plan_file import StoredPlan, load_plan
@@ -20,6 +19,7 @@ from freefloat.limits.limits import LimitKind, LimitResult
 from freefloat.motion.certificate import Certificate, certify
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.documents import limits_document
 from freefloat.verification.checks import Check, below, certificate_checks, span_check
 from freefloat.verification.claims import differences, same_number
 

@@ -9,12 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.answers.report import Document, margin_document, singular_document, state_document
 from freefloat.io.plan_file import StoredPlan
 from freefloat.io.result_file import PLAN
 from freefloat.io.scenario import Scenario
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.motion import Motion
+from freefloat.planning.documents import (
+    Document,
+    margin_document,
+    singular_document,
+    state_document,
+)
 from freefloat.robot.joint_distance import joint_distance
 from freefloat.so3 import angle_between, heading_of
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.answers.report import Document
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.plan_file import StoredPlan
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, is_kept
+from freefloat.planning.documents import Document
 from freefloat.planning.planar_ranges import TURN, HeadingRange, RangeLimitCause
 from freefloat.so3 import (
     Array,
@@ -111,7 +111,7 @@ def _all_round(stored: StoredPlan, problem: Problem) -> Check | None:
     headings = np.linspace(0.0, TURN, _ROUND // outlook.thrift, endpoint=False)
     attitudes = np.array([heading_quaternion(heading) for heading in headings.tolist()])
     found = outlook.prospects(attitudes, stop_at_margin=True)
-    serve = problem.margin.is_kept(found.margins)
+    serve = is_kept(found.margins, problem.margin.threshold)
     if problem.redundant:
         serve = np.array(serve.any(axis=1, keepdims=True))
     for branch in sorted({*range(serve.shape[1]), *stored.ranges}):

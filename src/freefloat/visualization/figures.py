@@ -14,7 +14,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import simulate
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.heading_map import HeadingMap, heading_map
+from freefloat.planning.heading_map import HeadingMap, sample_headings
 from freefloat.planning.options import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import TURN, BranchRanges
@@ -26,7 +26,7 @@ from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
 from freefloat.workspace.margin_curves import has_two_angle_form
-from freefloat.workspace.regions import workspace_of
+from freefloat.workspace.regions import workspace
 
 _HEADINGS = 720
 _NAMES = {Objective.MARGIN: "best", Objective.NEAREST: "nearest", Objective.ROBUST: "robust"}
@@ -56,7 +56,7 @@ def plan_figures(
     require_type("plan", plan, Plan, accepted)
     problem, chosen = plan.problem, plan.chosen
     figures: dict[str, Figure] = {}
-    areas = workspace_of(problem)
+    areas = workspace(problem)
     figures["workspace"] = workspace_figure(problem, areas)
     if problem.task.planar:
         figures |= _planar_figures(plan, progress, threads)
@@ -106,7 +106,7 @@ def _planar_figures(
     figures: dict[str, Figure] = {}
     if has_two_angle_form(problem.model, problem.task):
         figures["joint_space"] = joint_space_figure(problem, _told_motions(plan))
-    found = heading_map(problem, _HEADINGS, progress, threads=threads)
+    found = sample_headings(problem, _HEADINGS, progress, threads)
     if found.branches:
         mark = None
         if plan.chosen is not None:

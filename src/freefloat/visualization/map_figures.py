@@ -13,7 +13,7 @@ from matplotlib.patches import Circle, Patch
 from freefloat.ensemble.feasibility import UNREACHED, has_wrist_flipped_branches
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.motion.problem import is_kept
-from freefloat.planning.attitude_map import AttitudeMap, branch_names
+from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.slices import Slice, rotation_vectors
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
@@ -138,7 +138,7 @@ def histogram_figure(found: AttitudeMap) -> Figure:
 
     Motions that become singular have none; how many they are is told beside the bars.
     """
-    families, names = found.families(), branch_names(found)
+    families, names = found.branch_margins(), found.branch_labels()
     twins = has_wrist_flipped_branches(found.problem)
     margin = found.problem.margin
     rows = max(1, len(families))
@@ -174,7 +174,7 @@ def _shares(found: AttitudeMap, branch: int | None, values: Array) -> str:
     ahead = np.zeros(len(values), dtype=bool)
     shares = []
     for part, words in (
-        (found.problem.margin.is_kept(values), "keep the margin"),
+        (is_kept(values, found.problem.margin.threshold), "keep the margin"),
         ((endings == COMPLETED).any(axis=1), "fall below"),
         ((endings == SINGULAR).any(axis=1), "get singular"),
         ((endings != UNREACHED).any(axis=1), "given up"),

@@ -165,10 +165,12 @@ def _families(
     found: HeadingMap, ranges: Sequence[BranchRanges]
 ) -> list[tuple[int | None, str, Array, list[Span]]]:
     """What gets an axes: branch, name, least S and spans of heading that serve [rad]."""
-    rows = dict(zip(found.branches, zip(found.least, found.kept, strict=True), strict=True))
+    rows = dict(
+        zip(found.branches, zip(found.minimum_margins, found.feasible, strict=True), strict=True)
+    )
     if any(entry.label == "any" for entry in ranges):
         with np.errstate(invalid="ignore"):
-            best = np.fmax.reduce(found.least, axis=0)
+            best = np.fmax.reduce(found.minimum_margins, axis=0)
         return [(None, "best branch", best, _spans(ranges[0]))]
     told = {entry.branch: entry for entry in ranges}
     return [

@@ -10,12 +10,12 @@ see :mod:`freefloat.workspace.regions`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from contourpy import contour_generator
 
-from freefloat.brief import brief
 from freefloat.dynamics.measures import joint_space_extremes, measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -117,9 +117,9 @@ class Workspace:
             vanish in the path-dependent ones, and in the others no such place was found.
         largest_s: S_max over the joint space.
         smallest_s: S_min over the joint space.
+        path: Intervals of s along the path, in order, each with whether it lies in a path-dependent
+            area; their ends to 1e-3. Empty where the areas are not known.
     """
-
-    __repr__ = brief
 
     point: str
     tip: Array
@@ -130,6 +130,22 @@ class Workspace:
     exact: bool
     largest_s: float
     smallest_s: float
+    path: tuple[tuple[Interval, bool], ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat workspace``."""
+        dependent, independent = self.path_dependent, self.path_independent
+        return {
+            "point": self.point,
+            "measure": self.measure,
+            "reach": list(self.reach),
+            "pdw": None if dependent is None else [list(interval) for interval in dependent],
+            "piw": None if independent is None else [list(interval) for interval in independent],
+            "exact": self.exact,
+            "s_max": self.largest_s,
+            "s_min": self.smallest_s,
+            "path": [{"s": list(part), "path_dependent": inside} for part, inside in self.path],
+        }
 
 
 def planar_workspace(problem: Problem) -> Workspace:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
@@ -10,19 +12,21 @@ from freefloat.workspace.elbow_arm import elbow_arm, wrist_in_hand
 from freefloat.workspace.margin_curves import (
     Workspace,
     has_two_angle_form,
+    path_areas,
     planar_workspace,
     swept_workspace,
 )
 from freefloat.workspace.sampled import sampled_workspace
 
 
-def workspace_of(problem: Problem) -> Workspace:
+def workspace(problem: Problem) -> Workspace:
     """Reach and areas of a robot: exact where that can be, otherwise from samples.
 
     Raises:
         InputError: If a joint slides without limits.
     """
-    return exact_workspace(problem) or sampled_workspace(problem)
+    found = exact_workspace(problem) or sampled_workspace(problem)
+    return replace(found, path=path_areas(problem, found))
 
 
 def exact_workspace(problem: Problem) -> Workspace | None:

@@ -1,1 +1,0 @@
-"""Answers for machines and tables for people."""
