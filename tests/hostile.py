@@ -28,7 +28,7 @@ from freefloat.io.map_file import load_map
 from freefloat.io.plan_file import load_plan
 from freefloat.io.scenario import load_scenario
 from freefloat.io.schema import ScenarioFile
-from freefloat.io.schema_errors import validated
+from freefloat.io.validation import validated
 from freefloat.limits.collision_shapes import collision_shapes
 from freefloat.paths.path import read_samples
 from freefloat.robot.meshes import MeshFileError, read_mesh
@@ -92,7 +92,7 @@ def _scenario(file: Path) -> None:
     scenario.limits(model)
     margin = scenario.content.margin
     if margin.fraction is None:  # else the largest magnitude is searched for, which takes long
-        problem = scenario.problem(model)
+        problem = scenario.problem()
         problem.path.twist_rate(0.3 * problem.path.duration)
         problem.path.pose(problem.path.duration)
 

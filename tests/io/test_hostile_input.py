@@ -8,6 +8,7 @@ import signal
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -340,7 +341,7 @@ def _followed(name: str) -> Problem:
     for own in ("planar_3dof", "spacecraft", "link_1", "q1", "solar"):
         text = text.replace(f'"{own}"', f'"{own}{told}"')
     model = FreeFloatingModel.from_urdf(text, "end_effector")
-    return load_scenario("planar_3dof/parabola").problem(model)
+    return replace(load_scenario("planar_3dof/parabola").problem(), model=model)
 
 
 def test_names_in_a_robot_stay_names_on_its_page() -> None:

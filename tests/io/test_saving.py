@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.io.problem_scenario import restated
 from freefloat.limits.limits import LimitKind, LimitResult
 from freefloat.tasks.viewing import View
 from freefloat.verification.check import check_plan
@@ -59,22 +58,6 @@ def test_a_plan_is_saved_with_the_words_of_its_scenario(tmp_path: Path) -> None:
     assert "nobody looked" in error.problem
 
 
-def test_a_scenario_of_something_else_is_refused(plan: ff.Plan, tmp_path: Path) -> None:
-    line = ff.load_scenario("planar_2dof/line")
-    file = tmp_path / "plan.h5"
-    for other, what in (
-        (line, "momentum"),
-        (ff.load_scenario("planar_3dof/parabola"), "robot"),
-    ):
-        error = refused(ff.save_plan, file, plan, other)
-        assert error.problem == f"its {what} is not that of the problem"
-    search = replace(plan, problem=line.problem(), search=ff.Search(ff.Objective.ROBUST))
-    assert "its search is not" in refused(ff.save_plan, file, search, line).problem
-    assert refused(ff.save_plan, file, plan, "planar_2dof/line").key == "scenario"
-    assert refused(ff.save_plan, file, line).key == "plan"
-    assert not file.exists()
-
-
 def test_limits_that_no_scenario_states_cannot_be_saved(plan: ff.Plan, tmp_path: Path) -> None:
     rate = LimitResult(LimitKind.JOINT_RATE, 0.1, 0.2, 3.0, "q1", True, 0.5)
     error = refused(ff.save_plan, tmp_path / "plan.h5", replace(plan, findings=(rate,)))
@@ -97,59 +80,3 @@ def test_a_map_is_saved_and_read_with_its_best_sample(tmp_path: Path) -> None:
         assert stored.document["seed"] == 5
     assert View.of([tmp_path / "map.h5"]).playback.titles[0] == "best of all branches"
     assert refused(ff.save_map, tmp_path / "map.h5", problem).key == "map"
-
-
-# --- problems as scenarios ----------------------------------------------------------------------
-
-
-def same(problem: ff.Problem) -> ff.Problem:
-    """The problem that its restatement poses."""
-    return restated(problem, ff.Search(seed=3)).problem(problem.model)
-
-
-@pytest.mark.parametrize("name", ["planar_3dof/parabola", "spatial_6dof/line"])
-def test_a_problem_is_restated_with_stops_and_laws(name: str) -> None:
-    problem = ff.load_scenario(name).problem()
-    own = same(problem)
-    assert own.path.timing == problem.path.timing
-    assert own.margin.threshold == problem.margin.threshold
-    for t in np.linspace(0.0, problem.path.duration, 7):
-        assert np.allclose(own.path.pose(t).position, problem.path.pose(t).position, atol=1e-14)
-        assert np.allclose(own.path.pose(t).rotation, problem.path.pose(t).rotation, atol=1e-14)
-
-
-@pytest.fixture(scope="module")
-def position() -> ff.Problem:
-    """A position of an arm with six joints, its path a spline, and much to say of its freedom."""
-    model = ff.FreeFloatingModel.from_urdf("spatial_6dof", "end_effector")
-    points = [[1.0, 0.0, 0.0], [0.6, 0.5, 0.1], [0.0, 0.8, 0.3]]
-    timed = ff.TimedPath(ff.EndEffectorPath(ff.SplineCurve(points)), ff.Timing(50.0))
-    margin = ff.Margin(ff.measure(model, "position", "gjm"), 0.1)
-    free = ff.Redundancy({model.joint_names[0]: 3.0}, "sigma", 0.5)
-    return ff.Problem(model, timed, ff.Task.POSITION, np.zeros(3), margin, free)
-
-
-def test_a_spline_and_what_a_redundant_arm_does_are_restated(position: ff.Problem) -> None:
-    own = same(position)
-    assert own.path.path.curve(0.37) == pytest.approx(position.path.path.curve(0.37), abs=1e-14)
-    assert repr(own.redundancy) == repr(position.redundancy)
-
-
-def test_what_scenario_files_have_no_words_for_is_told(position: ff.Problem) -> None:
-    pointing = ff.load_scenario("ets_vii/inspect").problem()
-
-    def circle(s: float, order: int = 0) -> np.ndarray:
-        phase = s + order * np.pi / 2
-        return np.array([np.cos(phase), np.sin(phase), 0.0])
-
-    knots = ff.SplineCurve([[1.0, 0, 0], [0.8, 0.3, 0], [0.5, 0.5, 0]], [0.0, 0.7, 1.0])
-    for path in (
-        pointing.path.path,
-        ff.EndEffectorPath(circle),
-        ff.EndEffectorPath(knots),
-    ):
-        timed = replace(position.path, path=path)
-        problem = pointing if path is pointing.path.path else replace(position, path=timed)
-        error = refused(restated, problem, ff.Search())
-        assert "a scenario file has no words for" in error.problem
-        assert "Scenario" in error.accepted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
-from freefloat.io.scenario import Scenario, load_scenario
+from freefloat.io.scenario import Scenario, load_scenario, scenario_of
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
@@ -565,26 +566,144 @@ def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "key", "accepted"),
+    ("text", "key"),
     [
-        ("{joint_rate: {elbow: 1}}", "limits.joint_rate.elbow", "elbow_joint"),
-        ("{joint_rate: 0}", "limits.joint_rate", "above 0"),
-        ("{joint_torque: urfd}", "limits.joint_torque", "urdf"),
-        ("{joint_torque: {elbow_joint: -1}}", "limits.joint_torque", "a map from joint"),
-        ("{base_rate: 0}", "limits.base_rate", "greater than 0"),
-        ("{clearance: -0.1}", "limits.clearance", "greater than or equal to 0"),
-        ("{torque: 3}", "limits.torque", "joint_torque"),
+        ("{joint_rate: {elbow: 1}}", "limits.joint_rate.elbow"),
+        ("{joint_rate: 0}", "limits.joint_rate"),
+        ("{joint_torque: urfd}", "limits.joint_torque"),
+        ("{joint_torque: {elbow_joint: -1}}", "limits.joint_torque"),
+        ("{base_rate: 0}", "limits.base_rate"),
+        ("{clearance: -0.1}", "limits.clearance"),
+        ("{torque: 3}", "limits.torque"),
     ],
 )
-def test_limits_that_are_none_are_refused(text: str, key: str, accepted: str, folder: Path) -> None:
+def test_invalid_limits_are_refused(text: str, key: str, folder: Path) -> None:
     with pytest.raises(InputError) as caught:
         limits(folder, text)
     assert caught.value.key == key
-    assert accepted in caught.value.accepted
     assert caught.value.source == str(folder / "wish.yaml")
 
 
-def test_a_urdf_that_rates_no_joint_is_told(folder: Path) -> None:
-    with pytest.raises(InputError, match="tells none for q1, q2") as caught:
+def test_limits_that_the_urdf_lacks_are_refused(folder: Path) -> None:
+    with pytest.raises(InputError) as caught:
         limits(folder, "{joint_torque: urdf}", "{urdf: spatial_6dof, end_effector: end_effector}")
     assert caught.value.key == "limits.joint_torque"
+
+
+# --- errors -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "line", "accepted"),
+    [
+        ("duration: 100", "duratoin: 100", "timing.duratoin", 4, "duration"),
+        ("timing: {duration: 100}", "", "timing", 1, ""),
+        ("duration: 100", "duration: long", "timing.duration", 4, "number"),
+        ("from: [1, 0, 0]", "from: [1, 0]", "path.line.from", 3, "3"),
+        ("from: [1, 0, 0]", "from: [1, 0, x]", "path.line.from.2", 3, "number"),
+        ("from: [1, 0, 0]", "start: [1, 0, 0]", "path.line.start", 3, "from"),
+        ("task: pose", "task: poes", "task", 2, "'pose'"),
+        ("rpy: [0, 0, 0]", "axes: {w: [0, 0, 1]}", "path.attitude.fixed.axes.w", 3, "'x'"),
+        ("urdf: spatial_6dof", "urdf: x, scale_mass: z", "robot.scale_mass", 1, "a map from link"),
+    ],
+)
+def test_an_error_names_file_line_key_and_what_is_accepted(
+    old: str, new: str, key: str, line: int, accepted: str, folder: Path
+) -> None:
+    text = scenario_text(f"{LINE}, {UPRIGHT}")
+    assert old in text
+    file = folder / "wish.yaml"
+    file.write_text(text.replace(old, new))
+    with pytest.raises(InputError) as caught:
+        load_scenario(file)
+    error = caught.value
+    assert (error.source, error.key, error.line) == (str(file), key, line)
+    assert accepted in error.accepted
+
+
+def test_a_misspelt_key_and_word_come_with_the_nearest_one(folder: Path) -> None:
+    for path, near in ((f"{LINE}, attitud: 3", "attitude"), (f"lien: 3, {UPRIGHT}", "line")):
+        with pytest.raises(InputError, match=f"did you mean {near}"):
+            scenario(folder, path)
+    with pytest.raises(InputError, match="did you mean pose"):
+        scenario(folder, task="poes")
+
+
+# --- the inverse: a problem as a scenario ---------------------------------------------------------
+
+
+def same_problem(found: Problem, wanted: Problem) -> None:
+    assert found.model is wanted.model
+    assert (found.task, found.path.timing) == (wanted.task, wanted.path.timing)
+    assert close(found.momentum, wanted.momentum)
+    assert found.margin.measure.name == wanted.margin.measure.name
+    assert found.margin.threshold == wanted.margin.threshold
+    assert repr(found.redundancy) == repr(wanted.redundancy)
+    for s in PLACES:
+        pose, same = found.path.path.pose(s), wanted.path.path.pose(s)
+        assert close(pose.position, same.position)
+        assert not wanted.task.turns or close(pose.rotation, same.rotation)
+        assert close(found.path.path.tangent(s), wanted.path.path.tangent(s), 1e-9)
+
+
+@pytest.mark.parametrize("name", bundled_scenarios())
+def test_a_bundled_problem_is_that_of_its_scenario(name: str) -> None:
+    loaded = load_scenario(name)
+    wanted, search, limits = loaded.problem(), loaded.search(), loaded.limits()
+    again = scenario_of(wanted, search, limits)
+    same_problem(again.problem(), wanted)
+    assert repr(again.search()) == repr(search)
+    assert repr(again.limits()) == repr(limits)
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES)
+def test_every_curve_and_orientation_comes_back(curve: str, law: str, folder: Path) -> None:
+    wanted = problem(folder, f"{curve}, attitude: {law}")
+    same_problem(scenario_of(wanted).problem(), wanted)
+
+
+@pytest.mark.parametrize("columns", ["x,y,z", "s,x,y,z", "x,y,z,qx,qy,qz,qw"])
+def test_samples_come_back(columns: str, folder: Path) -> None:
+    values = {"s": [0, 0.2, 0.9, 1], "x": [1, 1, 0, -1], "y": [0, 1, 1, 1], "z": [0, 0, 0.5, 0.5]}
+    quaternions = Rotation.from_euler("xz", [[0, 0], [0.1, 0.3], [0.2, 0.8], [0, 1]]).as_quat()
+    values |= dict(zip(("qx", "qy", "qz", "qw"), quaternions.T.tolist(), strict=True))
+    rows = zip(*(values[name] for name in columns.split(",")), strict=True)
+    text = "\n".join([columns, *(",".join(map(repr, row)) for row in rows)])
+    (folder / "path.csv").write_text(text)
+    attitude = "" if "qw" in columns else f", {UPRIGHT}"
+    wanted = problem(folder, f"samples: path.csv{attitude}")
+    same_problem(scenario_of(wanted).problem(), wanted)
+
+
+def test_stops_laws_and_the_motion_of_a_redundant_arm_come_back(folder: Path) -> None:
+    wanted = problem(
+        folder, LINE, task="position",
+        timing="{law: trapezoidal, duration: 50, stops: [{s: 0.5, t: 20}]}",
+        rest="redundancy: {metric: {q2: 3}, toward: sigma, gain: 0.5}\nmargin: {fraction: 0.1}",
+    )  # fmt: skip
+    same_problem(scenario_of(wanted).problem(), wanted)
+
+
+def test_a_curve_of_the_users_own_class_has_no_scenario(folder: Path) -> None:
+    def circle(s: float, order: int = 0) -> np.ndarray:
+        phase = s + order * np.pi / 2
+        return np.array([np.cos(phase), np.sin(phase), 0.0])
+
+    wanted = problem(folder, LINE, task="position")
+    timed = replace(wanted.path, path=EndEffectorPath(circle))
+    with pytest.raises(InputError) as caught:
+        scenario_of(replace(wanted, path=timed))
+    assert caught.value.key == "path.curve"
+
+
+def test_the_robot_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded, calls = load_scenario("planar_3dof/parabola"), []
+    read = FreeFloatingModel.from_urdf
+    monkeypatch.setattr(
+        FreeFloatingModel, "from_urdf", lambda *a, **k: calls.append(1) or read(*a, **k)
+    )
+    assert loaded.problem() is loaded.problem()
+    loaded.limits()
+    loaded.search()
+    assert len(calls) == 1

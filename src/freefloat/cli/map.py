@@ -43,7 +43,7 @@ def map_(
         planar = problem.task.planar
         refuse_bad_folder(plots)
         warm_up(problem, threads)
-        with loaded.told(), progress_bar("integrating motions") as progress:
+        with loaded.error_context(), progress_bar("integrating motions") as progress:
             found = attitude_map(
                 problem,
                 samples or search.samples,

@@ -50,7 +50,7 @@ def plan(
         refuse_bad_folder(plots)
         warm_up(problem, threads)
         limits = loaded.limits(problem.model)
-        with loaded.told(), progress_bar(_searching(problem, search)) as progress:
+        with loaded.error_context(), progress_bar(_searching(problem, search)) as progress:
             found = find_plan(
                 problem, search, limits, stretch=stretch, threads=threads, progress=progress
             )

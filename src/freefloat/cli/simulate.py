@@ -42,11 +42,11 @@ def simulate(
         loaded = load_scenario(scenario)
         refuse_same_files(scenario=loaded.source, output=output, html=html)
         problem = loaded.problem()
-        with loaded.told():
+        with loaded.error_context():
             checker = LimitChecker(problem, loaded.limits(problem.model))
         start = start_attitude(problem, attitude, heading)
         warm_up_branches(problem)
-        with loaded.told_path():
+        with loaded.error_context(only="path"):
             simulation = run(
                 problem,
                 start,

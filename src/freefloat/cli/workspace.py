@@ -17,6 +17,6 @@ def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
         from freefloat.workspace.regions import workspace as find_workspace
 
         loaded = load_scenario(scenario)
-        with loaded.told():
+        with loaded.error_context():
             document = find_workspace(loaded.problem()).to_dict()
     answer(document, workspace_tables(document, scenario), as_json)

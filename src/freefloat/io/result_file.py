@@ -62,13 +62,13 @@ class Origin:
     held: Mapping[str, float]
     software: Mapping[str, str]
 
-    def wish(self) -> Scenario:
+    def wish(self, robot: FreeFloatingModel | None = None) -> Scenario:
         """The scenario.
 
         Raises:
             InputError: If its text is not that of a scenario.
         """
-        return parse_scenario(self.scenario, Path(self.scenario_file), self.samples or "")
+        return parse_scenario(self.scenario, Path(self.scenario_file), self.samples or "", robot)
 
     def problem(self) -> Problem:
         """Build the problem again.
@@ -80,7 +80,7 @@ class Origin:
             description = replace(read_urdf(self.robot), source=self.robot_file)
             model = FreeFloatingModel(description, self.end_effector, dict(self.held))
             _ = model.pin_model
-            return self.wish().problem(model)
+            return self.wish(model).problem()
         except InputError as error:
             told = f"the scenario or the robot in it is broken ({error.key}: {error.problem})"
             raise InputError("file", told, accepted_file(), self.file) from None

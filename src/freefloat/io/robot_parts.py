@@ -1,22 +1,24 @@
-"""A robot as it is asked for: an arm's URDF, and all that is put together with it."""
+"""The robot of a scenario: an arm's URDF and all that is assembled with it."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from freefloat.errors import InputError
 from freefloat.io.robot_schema import (
+    AttachedSection,
     MountSection,
     PayloadSection,
     RobotSection,
     SpacecraftSection,
 )
+from freefloat.io.validation import error_context
 from freefloat.robot.assembly import assemble
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
@@ -26,18 +28,17 @@ from freefloat.robot.urdf import scale_masses
 
 @dataclass(frozen=True, eq=False)
 class RobotParts:
-    """An arm and what it is put together with.
+    """An arm and the parts that it is assembled with.
 
     Attributes:
-        urdf: The arm.
-        end_effector: The link that follows the path; may be left out where there is a single last
-            one.
+        urdf: File of the arm.
+        end_effector: Link that follows the path; optional if the robot has a single last link.
         scale_mass: Factor on mass and inertia of every link, or a map from link to factor.
-        held: Values [rad or m] of joints that do not move.
-        spacecraft: Carries the arm's root link.
+        held: Values [rad or m] of fixed joints.
+        spacecraft: Carries the root link of the arm.
         payload: Held by the end-effector.
         attached: Further URDFs, fixed to links.
-        scenario: The file that says so, where one does; named in errors.
+        scenario: Scenario file of the robot, named in errors.
     """
 
     urdf: Path
@@ -51,44 +52,47 @@ class RobotParts:
 
     @classmethod
     def of(cls, section: RobotSection, scenario: Path) -> RobotParts:
-        """What a scenario says, its files relative to its folder.
+        """Parts of the robot of a scenario; file names are relative to its folder.
 
         Raises:
-            InputError: Naming the scenario and the key.
+            InputError: If a part is invalid; it names the scenario and the key.
         """
-        folder = scenario.parent
-        with _told(scenario):
+        folder, spacecraft, payload = scenario.parent, section.spacecraft, section.payload
+        with error_context(scenario, "robot."):
             return cls(
                 urdf=find_robot(section.urdf, folder),
                 end_effector=section.end_effector,
                 scale_mass=section.scale_mass,
                 held=section.held,
-                spacecraft=_spacecraft(section.spacecraft, folder) if section.spacecraft else None,
-                payload=_payload(section.payload, folder) if section.payload else None,
-                attached=tuple(_attachment(section, index, folder)
-                               for index in range(len(section.attached))),
+                spacecraft=None
+                if spacecraft is None
+                else Spacecraft(mount=_mount(spacecraft.mount), **_body(spacecraft, folder)),
+                payload=None if payload is None else Payload(**_body(payload, folder)),
+                attached=tuple(
+                    _attachment(one, index, folder) for index, one in enumerate(section.attached)
+                ),
                 scenario=scenario,
-            )  # fmt: skip
+            )
 
     def model(self) -> FreeFloatingModel:
-        """The robot.
+        """Model of the assembled robot.
 
         Raises:
             ModelError: If a URDF is unfit, or the parts do not fit together.
         """
-        with _told(self.scenario):
+        with error_context(self.scenario, "robot."):
             return FreeFloatingModel.from_urdf(
                 self.urdf, self.end_effector, scale_mass=self.scale_mass, held=self.held,
                 spacecraft=self.spacecraft, payload=self.payload, attached=self.attached,
             )  # fmt: skip
 
     def robot(self) -> ET.Element:
-        """The ``<robot>``, put together and its masses scaled, all else as the URDFs say.
+        """The ``<robot>`` element of the assembled robot, its masses scaled.
 
         Raises:
             ModelError: If a URDF is unfit, or the parts do not fit together.
         """
-        with _told(self.scenario):
+        with error_context(self.scenario, "robot."):
             robot = ET.fromstring(
                 assemble(self.urdf, self.spacecraft, self.payload, self.end_effector, self.attached)
             )
@@ -96,46 +100,24 @@ class RobotParts:
             return robot
 
 
-@contextmanager
-def _told(scenario: Path | None) -> Iterator[None]:
-    """Tell errors with the scenario and the key in it, unless they name another file."""
+def _body(section: SpacecraftSection | PayloadSection, folder: Path) -> dict[str, Any]:
+    """Arguments of a spacecraft or payload, but for the mount."""
+    return {
+        "mass": section.mass,
+        "inertia": np.array(section.inertia),
+        "com": np.array(section.com),
+        "size": None if section.size is None else np.array(section.size),
+        "mesh": None if section.mesh is None else folder / section.mesh,
+    }
+
+
+def _attachment(section: AttachedSection, index: int, folder: Path) -> Attachment:
     try:
-        yield
-    except InputError as error:
-        if scenario is None or error.source is not None:
-            raise
-        raise error.found_in(str(scenario), "robot.") from None
-
-
-def _spacecraft(section: SpacecraftSection, folder: Path) -> Spacecraft:
-    return Spacecraft(
-        mass=section.mass,
-        inertia=np.array(section.inertia),
-        mount=_mount(section.mount),
-        size=None if section.size is None else np.array(section.size),
-        mesh=None if section.mesh is None else folder / section.mesh,
-        com=np.array(section.com),
-    )
-
-
-def _payload(section: PayloadSection, folder: Path) -> Payload:
-    return Payload(
-        mass=section.mass,
-        inertia=np.array(section.inertia),
-        com=np.array(section.com),
-        size=None if section.size is None else np.array(section.size),
-        mesh=None if section.mesh is None else folder / section.mesh,
-    )
-
-
-def _attachment(section: RobotSection, index: int, folder: Path) -> Attachment:
-    one = section.attached[index]
-    try:
-        urdf = find_robot(one.urdf, folder)
+        urdf = find_robot(section.urdf, folder)
     except InputError as error:
         key = f"attached.{index}.{error.key}"
         raise type(error)(key, error.problem, error.accepted, error.source) from None
-    return Attachment(urdf, one.link, _mount(one.mount), one.prefix)
+    return Attachment(urdf, section.link, _mount(section.mount), section.prefix)
 
 
 def _mount(section: MountSection) -> Mount:

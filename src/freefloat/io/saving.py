@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from freefloat.errors import InputError, require_type
 from freefloat.io import map_file, plan_file
-from freefloat.io.problem_scenario import refuse_another, restated
-from freefloat.io.scenario import Scenario
+from freefloat.io.scenario import Scenario, scenario_of
 from freefloat.limits.check import LimitChecker
 from freefloat.motion.problem import Problem
 from freefloat.planning.options import Search
@@ -81,7 +80,6 @@ def save_map(
 def _scenario(given: Scenario | None, problem: Problem, search: Search) -> Scenario:
     """The one given, if it poses the problem; else one that does."""
     if given is None:
-        return restated(problem, search)
+        return scenario_of(problem, search)
     require_type("scenario", given, Scenario, "a Scenario, as load_scenario(...) returns it")
-    refuse_another(given, problem, search)
     return given

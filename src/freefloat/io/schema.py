@@ -1,33 +1,26 @@
-"""The keys of scenario files: what they mean, what they accept."""
+"""Keys of scenario files."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Discriminator,
-    Field,
-    Tag,
-    model_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Metric, Toward
-from freefloat.io.robot_schema import RobotSection
-from freefloat.io.schema_types import (
+from freefloat.io.field_types import (
     Coefficients,
     Factor,
     NotNegative,
     Number,
     Positive,
     Quaternion,
+    RollPitchYaw,
     Section,
-    Turns,
     Vector,
-    one_of,
+    exactly_one_of,
 )
+from freefloat.io.robot_schema import RobotSection
 from freefloat.paths.timing import TimeLaw
 from freefloat.planning.options import Objective
 
@@ -36,36 +29,36 @@ class LineSection(Section):
     """A straight line."""
 
     start: Vector = Field(alias="from")
-    """Where it begins [m]."""
+    """First point [m]."""
     end: Vector = Field(alias="to")
-    """Where it ends [m]."""
+    """Last point [m]."""
 
 
 class PolynomialSection(Section):
     """Polynomials in s, coefficients [m] from the lowest power up."""
 
     x: Coefficients
-    """Of the x coordinate."""
+    """x coordinate [m]."""
     y: Coefficients
-    """Of the y coordinate."""
+    """y coordinate [m]."""
     z: Coefficients
-    """Of the z coordinate."""
+    """z coordinate [m]."""
 
 
 class ArcSection(Section):
     """A circular arc."""
 
     center: Vector
-    """[m]"""
+    """Centre [m]."""
     normal: Vector
-    """Axis of the turn."""
+    """Axis of rotation."""
     start: Vector = Field(alias="from")
-    """Where it begins [m]."""
+    """First point [m]."""
     angle_deg: Number
-    """How far it turns [degrees]."""
+    """Angle [degrees]."""
 
 
-def _two(axes: dict[str, Vector]) -> dict[str, Vector]:
+def _exactly_two(axes: dict[str, Vector]) -> dict[str, Vector]:
     if len(axes) != 2:
         raise ValueError("exactly two of x, y, z")
     return axes
@@ -73,43 +66,43 @@ def _two(axes: dict[str, Vector]) -> dict[str, Vector]:
 
 Axes = Annotated[
     dict[Literal["x", "y", "z"], Vector],
-    AfterValidator(_two),
+    AfterValidator(_exactly_two),
     Field(json_schema_extra={"minProperties": 2, "maxProperties": 2}),
 ]
 
 
 class OrientationSection(Section):
-    """An attitude, written in one of three ways."""
+    """An orientation: quaternion, roll-pitch-yaw angles or two axes."""
 
     quaternion: Quaternion | None = None
     """x, y, z, w."""
-    rpy: Turns | None = None
+    rpy: RollPitchYaw | None = None
     """Roll, pitch, yaw about the inertial x, y, z axes in this order [rad]."""
     axes: Axes | None = None
-    """Inertial directions of two of its axes x, y, z; the first one named is kept."""
+    """Inertial directions of two of its axes x, y, z; the first one is exact."""
 
     @model_validator(mode="after")
-    def _one(self) -> OrientationSection:
-        one_of(self, "quaternion", "rpy", "axes")
+    def _exactly_one(self) -> OrientationSection:
+        exactly_one_of(self, "quaternion", "rpy", "axes")
         return self
 
 
 Orientation = Annotated[
     OrientationSection,
     BeforeValidator(
-        lambda given: {"quaternion": given} if isinstance(given, list) else given,
+        lambda value: {"quaternion": value} if isinstance(value, list) else value,
         json_schema_input_type=OrientationSection | Quaternion,
     ),
 ]
 
 
 class SlerpSection(Section):
-    """The shortest turn between two attitudes; a plain list is a quaternion x, y, z, w."""
+    """The shortest rotation between two orientations; a plain list is a quaternion x, y, z, w."""
 
     start: Orientation = Field(alias="from")
     """At the start of the path."""
     end: Orientation = Field(alias="to")
-    """At its end."""
+    """At the end of the path."""
 
 
 class FollowSection(Section):
@@ -118,7 +111,7 @@ class FollowSection(Section):
     axis: Literal["x", "-x", "y", "-y"]
     """The end-effector's axis."""
     normal: Vector
-    """Direction that its z axis keeps to."""
+    """Direction of its z axis, made orthogonal to the travel."""
 
 
 class PointAtSection(Section):
@@ -131,7 +124,7 @@ class PointAtSection(Section):
 
 
 class AttitudeSection(Section):
-    """How the end-effector stands, in one of four ways."""
+    """Orientation of the end-effector along the path; exactly one key."""
 
     fixed: Orientation | None = None
     slerp: SlerpSection | None = None
@@ -139,13 +132,13 @@ class AttitudeSection(Section):
     point_at: PointAtSection | None = None
 
     @model_validator(mode="after")
-    def _one(self) -> AttitudeSection:
-        one_of(self, "fixed", "slerp", "follow", "point_at")
+    def _exactly_one(self) -> AttitudeSection:
+        exactly_one_of(self, "fixed", "slerp", "follow", "point_at")
         return self
 
 
 class PathSection(Section):
-    """Where the end-effector goes, in one of five ways, and how it stands."""
+    """Path of the end-effector: exactly one kind of curve, and its orientation."""
 
     line: LineSection | None = None
     polynomial: PolynomialSection | None = None
@@ -155,127 +148,117 @@ class PathSection(Section):
     samples: str | None = None
     """A CSV file, relative to the scenario file: x, y, z [m], optionally s and qx, qy, qz, qw."""
     attitude: AttitudeSection | None = None
-    """Left out for position tasks, and where the samples have quaternions."""
+    """Orientation; not for position tasks or samples with quaternions."""
 
     @model_validator(mode="after")
-    def _one(self) -> PathSection:
-        one_of(self, "line", "polynomial", "arc", "waypoints", "samples")
+    def _exactly_one(self) -> PathSection:
+        exactly_one_of(self, "line", "polynomial", "arc", "waypoints", "samples")
         return self
 
 
 class StopSection(Section):
-    """A rest on the way."""
+    """An instant at which the end-effector rests."""
 
     s: Number
-    """Where, in (0, 1)."""
+    """Path parameter, in (0, 1)."""
     t: Number
-    """When [s]."""
+    """Time [s]."""
 
 
 class TimingSection(Section):
-    """When the end-effector is where."""
+    """Time law of the path."""
 
     duration: Number
-    """Of the whole motion [s]."""
+    """Duration of the whole motion [s]."""
     law: TimeLaw = TimeLaw.QUINTIC
-    """How each segment between rests is travelled."""
+    """Time law between rests."""
     stops: list[StopSection] = Field(default=[])
-    """Rests on the way."""
+    """Rests between start and end."""
 
 
 class MarginSection(Section):
-    """How far from dynamic singularities to stay."""
+    """Required distance from dynamic singularities."""
 
     measure: Literal["gjm", "system", "arm", "sigma"] = "gjm"
     """det S*, det A, the arm's in-plane factor, or the smallest singular value of S*."""
     value: Annotated[float, Field(strict=True, ge=0.0)] | None = None
-    """Magnitude the measure must keep."""
+    """Smallest allowed magnitude of the measure."""
     fraction: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] | None = None
-    """The same as a share of the measure's largest magnitude over the joint space."""
+    """The same as a fraction of the largest magnitude of the measure over the joint space."""
 
     @model_validator(mode="after")
-    def _one(self) -> MarginSection:
-        one_of(self, "value", "fraction")
+    def _exactly_one(self) -> MarginSection:
+        exactly_one_of(self, "value", "fraction")
         return self
 
 
-def _word(given: object) -> object:
-    if given not in tuple(Metric):
-        raise ValueError("joints, energy, or a map from joint to weight")
-    return given
-
-
-Weighing = Annotated[
-    Annotated[Metric, BeforeValidator(_word), Tag("[word]")]
-    | Annotated[dict[str, Factor], Tag("[map]")],
-    Discriminator(lambda given: "[map]" if isinstance(given, dict) else "[word]"),
-]
+Weighing = Metric | dict[str, Factor]
 
 
 class RedundancySection(Section):
-    """What an arm with more joints than the task needs does with its freedom."""
+    """Null-space motion of a redundant arm."""
 
     metric: Weighing = Metric.JOINTS
-    """What of the joint rates is least: their norm, the kinetic energy that they make, or, with
-    a map from joint to weight, the norm of weighted rates; joints not named weigh 1."""
+    """Minimized by the joint rates: ``joints``, their norm; ``energy``, the kinetic energy; or a
+    map from joint to weight, the weighted norm, with weight 1 for joints not named."""
     toward: Toward = Toward.NONE
     """Null-space motion toward a larger manipulability, or toward the middle of joint ranges."""
     gain: Annotated[float, Field(strict=True, ge=0.0, le=1e6)] | None = None
-    """How strongly, per path; 1 when left out."""
+    """Gain of the null-space motion, per path; default 1."""
     bound: Annotated[float, Field(strict=True, gt=0.0, le=1e6)] | None = None
-    """Largest null-space motion toward it, per path [rad, m]; 3 when left out."""
+    """Largest null-space displacement per path [rad, m]; default 3."""
 
     @model_validator(mode="after")
-    def _drawn(self) -> RedundancySection:
+    def _gain_has_a_goal(self) -> RedundancySection:
         if self.toward is Toward.NONE and (self.gain, self.bound) != (None, None):
             raise ValueError("toward: sigma or middle, where gain or bound is given")
         return self
 
 
 class SearchSection(Section):
-    """Which of the feasible attitudes a plan should choose."""
+    """Choice among the feasible attitudes."""
 
     objective: Objective = Objective.MARGIN
-    """The largest margin, the nearest to from_attitude, or the one deepest inside."""
+    """``margin``: the largest; ``nearest``: to from_attitude; ``robust``: the deepest inside."""
     from_attitude: Quaternion | None = None
-    """Attitude the spacecraft has now: x, y, z, w."""
+    """Present attitude of the spacecraft: x, y, z, w."""
     samples: Annotated[int, Field(strict=True, ge=8, le=100_000_000)] | None = None
-    """How many attitudes are tried where there is no closed form. Left out: in the plane 360
+    """Number of attitudes sampled where there is no closed form. Default: in the plane 360
     headings; in space 4,096 attitudes for a plan and 36,864 for a map."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
-    """Turns the grid of attitudes in space; in the plane nothing is drawn."""
+    """Seed of the grid of attitudes in space."""
 
 
 JointLimits = Positive | dict[str, Positive] | Literal["urdf"]
 
 
 class LimitsSection(Section):
-    """What a motion may ask for, beside the joint ranges of the URDF."""
+    """Limits of a motion, besides the joint ranges of the URDF."""
 
     joint_rate: JointLimits | None = None
-    """Magnitudes of joint rates [rad/s, m/s]: one for all, a map from joint to number, or
-    ``urdf``."""
+    """Magnitudes of joint rates [rad/s, m/s]: a number for all joints, a map from joint to number,
+    or ``urdf``."""
     joint_torque: JointLimits | None = None
-    """Magnitudes of joint torques and forces [N m, N], written likewise."""
+    """Magnitudes of joint torques and forces [N m, N]: a number for all joints, a map from joint to
+    number, or ``urdf``."""
     base_rate: Positive | None = None
     """Magnitude of the spacecraft's angular velocity [rad/s]."""
     clearance: NotNegative | None = None
-    """Smallest distance [m] between bodies that no joint joins; 0: they may not touch."""
+    """Smallest distance [m] between bodies that are not neighbours; 0: no contact."""
 
 
 class ScenarioFile(Section):
-    """A scenario: a robot, a path for its end-effector, and what it drifts with."""
+    """A scenario: robot, task, momentum, path, timing, margin, search and limits."""
 
     robot: RobotSection
     task: Task
-    """What of the path is prescribed."""
+    """Components of the end-effector twist that the path prescribes."""
     momentum: Vector = (0.0, 0.0, 0.0)
-    """About the centre of mass, inertial axes [N m s]."""
+    """Angular momentum about the centre of mass, inertial axes [N m s]."""
     path: PathSection
     timing: TimingSection
     margin: MarginSection = MarginSection(measure="gjm", value=0.0)
     redundancy: RedundancySection | None = None
-    """For arms with more joints than the task needs alone; left out, the norm of the joint rates is
-    least."""
+    """For redundant arms only; default: joint rates of minimum norm."""
     search: SearchSection = SearchSection()
     limits: LimitsSection = LimitsSection()

@@ -55,7 +55,7 @@ class Asked:
         return self._mapped(problem)
 
     def _simulated(self, problem: Problem, start: Mapping[str, Any]) -> dict[str, Any]:
-        with self.scenario.told():
+        with self.scenario.error_context():
             checker = LimitChecker(problem, self.scenario.limits(problem.model))
         attitude = _start_attitude(problem, start)
         followed = simulate(problem, attitude, branch=start.get("branch"))
@@ -69,7 +69,7 @@ class Asked:
     def _planned(self, problem: Problem) -> dict[str, Any]:
         from freefloat.planning.planner import plan
 
-        with self.scenario.told():
+        with self.scenario.error_context():
             limits = self.scenario.limits(problem.model)
             found = plan(problem, self.scenario.search(), limits, threads=1)
         document = found.to_dict()
@@ -82,7 +82,7 @@ class Asked:
         from freefloat.planning.mapping import attitude_map
 
         search = self.scenario.search()
-        with self.scenario.told():
+        with self.scenario.error_context():
             found = attitude_map(problem, search.samples, seed=search.seed, threads=1)
         if self.file is not None:
             save_map(self.file, replace(found, problem=self.told_problem(problem)), self.told)

@@ -14,7 +14,7 @@ import yaml
 
 from freefloat.io.scenario import Scenario
 from freefloat.io.schema import ScenarioFile
-from freefloat.io.schema_errors import validated
+from freefloat.io.validation import validated
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
 from freefloat.so3 import heading_of

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from freefloat.io.schema_types import Name, NotNegative, Number, Quaternion, Section
+from freefloat.io.field_types import Name, NotNegative, Number, Quaternion, Section
 
 MOST_CASES = 1_000_000
 """A study with more is more likely a mistake."""

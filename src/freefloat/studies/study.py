@@ -14,7 +14,7 @@ from freefloat.brief import brief
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
 from freefloat.io.schema import ScenarioFile
-from freefloat.io.schema_errors import validated
+from freefloat.io.validation import validated
 from freefloat.io.yaml import parse_yaml, read_text
 from freefloat.robot.names import find_scenario, find_study, is_file
 from freefloat.studies.key_paths import refuse_unknown_path, with_values

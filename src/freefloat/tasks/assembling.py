@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from freefloat.errors import InputError
+from freefloat.io.field_types import RADIANS
 from freefloat.io.robot_parts import RobotParts
 from freefloat.io.scenario import load_robot
-from freefloat.io.schema_types import RADIANS
 from freefloat.robot.assembly import hand_of
 from freefloat.robot.names import bundled_scenarios, find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft

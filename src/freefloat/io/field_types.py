@@ -1,0 +1,48 @@
+"""Types of the values in scenario and study files, and the base class of their sections."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+_MAX = 1e9
+"""No length, time or momentum of a spacecraft comes near; squares beyond it lose all digits."""
+
+Name = Annotated[str, Field(min_length=1)]
+Number = Annotated[float, Field(strict=True, ge=-_MAX, le=_MAX)]
+Factor = Annotated[float, Field(strict=True, ge=1e-6, le=1e6)]
+Positive = Annotated[float, Field(strict=True, gt=0.0, le=_MAX)]
+NotNegative = Annotated[float, Field(strict=True, ge=0.0, le=_MAX)]
+Vector = tuple[Number, Number, Number]
+Moments = tuple[Number, Number, Number, Number, Number, Number]
+Inertia = Vector | Moments | tuple[Vector, Vector, Vector]
+Size = tuple[Positive, Positive, Positive]
+Quaternion = tuple[Number, Number, Number, Number]
+Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]
+
+RADIANS = "angles in radians of at most one full turn; 90 degrees are 1.5708"
+
+
+def _in_radians(angles: tuple[float, float, float]) -> tuple[float, float, float]:
+    if max(map(abs, angles)) > 2.0 * math.pi:
+        raise ValueError(RADIANS)
+    return angles
+
+
+RollPitchYaw = Annotated[Vector, AfterValidator(_in_radians)]
+
+
+class Section(BaseModel):
+    """A mapping of a scenario file: unknown keys are errors, numbers are finite."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+def exactly_one_of(section: BaseModel, *names: str) -> None:
+    """Raise a ValueError unless exactly one of some keys of a section is given."""
+    if sum(getattr(section, name) is not None for name in names) != 1:
+        raise ValueError(f"exactly one of {', '.join(names)}")

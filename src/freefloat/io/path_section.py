@@ -1,0 +1,172 @@
+"""The ``path`` section of a scenario as a path, and a path as such a section."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.momentum import Task
+from freefloat.errors import InputError
+from freefloat.io.schema import AttitudeSection, FollowSection, OrientationSection, PathSection
+from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
+from freefloat.paths.orientation import (
+    DirectedOrientation,
+    FixedOrientation,
+    FreeOrientation,
+    OrientationLaw,
+    Sight,
+    SlerpOrientation,
+)
+from freefloat.paths.orientation_spline import OrientationSpline
+from freefloat.paths.path import EndEffectorPath, parse_samples
+from freefloat.so3 import Array, axes_rotation, rotation_matrix, unit_quaternion
+
+SAMPLES = "samples.csv"
+"""Name of the CSV file in a scenario that was made from a path of samples."""
+
+
+def path_of(section: PathSection, task: Task, samples: str | None, folder: Path) -> EndEffectorPath:
+    """Path that a section describes.
+
+    Args:
+        section: The section.
+        task: Of the scenario.
+        samples: Text of the CSV file, if the section names one.
+        folder: Of the scenario, for errors.
+
+    Raises:
+        InputError: If the path is invalid, or lacks an orientation that the task needs.
+    """
+    sampled: OrientationLaw | None = None
+    curve: Curve
+    if section.line is not None:
+        curve = PolynomialCurve.line(section.line.start, section.line.end)
+    elif section.polynomial is not None:
+        columns = (section.polynomial.x, section.polynomial.y, section.polynomial.z)
+        coefficients = np.zeros((max(map(len, columns)), 3))
+        for axis, column in enumerate(columns):
+            coefficients[: len(column), axis] = column
+        curve = PolynomialCurve(coefficients)
+    elif section.arc is not None:
+        arc, angle = section.arc, float(np.deg2rad(section.arc.angle_deg))
+        curve = ArcCurve(np.array(arc.center), np.array(arc.start), np.array(arc.normal), angle)
+    elif section.waypoints is not None:
+        curve = SplineCurve(section.waypoints)
+    else:
+        curve, sampled = parse_samples(samples or "", folder / str(section.samples))
+    return EndEffectorPath(curve, _orientation(section.attitude, task, curve, sampled))
+
+
+def _orientation(
+    section: AttitudeSection | None, task: Task, curve: Curve, sampled: OrientationLaw | None
+) -> OrientationLaw:
+    if section is not None and sampled is not None:
+        raise InputError("attitude", "the samples have quaternions, too", "one of the two")
+    if section is not None:
+        return _law(section, curve)
+    if sampled is not None:
+        return sampled
+    if task.turns:
+        problem = f"it is missing, task {task} needs it"
+        raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
+    return FreeOrientation()
+
+
+def _law(section: AttitudeSection, curve: Curve) -> OrientationLaw:
+    if section.fixed is not None:
+        return FixedOrientation(_rotation(section.fixed, "attitude.fixed"))
+    if section.slerp is not None:
+        start = _rotation(section.slerp.start, "attitude.slerp.from")
+        return SlerpOrientation(start, _rotation(section.slerp.end, "attitude.slerp.to"))
+    if section.point_at is not None:
+        return DirectedOrientation.point_at(curve, section.point_at.axis, section.point_at.target)
+    follow = cast(FollowSection, section.follow)  # exactly one of the four is given
+    return DirectedOrientation.follow(curve, follow.axis, follow.normal)
+
+
+def _rotation(section: OrientationSection, key: str) -> Array:
+    """Axes of an orientation in the inertial frame, shape (3, 3)."""
+    if section.quaternion is not None:
+        return rotation_matrix(unit_quaternion(f"{key}.quaternion", section.quaternion))
+    if section.rpy is not None:
+        return np.asarray(Rotation.from_euler("xyz", section.rpy).as_matrix())
+    first, second = (section.axes or {}).items()
+    return axes_rotation(f"{key}.axes", first, second)
+
+
+def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], str | None]:
+    """Content of the ``path`` section that describes a path, and the text of its CSV file.
+
+    Raises:
+        InputError: If scenario files cannot describe the path: its curve or orientation is of a
+            class of the user's.
+    """
+    curve, law = path.curve, path.orientation
+    if isinstance(curve, SplineCurve) and not (
+        isinstance(law, OrientationSpline) or _by_chord_length(curve)
+    ):
+        section, samples = {"samples": SAMPLES}, _csv_text(curve, None)
+    elif isinstance(curve, SplineCurve) and isinstance(law, OrientationSpline):
+        return {"samples": SAMPLES}, _csv_text(curve, law)
+    else:
+        section, samples = _curve_section(curve), None
+    return section | _attitude_section(law), samples
+
+
+def _by_chord_length(curve: SplineCurve) -> bool:
+    return bool(np.array_equal(curve.knots, SplineCurve(curve.points).knots))
+
+
+def _csv_text(curve: SplineCurve, law: OrientationSpline | None) -> str:
+    columns, names = [curve.knots[:, None], curve.points], ["s", "x", "y", "z"]
+    if law is not None:
+        attitudes = [law.rotation(float(s)) for s in curve.knots]
+        columns.append(Rotation.from_matrix(np.array(attitudes)).as_quat())
+        names += ["qx", "qy", "qz", "qw"]
+    stream = io.StringIO(newline="")
+    csv.writer(stream, lineterminator="\n").writerows([names, *np.hstack(columns).tolist()])
+    return stream.getvalue()
+
+
+def _curve_section(curve: Curve) -> dict[str, Any]:
+    if isinstance(curve, PolynomialCurve) and curve.origin == 0.0:
+        return {"polynomial": dict(zip("xyz", curve.coefficients.T.tolist(), strict=True))}
+    if isinstance(curve, ArcCurve):
+        vectors = {"center": curve.centre, "normal": curve.normal, "from": curve.start}
+        arc: dict[str, Any] = {name: value.tolist() for name, value in vectors.items()}
+        return {"arc": arc | {"angle_deg": float(np.degrees(curve.angle))}}
+    if isinstance(curve, SplineCurve):
+        return {"waypoints": curve.points.tolist()}
+    raise _inexpressible("path.curve", curve)
+
+
+def _attitude_section(law: OrientationLaw) -> dict[str, Any]:
+    content: dict[str, Any]
+    if isinstance(law, FreeOrientation):
+        return {}
+    if isinstance(law, FixedOrientation):
+        content = {"fixed": _quaternion(law.axes)}
+    elif isinstance(law, SlerpOrientation):
+        content = {"slerp": {"from": _quaternion(law.start), "to": _quaternion(law.end)}}
+    elif isinstance(law, DirectedOrientation) and isinstance(law.direction, Sight):
+        content = {"point_at": {"target": law.direction.point.tolist(), "axis": law.axis}}
+    elif isinstance(law, DirectedOrientation):
+        content = {"follow": {"axis": law.axis, "normal": law.reference.tolist()}}
+    else:
+        raise _inexpressible("path.attitude", law)
+    return {"attitude": content}
+
+
+def _quaternion(axes: Array) -> list[float]:
+    quaternion: list[float] = Rotation.from_matrix(axes).as_quat().tolist()
+    return quaternion
+
+
+def _inexpressible(key: str, value: object) -> InputError:
+    problem = f"scenario files cannot describe a {type(value).__name__}"
+    return InputError(key, problem, "a curve and an orientation law of freefloat.paths")
