@@ -244,10 +244,7 @@ def scenario_of(
             "law": str(timing.law),
             "stops": [{"s": float(stop.s), "t": float(stop.t)} for stop in timing.stops],
         },
-        "margin": {
-            "measure": problem.margin.measure.name,
-            "value": float(problem.margin.threshold),
-        },
+        "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
         "search": _search_section(search or Search()),
         "limits": _limits_section(limits or Limits(), model.joint_names),
     }
