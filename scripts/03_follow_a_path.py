@@ -22,7 +22,7 @@ path = ff.EndEffectorPath(line, ff.FixedOrientation(axes))
 
 # When: from rest to rest in 100 s. And what must never fall below 5 on the way.
 timed = ff.TimedPath(path, ff.Timing(duration=100.0))
-margin = ff.Margin(ff.measure(model, task, "arm"), 5.0)
+margin = ff.Margin(ff.singularity_measure(model, task, "arm"), 5.0)
 momentum = np.array([0.5, 0.3, 0.1])  # that the system drifts with [N m s]
 problem = ff.Problem(model, timed, task, momentum, margin)
 

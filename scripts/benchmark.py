@@ -1,4 +1,4 @@
-"""Measure freefloat against the plain code a user would write, both in this very run.
+"""SingularityMeasure freefloat against the plain code a user would write, both in this very run.
 
 ``python scripts/benchmark.py`` prints a table, ``--json FILE`` writes it, too. Whatever is compared
 runs in turns and the best time of each counts, so that a busy machine falsifies seconds, but hardly

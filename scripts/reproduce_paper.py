@@ -79,7 +79,7 @@ def planar() -> Iterator[Line]:
         ("AF, second", [-0.7348, 2.9014, 0.2833]),
     )
     for name, joints in touches:
-        yield Line(f"Example 1: S at the touch point of {name}", 5.0, S.value(np.array(joints)),
+        yield Line(f"Example 1: S at the touch point of {name}", 5.0, S(np.array(joints)),
                    0.01, "joints printed to 1e-4")  # fmt: skip
     F = problem.path.pose(69.73).position
     yield from lines("Example 1: F in m", [-0.5, 1.4583], F[:2], 2e-4)
@@ -164,7 +164,7 @@ def spatial() -> Iterator[Line]:
     yield Line("Example 2: z of B in m", 0.33, problem.path.pose(100.0).position[2], 5e-3,
                "computed from (41)")  # fmt: skip
     yield Line("Example 2: PDW areas that point 3 crosses, L", 1, crossed_areas(problem), 0)
-    S = problem.margin.measure.value(TOUCH_JOINTS)
+    S = problem.margin.measure(TOUCH_JOINTS)
     yield Line("Example 2: S at the printed touch point", -5.0, S, 0.01, "joints printed to 1e-4")
     wanted = problem.path.pose(TOUCH_TAU * problem.path.duration).position
     attitude = unit_quaternion("touch", TOUCH_ATTITUDE)
@@ -182,9 +182,7 @@ def spatial() -> Iterator[Line]:
 def crossed_areas(problem: ff.Problem) -> int:
     """How many areas that singular curves of S(q2, q3) sweep the path of point 3 enters."""
     angles = np.linspace(-np.pi, np.pi, 121)
-    S = [
-        [problem.margin.measure.value(np.array([0, a, b, 0, 0, 0])) for b in angles] for a in angles
-    ]
+    S = [[problem.margin.measure(np.array([0, a, b, 0, 0, 0])) for b in angles] for a in angles]
     swept = []
     for curve in contour_generator(angles, angles, np.array(S)).lines(0.0):
         joints = np.zeros((len(curve), 6))

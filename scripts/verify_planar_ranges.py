@@ -21,7 +21,7 @@ from rich.progress import track
 from rich.table import Table
 
 import freefloat as ff
-from freefloat.dynamics.measures import joint_space_extremes, measure
+from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
@@ -71,7 +71,7 @@ def random_problem(rng: np.random.Generator) -> Problem:
     moments = masses * np.maximum(lengths, 0.3) ** 2 * rng.uniform(0.08, 0.3, joints + 1)
     model = ff.FreeFloatingModel.from_urdf(planar_urdf(lengths, masses, moments), "tip")
     task = ff.Task.PLANAR_POSE if joints == 3 else ff.Task.PLANAR_POSITION
-    of = measure(model, task, "system")
+    of = singularity_measure(model, task, "system")
     S0 = rng.uniform(0.02, 0.12) * joint_space_extremes(model, of).magnitude
     momentum = [0.0, 0.0, rng.choice([0.0, rng.uniform(-2.0, 2.0)])]
     a, b, c = np.abs(PlanarArm.of(model).links[:3])

@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.polynomial import chebyshev
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.ensemble import Ensemble, EnsembleIntegrator
 from freefloat.io.scenario import load_scenario
@@ -72,7 +72,7 @@ def along(
 ) -> Problem:
     """A line with the hand held still; the margin is zero, of det A."""
     path = EndEffectorPath(PolynomialCurve.line(start, end), FixedOrientation(axes))
-    margin = Margin(measure(model, task, "system"), 0.0)
+    margin = Margin(singularity_measure(model, task, "system"), 0.0)
     return Problem(model, TimedPath(path, Timing(duration)), task, momentum, margin)
 
 
@@ -150,7 +150,9 @@ def two(aside):
 def asked(model, task, momentum, curve, attitude, timing):
     """A problem without a margin."""
     path = TimedPath(EndEffectorPath(curve, attitude), timing)
-    return Problem(model, path, task, momentum, Margin(measure(model, task, "gjm"), 0.0))
+    return Problem(
+        model, path, task, momentum, Margin(singularity_measure(model, task, "gjm"), 0.0)
+    )
 
 
 def from_here(model, task, momentum, attitude, joints, step, turn, timing):
@@ -180,7 +182,7 @@ def on_side(problem, degrees, sign):
     """The motion of the branch whose S begins with a sign."""
     attitude = heading(degrees)
     for branch in problem.branches(attitude):
-        if problem.margin.measure.value(branch.joints) * sign > 0:
+        if problem.margin.measure(branch.joints) * sign > 0:
             return integrate_motion(problem, attitude, branch.joints)
     raise AssertionError("no branch of that sign")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.motion.problem import Margin, Problem
@@ -72,7 +72,7 @@ def redundant(
     path = EndEffectorPath(line, SlerpOrientation(R, turn @ R))
     h = across[1] * rng.normal(size=3) * model.total_mass / 500.0 * momentum
     timed = TimedPath(path, timing or Timing(20.0, stops=(Stop(0.4, 9.0),)))
-    margin = Margin(measure(model, task, "gjm"), 0.0)
+    margin = Margin(singularity_measure(model, task, "gjm"), 0.0)
     return Start(Problem(model, timed, task, h, margin, redundancy), attitude, joints)
 
 

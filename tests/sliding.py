@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
@@ -52,7 +52,7 @@ def sliding_problem(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
     model = FreeFloatingModel.from_urdf(text, "hand")
     curve = PolynomialCurve.line((start, 0.0, 0.0), (start + LENGTH, 0.0, 0.0))
     path = EndEffectorPath(curve, FixedOrientation(np.eye(3)))
-    margin = Margin(measure(model, Task.POSITION, "gjm"), 0.0)
+    margin = Margin(singularity_measure(model, Task.POSITION, "gjm"), 0.0)
     return Problem(
         model, TimedPath(path, Timing(duration, law)), Task.POSITION, np.zeros(3), margin
     )

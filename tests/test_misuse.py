@@ -33,7 +33,7 @@ def model() -> ff.FreeFloatingModel:
 @pytest.fixture(scope="module")
 def problem(model: ff.FreeFloatingModel) -> ff.Problem:
     """A path that says nothing of the attitude, and a task by its word."""
-    margin = ff.Margin(ff.measure(model, "planar-position", "gjm"), 0.05)
+    margin = ff.Margin(ff.singularity_measure(model, "planar-position", "gjm"), 0.05)
     timed = ff.TimedPath(ff.EndEffectorPath(LINE), TIMING)
     return ff.Problem(model, timed, "planar-position", [0, 0, 0.5], margin)
 
@@ -102,8 +102,8 @@ def test_tasks_laws_and_objectives_are_taken_by_their_words(
         by_word = ff.generalized_jacobian(model, q, str(task))
         assert np.array_equal(by_word, ff.generalized_jacobian(model, q, task))
         assert by_word.shape == (len(task.rows), 3)
-    words = ff.measure(model, "planar-position", "gjm")
-    assert words.value(q) == ff.measure(model, ff.Task.PLANAR_POSITION, "gjm").value(q) > 0.0
+    words = ff.singularity_measure(model, "planar-position", "gjm")
+    assert words(q) == ff.singularity_measure(model, ff.Task.PLANAR_POSITION, "gjm")(q) > 0.0
     assert ff.Timing(2.0, "cubic").s(0.5) == pytest.approx(3 / 16 - 2 / 64)
     assert ff.Search("robust").objective is ff.Objective.ROBUST
 
@@ -275,7 +275,12 @@ def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
 def test_a_wish_tells_which_of_its_parts_is_something_else(problem: ff.Problem) -> None:
     path, upright = problem.path.path, ff.FixedOrientation([0, 0, 0, 1])
     for key, given, accepted, door in (
-        ("margin.measure", "'arm'", "measure(model, task, name)", lambda: ff.Margin("arm", 5)),
+        (
+            "margin.measure",
+            "'arm'",
+            "singularity_measure(model, task, name)",
+            lambda: ff.Margin("arm", 5),
+        ),
         ("timing", "int", "Timing(duration)", lambda: ff.TimedPath(path, 100)),
         ("path", "Timing", "EndEffectorPath(", lambda: ff.TimedPath(TIMING, path)),
         ("path.curve", "list", "PolynomialCurve", lambda: ff.EndEffectorPath([[0, 0, 0]])),
@@ -302,7 +307,12 @@ def test_those_who_answer_tell_what_they_want_beside_a_problem(
     motion = simulation.chosen.motion
     of = motion.problem.margin.measure
     for key, given, accepted, door in (
-        ("of", "'arm'", "measure(model, task, name)", lambda: ff.closest_approach(motion, "arm")),
+        (
+            "of",
+            "'arm'",
+            "singularity_measure(model, task, name)",
+            lambda: ff.closest_approach(motion, "arm"),
+        ),
         ("motion", "Simulation", ".chosen.motion", lambda: ff.closest_approach(simulation, of)),
         ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {"samples": 64})),
         ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {})),

@@ -9,7 +9,7 @@ import numpy as np
 import freefloat as ff
 from benchmarks.arm import arm_urdf
 from benchmarks.result import Result, race
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.paths.curves import PolynomialCurve
@@ -43,7 +43,7 @@ def line_problem(joints: int) -> ff.Problem:
     task = ff.Task.POSE if joints >= POSE else ff.Task.POSITION
     curve = PolynomialCurve.line([1.0, 0.0, 0.0], [1.0, 0.3, 0.25])
     path = ff.EndEffectorPath(curve, FixedOrientation(np.eye(3)))
-    margin = ff.Margin(measure(model, task, "gjm"), 0.0)
+    margin = ff.Margin(singularity_measure(model, task, "gjm"), 0.0)
     return ff.Problem(model, ff.TimedPath(path, ff.Timing(60.0)), task, np.zeros(3), margin)
 
 
@@ -58,7 +58,7 @@ def with_joints(quick: bool) -> list[Result]:
         problem = line_problem(joints)
         roller = EnsembleIntegrator(problem)
         starts, attitudes = rng.uniform(-1.5, 1.5, (count, joints)), attitude_grid(count)
-        usual = np.median(np.abs([problem.margin.measure.value(q) for q in starts]))
+        usual = np.median(np.abs([problem.margin.measure(q) for q in starts]))
         roller.follow(attitudes[:1], starts[:1])
         runs.append(
             lambda r=roller, a=attitudes, s=starts, m=0.01 * usual: r.follow(a, s, stop_below=m)

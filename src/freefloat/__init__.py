@@ -10,7 +10,7 @@ From a URDF to a plan, and to MeshCat::
     curve = ff.PolynomialCurve.line([1, 0, 0], [-0.5, 0.8, 0.33])  # from the centre of mass [m]
     path = ff.EndEffectorPath(curve, ff.FixedOrientation(np.eye(3)))
     timed = ff.TimedPath(path, ff.Timing(duration=100))  # [s]
-    margin = ff.Margin(ff.measure(model, task, "gjm"), 0.02)
+    margin = ff.Margin(ff.singularity_measure(model, task, "gjm"), 0.02)
     problem = ff.Problem(model, timed, task, np.array([0.5, 0.3, 0.1]), margin)  # [N m s]
     plan = ff.plan(problem, ff.Search(samples=1024))
     print(plan.reason, plan.chosen.motion.initial.attitude)
@@ -26,7 +26,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from freefloat.dynamics.measures import measure as measure
+    from freefloat.dynamics.measures import singularity_measure as singularity_measure
     from freefloat.dynamics.momentum import Task as Task
     from freefloat.dynamics.momentum import generalized_jacobian as generalized_jacobian
     from freefloat.dynamics.redundancy import Redundancy as Redundancy
@@ -93,7 +93,7 @@ _ROOMS = {
     "Attachment": "robot.parts",
     "Task": "dynamics.momentum",
     "generalized_jacobian": "dynamics.momentum",
-    "measure": "dynamics.measures",
+    "singularity_measure": "dynamics.measures",
     "Redundancy": "dynamics.redundancy",
     # the wish
     "PolynomialCurve": "paths.curves",

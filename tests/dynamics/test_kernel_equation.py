@@ -23,7 +23,7 @@ from freefloat.dynamics.kernels.equation import (
     form_jacobian,
     solve_rates,
 )
-from freefloat.dynamics.measures import NAMES, measure
+from freefloat.dynamics.measures import NAMES, singularity_measure
 from freefloat.dynamics.momentum import (
     ResolvedRateSolver,
     Task,
@@ -64,7 +64,9 @@ def measured_problem(model: FreeFloatingModel, task: Task, name: str) -> Problem
     pose = VirtualManipulator.of(model).pose(np.zeros(model.dof))
     line = PolynomialCurve.line(pose.position, pose.position + np.array([0.1, 0.0, 0.0]))
     path = TimedPath(EndEffectorPath(line, FixedOrientation(pose.rotation)), Timing(10.0))
-    return Problem(model, path, task, np.zeros(3), Margin(measure(model, task, name), 0.0))
+    return Problem(
+        model, path, task, np.zeros(3), Margin(singularity_measure(model, task, name), 0.0)
+    )
 
 
 @dataclass
@@ -358,7 +360,7 @@ def test_the_determinant_of_a_redundant_arm_is_never_negative() -> None:
 
 
 def assert_same_measure(model: FreeFloatingModel, task: Task, name: str, q: np.ndarray) -> None:
-    kernels, of = Kernels(model, task, name), measure(model, task, name)
+    kernels, of = Kernels(model, task, name), singularity_measure(model, task, name)
     S = generalized_jacobian(model, q, task)
     square = len(task.rows) == model.dof
     volume = float(np.prod(np.linalg.norm(S, axis=1)))
@@ -367,7 +369,7 @@ def assert_same_measure(model: FreeFloatingModel, task: Task, name: str, q: np.n
         volume *= float(D_[2, 2] if task.planar else np.linalg.det(D_))
     elif name == "sigma":
         volume = float(np.abs(S).max())
-    found, expected = kernels.measure(q), of.value(q)
+    found, expected = kernels.measure(q), of(q)
     blown_up = np.linalg.cond(D_)
     if square or name == "sigma":
         assert found == pytest.approx(expected, rel=1e-12, abs=1e-12 * volume * blown_up)
@@ -410,8 +412,8 @@ def test_measures_of_the_bundled_robots_are_those_of_singularity(
 ) -> None:
     """Away from singularities, so that a relative difference means something."""
     model = bundled(problem).model
-    kernels, of = Kernels(model, Task.POSE, name), measure(model, Task.POSE, name)
-    values = [(kernels.measure(q), of.value(q)) for q in rng.uniform(-3.0, 3.0, (40, model.dof))]
+    kernels, of = Kernels(model, Task.POSE, name), singularity_measure(model, Task.POSE, name)
+    values = [(kernels.measure(q), of(q)) for q in rng.uniform(-3.0, 3.0, (40, model.dof))]
     found, expected = np.array(values).T
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
     if model.dof == 6 and name != "sigma":
@@ -424,10 +426,10 @@ def test_the_arm_factor_of_random_elbow_arms_is_that_of_singularity(
     """The wrist eliminated by Cramer's rule, at any q1 and wrist angles: they do not matter."""
     for _ in range(8):
         model = elbow_model(rng)
-        kernels, of = Kernels(model, Task.POSE, "arm"), measure(model, Task.POSE, "arm")
+        kernels, of = Kernels(model, Task.POSE, "arm"), singularity_measure(model, Task.POSE, "arm")
         joints = rng.uniform(-np.pi, np.pi, (10, 6))
         found = np.array([kernels.measure(q) for q in joints])
-        expected = np.array([of.value(q) for q in joints])
+        expected = np.array([of(q) for q in joints])
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
 
 
@@ -437,5 +439,5 @@ def test_sigma_scales_lengths_by_the_reach(rng: np.random.Generator) -> None:
     kernels, q = Kernels(model, Task.POSE, "sigma"), rng.uniform(-2.0, 2.0, 6)
     plain = np.linalg.svd(generalized_jacobian(model, q), compute_uv=False)[-1]
     value = kernels.measure(q)
-    assert value == pytest.approx(measure(model, Task.POSE, "sigma").value(q), rel=1e-10)
+    assert value == pytest.approx(singularity_measure(model, Task.POSE, "sigma")(q), rel=1e-10)
     assert abs(value - plain) > 1e-3 * plain

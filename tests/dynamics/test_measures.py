@@ -17,7 +17,7 @@ from freefloat.dynamics.measures import (
     joint_box,
     joint_space_extremes,
     largest_magnitude,
-    measure,
+    singularity_measure,
 )
 from freefloat.dynamics.momentum import Task, generalized_jacobian, inertia_matrices, system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -52,7 +52,7 @@ def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, rob
     q = data.draw(joint_values(6))
     S, A = generalized_jacobian(model, q), system_matrix(model, q)
     D, _ = inertia_matrices(model, q)
-    gjm, system = (measure(model, Task.POSE, name).value(q) for name in ("gjm", "system"))
+    gjm, system = (singularity_measure(model, Task.POSE, name)(q) for name in ("gjm", "system"))
     size = np.prod(np.linalg.norm(S, axis=1))
     assert gjm == pytest.approx(np.linalg.det(S), abs=1e-12 * size)
     assert system == pytest.approx(np.linalg.det(D) * gjm, abs=1e-10 * np.linalg.det(D) * size)
@@ -67,11 +67,11 @@ def test_redundant_gjm_is_the_volume_of_the_ellipsoid(data: st.DataObject, robot
     S = generalized_jacobian(model, q)
     size = np.prod(np.linalg.norm(S, axis=1))
     volume = np.sqrt(max(np.linalg.det(S @ S.T), 0.0))
-    gjm = measure(model, Task.POSE, "gjm").value(q)
+    gjm = singularity_measure(model, Task.POSE, "gjm")(q)
     assert gjm >= 0.0
     assert gjm**2 == pytest.approx(volume**2, rel=1e-6, abs=1e-13 * size**2)
     D, _ = inertia_matrices(model, q)
-    system = measure(model, Task.POSE, "system").value(q)
+    system = singularity_measure(model, Task.POSE, "system")(q)
     assert system == pytest.approx(np.linalg.det(D) * gjm, rel=1e-12)
 
 
@@ -81,8 +81,8 @@ def test_redundant_planar_measures_count_one_spacecraft_rate(
     """Three joints for a position: D is the single moment about z."""
     q = np.array([0.4, -1.0, 0.8])
     S = generalized_jacobian(planar_3dof, q, Task.PLANAR_POSITION)
-    gjm = measure(planar_3dof, Task.PLANAR_POSITION, "gjm").value(q)
-    system = measure(planar_3dof, Task.PLANAR_POSITION, "system").value(q)
+    gjm = singularity_measure(planar_3dof, Task.PLANAR_POSITION, "gjm")(q)
+    system = singularity_measure(planar_3dof, Task.PLANAR_POSITION, "system")(q)
     assert gjm == pytest.approx(np.sqrt(np.linalg.det(S @ S.T)), rel=1e-12)
     assert system == pytest.approx(inertia_matrices(planar_3dof, q)[0][2, 2] * gjm, rel=1e-12)
 
@@ -98,11 +98,11 @@ def test_sigma_is_the_slowest_answer_to_unit_joint_rates(
     row = np.array([1.0 / reach] * 3 + [1.0] * 3)
     column = np.array([reach if body.prismatic else 1.0 for body in model.bodies[1:]])
     S = row[:, None] * generalized_jacobian(model, q) * column
-    sigma = measure(model, Task.POSE, "sigma").value(q)
+    sigma = singularity_measure(model, Task.POSE, "sigma")(q)
     least = np.sqrt(max(np.linalg.eigvalsh(S @ S.T)[0], 0.0))
     assert sigma == pytest.approx(least, abs=1e-7 * np.abs(S).max())
     # S* itself is not scaled by the asking
-    assert measure(model, Task.POSE, "sigma").value(q) == sigma
+    assert singularity_measure(model, Task.POSE, "sigma")(q) == sigma
 
 
 def test_a_task_that_asks_too_much_has_no_measure(planar_3dof: FreeFloatingModel) -> None:
@@ -110,7 +110,7 @@ def test_a_task_that_asks_too_much_has_no_measure(planar_3dof: FreeFloatingModel
     q = np.array([0.4, -1.0, 0.8])
     for name in ("gjm", "system", "sigma"):
         try:
-            value = measure(planar_3dof, Task.POSE, name).value(q)
+            value = singularity_measure(planar_3dof, Task.POSE, name)(q)
         except InputError:
             continue
         assert value == pytest.approx(0.0, abs=1e-12)
@@ -126,11 +126,11 @@ def test_unit_says_how_a_measure_grows(structure: str, name: str, rng: np.random
     theirs = FreeFloatingModel.from_urdf(in_units(robot.text, feet, pounds), robot.tip)
     q = rng.uniform(-2.0, 2.0, ours.dof)
     same = q * np.where([body.prismatic for body in ours.bodies[1:]], feet, 1.0)
-    of = measure(ours, Task.POSE, name)
+    of = singularity_measure(ours, Task.POSE, name)
     powers = {unit: int(power or 1) for unit, power in re.findall(r"(m|kg)\b(?:\^(\d))?", of.unit)}
     factor = feet ** powers.get("m", 0) * pounds ** powers.get("kg", 0)
-    assert measure(theirs, Task.POSE, name).value(same) == pytest.approx(
-        factor * of.value(q), rel=1e-9
+    assert singularity_measure(theirs, Task.POSE, name)(same) == pytest.approx(
+        factor * of(q), rel=1e-9
     )
 
 
@@ -139,25 +139,26 @@ def test_measures_vanish_together_where_the_arm_is_singular(
 ) -> None:
     """Determinants cross zero with a change of sign, sigma touches it."""
     gjm, system, sigma = (
-        measure(planar_3dof, Task.PLANAR_POSE, name) for name in ("gjm", "system", "sigma")
+        singularity_measure(planar_3dof, Task.PLANAR_POSE, name)
+        for name in ("gjm", "system", "sigma")
     )
 
     def along(q2: float) -> np.ndarray:
         return np.array([0.7, q2, 0.3])
 
-    q2 = brentq(lambda x: system.value(along(x)), -0.5, 0.5, xtol=1e-15)
+    q2 = brentq(lambda x: system(along(x)), -0.5, 0.5, xtol=1e-15)
     assert abs(q2) > 1e-3  # not the kinematic singularity
-    assert abs(gjm.value(along(q2))) < 1e-12
-    assert sigma.value(along(q2)) < 1e-12
+    assert abs(gjm(along(q2))) < 1e-12
+    assert sigma(along(q2)) < 1e-12
     for of in (gjm, system):
-        assert of.value(along(q2 - 0.01)) * of.value(along(q2 + 0.01)) < 0.0
-    assert min(sigma.value(along(q2 - 0.01)), sigma.value(along(q2 + 0.01))) > 1e-5
+        assert of(along(q2 - 0.01)) * of(along(q2 + 0.01)) < 0.0
+    assert min(sigma(along(q2 - 0.01)), sigma(along(q2 + 0.01))) > 1e-5
 
 
 def test_unknown_measures_are_answered_with_the_four(planar_3dof: FreeFloatingModel) -> None:
     """A name not found lists the names that exist."""
     with pytest.raises(InputError) as caught:
-        measure(planar_3dof, Task.PLANAR_POSE, "manipulability")
+        singularity_measure(planar_3dof, Task.PLANAR_POSE, "manipulability")
     assert caught.value.accepted == "gjm, system, arm, sigma" == ", ".join(NAMES)
 
 
@@ -165,7 +166,7 @@ def test_definitions_name_the_papers_equations(
     planar_3dof: FreeFloatingModel, spatial_6dof: FreeFloatingModel
 ) -> None:
     """What is reported says which determinant of which equation, in which unit."""
-    told = {name: measure(spatial_6dof, Task.POSE, name) for name in NAMES}
+    told = {name: singularity_measure(spatial_6dof, Task.POSE, name) for name in NAMES}
     assert {name: of.unit for name, of in told.items()} == {
         "gjm": "m^3", "system": "m^9 kg^3", "arm": "m^4 kg", "sigma": "1",
     }  # fmt: skip
@@ -173,16 +174,16 @@ def test_definitions_name_the_papers_equations(
     for name, of in told.items():
         assert of.name == name
         assert equations[name] in of.definition
-    planar = measure(planar_3dof, Task.PLANAR_POSE, "system")
+    planar = singularity_measure(planar_3dof, Task.PLANAR_POSE, "system")
     assert (planar.definition, planar.unit) == ("det A (5)", "m^4 kg")
-    assert "sqrt" in measure(planar_3dof, Task.PLANAR_POSITION, "gjm").definition
+    assert "sqrt" in singularity_measure(planar_3dof, Task.PLANAR_POSITION, "gjm").definition
 
 
 def test_measures_survive_pickling(spatial_6dof: FreeFloatingModel) -> None:
     """Worker processes measure the same."""
     for name in NAMES:
-        of = measure(spatial_6dof, Task.POSE, name)
-        assert pickle.loads(pickle.dumps(of)).value(TOUCH) == of.value(TOUCH)
+        of = singularity_measure(spatial_6dof, Task.POSE, name)
+        assert pickle.loads(pickle.dumps(of))(TOUCH) == of(TOUCH)
 
 
 # ---------------------------------------------------------------------------------- the arm factor
@@ -208,10 +209,10 @@ def factors(model: FreeFloatingModel, q: np.ndarray) -> tuple[float, float, floa
 
 def test_published_touch_point_of_example_two(spatial_6dof: FreeFloatingModel) -> None:
     """Printed: S = -5 at the touch point; the shoulder's factor, per inertia, is 0.20 there."""
-    arm = measure(spatial_6dof, Task.POSE, "arm")
-    assert arm.value(TOUCH) == pytest.approx(-5.0003, abs=5e-5)
+    arm = singularity_measure(spatial_6dof, Task.POSE, "arm")
+    assert arm(TOUCH) == pytest.approx(-5.0003, abs=5e-5)
     in_plane, other, inertia = factors(spatial_6dof, TOUCH)
-    assert in_plane == pytest.approx(arm.value(TOUCH), rel=1e-9)
+    assert in_plane == pytest.approx(arm(TOUCH), rel=1e-9)
     assert other / inertia == pytest.approx(0.20, abs=5e-3)
 
 
@@ -223,8 +224,8 @@ def test_arm_times_shoulder_times_wrist_is_the_system(
     if abs(np.sin(q[4])) < 0.01:
         q = q + np.array([0, 0, 0, 0, 0.5, 0])
     in_plane, other, _ = factors(spatial_6dof, q)
-    arm = measure(spatial_6dof, Task.POSE, "arm").value(q)
-    system = measure(spatial_6dof, Task.POSE, "system").value(q)
+    arm = singularity_measure(spatial_6dof, Task.POSE, "arm")(q)
+    system = singularity_measure(spatial_6dof, Task.POSE, "system")(q)
     assert arm == pytest.approx(in_plane, abs=1e-8)
     assert system == pytest.approx(in_plane * other * np.sin(q[4]), rel=1e-8, abs=1e-4)
 
@@ -235,8 +236,8 @@ def test_arm_depends_on_shoulder_lift_and_elbow_alone(
 ) -> None:
     """By (40), S is a function of q2 and q3."""
     moved = np.array([moved[0], q[1], q[2], *moved[3:]])
-    arm = measure(spatial_6dof, Task.POSE, "arm")
-    assert arm.value(moved) == pytest.approx(arm.value(q), abs=1e-10)
+    arm = singularity_measure(spatial_6dof, Task.POSE, "arm")
+    assert arm(moved) == pytest.approx(arm(q), abs=1e-10)
 
 
 SPACECRAFT = 'ixx="66.67" ixy="0" ixz="0" iyy="66.67" iyz="0" izz="66.67"'
@@ -260,12 +261,12 @@ def test_arms_that_split_have_the_factor(
     text = spatial_6dof.description.text
     assert old in text
     model = FreeFloatingModel.from_urdf(text.replace(old, new))
-    arm, system = (measure(model, Task.POSE, name) for name in ("arm", "system"))
+    arm, system = (singularity_measure(model, Task.POSE, name) for name in ("arm", "system"))
     for q in rng.uniform(0.3, 2.0, (5, 6)):
         rest = []
         for others in rng.uniform(0.3, 2.8, (3, 4)):
             moved = np.array([others[0], q[1], q[2], *others[1:]])
-            rest.append(system.value(moved) / arm.value(moved) / np.sin(moved[4]))
+            rest.append(system(moved) / arm(moved) / np.sin(moved[4]))
         assert np.ptp(rest) < 1e-8 * np.abs(rest).max()
 
 
@@ -294,7 +295,7 @@ def test_arms_that_do_not_split_are_refused(
     assert old in text
     model = FreeFloatingModel.from_urdf(text.replace(old, new))
     with pytest.raises(InputError, match="no in-plane factor") as caught:
-        measure(model, Task.POSE, "arm")
+        singularity_measure(model, Task.POSE, "arm")
     assert caught.value.accepted.startswith("gjm, system or sigma")
 
 
@@ -306,7 +307,7 @@ def test_other_structures_and_tasks_have_no_arm_factor(
     cases += [(model_of(word, rng), Task.POSE) for word in ("RRRRRR", "RRRRRRR", "RRPRRR")]
     for model, task in cases:
         with pytest.raises(InputError, match="no in-plane factor"):
-            measure(model, task, "arm")
+            singularity_measure(model, task, "arm")
 
 
 # ---------------------------------------------------------------------------------------- extremes
@@ -314,20 +315,20 @@ def test_other_structures_and_tasks_have_no_arm_factor(
 
 def test_published_largest_planar_measure(planar_3dof: FreeFloatingModel) -> None:
     """Printed: about 150; it is 148.63, and its mirror image is as small as it is large."""
-    of = measure(planar_3dof, Task.PLANAR_POSE, "system")
+    of = singularity_measure(planar_3dof, Task.PLANAR_POSE, "system")
     extremes = joint_space_extremes(planar_3dof, of)
     assert extremes.largest == pytest.approx(148.63, abs=5e-3)
     assert extremes.smallest == pytest.approx(-extremes.largest, rel=1e-9)
     assert extremes.magnitude == pytest.approx(extremes.largest, rel=1e-9)
-    assert of.value(extremes.largest_at) == extremes.largest
-    assert of.value(extremes.smallest_at) == extremes.smallest
+    assert of(extremes.largest_at) == extremes.largest
+    assert of(extremes.smallest_at) == extremes.smallest
     assert not extremes.largest_at.flags.writeable
     # an independent search of the two joints that matter
     grid = np.linspace(-np.pi, np.pi, 25)
     best = max(
-        (np.array([a, b]) for a in grid for b in grid), key=lambda q: of.value(np.array([*q, 0.0]))
+        (np.array([a, b]) for a in grid for b in grid), key=lambda q: of(np.array([*q, 0.0]))
     )
-    found = minimize(lambda q: -of.value(np.array([*q, 0.0])), best, method="Nelder-Mead",
+    found = minimize(lambda q: -of(np.array([*q, 0.0])), best, method="Nelder-Mead",
                      options={"xatol": 1e-9, "fatol": 1e-9})  # fmt: skip
     assert extremes.largest == pytest.approx(-found.fun, abs=1e-7)
 
@@ -336,9 +337,9 @@ def test_extremes_of_the_spatial_arm_beat_every_sample(
     spatial_6dof: FreeFloatingModel, rng: np.random.Generator
 ) -> None:
     """No configuration tried at random is beyond them; the search gives the same twice."""
-    of = measure(spatial_6dof, Task.POSE, "arm")
+    of = singularity_measure(spatial_6dof, Task.POSE, "arm")
     extremes = joint_space_extremes(spatial_6dof, of)
-    values = [of.value(q) for q in rng.uniform(-np.pi, np.pi, (2000, 6))]
+    values = [of(q) for q in rng.uniform(-np.pi, np.pi, (2000, 6))]
     assert extremes.smallest < min(values) < max(values) < extremes.largest
     again = joint_space_extremes(spatial_6dof, of)
     assert (again.largest, again.smallest) == (extremes.largest, extremes.smallest)
@@ -354,7 +355,7 @@ def test_the_largest_magnitude_is_that_of_the_extremes(
 ) -> None:
     """With a sign and without one, where only one end of the joint space is looked at."""
     model = model_of(structure, rng)
-    of = measure(model, task, name)
+    of = singularity_measure(model, task, name)
     extremes = joint_space_extremes(model, of, samples=512)
     assert largest_magnitude(model, of, samples=512) == extremes.magnitude
 
@@ -370,12 +371,12 @@ def test_sliding_joints_are_searched_within_their_range() -> None:
     lower, upper = joint_box(model)
     np.testing.assert_array_equal(lower, [-np.pi, -0.2])
     np.testing.assert_array_equal(upper, [np.pi, 0.9])
-    of = measure(model, Task.PLANAR_POSITION, "gjm")
+    of = singularity_measure(model, Task.PLANAR_POSITION, "gjm")
     extremes = joint_space_extremes(model, of, samples=512)
-    strongest = max((extremes.largest_at, extremes.smallest_at), key=lambda q: abs(of.value(q)))
+    strongest = max((extremes.largest_at, extremes.smallest_at), key=lambda q: abs(of(q)))
     assert strongest[1] == pytest.approx(0.9, abs=1e-9)
     assert extremes.magnitude == pytest.approx(
-        max(abs(of.value(np.array([a, 0.9]))) for a in np.linspace(-np.pi, np.pi, 721)), rel=1e-4
+        max(abs(of(np.array([a, 0.9]))) for a in np.linspace(-np.pi, np.pi, 721)), rel=1e-4
     )
     unlimited = text.replace('lower="-0.2" upper="0.9"', 'lower="-1e12" upper="1e12"')
     with pytest.raises(InputError, match="joint rail: it slides without limits"):

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import (
     ResolvedRateSolver,
     Task,
@@ -184,8 +184,8 @@ def test_toward_sigma_ends_farther_from_singularities(metric, seed):
         motions.append(integrate_motion(start.problem, start.attitude, start.joints))
         assert motions[-1].completed
     for name in ("gjm", "sigma"):
-        of = measure(start.problem.model, Task.POSITION, name)
-        without, drawn = (of.value(motion.final.joints) for motion in motions)
+        of = singularity_measure(start.problem.model, Task.POSITION, name)
+        without, drawn = (of(motion.final.joints) for motion in motions)
         assert drawn > 1.02 * without
         assert closest_approach(motions[1], of).value >= closest_approach(motions[0], of).value * (
             1.0 - 1e-6

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import ResolvedRateSolver, Task, generalized_determinant
 from freefloat.ensemble.ensemble import Ensemble, EnsembleIntegrator, run_chunks
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, MARGIN, SINGULAR
@@ -78,7 +78,9 @@ def asked(
 ) -> Problem:  # fmt: skip
     """A problem without a margin."""
     path = TimedPath(EndEffectorPath(curve, law), timing)
-    return Problem(model, path, task, np.array(momentum), Margin(measure(model, task, name), 0.0))
+    return Problem(
+        model, path, task, np.array(momentum), Margin(singularity_measure(model, task, name), 0.0)
+    )
 
 
 def dense(motion: Motion, count: int = 3000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -88,7 +90,7 @@ def dense(motion: Motion, count: int = 3000) -> tuple[np.ndarray, np.ndarray, np
 
 def densest_least(motion: Motion) -> float:
     """The smallest magnitude of the problem's measure on a dense sample, signs as at the start."""
-    values = np.array([motion.problem.margin.measure.value(q) for q in dense(motion)[2]])
+    values = np.array([motion.problem.margin.measure(q) for q in dense(motion)[2]])
     return float((np.sign(values[0]) * values).min())
 
 
@@ -123,7 +125,7 @@ class Case:
         """
         motion, k = self.motion, self.k
         of = motion.problem.margin.measure
-        wanted, first = closest_approach(motion, of), abs(of.value(motion.joints[0]))
+        wanted, first = closest_approach(motion, of), abs(of(motion.joints[0]))
         for roll, exact in ((self.rollout, 3e-4), (self.fine, 1e-5)):
             assert roll.endings[k] == CODES[motion.ending]
             late = abs(roll.ended_at[k] - motion.final.time) / motion.problem.path.duration
@@ -139,7 +141,7 @@ class Case:
             assert angle_between(roll.attitudes[k], motion.final.attitude) < exact
             np.testing.assert_allclose(roll.joints[k], motion.final.joints, rtol=0, atol=2 * exact)
             there = motion.sample([roll.least_at[k]])[0].joints
-            assert abs(of.value(there)) == pytest.approx(wanted.value, rel=2e-3, abs=exact * first)
+            assert abs(of(there)) == pytest.approx(wanted.value, rel=2e-3, abs=exact * first)
 
     def assert_same_extent(self) -> None:
         """Rates and ranges: what the steps see of them, never more than there is."""
@@ -343,7 +345,7 @@ def test_the_least_is_found_between_the_steps(spatial: Problem, planar: Problem)
     ):  # fmt: skip
         attitudes, joints = states(problem, attitudes)
         roll = EnsembleIntegrator(problem, 1).follow(attitudes, joints, tolerance=FINE)
-        of = problem.margin.measure.value
+        of = problem.margin.measure
         for k in np.flatnonzero(roll.endings == COMPLETED):
             motion = integrate_motion(problem, attitudes[k], joints[k])
             lowest = densest_least(motion)
@@ -516,7 +518,7 @@ def test_a_motion_may_begin_and_end_anywhere(name: str, attitude: object, branch
     for k, (low, high) in enumerate(spans):
         times = np.linspace(low, high, 2000)
         _, _, between = motion.evaluate(motion.parameter_at(times))
-        values = np.abs([of.value(q) for q in between])
+        values = np.abs([of(q) for q in between])
         assert roll.least[k] == pytest.approx(values.min(), rel=1e-3)
         assert min(low, high) <= roll.least_at[k] <= max(low, high)
 
@@ -579,7 +581,7 @@ def test_stop_below_gives_up_early_and_touches_nothing_else(spatial: Problem) ->
         )
     for k in np.flatnonzero(below)[::6]:
         motion = integrate_motion(spatial, attitudes[k], joints[k])
-        place = first_place_below(motion, of.value, level)
+        place = first_place_below(motion, of, level)
         assert place is not None
         crossing = motion.evaluate(place)[0][0]
         assert crossing - 1e-3 <= stopping.ended_at[k] <= crossing + 15.0
@@ -603,7 +605,7 @@ def test_a_singular_motion_that_breaks_the_margin_first_says_so(spatial: Problem
     np.testing.assert_array_equal(at_once.endings, MARGIN)
     np.testing.assert_array_equal(at_once.ended_at, 0.0)
     np.testing.assert_array_equal(at_once.joints, joints)
-    first = np.abs([spatial.margin.measure.value(q) for q in joints])
+    first = np.abs([spatial.margin.measure(q) for q in joints])
     np.testing.assert_allclose(at_once.least, first, rtol=1e-10)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.ensemble.feasibility import (
     UNREACHED,
     BranchOutcomes,
@@ -257,7 +257,7 @@ def heavy_wrist() -> Problem:
     mass = '<origin xyz="0 0 0.1"/><mass value="10"/>'
     text = before + '<link name="link_5">' + after.replace('<mass value="1e-6"/>', mass, 1)
     model = FreeFloatingModel.from_urdf(text, "end_effector")
-    margin = Margin(measure(model, light.task, "gjm"), 0.0)
+    margin = Margin(singularity_measure(model, light.task, "gjm"), 0.0)
     return Problem(model, light.path, light.task, light.momentum, margin)
 
 
@@ -275,7 +275,7 @@ def test_any_mass_inside_the_wrist_parts_twins(link: str) -> None:
     urdf = models_folder() / "spatial_6dof" / "spatial_6dof.urdf"
     for factor, twins in ((10.0, True), (1e3, False)):
         model = FreeFloatingModel.from_urdf(urdf, "end_effector", scale_mass={link: factor})
-        margin = Margin(measure(model, light.task, "gjm"), 0.0)
+        margin = Margin(singularity_measure(model, light.task, "gjm"), 0.0)
         problem = Problem(model, light.path, light.task, light.momentum, margin)
         assert has_wrist_flipped_branches(problem) is twins, (link, factor)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.ensemble import ensemble
@@ -44,7 +44,9 @@ THIRTY = [("30", Task.PLANAR_POSE), ("RRRRRRRPRRCRRRR" * 2, Task.POSE)]
 
 
 def with_measure(problem, name):
-    return replace(problem, margin=Margin(measure(problem.model, problem.task, name), 0.0))
+    return replace(
+        problem, margin=Margin(singularity_measure(problem.model, problem.task, name), 0.0)
+    )
 
 
 def starts_of(start, count):
@@ -66,7 +68,7 @@ def assert_precise(case):
     assert fine.endings[k] == COMPLETED
     np.testing.assert_allclose(fine.joints[k], motion.final.joints, rtol=0, atol=1e-5)
     assert angle_between(fine.attitudes[k], motion.final.attitude) < 1e-5
-    wanted, first = closest_approach(motion, of).value, abs(of.value(motion.joints[0]))
+    wanted, first = closest_approach(motion, of).value, abs(of(motion.joints[0]))
     assert fine.least[k] == pytest.approx(wanted, rel=0, abs=1e-5 * first)
 
 
@@ -83,7 +85,7 @@ def test_one_joint_is_too_few_for_every_task(task):
     text = planar_robot([60.0, 9.0], [12.0, 1.8], [0.4], [0.4, 0.4])
     model = FreeFloatingModel.from_urdf(text, "end_effector")
     with pytest.raises(InputError, match="a robot with more joints"):
-        measure(model, task, "gjm")
+        singularity_measure(model, task, "gjm")
 
 
 @pytest.mark.parametrize(("structure", "task"), [*FEWEST, *TEN, *THIRTY])
@@ -121,7 +123,7 @@ def test_arms_pulled_out_of_reach_end_alike(structure, task):
     (case,) = both(problem, start.attitude[None], start.joints[None])
     case.assert_same()
     assert case.fine.endings[0] == SINGULAR
-    level = 0.3 * problem.margin.measure.value(start.joints)
+    level = 0.3 * problem.margin.measure(start.joints)
     asked = replace(problem, margin=Margin(problem.margin.measure, level))
     exact = integrate_motion(asked, start.attitude, start.joints, stop_at_margin=True)
     stopped = EnsembleIntegrator(problem, 1).follow(

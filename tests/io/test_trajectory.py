@@ -83,7 +83,7 @@ def test_states_are_those_of_the_motion(motion):
         if motion.problem.task.turns:
             turned = Rotation.from_quat(found.end_effector_attitudes[k]).as_matrix()
             assert_close(turned, pose.rotation, atol=1e-8)
-        assert found.measure[k] == pytest.approx(motion.problem.margin.measure.value(state.joints))
+        assert found.measure[k] == pytest.approx(motion.problem.margin.measure(state.joints))
     assert_close(found.attitudes[0], motion.attitudes[0], atol=1e-12)
     assert np.array_equal(found.times, times)
     assert model.dof == found.joint_torques.shape[1]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.bounds import lower_bounds
@@ -33,7 +33,9 @@ def wandering(rng, chain, task, size):
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
     curve = PolynomialCurve.line((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     path = TimedPath(EndEffectorPath(curve, FixedOrientation(np.eye(3))), Timing(1.0))
-    problem = Problem(model, path, task, np.zeros(3), Margin(measure(model, task, "gjm"), 0.0))
+    problem = Problem(
+        model, path, task, np.zeros(3), Margin(singularity_measure(model, task, "gjm"), 0.0)
+    )
     c = size * rng.normal(size=(5, model.dof)) / np.arange(1, 6)[:, None] ** 2
     c[0] = rng.uniform(-1.5, 1.5, model.dof)
     x = np.append((NODES[:-1] - 1.0) / 2.0, (NODES + 1.0) / 2.0)
@@ -75,7 +77,7 @@ def proven(motion, names):
 
 
 def _measure(motion, name):
-    return measure(motion.problem.model, motion.problem.task, name)
+    return singularity_measure(motion.problem.model, motion.problem.task, name)
 
 
 def holds(motion, bounds):
@@ -83,7 +85,7 @@ def holds(motion, bounds):
     places = np.linspace(0.0, motion.panels, 601)
     joints = motion.evaluate(places)[2]
     for name, bound in bounds.bounds.items():
-        values = np.abs([_measure(motion, name).value(q) for q in joints])
+        values = np.abs([_measure(motion, name)(q) for q in joints])
         assert values.min() >= bound * (1.0 - 1e-9), name
 
 
@@ -126,10 +128,10 @@ def test_nothing_is_proven_of_a_motion_that_passes_a_singularity():
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (DEGREE + 1, 1))
     motion = Motion(problem, Ending.COMPLETED, (NODES + 1.0) / 2.0, attitudes, joints)
     places = np.array([0.0, 1.0])
-    jumped = {name: float(np.abs([_measure(motion, name).value(q)
+    jumped = {name: float(np.abs([_measure(motion, name)(q)
                                   for q in motion.evaluate(places)[2]]).min())
               for name in ("gjm", "system", "sigma")}  # fmt: skip
-    values = [_measure(motion, "gjm").value(q) for q in motion.joints]
+    values = [_measure(motion, "gjm")(q) for q in motion.joints]
     assert min(values) < 0.0 < max(values)
     bounds = lower_bounds(motion, jumped)
     assert set(bounds.bounds.values()) == {0.0}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freefloat.dynamics.measures import NAMES, Measure, measure
+from freefloat.dynamics.measures import NAMES, SingularityMeasure, singularity_measure
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.closest_approach import closest_approach, first_place_below
 from freefloat.motion.integration import integrate_motion
@@ -69,14 +69,14 @@ def test_the_minimum_between_nodes_is_found(motions, of, name):
     motion = motions[of]
     if name == "arm" and "planar" in of:
         name = "system"
-    measured = measure(motion.problem.model, motion.problem.task, name)
+    measured = singularity_measure(motion.problem.model, motion.problem.task, name)
     found = closest_approach(motion, measured)
     value, time = brute_force(motion, measured.value)
     assert found.measure == name
     assert found.value == pytest.approx(value, rel=1e-7)
     assert found.value <= value * (1.0 + 1e-12)
     assert found.time == pytest.approx(time, abs=0.02)
-    assert found.sign == np.sign(measured.value(motion.joints[0]))
+    assert found.sign == np.sign(measured(motion.joints[0]))
 
 
 @pytest.mark.parametrize("of", ["singular", "planar singular"])
@@ -84,15 +84,15 @@ def test_the_minimum_between_nodes_is_found(motions, of, name):
 def test_a_motion_that_becomes_singular_comes_down_to_zero(motions, of, name):
     """Every measure vanishes at the end of it, and nowhere earlier."""
     motion = motions[of]
-    measured = measure(motion.problem.model, motion.problem.task, name)
-    found, start = closest_approach(motion, measured), abs(measured.value(motion.joints[0]))
+    measured = singularity_measure(motion.problem.model, motion.problem.task, name)
+    found, start = closest_approach(motion, measured), abs(measured(motion.joints[0]))
     assert abs(found.value) < 1e-9 * start
     assert found.time == pytest.approx(motion.final.time, abs=1e-9)
 
 
 def passing(joint, value, shape):
     """A measure of one joint alone, so that its minimum along a motion is known."""
-    return Measure("made up", "for the test", "rad", lambda q: shape(q[joint] - value))
+    return SingularityMeasure("made up", "for the test", "rad", lambda q: shape(q[joint] - value))
 
 
 def times_inside(motion):
@@ -223,17 +223,17 @@ def test_the_margin_of_example_2_is_as_printed(near):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_motion_stops_exactly_where_the_margin_is_used_up(spatial, name, share):
     """|S| = S0 at the end, and S0 or more before it."""
-    measured = measure(spatial.model, spatial.task, name)
+    measured = singularity_measure(spatial.model, spatial.task, name)
     attitude = spatial.attitude("attitude", BAD)
     joints = spatial.branches(attitude)[2].joints
-    value = share * abs(measured.value(joints))
+    value = share * abs(measured(joints))
     problem = replace(spatial, margin=Margin(measured, value))
     motion = integrate_motion(problem, attitude, joints, stop_at_margin=True)
     assert motion.ending is Ending.MARGIN
     assert not motion.completed
-    assert abs(measured.value(motion.final.joints)) == pytest.approx(value, rel=1e-9)
+    assert abs(measured(motion.final.joints)) == pytest.approx(value, rel=1e-9)
     for q in motion.evaluate(np.linspace(0.0, motion.panels, 20 * motion.panels)[:-1])[2]:
-        assert abs(measured.value(q)) > value
+        assert abs(measured(q)) > value
     assert closest_approach(motion, measured).value == pytest.approx(value, rel=1e-9)
 
 
@@ -258,12 +258,12 @@ def test_a_margin_used_up_from_the_start_leaves_no_motion(near):
     assert (motion.ending, motion.panels, motion.final.time) == (Ending.MARGIN, 0, 0.0)
     assert (motion.final.joints == start.joints).all()
     found = closest_approach(motion, problem.margin.measure)
-    assert found.value == pytest.approx(abs(problem.margin.measure.value(start.joints)))
+    assert found.value == pytest.approx(abs(problem.margin.measure(start.joints)))
 
 
 def test_the_first_place_is_where_the_magnitude_is_reached(near):
     """The measure equals the magnitude there; None where it never does."""
-    of = near.problem.margin.measure.value
+    of = near.problem.margin.measure
     smallest = closest_approach(near, near.problem.margin.measure).value
     for value in (5.03, 6.0, 8.0, abs(of(near.joints[0])) * 0.999):
         place = first_place_below(near, of, value)

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import joint_space_extremes, measure
+from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
 from freefloat.dynamics.momentum import Task, generalized_jacobian
 from freefloat.errors import InputError
 from freefloat.motion.integration import integrate_motion
@@ -40,14 +40,14 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 def test_the_singular_end_is_a_singularity(spatial):
     """|det S*| there is less than a millionth of its largest, and was not before."""
-    of = measure(spatial.model, spatial.task, "gjm")
+    of = singularity_measure(spatial.model, spatial.task, "gjm")
     largest = joint_space_extremes(spatial.model, of, 1024).magnitude
     for branch in (2, 3, 4, 5):
         motion = followed(spatial, BAD, branch)
-        assert abs(of.value(motion.final.joints)) < 1e-6 * largest
-        sign = np.sign(of.value(motion.initial.joints))
+        assert abs(of(motion.final.joints)) < 1e-6 * largest
+        sign = np.sign(of(motion.initial.joints))
         for q in motion.evaluate(np.linspace(0.0, motion.panels - 1e-6, 300))[2]:
-            assert sign * of.value(q) > 0.0
+            assert sign * of(q) > 0.0
 
 
 def test_the_singular_time_does_not_depend_on_the_tolerance(spatial):
@@ -90,7 +90,7 @@ def test_example_1_passes_the_stop_at_rest(planar):
 def test_every_heading_has_an_ending(name):
     """All around the circle, on both branches: completed, or singular where det S* vanishes."""
     problem = bundled(name)
-    of = measure(problem.model, problem.task, "gjm")
+    of = singularity_measure(problem.model, problem.task, "gjm")
     singular = 0
     for degrees in [*range(0, 360, 15), 8, 12, 23, 61, 66, 77, 81, 88, 95, 99, 103, 107, 124, 131]:
         attitude = heading(degrees)
@@ -98,7 +98,7 @@ def test_every_heading_has_an_ending(name):
             motion = integrate_motion(problem, attitude, branch.joints)
             if motion.ending is Ending.SINGULAR:
                 singular += 1
-                assert abs(of.value(motion.final.joints)) < 1e-8
+                assert abs(of(motion.final.joints)) < 1e-8
                 assert motion.final.time < 100.0
             else:
                 assert motion.completed
@@ -327,7 +327,7 @@ def pitched(angle):
 def test_a_singularity_passed_at_finite_rates_ends_the_motion(spatial):
     """sin q5 changes sign while the plane motion stays smooth: det S* = 0, no way out of plane."""
     problem, motion = in_plane(spatial.model, pitched(0.9))
-    of = problem.margin.measure.value
+    of = problem.margin.measure
     assert motion.ending is Ending.SINGULAR
     assert 1.0 < motion.final.time < 19.0
     assert abs(motion.final.joints[4]) < 1e-9
@@ -374,7 +374,7 @@ def test_a_wrist_that_just_straightens_is_told_from_one_that_does_not(spatial):
 def test_no_margin_left_at_a_singularity_is_still_a_singularity(spatial, planar, name):
     """With a margin of zero, stopping at the margin does not hide that the arm became singular."""
     for problem, attitudes in ((spatial, [BAD]), (planar, [heading(d) for d in range(95, 160, 5)])):
-        margin = Margin(measure(problem.model, problem.task, name), 0.0)
+        margin = Margin(singularity_measure(problem.model, problem.task, name), 0.0)
         asked_for = replace(problem, margin=margin)
         for attitude in attitudes:
             for branch in asked_for.branches(asked_for.attitude("attitude", attitude)):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
@@ -232,7 +232,7 @@ def test_a_sliding_joint_has_no_whole_turns(spatial):
     gantry = FreeFloatingModel.from_urdf(f'<robot name="gantry">{links}{joints}</robot>', "d")
     line = PolynomialCurve.line([0.1, 0.2, 0.3], [0.4, 0.5, 0.6])
     path = TimedPath(EndEffectorPath(line, FixedOrientation(np.eye(3))), Timing(10.0))
-    margin = Margin(measure(gantry, Task.POSITION, "gjm"), 0.0)
+    margin = Margin(singularity_measure(gantry, Task.POSITION, "gjm"), 0.0)
     problem = Problem(gantry, path, Task.POSITION, [0, 0, 0], margin)
     (branch,) = problem.branches([0, 0, 0, 1])
     assert problem.branch_near([0, 0, 0, 1], branch.joints + 0.01, (branch,)) is branch
@@ -254,6 +254,6 @@ def test_a_problem_cannot_be_changed(spatial):
 
 def test_momentum_is_zero_when_that_is_what_is_given(spatial):
     """Zero momentum is an ordinary problem, in space and in the plane."""
-    measured = measure(spatial.model, Task.POSE, "gjm")
+    measured = singularity_measure(spatial.model, Task.POSE, "gjm")
     problem = Problem(spatial.model, spatial.path, Task.POSE, [0, 0, 0], Margin(measured, 0.0))
     assert not problem.momentum.any()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError, UnreachableError
 from freefloat.io.scenario import load_scenario
@@ -184,7 +184,7 @@ def test_a_redundant_arm_follows_a_set_of_configurations_and_any_given_one(spati
     )
     problem = replace(
         spatial, task=Task.POSITION,
-        margin=Margin(measure(spatial.model, Task.POSITION, "gjm"), 0.0),
+        margin=Margin(singularity_measure(spatial.model, Task.POSITION, "gjm"), 0.0),
         path=TimedPath(near, Timing(10.0)),
     )  # fmt: skip
     given = spatial.branches(spatial.attitude("a", GOOD))[3].joints
@@ -205,7 +205,7 @@ def test_joints_are_told_with_the_turns_that_keep_them_in_range():
     limit.set("lower", "-7.0")
     limit.set("upper", "0.5")
     model = FreeFloatingModel.from_urdf(ET.tostring(robot, encoding="unicode"), "tool0")
-    margin = Margin(measure(model, whole.task, "gjm"), 0.0)
+    margin = Margin(singularity_measure(model, whole.task, "gjm"), 0.0)
     problem = replace(whole, model=model, margin=margin)
     (free,), (told,) = (
         [one for one in simulate(of, [0, 0, 0, 1]).branches if one.branch.index == 7]

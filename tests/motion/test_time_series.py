@@ -75,7 +75,7 @@ def test_samples_are_the_motion(motion: Motion) -> None:
         assert np.allclose(
             series.end_effector[k], problem.path.pose(state.time).position, atol=1e-7
         )
-        assert series.measure[k] == pytest.approx(problem.margin.measure.value(state.joints))
+        assert series.measure[k] == pytest.approx(problem.margin.measure(state.joints))
 
 
 def test_euler_angles_rebuild_the_attitude(motion: Motion) -> None:

@@ -22,7 +22,7 @@ def test_touch_points_lie_on_the_path_with_s_equal_s0(problem, touches):
     """(15) and (17): S = S0 there, and the end-effector is where the path wants it."""
     assert touches
     for touch in touches:
-        assert problem.margin.measure.value(touch.joints) == pytest.approx(touch.level, abs=1e-8)
+        assert problem.margin.measure(touch.joints) == pytest.approx(touch.level, abs=1e-8)
         pose = problem.model.end_effector_pose(heading_quaternion(touch.heading), touch.joints)
         wanted = problem.path.pose(touch.time)
         assert pose.position == pytest.approx(wanted.position, abs=1e-9)
@@ -41,7 +41,7 @@ def test_tangent_touches_are_local_minima_of_the_motion_through_them(problem, to
                     problem, heading_quaternion(touch.heading), touch.joints,
                     start=touch.time, end=end,
                 )  # fmt: skip
-                values.append(abs(problem.margin.measure.value(motion.final.joints)) - 5.0)
+                values.append(abs(problem.margin.measure(motion.final.joints)) - 5.0)
         assert min(values) > 0.0
         assert max(values[2:]) < 0.5 * max(values[:2])
 

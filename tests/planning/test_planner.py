@@ -96,7 +96,7 @@ def test_search_agrees_with_the_exact_ranges(problem):
 
 def test_other_measures_are_searched(problem):
     """With sigma as the margin there is no closed form; the plan still keeps it."""
-    measure = ff.measure(problem.model, problem.task, "sigma")
+    measure = ff.singularity_measure(problem.model, problem.task, "sigma")
     other = ff.Problem(problem.model, problem.path, problem.task, problem.momentum,
                        ff.Margin(measure, 0.05))  # fmt: skip
     plan = ff.plan(other, ff.Search(ff.Objective.ROBUST, samples=12))
@@ -107,7 +107,7 @@ def test_other_measures_are_searched(problem):
 
 def test_precise_motions_confirm_searched_limits(problem):
     """A hair to either side of a limit of sigma, motions through Pinocchio break and keep it."""
-    measure = ff.measure(problem.model, problem.task, "sigma")
+    measure = ff.singularity_measure(problem.model, problem.task, "sigma")
     other = ff.Problem(problem.model, problem.path, problem.task, problem.momentum,
                        ff.Margin(measure, 0.05))  # fmt: skip
     ranges = [(entry.branch, one) for entry in searched_ranges(evaluator_for(other), 24)
@@ -125,7 +125,7 @@ def test_precise_motions_confirm_searched_limits(problem):
 
 def test_a_planar_arm_with_a_joint_to_spare_is_planned_by_search(problem):
     """Position alone for the three-joint arm: starting configurations from a reproducible set."""
-    measure = ff.measure(problem.model, ff.Task.PLANAR_POSITION, "gjm")
+    measure = ff.singularity_measure(problem.model, ff.Task.PLANAR_POSITION, "gjm")
     other = ff.Problem(problem.model, problem.path, ff.Task.PLANAR_POSITION, problem.momentum,
                        ff.Margin(measure, 0.02))  # fmt: skip
     plan = ff.plan(other, ff.Search(ff.Objective.ROBUST, samples=8))

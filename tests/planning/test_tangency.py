@@ -35,7 +35,7 @@ def changed(problem, *, h=None, path=None, measure=None, value=None):
     """The same problem but for what is given."""
     margin = problem.margin
     if measure is not None:
-        margin = ff.Margin(ff.measure(problem.model, problem.task, measure), value)
+        margin = ff.Margin(ff.singularity_measure(problem.model, problem.task, measure), value)
     h = problem.momentum if h is None else h
     return ff.Problem(problem.model, path or problem.path, problem.task, h, margin)
 
@@ -120,7 +120,7 @@ def beside(problem, touch, step):
         ).final.joints
         for sign in (-1, 1)
     ]
-    return np.array([abs(problem.margin.measure.value(q)) for q in ends]) - abs(touch.level)
+    return np.array([abs(problem.margin.measure(q)) for q in ends]) - abs(touch.level)
 
 
 def test_touches_are_on_the_path_and_on_the_margin_surface(case):
@@ -137,7 +137,7 @@ def test_touches_are_on_the_path_and_on_the_margin_surface(case):
         assert pose.position == pytest.approx(wanted.position, abs=1e-9)
         assert pose.rotation == pytest.approx(wanted.rotation, abs=1e-9)
         assert gap(touch.joints[:2], np.array([q1, q2])) < 1e-7
-        found = problem.margin.measure.value(touch.joints)
+        found = problem.margin.measure(touch.joints)
         assert found == pytest.approx(touch.level, rel=1e-8)
         branches = {one.index: one for one in problem.branches(touch.attitude, touch.time)}
         assert branches[touch.branch].label == touch.label
@@ -195,7 +195,7 @@ class BruteForce:
 
     def slope(self, t, attitude, q):
         """dS per duration, without momentum per path, in the direction of the motion."""
-        path, S = self.problem.path, self.problem.margin.measure.value
+        path, S = self.problem.path, self.problem.margin.measure
         if self.problem.momentum.any():
             rates = path.duration * self.drift.rates(attitude, q, path.twist(t))[1]
         else:
@@ -231,7 +231,7 @@ class BruteForce:
             return np.full(count, np.nan)
         of = self.problem.margin.measure
         alike = of.name == "arm"  # S is the same at every turn (40)
-        return np.broadcast_to([of.value(q) for q in (row[1][:1] if alike else row[1])], count)
+        return np.broadcast_to([of(q) for q in (row[1][:1] if alike else row[1])], count)
 
     def root_in(self, times, turns, elbow, flip, level):
         start = np.array([times.mean(), turns.mean()])
@@ -242,7 +242,7 @@ class BruteForce:
             found = self.states(t, np.array([turn]), elbow, flip)
             if found is None:
                 return [1.0, 1.0]
-            S = self.problem.margin.measure.value(found[1][0])
+            S = self.problem.margin.measure(found[1][0])
             return [S / level - 1.0, self.slope(t, found[0][0], found[1][0]) / level]
 
         found = root(misses, [0.0, 0.0])
@@ -255,7 +255,7 @@ class BruteForce:
 def is_least_there(problem, t, attitude, joints):
     """Whether |S| is smallest at a state, by the precise motion through it."""
     values = [
-        abs(problem.margin.measure.value(
+        abs(problem.margin.measure(
             ff.integrate_motion(problem, attitude, joints, start=t, end=end).final.joints
         ))
         for end in (t - 0.02, t, t + 0.02)
@@ -425,7 +425,7 @@ def test_states_that_cannot_be_bent_to_are_given_up(problem, tmp_path):
     skew = first + '<joint name="q5"' + joint_5.replace("0 -1 0", "0.6 -0.8 0", 1)
     (tmp_path / "skew.urdf").write_text(skew)
     model = ff.FreeFloatingModel.from_urdf(tmp_path / "skew.urdf")
-    margin = ff.Margin(ff.measure(model, problem.task, "arm"), 5.0)
+    margin = ff.Margin(ff.singularity_measure(model, problem.task, "arm"), 5.0)
     asked = ff.Problem(model, problem.path, problem.task, MOMENTUM, margin)
     through = StatesOnPath(asked, 0.1, 2.0)
     starts = np.random.default_rng(2).uniform([0.0, -3.0, -3.0], [100.0, 3.0, 3.0], (120, 3))
@@ -454,7 +454,7 @@ def test_problems_without_touch_points_are_refused_with_a_way_out(problem, tmp_p
     robot = random_robot(np.random.default_rng(5))
     (tmp_path / "robot.urdf").write_text(robot.text)
     model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf", robot.tip)
-    margin = ff.Margin(ff.measure(model, ff.Task.POSE, "gjm"), 0.1)
+    margin = ff.Margin(ff.singularity_measure(model, ff.Task.POSE, "gjm"), 0.1)
     other = ff.Problem(model, problem.path, ff.Task.POSE, STILL, margin)
     with pytest.raises(ff.InputError, match="spherical wrist; accepted: six turning joints"):
         tangency_points(other, 0.1, 2.0)

@@ -54,5 +54,5 @@ def test_a_map_agrees_with_precise_motions():
         off = abs(lowest.value - found.least[at, branch])
         agrees(
             "test_a_map_agrees_with_precise_motions",
-            off / abs(problem.margin.measure.value(joints)),
+            off / abs(problem.margin.measure(joints)),
         )

@@ -111,7 +111,7 @@ def test_a_singular_start_is_the_end_of_the_motion(name, joints, step):
     found = rolled(motion)
     ended = found.endings[0] == SINGULAR and found.ended_at[0] < 1e-2
     assert ended or found.determinant_ratios[0] < 1e-9
-    assert not found.keeps(1e-6 * abs(problem.margin.measure.value(np.array(joints) + 0.3)))[0]
+    assert not found.keeps(1e-6 * abs(problem.margin.measure(np.array(joints) + 0.3)))[0]
 
 
 @pytest.mark.parametrize("beyond", [-1e-9, 0.0, 1e-9])
@@ -436,7 +436,7 @@ def test_a_wrist_that_passes_through_the_centre_of_mass_promises_nothing(spatial
     `arm` does not see the shoulder, det S* does.
     """
     line = along(spatial.model, Task.POSE, [1, 0.4, 0], [-1, 0.4, 0], LEVEL)
-    margin = Margin(ff.measure(spatial.model, Task.POSE, "arm"), 0.5)
+    margin = Margin(ff.singularity_measure(spatial.model, Task.POSE, "arm"), 0.5)
     problem = ff.Problem(line.model, line.path, line.task, line.momentum, margin)
     outlook = FeasibilityEvaluator(problem, 1)
     found = outlook.prospects(attitude_grid(64))

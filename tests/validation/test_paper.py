@@ -70,7 +70,7 @@ def test_the_printed_touch_point_leads_back_to_the_printed_attitude(spatial):
         gaps[float(np.abs(gap).max())] = branch.joints
     assert min(gaps) < 3e-3  # four printed digits of the attitude, metres of arm
     joints = gaps[min(gaps)]
-    assert spatial.margin.measure.value(joints) == pytest.approx(-5.0, abs=0.02)
+    assert spatial.margin.measure(joints) == pytest.approx(-5.0, abs=0.02)
     motion = integrate_motion(spatial, attitude, joints, start=42.25, end=0.0)
     assert motion.completed
     assert motion.final.time == 0.0
@@ -130,7 +130,7 @@ def test_printed_touch_points_lead_to_the_printed_headings(
         gap = (branch.joints - joints + np.pi) % (2 * np.pi) - np.pi
         gaps[float(np.abs(gap).max())] = branch.joints
     assert min(gaps) < 1e-3
-    assert planar.margin.measure.value(gaps[min(gaps)]) == pytest.approx(5.0, abs=0.03)
+    assert planar.margin.measure(gaps[min(gaps)]) == pytest.approx(5.0, abs=0.03)
     motion = integrate_motion(planar, attitude, gaps[min(gaps)], start=t_touch, end=t)
     assert motion.completed
     found = np.degrees(heading_of(motion.final.attitude))
@@ -141,7 +141,7 @@ def test_printed_touch_points_lead_to_the_printed_headings(
 def test_the_touch_at_the_end_leads_to_the_printed_heading_at_f(planar):
     """End touch at B: S = 5 at 259.4 degrees, which is 298.7 degrees at F."""
     attitude = heading(259.4)
-    values = {planar.margin.measure.value(b.joints): b for b in planar.branches(attitude, 100.0)}
+    values = {planar.margin.measure(b.joints): b for b in planar.branches(attitude, 100.0)}
     nearest = min(values, key=lambda value: abs(value - 5.0))
     assert nearest == pytest.approx(5.0, abs=0.1)
     motion = integrate_motion(planar, attitude, values[nearest].joints, start=100.0, end=69.73)

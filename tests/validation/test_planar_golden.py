@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import (
     Task,
     generalized_jacobian,
@@ -158,7 +158,7 @@ def test_the_planar_arm_has_the_known_inertia_and_determinants() -> None:
     S_star = generalized_jacobian(arm, Q, Task.PLANAR_POSITION)
     assert np.isclose(D, 19.715011740, rtol=0, atol=1e-9)
     assert np.isclose(np.linalg.det(S_star), 0.190412571, rtol=0, atol=1e-9)
-    system = measure(arm, Task.PLANAR_POSITION, "system").value(Q)
+    system = singularity_measure(arm, Task.PLANAR_POSITION, "system")(Q)
     assert np.isclose(system, 3.753986067, rtol=0, atol=1e-9)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Margin, Problem
@@ -70,7 +70,7 @@ def test_distance_curves_are_where_the_path_begins_and_ends(motions: list[Motion
 
 
 def test_levels_of_another_measure_are_not_drawn_as_s() -> None:
-    gjm = measure(PLANAR.model, PLANAR.task, "gjm")
+    gjm = singularity_measure(PLANAR.model, PLANAR.task, "gjm")
     problem = Problem(
         PLANAR.model, PLANAR.path, PLANAR.task, PLANAR.momentum, Margin(gjm, 0.05)
     )  # fmt: skip

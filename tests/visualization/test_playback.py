@@ -295,7 +295,7 @@ def test_the_panel_tells_the_measure(scene: Shown, motions: dict[str, Motion]) -
     told = re.search(r"\|arm\| = ([0-9.]+), to keep: 5", scene.page.locator("#states").inner_text())
     assert told is not None
     motion = motions[FEASIBLE]
-    value = abs(motion.problem.margin.measure.value(motion.sample([40.0])[0].joints))
+    value = abs(motion.problem.margin.measure(motion.sample([40.0])[0].joints))
     assert float(told[1]) == pytest.approx(value, rel=2e-3)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import umsgpack
 
-from freefloat.dynamics.measures import Measure
+from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.motion import Motion
@@ -74,7 +74,7 @@ def test_the_trail_tells_the_measure_by_time_and_colour(
 ) -> None:
     trail = recording.about["scenes"][0]["trail"]
     states = motion.sample(trail["times"][::50])
-    wanted = [abs(motion.problem.margin.measure.value(state.joints)) for state in states]
+    wanted = [abs(motion.problem.margin.measure(state.joints)) for state in states]
     assert trail["values"][::50] == pytest.approx(wanted, rel=1e-4)
     s = [motion.problem.path.timing.s(t) for t in trail["times"][::50]]
     assert trail["fractions"][::50] == pytest.approx(s, abs=1e-5)
@@ -126,12 +126,14 @@ def test_planar_rings_have_the_radii_of_the_areas() -> None:
     ]
 
 
-def measure() -> Measure:
-    return Measure("gjm", "", "m^3", lambda joints: 0.0)
+def singularity_measure() -> SingularityMeasure:
+    return SingularityMeasure("gjm", "", "m^3", lambda joints: 0.0)
 
 
 def test_colours_tell_what_is_below_the_margin() -> None:
-    scale = MarginColours.over(Margin(measure(), 5.0), [np.array([1.0, 20.0]), np.array([])])
+    scale = MarginColours.over(
+        Margin(singularity_measure(), 5.0), [np.array([1.0, 20.0]), np.array([])]
+    )
     below, just_below, margin, bright = scale(np.array([0.0, 4.999, 5.0, 20.0]))
     assert below.tolist() == just_below.tolist()
     assert np.abs(margin - below).max() > 0.3
@@ -140,7 +142,7 @@ def test_colours_tell_what_is_below_the_margin() -> None:
 
 
 def test_colours_without_a_margin_or_a_motion() -> None:
-    scale = MarginColours.over(Margin(measure(), 0.0), [])
+    scale = MarginColours.over(Margin(singularity_measure(), 0.0), [])
     assert np.isfinite(scale(np.array([0.0]))).all()
 
 

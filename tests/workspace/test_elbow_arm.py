@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
@@ -37,10 +37,10 @@ def test_s_and_the_wrist_are_those_of_the_arm_in_space(
 ) -> None:
     """Whatever the first joint and the wrist do: by (40) and (35)."""
     model = variant(spatial_6dof, name)
-    arm, of = elbow_arm(model), measure(model, Task.POSE, "arm")
+    arm, of = elbow_arm(model), singularity_measure(model, Task.POSE, "arm")
     joints = rng.uniform(-4, 4, (40, 6))
     in_plane = arm.determinant(two_angles(arm, joints[:, 1:3]))
-    np.testing.assert_allclose(in_plane, [of.value(q) for q in joints], rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(in_plane, [of(q) for q in joints], rtol=1e-8, atol=1e-8)
     virtual = VirtualManipulator.of(model)
     distances = [
         np.linalg.norm(pose.position + pose.rotation @ wrist_in_hand(virtual))
@@ -55,13 +55,13 @@ def test_margin_curves_are_those_of_the_arm_in_space(
     spatial_6dof: FreeFloatingModel, level: float, rng: np.random.Generator
 ) -> None:
     """On each the measure has the level, whatever q1 and the wrist do."""
-    of = measure(spatial_6dof, Task.POSE, "arm")
+    of = singularity_measure(spatial_6dof, Task.POSE, "arm")
     curves = margin_curves(elbow_arm(spatial_6dof), level)
     assert len(curves) >= 2
     for curve in curves:
         for pair in curve.joints[:: max(1, len(curve.joints) // 20)]:
             q1, *wrist = rng.uniform(-3, 3, 4)
-            assert of.value(np.array([q1, *pair, *wrist])) == pytest.approx(level, abs=1e-6)
+            assert of(np.array([q1, *pair, *wrist])) == pytest.approx(level, abs=1e-6)
 
 
 @pytest.mark.parametrize("change", [

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import freefloat as ff
 from freefloat.cli.app import app
 from freefloat.cli.tables import workspace_tables
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem
 from freefloat.workspace.margin_curves import (
@@ -50,7 +50,9 @@ def collinear(masses, moments, mount, centres, lengths):
 def problem_of(model):
     task = ff.Task.PLANAR_POSE if model.dof == 3 else ff.Task.PLANAR_POSITION
     path = ff.load_scenario("planar_3dof/parabola_nonstop").problem().path
-    return Problem(model, path, task, [0, 0, 0], Margin(measure(model, task, "system"), 0.0))
+    return Problem(
+        model, path, task, [0, 0, 0], Margin(singularity_measure(model, task, "system"), 0.0)
+    )
 
 
 PAPADOPOULOS_2R = ([40, 4, 3], [6.667, 0.333, 0.25], 0.5, [0.5, 0.5], [1.0, 1.0])
@@ -101,7 +103,7 @@ def test_an_inner_disc_can_be_path_independent():
 def test_margin_curves_satisfy_22a_and_22b(level):
     """On a curve q2 is one of the two closed forms, with k0, k1, k2 read off S at three angles."""
     model = ff.load_scenario("planar_3dof/parabola").model()
-    S = measure(model, ff.Task.PLANAR_POSE, "system").value
+    S = singularity_measure(model, ff.Task.PLANAR_POSE, "system").value
     curves = margin_curves(PlanarArm.of(model), level)
     assert curves
     for curve in curves:

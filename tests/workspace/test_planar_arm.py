@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import ResolvedRateSolver, Task, inertia_matrices
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
@@ -36,7 +36,7 @@ def bent_arm(*axes: int) -> FreeFloatingModel:
 def test_determinant_rates_and_place_agree_with_pinocchio(axes):
     """S, the rates of (24) and the end-effector's place, for offset links and either axis sense."""
     model = bent_arm(*axes)
-    arm, S = PlanarArm.of(model), measure(model, Task.PLANAR_POSE, "system")
+    arm, S = PlanarArm.of(model), singularity_measure(model, Task.PLANAR_POSE, "system")
     equation = ResolvedRateSolver(model, Task.PLANAR_POSE, [0, 0, 0.7])
     rng = np.random.default_rng(3)
     for _ in range(20):
@@ -44,7 +44,7 @@ def test_determinant_rates_and_place_agree_with_pinocchio(axes):
         twist = np.array([*rng.normal(size=2), 0, 0, 0, rng.normal()])
         attitude = heading_quaternion(heading)
         angles = arm.angles(heading, joints)
-        assert arm.determinant(angles) == pytest.approx(S.value(joints), rel=1e-9, abs=1e-9)
+        assert arm.determinant(angles) == pytest.approx(S(joints), rel=1e-9, abs=1e-9)
         place = model.end_effector_pose(attitude, joints).position
         assert arm.vectors(angles).sum() == pytest.approx(complex(*place[:2]), abs=1e-12)
         D, _ = inertia_matrices(model, joints)

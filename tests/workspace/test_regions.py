@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import freefloat as ff
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.motion.problem import Problem
 from freefloat.workspace.margin_curves import Workspace, path_areas, planar_workspace
 from freefloat.workspace.regions import exact_workspace
@@ -30,12 +30,12 @@ def shells(line: Problem) -> Workspace:
 
 def roots(problem: Problem, name: str, rng: np.random.Generator, lines: int) -> np.ndarray:
     """Joints at which a measure changes its sign along random lines through joint space."""
-    of, found = measure(problem.model, problem.task, name), []
+    of, found = singularity_measure(problem.model, problem.task, name), []
     for _ in range(lines):
         start, way = rng.uniform(-np.pi, np.pi, (2, problem.model.dof))
 
         def along(t: float, start: np.ndarray = start, way: np.ndarray = way) -> float:
-            return of.value(start + t * way)
+            return of(start + t * way)
 
         steps = np.linspace(0.0, 3.0, 40)
         for low, high in pairwise(steps):
@@ -71,12 +71,12 @@ def test_nowhere_in_the_path_independent_shells_the_arm_factor_vanishes(
     """In a shell |S| keeps away from zero at all of very many configurations."""
     joints = rng.uniform(-np.pi, np.pi, (20_000, 6))
     radii = distances(line, shells, joints)
-    of = measure(line.model, line.task, "arm")
+    of = singularity_measure(line.model, line.task, "arm")
     for low, high in shells.path_independent or ():
         middle, half = (low + high) / 2.0, 0.4 * (high - low)
         inside = joints[np.abs(radii - middle) < half]
         assert len(inside) > 30
-        assert min(abs(of.value(q)) for q in inside) > 0.05 * shells.largest_s
+        assert min(abs(of(q)) for q in inside) > 0.05 * shells.largest_s
 
 
 def test_shoulder_and_wrist_are_singular_at_any_radius(
@@ -85,11 +85,11 @@ def test_shoulder_and_wrist_are_singular_at_any_radius(
     """So the areas are about the arm factor: det S* vanishes in path-independent shells, too."""
     joints = roots(line, "gjm", rng, 100)
     radii = distances(line, shells, joints)
-    of = measure(line.model, line.task, "arm")
+    of = singularity_measure(line.model, line.task, "arm")
     for low, high in shells.path_independent or ():
         others = joints[(radii > low + 0.01) & (radii < high - 0.01)]
         assert len(others) > 0
-        assert min(abs(of.value(q)) for q in others) > 1e-3
+        assert min(abs(of(q)) for q in others) > 1e-3
 
 
 def test_the_path_of_example_2_crosses_one_path_dependent_area(

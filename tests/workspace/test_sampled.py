@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem
 from freefloat.robot.model import FreeFloatingModel
@@ -24,7 +24,9 @@ LIGHT = planar_robot([20, 9, 6], [1.5, 0.9, 0.4], [0.7, 0.3], [0.3, 0.4, 0.5])
 
 def problem_of(model: FreeFloatingModel, task: ff.Task) -> Problem:
     path = ff.load_scenario("planar_3dof/parabola_nonstop").problem().path
-    return Problem(model, path, task, [0, 0, 0], Margin(measure(model, task, "gjm"), 0.0))
+    return Problem(
+        model, path, task, [0, 0, 0], Margin(singularity_measure(model, task, "gjm"), 0.0)
+    )
 
 
 @pytest.mark.parametrize("text", [TWO, LIGHT], ids=["heavy spacecraft", "light spacecraft"])
@@ -52,9 +54,9 @@ def test_an_arm_of_three_joints_in_space_has_areas() -> None:
     model = FreeFloatingModel.from_urdf(stiff, "link_4")
     problem = problem_of(model, ff.Task.POSITION)
     workspace = find_workspace(problem)
-    of = measure(model, problem.task, "gjm")
+    of = singularity_measure(model, problem.task, "gjm")
     singular = singular_configurations(problem, of)
-    assert max(abs(of.value(q)) for q in singular) < 1e-6 * workspace.largest_s
+    assert max(abs(of(q)) for q in singular) < 1e-6 * workspace.largest_s
     radii = np.array([np.linalg.norm(model.end_effector_pose([0, 0, 0, 1], q).position)
                       for q in singular])  # fmt: skip
     assert workspace.path_dependent

@@ -6,7 +6,7 @@ All depend on the joints alone: neither the spacecraft's attitude nor its moment
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -30,25 +30,29 @@ NAMES = ("gjm", "system", "arm", "sigma")
 
 
 @dataclass(frozen=True, eq=False)
-class Measure:
-    """A number that vanishes at dynamic singularities.
+class SingularityMeasure:
+    """A scalar function of the joints that vanishes at dynamic singularities.
 
     Attributes:
         name: One of ``gjm``, ``system``, ``arm``, ``sigma``.
         definition: In words, with the paper's equation number.
-        unit: For people.
-        value: The measure at joint values of shape (n,); signed where it is a determinant.
+        unit: As printed in tables.
+        function: The measure at joint values of shape (n,); signed where it is a determinant.
     """
-
-    __repr__ = brief
 
     name: str
     definition: str
     unit: str
-    value: Callable[[Array], float]
+    function: Callable[[Array], float] = field(repr=False)
+
+    def __call__(self, joints: Array) -> float:
+        """Value at joint values of shape (n,)."""
+        return self.function(joints)
 
 
-def measure(model: FreeFloatingModel, task: Task | str, name: str) -> Measure:
+def singularity_measure(
+    model: FreeFloatingModel, task: Task | str, name: str
+) -> SingularityMeasure:
     """One of the four measures for a robot and a task.
 
     Args:
@@ -71,19 +75,19 @@ def measure(model: FreeFloatingModel, task: Task | str, name: str) -> Measure:
     virtual = VirtualManipulator.of(model)
     determinant = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
     if name == "gjm":
-        return Measure(name, determinant, _unit(lengths), partial(_gjm, model, task))
+        return SingularityMeasure(name, determinant, _unit(lengths), partial(_gjm, model, task))
     if name == "system":
         k = 1 if task.planar else 3
         words = "det A (5)" if m == n else f"det D times {determinant}"
         unit = f"{_unit(lengths + 2 * k)} kg" + ("^3" if k == 3 else "")
-        return Measure(name, words, unit, partial(_system, model, task))
+        return SingularityMeasure(name, words, unit, partial(_system, model, task))
     if name == "sigma":
         words = f"smallest singular value of S* (7), in units of the reach {virtual.reach:.4g} m"
-        return Measure(name, words, "1", partial(_sigma, model, task, virtual.reach))
+        return SingularityMeasure(name, words, "1", partial(_sigma, model, task, virtual.reach))
     if name == "arm":
         axes = arm_axes(model, task)
         words = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
-        return Measure(name, words, "m^4 kg", partial(_arm, model, axes))
+        return SingularityMeasure(name, words, "m^4 kg", partial(_arm, model, axes))
     raise InputError("margin.measure", f"{name!r} was given", ", ".join(NAMES))
 
 
@@ -222,7 +226,9 @@ class Extremes:
         return max(abs(self.largest), abs(self.smallest))
 
 
-def joint_space_extremes(model: FreeFloatingModel, of: Measure, samples: int = 4096) -> Extremes:
+def joint_space_extremes(
+    model: FreeFloatingModel, of: SingularityMeasure, samples: int = 4096
+) -> Extremes:
     """Search the joint space for the extremes of a measure.
 
     A low-discrepancy sweep, its best points polished by a quasi-Newton method. Turning joints range
@@ -230,36 +236,38 @@ def joint_space_extremes(model: FreeFloatingModel, of: Measure, samples: int = 4
 
     Args:
         model: Robot.
-        of: Measure of this robot.
+        of: SingularityMeasure of this robot.
         samples: Size of the sweep.
     """
     points, _ = _swept(model, of, samples)
-    smallest, smallest_at = _polished(model, of.value, points[:_POLISHED])
-    largest, largest_at = _polished(model, lambda q: -of.value(q), points[-_POLISHED:])
+    smallest, smallest_at = _polished(model, of, points[:_POLISHED])
+    largest, largest_at = _polished(model, lambda q: -of(q), points[-_POLISHED:])
     return Extremes(-largest, frozen(largest_at), smallest, frozen(smallest_at))
 
 
-def largest_magnitude(model: FreeFloatingModel, of: Measure, samples: int = 4096) -> float:
+def largest_magnitude(
+    model: FreeFloatingModel, of: SingularityMeasure, samples: int = 4096
+) -> float:
     """As :attr:`Extremes.magnitude`; quicker for measures without a sign.
 
     What is nowhere negative has its smallest value at a kink, where polishing takes longest.
     """
     points, values = _swept(model, of, samples)
-    magnitude, _ = _polished(model, lambda q: -of.value(q), points[-_POLISHED:])
+    magnitude, _ = _polished(model, lambda q: -of(q), points[-_POLISHED:])
     if values[0] >= 0.0:
         return abs(magnitude)
-    smallest, _ = _polished(model, of.value, points[:_POLISHED])
+    smallest, _ = _polished(model, of, points[:_POLISHED])
     return max(abs(magnitude), abs(smallest))
 
 
 _POLISHED = 8
 
 
-def _swept(model: FreeFloatingModel, of: Measure, samples: int) -> tuple[Array, Array]:
+def _swept(model: FreeFloatingModel, of: SingularityMeasure, samples: int) -> tuple[Array, Array]:
     """Evenly spread points of the joint space (K, n) and the measure there, the smallest first."""
     lower, upper = joint_box(model)
     points = lower + (upper - lower) * low_discrepancy(samples, model.dof)
-    values = np.array([of.value(point) for point in points])
+    values = np.array([of(point) for point in points])
     order = np.argsort(values)
     return points[order], values[order]
 

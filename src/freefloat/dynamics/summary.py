@@ -8,7 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.measures import Measure, joint_space_extremes, measure
+from freefloat.dynamics.measures import (
+    SingularityMeasure,
+    joint_space_extremes,
+    singularity_measure,
+)
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.robot.diagnostics import Severity, UrdfDiagnostic
@@ -34,7 +38,7 @@ class RobotSummary:
 
     model: FreeFloatingModel = field(repr=False)
     task: Task
-    measure: Measure
+    measure: SingularityMeasure
     barycentric_lengths: Array
     reach: float
     largest_s: float
@@ -88,7 +92,7 @@ class RobotSummary:
 def summarize(
     model: FreeFloatingModel,
     task: Task | None = None,
-    of: Measure | None = None,
+    of: SingularityMeasure | None = None,
     diagnostics: Sequence[UrdfDiagnostic] = (),
 ) -> RobotSummary:
     """Summarize a robot.
@@ -101,7 +105,7 @@ def summarize(
     """
     virtual = VirtualManipulator.of(model)
     task = task or natural_task(model)
-    of = of or measure(model, task, "gjm")
+    of = of or singularity_measure(model, task, "gjm")
     extremes = joint_space_extremes(model, of)
     return RobotSummary(
         model, task, of, virtual.lengths, virtual.reach, extremes.largest, extremes.largest_at,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from freefloat.dynamics.measures import largest_magnitude, measure
+from freefloat.dynamics.measures import largest_magnitude, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy, Toward
 from freefloat.errors import InputError, did_you_mean
 from freefloat.io.path_section import path_of, section_of
@@ -78,7 +78,7 @@ class Scenario:
             stops = tuple(Stop(stop.s, stop.t) for stop in content.timing.stops)
             timing = Timing(content.timing.duration, content.timing.law, stops)
             value = content.margin.value or 0.0
-            of = measure(model, content.task, content.margin.measure)
+            of = singularity_measure(model, content.task, content.margin.measure)
             if content.margin.fraction is not None:
                 value = content.margin.fraction * largest_magnitude(model, of)
             redundancy = content.redundancy

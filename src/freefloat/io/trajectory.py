@@ -101,7 +101,7 @@ class Trajectory:
             joint_torques=torques,
             end_effector_positions=np.array([pose.position for pose in poses]),
             end_effector_attitudes=without_jumps(hands.as_quat()),
-            measure=np.array([problem.margin.measure.value(q) for q in joints]),
+            measure=np.array([problem.margin.measure(q) for q in joints]),
         )  # fmt: skip
 
 

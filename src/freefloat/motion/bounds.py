@@ -45,7 +45,7 @@ class Bounds:
     """What was proven of a motion.
 
     Attributes:
-        bounds: Measure to magnitude that it keeps everywhere on the way.
+        bounds: SingularityMeasure to magnitude that it keeps everywhere on the way.
         intervals: How many it took.
     """
 
@@ -247,7 +247,7 @@ class _ArmLook:
     def __init__(self, motion: Motion, found: float) -> None:
         self._motion, self._found = motion, found
         angles = 2.0 * np.pi * np.arange(_GRID) / _GRID
-        value = motion.problem.margin.measure.value
+        value = motion.problem.margin.measure
         table = [[value(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q3 in angles] for q2 in angles]
         self._terms = np.fft.fft2(np.array(table)) / _GRID**2
         self._orders = np.fft.fftfreq(_GRID, 1.0 / _GRID)

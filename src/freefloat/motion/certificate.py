@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.bounds import METHOD, lower_bounds
 from freefloat.motion.closest_approach import closest_approach
@@ -172,7 +172,10 @@ def _rate_errors(motion: Motion) -> tuple[Worst, float]:
 def _least(motion: Motion) -> tuple[tuple[Proven, ...], int]:
     problem = motion.problem
     names = dict.fromkeys(("gjm", "sigma", problem.margin.measure.name))
-    found = [closest_approach(motion, measure(problem.model, problem.task, name)) for name in names]
+    found = [
+        closest_approach(motion, singularity_measure(problem.model, problem.task, name))
+        for name in names
+    ]
     values = {one.measure: one.value for one in found}
     if motion.ending is Ending.SINGULAR or not min(values.values()):
         proven, intervals = dict.fromkeys(values, 0.0), 0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from freefloat.dynamics.measures import Measure
+from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import require_type
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array
@@ -31,7 +31,7 @@ class ClosestApproach:
     time: float
 
 
-def closest_approach(motion: Motion, of: Measure) -> ClosestApproach:
+def closest_approach(motion: Motion, of: SingularityMeasure) -> ClosestApproach:
     """Where a measure is smallest along a motion.
 
     Args:
@@ -42,8 +42,13 @@ def closest_approach(motion: Motion, of: Measure) -> ClosestApproach:
         InputError: If they are something else.
     """
     require_type("motion", motion, Motion, "a Motion, such as simulate(...).chosen.motion")
-    require_type("of", of, Measure, "a Measure: measure(model, task, name), or margin.measure")
-    profile = _Profile(motion, of.value)
+    require_type(
+        "of",
+        of,
+        SingularityMeasure,
+        "a SingularityMeasure: singularity_measure(model, task, name), or margin.measure",
+    )
+    profile = _Profile(motion, of)
     place, value = profile.first_place_below(0.0), 0.0
     if place is None:
         lowest = int(np.argmin(profile.values))

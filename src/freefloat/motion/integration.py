@@ -88,7 +88,7 @@ def integrate_motion(
         motion = _cut(motion, first_place_below(motion, flow.determinant, 0.0), Ending.SINGULAR)
     margin = problem.margin
     if stop_at_margin and margin.threshold > 0.0:
-        place = first_place_below(motion, margin.measure.value, margin.threshold)
+        place = first_place_below(motion, margin.measure, margin.threshold)
         motion = _cut(motion, place, Ending.MARGIN)
     return motion
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.brief import brief
-from freefloat.dynamics.measures import Measure
+from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.dynamics.momentum import ResolvedRateSolver, Task, momentum_map
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -54,12 +54,12 @@ class Margin:
 
     __repr__ = brief
 
-    measure: Measure
+    measure: SingularityMeasure
     threshold: float
 
     def __post_init__(self) -> None:
-        accepted = "measure(model, task, name), such as measure(model, Task.POSE, 'gjm')"
-        require_type("margin.measure", self.measure, Measure, accepted)
+        accepted = "a measure, such as singularity_measure(model, Task.POSE, 'gjm')"
+        require_type("margin.measure", self.measure, SingularityMeasure, accepted)
         accepted = "a magnitude, 0 or more"
         threshold = finite_number("margin.value", self.threshold, accepted)
         object.__setattr__(self, "threshold", threshold)
@@ -126,7 +126,12 @@ class Problem:
     def __post_init__(self) -> None:
         require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
         require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
-        require_type("margin", self.margin, Margin, "Margin(measure(model, task, name), threshold)")
+        require_type(
+            "margin",
+            self.margin,
+            Margin,
+            "Margin(singularity_measure(model, task, name), threshold)",
+        )
         object.__setattr__(self, "task", Task.of(self.task))
         momentum = finite_vector("momentum", self.momentum, 3)
         object.__setattr__(self, "momentum", frozen(momentum))

@@ -83,7 +83,7 @@ class TimeSeries:
             angular_velocities=inertial,
             base_positions=np.array([model.base_position(a, q) for _, a, q in states]),
             end_effector=np.array([model.end_effector_pose(a, q).position for _, a, q in states]),
-            measure=np.array([measure.value(q) for q in joints]),
+            measure=np.array([measure(q) for q in joints]),
             momentum_errors=motion.momentum_errors(place),
         )
 

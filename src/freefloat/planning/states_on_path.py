@@ -47,7 +47,7 @@ class StatesOnPath:
             q2: Second joint angle [rad].
         """
         self.problem, self.q2, self._q1 = problem, q2, q1
-        self.of = problem.margin.measure.value
+        self.of = problem.margin.measure
         self.splits = problem.margin.measure.name == "arm"
         self.drifts = bool(problem.momentum.any())
         self._gradient = lru_cache(1024)(partial(_gradient_in_plane, self.of))

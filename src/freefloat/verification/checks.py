@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.dynamics.measures import measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.certificate import Certificate, Proven
@@ -144,7 +144,7 @@ def _singularities(certificate: Certificate, motion: Motion, promised: bool) -> 
 def _kept(one: Proven, motion: Motion, promised: bool) -> Check:
     """The least value of a measure: it must not vanish; the margin's must keep the margin."""
     problem = motion.problem
-    unit = measure(problem.model, problem.task, one.measure).unit
+    unit = singularity_measure(problem.model, problem.task, one.measure).unit
     name = "|det S*|" if one.measure == "gjm" else one.measure
     required = None
     if promised and one.measure == problem.margin.measure.name:
@@ -166,7 +166,7 @@ def _kept(one: Proven, motion: Motion, promised: bool) -> Check:
 def _singular_end(motion: Motion) -> Check:
     """A motion that is said to end in a singularity must do so."""
     problem = motion.problem
-    sigma = measure(problem.model, problem.task, "sigma").value
+    sigma = singularity_measure(problem.model, problem.task, "sigma")
     values = np.array([sigma(joints) for joints in motion.joints])
     share = float(values[-1] / values.max()) if values.max() else 0.0
     return below(

@@ -93,7 +93,7 @@ def draw_trail(
     places[[0, -1]] = motion.node_parameters[[0, -1]]  # where a measure vanishes is the very end
     _, poses = body_poses_at(motion, places)
     joints = motion.evaluate(places)[2]
-    values = np.abs([problem.margin.measure.value(q) for q in joints])
+    values = np.abs([problem.margin.measure(q) for q in joints])
     fractions = np.array([problem.path.timing.s(float(t)) for t in shown])
     if not still:
         vertices, faces = tube(poses.tips, thickness(problem))

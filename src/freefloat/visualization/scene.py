@@ -152,7 +152,7 @@ class _Act:
         ]  # near a singularity a microsecond matters
         _, poses = body_poses_at(motion, places)
         problem = motion.problem
-        values = np.abs([problem.margin.measure.value(q) for q in motion.joints])
+        values = np.abs([problem.margin.measure(q) for q in motion.joints])
         model = problem.model
         key = f"{model.end_effector} {dict(model.held)} {model.description.text}"
         look = looks.setdefault(key, looks.get(key) or look_of(model))

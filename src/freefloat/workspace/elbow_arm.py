@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.measures import arm_axes, measure
+from freefloat.dynamics.measures import arm_axes, singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
@@ -66,10 +66,10 @@ def _wrist(virtual: VirtualManipulator) -> Array:
 
 def _inertia(model: FreeFloatingModel, links: Complex, signs: Array) -> Complex:
     """S is linear in the inertia: fitted to S on a grid, and checked to be no mere fit."""
-    of = measure(model, Task.POSE, "arm")
+    of = singularity_measure(model, Task.POSE, "arm")
     axis = 2.0 * np.pi * np.arange(_GRID) / _GRID
     joints = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    S = np.array([of.value(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q2, q3 in joints.tolist()])
+    S = np.array([of(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q2, q3 in joints.tolist()])
     units = _hermitian_units()
     columns = []
     for unit in units:

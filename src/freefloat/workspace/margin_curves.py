@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from contourpy import contour_generator
 
-from freefloat.dynamics.measures import joint_space_extremes, measure
+from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
@@ -183,7 +183,7 @@ def swept_workspace(
     reach = max(0.0, 2.0 * max(a, b, c) - (a + b + c)), a + b + c
     curves = margin_curves(arm, 0.0)
     dependent = merged([(float(c.radii.min()), float(c.radii.max())) for c in curves])
-    of = measure(problem.model, problem.task, name)
+    of = singularity_measure(problem.model, problem.task, name)
     extremes = joint_space_extremes(problem.model, of)
     return Workspace(
         point=point[0],

@@ -7,7 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from freefloat.dynamics.measures import Measure, joint_box, joint_space_extremes, measure
+from freefloat.dynamics.measures import (
+    SingularityMeasure,
+    joint_box,
+    joint_space_extremes,
+    singularity_measure,
+)
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, low_discrepancy
 from freefloat.workspace.margin_curves import Interval, Workspace, complement, merged
@@ -33,7 +38,7 @@ def sampled_workspace(problem: Problem) -> Workspace:
     Raises:
         InputError: If a joint slides without limits.
     """
-    of = measure(problem.model, problem.task, "gjm")
+    of = singularity_measure(problem.model, problem.task, "gjm")
     reach = _reach(problem)
     extremes = joint_space_extremes(problem.model, of)
     dependent, independent = None, None
@@ -61,12 +66,14 @@ def _distance(problem: Problem, joints: Array) -> float:
 
 
 def _reach(problem: Problem) -> Interval:
-    squared = Measure("reach", "", "m^2", lambda joints: _distance(problem, joints) ** 2)
+    squared = SingularityMeasure("reach", "", "m^2", lambda joints: _distance(problem, joints) ** 2)
     extremes = joint_space_extremes(problem.model, squared)
     return float(np.sqrt(max(extremes.smallest, 0.0))), float(np.sqrt(extremes.largest))
 
 
-def _areas(problem: Problem, of: Measure, scale: float, gap: float) -> tuple[Interval, ...]:
+def _areas(
+    problem: Problem, of: SingularityMeasure, scale: float, gap: float
+) -> tuple[Interval, ...]:
     singular = singular_configurations(problem, of)
     if len(singular) == 0:
         return ()
@@ -87,7 +94,7 @@ def _areas(problem: Problem, of: Measure, scale: float, gap: float) -> tuple[Int
     return merged(areas, 1e-3 * gap)
 
 
-def singular_configurations(problem: Problem, of: Measure) -> Array:
+def singular_configurations(problem: Problem, of: SingularityMeasure) -> Array:
     """Joints at which a measure changes its sign along one joint, shape (K, n)."""
     lower, upper = joint_box(problem.model)
     n = problem.model.dof
@@ -98,7 +105,7 @@ def singular_configurations(problem: Problem, of: Measure) -> Array:
         def along(value: float, joints: Array = joints, moving: int = moving) -> float:
             joints = joints.copy()
             joints[moving] = value
-            return of.value(joints)
+            return of(joints)
 
         for root in _roots(along, np.linspace(lower[moving], upper[moving], _STEPS + 1)):
             joints[moving] = root
@@ -114,7 +121,9 @@ def _roots(function: Callable[[float], float], places: Array) -> list[float]:
     return [float(brentq(function, places[i], places[i + 1], xtol=1e-10)) for i in changes]
 
 
-def _pushed(problem: Problem, of: Measure, scale: float, joints: Array, sense: float) -> float:
+def _pushed(
+    problem: Problem, of: SingularityMeasure, scale: float, joints: Array, sense: float
+) -> float:
     """The radius, as small (sense 1) or as large (-1) as it gets on the singular surface nearby."""
     from scipy.optimize import minimize
 
@@ -126,8 +135,8 @@ def _pushed(problem: Problem, of: Measure, scale: float, joints: Array, sense: f
     ]
     end = minimize(
         lambda q: sense * _distance(problem, q) ** 2, joints, method="SLSQP", bounds=bounds,
-        constraints={"type": "eq", "fun": lambda q: of.value(q) / scale},
+        constraints={"type": "eq", "fun": lambda q: of(q) / scale},
         options={"ftol": 1e-12, "maxiter": 100},
     )  # fmt: skip
-    still = abs(of.value(end.x)) < 1e-8 * scale
+    still = abs(of(end.x)) < 1e-8 * scale
     return _distance(problem, end.x if still else joints)
