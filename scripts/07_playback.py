@@ -23,11 +23,11 @@ for name, motion in (("good", good), ("bad", bad)):
     print(f"{name}: {motion.ending.value} {motion.final.time:.4f} s")
 
 # The trail behind the end-effector has the colour of the margin; areas can be shown and hidden.
-playback = ff.play({"from 200 degrees": good, "from 140 degrees": bad}, title="Example 1")
+playback = ff.playback({"from 200 degrees": good, "from 140 degrees": bad}, title="Example 1")
 print("written:", playback.save("playback.html"))
 print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 
-# playback.show() opens it at once, or fills a notebook's cell; playback.into(visualizer) sends it
+# playback.show() opens it at once, or fills a notebook's cell
 # to a meshcat.Visualizer(), whose own controls play the animation.
 
 # Numbers of a motion at any times, such as the end of the shorter one:

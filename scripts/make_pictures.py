@@ -19,11 +19,10 @@ from freefloat.motion.problem import Problem
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PAGE, new_figure, save_figures, styled
 from freefloat.visualization.motion_figures import motion_figures
-from freefloat.visualization.page import Capture
+from freefloat.visualization.pictures import take_pictures
 from freefloat.visualization.planar_figures import joint_space_figure
 from freefloat.visualization.scene_figures import draw_snapshots
-from freefloat.visualization.stills import take_pictures
-from freefloat.visualization.video import save_video
+from freefloat.visualization.video import write_gif
 from freefloat.workspace.margin_curves import planar_workspace
 
 DOTS = 120
@@ -84,12 +83,8 @@ def taken(times: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
         "from 0.46 0.09 0.74 -0.49": ff.simulate(problem, TOUCHING, branch=2).chosen.motion,
         "from 0.1 0.5 0.2 -0.84": ff.simulate(problem, SINGULAR, branch=2).chosen.motion,
     }
-    scene = ff.play(shown)
-
-    def page(address: str) -> str:
-        return scene.html(Capture(tuple(times), *size, address, "side by side"))
-
-    return take_pictures(page, len(times), size)
+    page = ff.playback(shown).html()
+    return take_pictures(page, times, size, scene="side by side")
 
 
 def playback() -> Path:
@@ -105,7 +100,7 @@ def door() -> Path:
     """All of it, small: README's first picture."""
     file = FOLDER / "door.gif"
     times = np.concatenate([np.linspace(0.0, 100.0, MOVES), np.full(MOVES // 4, 100.0)])
-    save_video(file, taken(times.tolist(), SMALL), RATE)
+    write_gif(file, taken(times.tolist(), SMALL), RATE)
     return file
 
 

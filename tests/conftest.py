@@ -18,7 +18,7 @@ from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.tasks.warm_up import warm_up
-from freefloat.visualization.stills import find_browser
+from freefloat.visualization.pictures import find_browser
 from tests.browser import FLAGS
 from tests.motions import bundled
 from tests.robots import ur5_on_spacecraft
@@ -94,7 +94,7 @@ def browser() -> Iterator[Browser]:
     if executable is None:
         pytest.skip("no Chromium or Chrome on this machine")
     with sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=str(executable), args=FLAGS)
+        launched = playwright.chromium.launch(executable_path=executable, args=FLAGS)
         yield launched
         launched.close()
 

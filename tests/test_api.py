@@ -64,7 +64,7 @@ def test_the_version_is_the_installed_one() -> None:
 def test_help_begins_with_ten_lines_that_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert "plan.show()" in pydoc.render_doc(ff, renderer=pydoc.plaintext)[:2500]
+    assert "ff.show(plan)" in pydoc.render_doc(ff, renderer=pydoc.plaintext)[:2500]
     found = re.search(r"::\n\n(.*?)\n\n(?=\S)", ff.__doc__ or "", re.DOTALL)
     assert found
     code = textwrap.dedent(found[1])
@@ -99,7 +99,7 @@ def test_records_are_told_in_one_line(simulation: ff.Simulation) -> None:
         *(found.problem.path, found.problem.path.path, found.problem.margin, found.problem.model),
         *(found.problem.margin.measure, ff.load_scenario("spatial_6dof/line"), study),
         *(simulation.chosen.motion.initial, ff.Search(), ff.Limits()),
-        *(ff.play(simulation.chosen.motion), ff.TimeSeries.of(simulation.chosen.motion, [1.0])),
+        *(ff.playback(simulation.chosen.motion), ff.TimeSeries.of(simulation.chosen.motion, [1.0])),
     ]
     for record in records:
         told = repr(record)

@@ -177,26 +177,25 @@ def test_position_tasks_may_leave_the_attitude_out(problem: ff.Problem) -> None:
 def test_a_simulation_is_played_with_all_its_branches_the_chosen_one_first(
     simulation: ff.Simulation,
 ) -> None:
-    assert ff.play(simulation).titles == ("branch 1 elbow-", "branch 0 elbow+")
+    assert ff.playback(simulation).titles == ("branch 1 elbow-", "branch 0 elbow+")
 
 
 def test_a_plan_is_played_or_tells_why_it_cannot_be(simulation: ff.Simulation) -> None:
     problem = simulation.chosen.motion.problem
     found = ff.Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
-    assert ff.play(found, "Example 1").titles == ("branch 1 elbow-",)
-    error = refused(ff.play, ff.Plan(problem, ff.Search(), False, "none keeps gjm 9"))
+    assert ff.playback(found, "Example 1").titles == ("branch 1 elbow-",)
+    error = refused(ff.playback, ff.Plan(problem, ff.Search(), False, "none keeps gjm 9"))
     assert error.problem == "it has no motion to show: none keeps gjm 9"
 
 
 def test_what_has_no_motions_is_not_played(problem: ff.Problem) -> None:
-    empty = ff.AttitudeMap(problem, 0, *np.zeros((3, 0, 4)), np.zeros((0, 4), np.int8))
-    for given in (problem, [1], empty):
-        assert "a Motion, Plan or Simulation" in refused(ff.play, given).accepted
+    for given in (problem, [1]):
+        assert "a Motion, Plan or Simulation" in refused(ff.playback, given).accepted
 
 
 def test_by_name_motions_alone_are_played(simulation: ff.Simulation) -> None:
     for given, told in ((simulation, "Simulation"), (3, "int")):
-        error = refused(ff.play, {"x/y": given})
+        error = refused(ff.playback, {"x/y": given})
         assert (error.key, error.problem) == ("motions.x/y", f"{told} was given")
         assert error.accepted == "a Motion for each name, such as simulate(...).chosen.motion"
 
@@ -216,7 +215,7 @@ def test_motions_of_arms_with_joints_to_spare_are_told_by_where_they_start(
     simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0])
     chosen = simulation.chosen
     assert chosen.title == f"start {chosen.branch.index}"
-    assert next(iter(simulation.named_motions())) == chosen.title
+    assert next(iter(ff.playback(simulation).titles)) == chosen.title
     tables = simulation_tables(simulation_document(simulation), "mine")
     joints = " ".join(f"{value:.3f}" for value in chosen.branch.joints)
     assert f"Followed: from joints {joints} (*)." in "\n".join(map(str, tables))
@@ -317,7 +316,7 @@ def test_those_who_answer_tell_what_they_want_beside_a_problem(
         ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {"samples": 64})),
         ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {})),
         ("limits", "dict", "Limits(", lambda: ff.plan(problem, limits={"base_rate": 1})),
-        ("plan", "Simulation", "plan(problem)", lambda: ff.plan_figures(simulation)),
+        ("result", "Problem", "a Plan", lambda: ff.figures(problem)),
     ):
         error = refused(door)
         assert (error.key, error.problem) == (key, f"{given} was given")

@@ -14,7 +14,7 @@ From a URDF to a plan, and to MeshCat::
     problem = ff.Problem(model, timed, task, np.array([0.5, 0.3, 0.1]), margin)  # [N m s]
     plan = ff.plan(problem, ff.Search(samples=1024))
     print(plan.reason, plan.chosen.motion.initial.attitude)
-    ff.play(plan).show()  # in a browser, or the notebook's cell
+    ff.show(plan)  # in a browser, or the notebook's cell
 
 The same from a scenario file: ``problem = ff.load_scenario("spatial_6dof/line").problem()``.
 Quaternions are x, y, z, w, units SI and radians; what cannot be used raises :class:`InputError`,
@@ -78,9 +78,10 @@ if TYPE_CHECKING:
     from freefloat.studies.study import Study as Study
     from freefloat.studies.study import load_study as load_study
     from freefloat.tasks.batching import run_study as run_study
-    from freefloat.visualization.figures import plan_figures as plan_figures
+    from freefloat.visualization.figures import figures as figures
     from freefloat.visualization.playback import Playback as Playback
-    from freefloat.visualization.playback import play as play
+    from freefloat.visualization.playback import playback as playback
+    from freefloat.visualization.playback import show as show
     from freefloat.workspace.margin_curves import Workspace as Workspace
     from freefloat.workspace.regions import workspace as workspace
 
@@ -138,9 +139,10 @@ _ROOMS = {
     "workspace": "workspace.regions",
     "Workspace": "workspace.margin_curves",
     # a look
-    "play": "visualization.playback",
+    "show": "visualization.playback",
+    "playback": "visualization.playback",
     "Playback": "visualization.playback",
-    "plan_figures": "visualization.figures",
+    "figures": "visualization.figures",
     # files
     "save_plan": "io.saving",
     "save_map": "io.saving",

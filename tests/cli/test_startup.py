@@ -18,7 +18,7 @@ HEAVY = ("matplotlib", "meshcat", "numba", "dask", "pinocchio", "scipy", "numpy"
 NEVER_NEEDED = ("matplotlib", "meshcat", "numba", "dask")
 """What none of the public names needs, but those in COMPILED and SHOWN."""
 COMPILED = ("AttitudeMap", "FeasibilityEvaluator", "load_map", "attitude_map")
-SHOWN = ("Playback", "plan_figures", "play")
+SHOWN = ("Playback", "figures", "playback", "show")
 SCRIPT = str(Path(sys.executable).parent / "freefloat")
 
 

@@ -36,7 +36,7 @@ from freefloat.studies.study import load_study
 from freefloat.studies.summary import study_summary
 from freefloat.studies.table import study_table
 from freefloat.visualization.figure_style import new_figure
-from freefloat.visualization.playback import play
+from freefloat.visualization.playback import playback
 from tests import hostile_samples as good
 from tests.example_studies import BASE, a_study, write_study
 from tests.hostile import KINDS, READ, REFUSED, Watch, outcome
@@ -349,7 +349,7 @@ def test_names_in_a_robot_stay_names_on_its_page() -> None:
     for name in ("", NAME):
         problem = _followed(name)
         followed = simulate(problem, heading_quaternion(np.radians(200.0)), branch=0)
-        pages.append(Tags(play({f"a{name}": followed.chosen.motion}, title=f"b{name}").html()))
+        pages.append(Tags(playback({f"a{name}": followed.chosen.motion}, title=f"b{name}").html()))
     assert pages[0].found == pages[1].found
     assert pages[1].handlers == pages[0].handlers == []
 

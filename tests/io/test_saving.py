@@ -10,7 +10,6 @@ import pytest
 
 import freefloat as ff
 from freefloat.limits.limits import LimitKind, LimitResult
-from freefloat.tasks.viewing import View
 from freefloat.verification.check import check_plan
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -44,7 +43,7 @@ def test_a_plan_of_no_scenario_comes_back_and_is_proved(plan: ff.Plan, saved: Pa
     assert stored.document["certificate"] == plan.certificate.document()
     verdict = check_plan(saved)
     assert verdict.proved, verdict.reasons
-    assert ff.play(stored).titles == ("mine",)
+    assert ff.playback(stored).titles == ("mine",)
 
 
 def test_a_plan_is_saved_with_the_words_of_its_scenario(tmp_path: Path) -> None:
@@ -54,7 +53,7 @@ def test_a_plan_is_saved_with_the_words_of_its_scenario(tmp_path: Path) -> None:
     stored = ff.load_plan(tmp_path / "none.h5")
     assert stored.origin.scenario == scenario.text
     assert stored.motion() is None
-    error = refused(ff.play, stored)
+    error = refused(ff.playback, stored)
     assert "nobody looked" in error.problem
 
 
@@ -78,5 +77,4 @@ def test_a_map_is_saved_and_read_with_its_best_sample(tmp_path: Path) -> None:
         assert stored.document["best"]["value"] == found.margins.max()
         assert stored.document["robust"] is None
         assert stored.document["seed"] == 5
-    assert View.of([tmp_path / "map.h5"]).playback.titles[0] == "best of all branches"
     assert refused(ff.save_map, tmp_path / "map.h5", problem).key == "map"

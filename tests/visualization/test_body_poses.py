@@ -22,6 +22,6 @@ def test_bodies_are_where_pinocchio_has_them(structure: str, rng: np.random.Gene
         for body, pose in enumerate(model.body_poses(attitudes[k], joints[k])):
             assert found.positions[k, body] == pytest.approx(pose.position, abs=1e-12)
             assert found.rotations[k, body] == pytest.approx(pose.rotation, abs=1e-12)
-        hand = model.end_effector_pose(attitudes[k], joints[k])
-        assert found.tips[k] == pytest.approx(hand.position, abs=1e-12)
-        assert found.hands[k] == pytest.approx(hand.rotation, abs=1e-12)
+        tip = model.end_effector_pose(attitudes[k], joints[k])
+        assert found.tips[k] == pytest.approx(tip.position, abs=1e-12)
+        assert found.tip_rotations[k] == pytest.approx(tip.rotation, abs=1e-12)

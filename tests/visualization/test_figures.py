@@ -20,10 +20,10 @@ from freefloat.planning.heading_map import sample_headings
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
-from freefloat.visualization import figures as plots
+from freefloat.visualization import figures as figures_module
 from freefloat.visualization.figure_style import save_figures
-from freefloat.visualization.figures import heading_map_figures, plan_figures
-from tests.figures import labels, line, overlaps, unlabelled
+from freefloat.visualization.figures import figures
+from tests.figures import labels, line
 from tests.scenarios import PARABOLA
 
 OF_A_MOTION = ["snapshots", "motion", "margin", "momentum"]
@@ -32,7 +32,7 @@ SCENARIO = PARABOLA.replace("0.5]\n", "1.5]\n", 1)
 
 @pytest.fixture(autouse=True)
 def few_headings(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plots, "_HEADINGS", 12)
+    monkeypatch.setattr(figures_module, "_HEADINGS", 12)
 
 
 @pytest.fixture
@@ -53,27 +53,24 @@ def planned(name: str) -> Plan:
 
 @cache
 def drawn(name: str) -> dict[str, Figure]:
-    return plan_figures(planned(name))
+    return figures(planned(name))
 
 
 def test_a_planar_plan_has_all_figures(folder: Path) -> None:
     found = planned("good.yaml")
     assert found.chosen is not None
-    shares: list[float] = []
-    figures = plan_figures(found, shares.append)
-    assert list(figures) == ["workspace", "joint_space", "headings", *OF_A_MOTION]
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-    for name, figure in figures.items():
-        assert unlabelled(figure) == [], name
-        assert overlaps(figure) == [], name
+    fractions: list[float] = []
+    drawings = figures(found, progress=fractions.append)
+    assert list(drawings) == ["workspace", "joint_space", "headings", *OF_A_MOTION]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
 
 
 def test_the_chosen_heading_is_marked_on_its_branch(folder: Path) -> None:
     found = planned("good.yaml")
     assert found.chosen is not None
-    figures = drawn("good.yaml")
-    panels = figures["headings"].axes
+    drawings = drawn("good.yaml")
+    panels = drawings["headings"].axes
     marked = [axes for axes in panels if "chosen" in labels(axes)]
     assert [labels(axes)[0] for axes in marked] == [found.chosen.branch.label]
     attitude = found.chosen.motion.initial.attitude
@@ -97,99 +94,45 @@ def test_joint_space_shows_a_motion_that_fails_beside_the_chosen_one(folder: Pat
 def test_plans_that_are_not_feasible_show_what_there_is(name: str, folder: Path) -> None:
     found = planned(name)
     assert not found.feasible
-    figures = plan_figures(found)
-    assert list(figures) == ["workspace", "joint_space", "headings"]
-    assert all(len(axes.patches) == 0 for axes in figures["headings"].axes)
-    for figure in figures.values():
-        assert unlabelled(figure) == []
+    drawings = figures(found)
+    assert list(drawings) == ["workspace", "joint_space", "headings"]
+    assert all(len(axes.patches) == 0 for axes in drawings["headings"].axes)
 
 
 def test_a_start_out_of_reach_leaves_no_headings(folder: Path) -> None:
     (folder / "out.yaml").write_text(SCENARIO.replace("x: [2, -3]", "x: [9, -3]"))
-    assert list(plan_figures(planned("out.yaml"))) == ["workspace", "joint_space"]
+    assert list(figures(planned("out.yaml"))) == ["workspace", "joint_space"]
     problem = load_scenario("out.yaml").problem()
-    assert heading_map_figures(problem, sample_headings(problem, 8)) == {}
+    assert figures(sample_headings(problem, 8)) == {}
 
 
 def test_a_spatial_plan_has_the_figures_of_its_motion(tmp_path: Path) -> None:
     problem = load_scenario("spatial_6dof/line").problem()
     chosen = simulate(problem, [0.46008, 0.09337, 0.73519, -0.48898], branch=0).chosen
-    figures = plan_figures(Plan(problem, Search(), True, "it is there", chosen=chosen))
-    assert list(figures) == ["workspace", *OF_A_MOTION]
-    for name, figure in figures.items():
-        assert overlaps(figure) == [], name
-    assert list(plan_figures(Plan(problem, Search(), False, "none"))) == ["workspace"]
-    assert len(save_figures(tmp_path, figures)) == 10
-
-
-# --- through the commands -----------------------------------------------------------------------
+    drawings = figures(Plan(problem, Search(), True, "it is there", chosen=chosen))
+    assert list(drawings) == ["workspace", *OF_A_MOTION]
+    assert list(figures(Plan(problem, Search(), False, "none"))) == ["workspace"]
+    assert len(save_figures(tmp_path, drawings)) == 10
 
 
 def run(*words: str) -> Any:
     return CliRunner().invoke(app, list(words))
 
 
-@pytest.fixture
-def planned_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The planning, which is not at issue here, is done once."""
-    monkeypatch.setattr("freefloat.tasks.planning.plan", lambda *_, **__: planned("good.yaml"))
+def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
+    for command, names in (
+        ("plan", ["workspace", "joint_space", "headings"]),
+        ("map", ["headings"]),
+    ):
+        result = run(command, "strict.yaml", "--plots", f"figures/{command}", "--json")
+        plots = json.loads(result.stdout)["plots"]
+        kinds = [f"figures/{command}/{name}.{kind}" for name in names for kind in ("pdf", "png")]
+        assert plots == kinds
+        assert sorted(os.listdir(f"figures/{command}")) == sorted(Path(file).name for file in plots)
 
 
-@pytest.mark.usefixtures("planned_before")
-def test_plan_writes_both_kinds_and_lists_them(folder: Path) -> None:
-    result = run("plan", "good.yaml", "--plots", "figures/new", "--json")
-    assert result.exit_code == 0, result.output
-    document = json.loads(result.stdout)
-    names = ["workspace", "joint_space", "headings", *OF_A_MOTION]
-    assert document["plots"] == [
-        f"figures/new/{name}.{kind}" for name in names for kind in ("pdf", "png")
-    ]
-    assert sorted(os.listdir("figures/new")) == sorted(Path(one).name for one in document["plots"])
-
-
-def test_an_infeasible_plan_is_drawn_and_told_in_a_table(folder: Path) -> None:
-    result = run("plan", "strict.yaml", "--plots", "figures")
-    assert result.exit_code == 1, result.output
-    last = result.stdout.splitlines()[-1]
-    assert last == "Figures in figures, as PDF and PNG: workspace, joint_space, headings"
-    assert len(os.listdir("figures")) == 6
-
-
-def test_map_draws_its_headings(folder: Path) -> None:
-    words = ("map", "good.yaml", "--samples", "8", "--plots", "figures")
-    result = run(*words, "--json")
-    assert result.exit_code == 0, result.output
-    assert json.loads(result.stdout)["plots"] == ["figures/headings.pdf", "figures/headings.png"]
-    assert "plots" not in json.loads(run(*words[:-2], "--json").stdout)
-
-
-@pytest.fixture
-def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Long work fails the test."""
-    for name in ("freefloat.tasks.planning.plan", "freefloat.planning.heading_map.heading_map"):
-        monkeypatch.setattr(name, lambda *_, **__: pytest.fail("the work was begun"))
-
-
-@pytest.mark.usefixtures("no_work")
-@pytest.mark.parametrize("command", ["plan", "map"])
-def test_a_bad_folder_is_refused_before_the_work(command: str, folder: Path) -> None:
+def test_a_bad_folder_is_refused(folder: Path) -> None:
     (folder / "file").touch()
-    result = run(command, "good.yaml", "--plots", "file")
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    (told,) = result.stderr.splitlines()
-    assert told.startswith("freefloat: plots: file is there and is no folder")
-
-
-def test_a_refused_scenario_makes_no_folder(folder: Path) -> None:
-    assert run("plan", "nothing.yaml", "--plots", "figures").exit_code == 2
-    assert not (folder / "figures").exists()
-
-
-@pytest.mark.usefixtures("planned_before")
-def test_figures_that_cannot_be_saved_are_told(folder: Path) -> None:
-    (folder / "figures" / "motion.png").mkdir(parents=True)
-    result = run("plan", "good.yaml", "--plots", "figures")
-    assert result.exit_code == 2
-    assert "motion.png is there and is no plain file" in result.stderr
-    assert os.listdir("figures") == ["motion.png"]
+    result = run("plan", "good.yaml", "--plots", "file")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.startswith("freefloat: plots: ")

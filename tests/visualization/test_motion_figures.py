@@ -12,7 +12,7 @@ from freefloat.motion.time_series import TimeSeries
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
 from freefloat.visualization.motion_figures import motion_figures, shown_times
-from tests.figures import labels, line, overlaps, unlabelled
+from tests.figures import labels, line
 
 
 def followed(name: str, attitude: list[float] | float, branch: int) -> SimulatedBranch:
@@ -45,14 +45,6 @@ def one(request: pytest.FixtureRequest) -> SimulatedBranch:
     found = request.getfixturevalue(request.param)
     assert isinstance(found, SimulatedBranch)
     return found
-
-
-def test_every_axis_says_what_it_shows_and_nothing_overlaps(one: SimulatedBranch) -> None:
-    figures = motion_figures(one.motion, one.closest_approach)
-    assert list(figures) == ["motion", "margin", "momentum"]
-    for name, figure in figures.items():
-        assert unlabelled(figure) == [], name
-        assert overlaps(figure) == [], name
 
 
 def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
@@ -117,23 +109,11 @@ def test_the_least_point_lies_on_the_curve(one: SimulatedBranch) -> None:
     (axes,) = motion_figures(one.motion, one.closest_approach)["margin"].axes
     (point,) = [drawn for drawn in axes.lines if drawn.get_marker() in ("o", "X")]
     assert point.get_marker() == ("o" if one.motion.completed else "X")
-    assert point.get_label().startswith("least" if one.motion.completed else "singular")
+    assert point.get_label().startswith("minimum" if one.motion.completed else "singular")
     (time,), (value,) = point.get_data()
     assert (time, abs(value)) == (one.closest_approach.time, one.closest_approach.value)
     here = TimeSeries.of(one.motion, [time]).measure[0]
     assert here == pytest.approx(value, abs=1e-4)
-
-
-def test_a_margin_of_zero_has_no_line(planar: SimulatedBranch) -> None:
-    problem = load_scenario("planar_3dof/parabola").problem()
-    free = type(problem.margin)(problem.margin.measure, 0.0)
-    motion = planar.motion
-    bare = type(motion)(
-        type(problem)(problem.model, problem.path, problem.task, problem.momentum, free),
-        motion.ending, motion.times, motion.attitudes, motion.joints,
-    )  # fmt: skip
-    (axes,) = motion_figures(bare, planar.closest_approach)["margin"].axes
-    assert len(labels(axes)) == 1
 
 
 def test_errors_are_those_of_the_motion(one: SimulatedBranch) -> None:
@@ -147,4 +127,6 @@ def test_errors_are_those_of_the_motion(one: SimulatedBranch) -> None:
     residuals = motion.residuals()
     assert np.nanmax(drawn[:, 1]) == np.nanmax(errors) < 1.0001 * residuals.momentum
     assert np.nanmax(line(pose, "end-effector position")[:, 1]) == residuals.end_effector_position
-    assert np.nanmax(line(pose, "end-effector attitude")[:, 1]) == residuals.end_effector_attitude
+    assert (
+        np.nanmax(line(pose, "end-effector orientation")[:, 1]) == residuals.end_effector_attitude
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freefloat.visualization.tubes import SIDES, arrow, tube, tube_between
+from freefloat.visualization.tubes import SIDES, arrow, rod, tube
 
 
 def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -37,7 +37,7 @@ def test_neighbouring_rings_are_not_twisted() -> None:
 
 def test_a_closed_tube_has_the_volume_of_its_prism() -> None:
     end = np.array([0.3, -0.4, 1.2])
-    vertices, faces = tube_between(np.zeros(3), end, 0.1)
+    vertices, faces = rod(np.zeros(3), end, 0.1)
     corner = 0.5 * SIDES * 0.1**2 * np.sin(2.0 * np.pi / SIDES)
     assert volume(vertices, faces) == pytest.approx(corner * np.linalg.norm(end))
 

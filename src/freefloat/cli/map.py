@@ -35,7 +35,7 @@ def map_(
         from freefloat.io.map_file import save_map
         from freefloat.io.scenario import load_scenario
         from freefloat.planning.mapping import attitude_map
-        from freefloat.tasks.drawing import draw_map, refuse_bad_folder
+        from freefloat.tasks.drawing import draw, refuse_bad_folder
         from freefloat.tasks.warm_up import warm_up
 
         loaded = load_scenario(scenario)
@@ -57,7 +57,7 @@ def map_(
         document = found.to_dict()
         if output is not None:
             save_map(output, found, loaded)
-        document |= draw_map(plots, found, threads)
+        document |= draw(plots, found, threads)
     tables = (map_tables if planar else attitude_map_tables)(document, scenario)
     best = None if planar else document["best"]  # which may lie between the samples
     served = document["feasible_fraction"] > 0.0 or best is not None

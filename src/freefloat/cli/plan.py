@@ -41,7 +41,7 @@ def plan(
         from freefloat.io.plan_file import save_plan
         from freefloat.io.scenario import load_scenario
         from freefloat.planning.planner import plan as find_plan
-        from freefloat.tasks.drawing import draw_plan, page_lines, refuse_bad_folder, save_plan_page
+        from freefloat.tasks.drawing import draw, page_lines, refuse_bad_folder, save_plan_page
         from freefloat.tasks.warm_up import warm_up
 
         loaded = load_scenario(scenario)
@@ -60,7 +60,7 @@ def plan(
         if output is not None:
             save_plan(output, found, loaded, document)
         document |= save_plan_page(html, found, scenario)
-        document |= draw_plan(plots, found, threads)
+        document |= draw(plots, found, threads)
     answer(
         document,
         [*plan_tables(document, scenario), *page_lines(document), *plot_lines(document)],

@@ -10,8 +10,6 @@ from freefloat.cli.console import progress_bar
 from freefloat.planning.plan import Plan
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
 
@@ -28,33 +26,18 @@ def refuse_bad_folder(folder: Path | None) -> None:
         figure_folder(folder)
 
 
-def draw_plan(folder: Path | None, plan: Plan, threads: int | None = None) -> dict[str, Any]:
-    """Draw a plan; what is added to its document, nothing without a folder."""
-    if folder is None:
-        return {}
-    from freefloat.visualization.figures import plan_figures
-
-    with progress_bar("drawing") as progress:
-        return _saved(folder, plan_figures(plan, progress, threads=threads))
-
-
-def draw_map(
-    folder: Path | None, found: AttitudeMap | HeadingMap, threads: int | None = None
+def draw(
+    folder: Path | None, result: Plan | AttitudeMap | HeadingMap, threads: int | None = None
 ) -> dict[str, Any]:
-    """Draw a map; as :func:`draw_plan`."""
+    """Draw a plan or a map; what is added to its document, nothing without a folder."""
     if folder is None:
         return {}
-    from freefloat.ensemble.feasibility import FeasibilityEvaluator
-    from freefloat.planning.heading_map import HeadingMap
-    from freefloat.planning.slices import map_marks
-    from freefloat.visualization.figures import attitude_map_figures, heading_map_figures
+    from freefloat.visualization.figure_style import save_figures
+    from freefloat.visualization.figures import figures
 
-    if isinstance(found, HeadingMap):
-        return _saved(folder, heading_map_figures(found.problem, found))
-    evaluator = FeasibilityEvaluator(found.problem, threads)
     with progress_bar("drawing") as progress:
-        figures = attitude_map_figures(found, evaluator, map_marks(found), progress)
-        return _saved(folder, figures)
+        files = save_figures(folder, figures(result, threads=threads, progress=progress))
+    return {"plots": [str(file) for file in files]}
 
 
 def save_plan_page(file: Path | None, plan: Plan, scenario: str) -> dict[str, Any]:
@@ -75,9 +58,11 @@ def save_plan_page(file: Path | None, plan: Plan, scenario: str) -> dict[str, An
         return {}
     if plan.chosen is None:
         return {"html": None}
-    from freefloat.visualization.playback import play  # MeshCat takes a third of a second to import
+    from freefloat.visualization.playback import (
+        playback,  # MeshCat takes a third of a second to import
+    )
 
-    play({f"{scenario}, {plan.chosen.branch.label}": plan.chosen.motion}, scenario).save(file)
+    playback({f"{scenario}, {plan.chosen.branch.label}": plan.chosen.motion}, scenario).save(file)
     return {"html": str(file)}
 
 
@@ -86,9 +71,3 @@ def page_lines(document: Mapping[str, Any]) -> list[str]:
     if "html" not in document:
         return []
     return [f"Page: {document['html'] or 'none, there is no motion to show'}"]
-
-
-def _saved(folder: Path, figures: dict[str, Figure]) -> dict[str, Any]:
-    from freefloat.visualization.figure_style import save_figures
-
-    return {"plots": [str(file) for file in save_figures(folder, figures)]}

@@ -51,6 +51,8 @@ def save_page(file: Path, simulation: Simulation, title: str) -> None:
     Raises:
         InputError: If the file cannot be written.
     """
-    from freefloat.visualization.playback import play  # MeshCat takes a third of a second to import
+    from freefloat.visualization.playback import (
+        playback,
+    )  # MeshCat takes a third of a second to import
 
-    play(simulation, title).save(file)
+    playback(simulation, title).save(file)

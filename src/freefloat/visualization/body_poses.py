@@ -1,4 +1,4 @@
-"""Where every body of a drifting robot is, for many states at once."""
+"""Poses of all bodies of a free-floating robot, for many states at once."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ class BodyPoses:
 
     Attributes:
         positions: Of the spacecraft's root link, then of every joint [m], shape (K, n + 1, 3).
-        rotations: Of the bodies they carry, shape (K, n + 1, 3, 3).
+        rotations: Of the bodies, shape (K, n + 1, 3, 3).
         tips: Positions of the end-effector [m], shape (K, 3).
-        hands: Rotations of the end-effector, shape (K, 3, 3).
+        tip_rotations: Rotations of the end-effector, shape (K, 3, 3).
     """
 
     positions: Array
     rotations: Array
     tips: Array
-    hands: Array
+    tip_rotations: Array
 
 
 def body_poses(model: FreeFloatingModel, attitudes: Array, joints: Array) -> BodyPoses:
-    """Forward kinematics of a robot that drifts about its centre of mass.
+    """Return the forward kinematics of a robot whose centre of mass is the origin.
 
     Args:
         model: The robot.
@@ -60,6 +60,6 @@ def body_poses(model: FreeFloatingModel, attitudes: Array, joints: Array) -> Bod
 
 
 def body_poses_at(motion: Motion, places: Array) -> tuple[Array, BodyPoses]:
-    """Times [s], shape (K,), and poses of a motion at panel coordinates (K,)."""
+    """Return times [s], shape (K,), and poses of a motion at panel coordinates (K,)."""
     times, attitudes, joints = motion.evaluate(places)
     return times, body_poses(motion.problem.model, attitudes, joints)

@@ -1,4 +1,4 @@
-"""How every figure looks and how it is saved: for a paper's column, in colour and in grey print.
+"""The look of all figures, and how they are saved.
 
 Figures are made without pyplot: nothing opens a window, nothing is kept between them.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from functools import wraps
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -25,9 +24,8 @@ COLUMN, PAGE = 3.5, 7.16
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7",
 )  # fmt: skip
-"""Okabe and Ito's colours but for yellow, which white paper swallows."""
+"""The colours of Okabe and Ito without yellow."""
 GREY, PALE = "#767676", "#E4E4E4"
-"""For what stands behind the data: marks and areas."""
 STROKES = tuple(
     zip(
         (BLUE, VERMILION, BLACK, GREEN, ORANGE, PURPLE, SKY),
@@ -35,14 +33,7 @@ STROKES = tuple(
         strict=True,
     )
 )
-"""Colour and dashes of the first, second, ... curve of an axes: told apart without colour, too."""
-KINDS = ("pdf", "png")
-"""Every figure is written as a drawing for print and as an image for screens."""
-
-_DOTS = 200
-_ROUNDING = 1e-12
-_ROOMY = 6
-"""Entries of a legend that leave room in a line as wide as a column."""
+"""Colour and dashes of the first, second, ... curve of an axes."""
 _STYLE: Any = {
     "axes.axisbelow": True,
     "axes.grid": True,
@@ -54,7 +45,6 @@ _STYLE: Any = {
     "axes.titlesize": 8.0,
     "figure.constrained_layout.h_pad": 0.03,
     "figure.constrained_layout.w_pad": 0.03,
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
     "font.size": 8.0,
     "grid.color": PALE,
     "grid.linewidth": 0.5,
@@ -62,26 +52,22 @@ _STYLE: Any = {
     "legend.frameon": False,
     "lines.linewidth": 1.2,
     "lines.markersize": 4.0,
-    "mathtext.fontset": "dejavusans",
-    "pdf.fonttype": 42,  # fonts that printers and editors can read
+    "pdf.fonttype": 42,
     "xtick.labelsize": 7.0,
     "xtick.major.width": 0.6,
     "ytick.labelsize": 7.0,
     "ytick.major.width": 0.6,
-}  # fmt: skip
-_UNDATED: dict[str, dict[str, Any]] = {
-    "pdf": {"CreationDate": None},
-    "png": {"Software": None},
 }
-"""So that the same figure gives the same bytes."""
 _ACCEPTED = "a folder, there or to be made, that may be written to and has room"
+_CROWDED = 6
+"""Entries from which on a legend in one line is set closer."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
-    """Draw in our look; for every function that makes or fills a figure."""
+    """Decorate a function that makes, fills or saves a figure: it uses the style."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -93,39 +79,40 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 @styled
 def new_figure(width: float = COLUMN, height: float = 2.4) -> Figure:
-    """An empty figure that arranges its axes itself.
-
-    Args:
-        width: :data:`COLUMN` or :data:`PAGE` [inch].
-        height: [inch].
-    """
+    """Return an empty figure with constrained layout, its size in inches."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def axis_label(quantity: str, unit: str) -> str:
-    """What an axis says: a quantity and its unit, powers raised (``m^2 kg``)."""
+    """Return a quantity with its unit in brackets, powers raised (``m^2 kg``)."""
     raised = re.sub(r"\^(-?[0-9]+)", r"$^{\1}$", unit)
     return f"{quantity} [{raised}]"
 
 
 def digits(value: float) -> str:
-    """Four digits, with a minus sign that is one; nothing but rounding is zero."""
-    return f"{0.0 if abs(value) < _ROUNDING else value:.4g}".replace("-", "\N{MINUS SIGN}")
+    """Return a number with four digits and a typographic minus sign; 1e-12 and less is zero."""
+    return f"{0.0 if abs(value) < 1e-12 else value:.4g}".replace("-", "\N{MINUS SIGN}")
 
 
-def legend_above(axes: Any) -> None:
-    """Put the legend of an axes on top of it, in one line, where it covers no data."""
+def legend_above(axes: Any, columns: int | None = None) -> None:
+    """Put the legend above an axes: in one line, or centred with a number of columns."""
+    if columns is not None:
+        axes.legend(
+            loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, borderaxespad=0.2,
+            columnspacing=1.0, handletextpad=0.5,
+        )  # fmt: skip
+        return
     handles, _ = axes.get_legend_handles_labels()
-    crowded = len(handles) > _ROOMY
+    crowded = len(handles) > _CROWDED
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=max(1, len(handles)),
-        borderpad=0.2, borderaxespad=0.1, columnspacing=0.6 if crowded else 0.9,
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=max(1, len(handles)), borderpad=0.2,
+        borderaxespad=0.1, columnspacing=0.6 if crowded else 0.9,
         handlelength=1.5 if crowded else 2.0, handletextpad=0.4,
     )  # fmt: skip
 
 
 def figure_folder(folder: str | Path) -> Path:
-    """The folder, made if it is not there; asked for before long work.
+    """Return the folder, made if missing; called before long work.
 
     Raises:
         InputError: If it cannot be made or written to.
@@ -146,32 +133,25 @@ def figure_folder(folder: str | Path) -> Path:
 def save_figures(
     folder: str | Path,
     figures: Mapping[str, Figure],
-    kinds: Sequence[str] = KINDS,
-    dots: float = _DOTS,
+    kinds: Sequence[str] = ("pdf", "png"),
+    dots: float = 200.0,
 ) -> tuple[Path, ...]:
-    """Write figures; all of them are drawn before the first file appears.
+    """Write figures and return the files, in the order of the figures.
 
     Args:
-        folder: Made if it is not there.
-        figures: By name, which becomes the files' name.
-        kinds: Of :data:`KINDS`.
+        folder: Made if missing.
+        figures: By name, which becomes the name of the files.
+        kinds: Formats.
         dots: Of images, per inch.
-
-    Returns:
-        The files, in the order of the figures.
 
     Raises:
         InputError: If the folder cannot be made or written to.
     """
-    home, files = figure_folder(folder), []
-    try:
-        with ExitStack() as finished:
-            for name, figure in figures.items():
-                for kind in kinds:
-                    file = home / f"{name}.{kind}"
-                    beside = finished.enter_context(written_beside(file))
-                    figure.savefig(beside, format=kind, dpi=dots, metadata=_UNDATED[kind])
-                    files.append(file)
-    except InputError as error:
-        raise InputError("plots", error.problem, _ACCEPTED) from None
+    files = []
+    for name, figure in figures.items():
+        for kind in kinds:
+            file = figure_folder(folder) / f"{name}.{kind}"
+            with written_beside(file) as beside:
+                figure.savefig(beside, format=kind, dpi=dots)
+            files.append(file)
     return tuple(files)

@@ -1,27 +1,28 @@
-"""Which figures a plan has, and a map: by name, ready to be saved."""
+"""The figures of plans and maps, by name."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import UnreachableError, require_type
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.motion.simulation import simulate
+from freefloat.motion.simulation import Simulation, simulate
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_map import HeadingMap, sample_headings
 from freefloat.planning.options import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import TURN, BranchRanges
-from freefloat.planning.slices import Mark, map_slices
+from freefloat.planning.slices import Mark, map_marks, map_slices
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.figure_style import axis_label
-from freefloat.visualization.map_figures import map_figures
+from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
@@ -31,48 +32,70 @@ from freefloat.workspace.regions import workspace
 _HEADINGS = 720
 _NAMES = {Objective.MARGIN: "best", Objective.NEAREST: "nearest", Objective.ROBUST: "robust"}
 
+Progress = Callable[[float], None]
 
-def plan_figures(
-    plan: Plan, progress: Progress | None = None, *, threads: int | None = None
+
+def figures(
+    result: Plan | AttitudeMap | HeadingMap | Simulation | Motion,
+    *,
+    threads: int | None = None,
+    progress: Progress | None = None,
 ) -> dict[str, Figure]:
-    """What can be drawn of a plan; of one that is not feasible less than of others.
+    """Return the figures of a result by name.
 
-    Always ``workspace``. Where there is a motion: ``snapshots``, ``motion``, ``margin`` and
-    ``momentum``. In the plane ``headings`` where some heading reaches the path, and ``joint_space``
-    where S depends on two joint angles. In space ``map_slices`` and ``map_histogram``.
+    Of a plan ``workspace``; with a motion ``snapshots``, ``motion``, ``margin`` and ``momentum``;
+    in the plane ``headings`` where some heading reaches the path, and ``joint_space`` where S
+    depends on two joint angles; in space ``map_slices`` and ``map_histogram``. Of a map
+    ``headings``, or the last two; of a motion or a simulation those of its motion.
 
     Args:
-        plan: The plan.
-        progress: Called with the share done, in [0, 1].
-        threads: How many cores to use; all this process may when left out.
-
-    Returns:
-        Figures by name.
+        result: What to draw.
+        threads: Number of threads; all available when left out.
+        progress: Called with the fraction done, in [0, 1].
 
     Raises:
-        InputError: If it is no plan.
+        InputError: If it is nothing that has figures.
     """
-    accepted = "a Plan, as plan(problem) returns it; load_plan(file).problem() is a problem"
-    require_type("plan", plan, Plan, accepted)
-    problem, chosen = plan.problem, plan.chosen
-    figures: dict[str, Figure] = {}
-    areas = workspace(problem)
-    figures["workspace"] = workspace_figure(problem, areas)
+    if isinstance(result, Simulation):
+        result = result.chosen.motion
+    if isinstance(result, Motion):
+        areas = workspace(result.problem)
+        closest = closest_approach(result, result.problem.margin.measure)
+        return {"snapshots": snapshots_figure(result, areas)} | motion_figures(result, closest)
+    if isinstance(result, AttitudeMap):
+        return _map_figures(result, map_marks(result), threads, progress)
+    if isinstance(result, HeadingMap):
+        if not result.branches:
+            return {}
+        return {"headings": headings_figure(result, _margin_label(result.problem))}
+    require_type("result", result, Plan, "a Plan, AttitudeMap, HeadingMap, Simulation or Motion")
+    return _plan_figures(result, threads, progress)
+
+
+def _map_figures(
+    result: AttitudeMap, marks: Sequence[Mark], threads: int | None, progress: Progress | None
+) -> dict[str, Figure]:
+    slices = map_slices(FeasibilityEvaluator(result.problem, threads), marks, progress)
+    return {"map_slices": slices_figure(result, slices), "map_histogram": histogram_figure(result)}
+
+
+def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
+    problem, areas = plan.problem, workspace(plan.problem)
+    drawn = {"workspace": workspace_figure(problem, areas)}
     if problem.task.planar:
-        figures |= _planar_figures(plan, progress, threads)
-    if chosen is not None:
-        figures["snapshots"] = snapshots_figure(chosen.motion, areas)
-        figures |= motion_figures(chosen.motion, chosen.closest_approach)
+        drawn |= _planar_figures(plan, progress, threads)
+    if plan.chosen is not None:
+        drawn["snapshots"] = snapshots_figure(plan.chosen.motion, areas)
+        drawn |= motion_figures(plan.chosen.motion, plan.chosen.closest_approach)
     if plan.map is not None:
-        outlook = FeasibilityEvaluator(problem, threads)
-        figures |= attitude_map_figures(plan.map, outlook, _marks(plan), progress)
+        drawn |= _map_figures(plan.map, _marks(plan), threads, progress)
     if progress is not None:
         progress(1.0)
-    return figures
+    return drawn
 
 
 def _marks(plan: Plan) -> list[Mark]:
-    """The chosen attitude, and the one that the spacecraft has."""
+    """The chosen attitude, and the spacecraft's present one."""
     marks = []
     if plan.chosen is not None:
         name, initial = _NAMES[plan.search.objective], plan.chosen.motion.initial
@@ -82,71 +105,48 @@ def _marks(plan: Plan) -> list[Mark]:
     return marks
 
 
-def attitude_map_figures(
-    found: AttitudeMap,
-    outlook: FeasibilityEvaluator,
-    marks: Sequence[Mark],
-    progress: Progress | None = None,
-) -> dict[str, Figure]:
-    """Figures ``map_slices`` and ``map_histogram`` of a map over all attitudes.
-
-    Args:
-        found: The map.
-        outlook: Of the same problem.
-        marks: Attitudes to cut through.
-        progress: Called with the share done, in [0, 1].
-    """
-    return map_figures(found, map_slices(outlook, marks, progress))
-
-
 def _planar_figures(
     plan: Plan, progress: Progress | None, threads: int | None
 ) -> dict[str, Figure]:
-    problem = plan.problem
-    figures: dict[str, Figure] = {}
+    problem, chosen = plan.problem, plan.chosen
+    drawn: dict[str, Figure] = {}
     if has_two_angle_form(problem.model, problem.task):
-        figures["joint_space"] = joint_space_figure(problem, _told_motions(plan))
-    found = sample_headings(problem, _HEADINGS, progress, threads)
-    if found.branches:
-        mark = None
-        if plan.chosen is not None:
-            initial = plan.chosen.motion.initial
-            mark = plan.chosen.branch.index, heading_of(initial.attitude)
-        figures["headings"] = headings_figure(found, _least_label(problem), plan.ranges, mark)
-    return figures
+        drawn["joint_space"] = joint_space_figure(problem, _compared_motions(plan))
+    headings = sample_headings(problem, _HEADINGS, progress, threads)
+    if headings.branches:
+        mark: Any = None
+        if chosen is not None:
+            mark = chosen.branch.index, heading_of(chosen.motion.initial.attitude)
+        label = _margin_label(problem)
+        drawn["headings"] = headings_figure(headings, label, plan.ranges, mark)
+    return drawn
 
 
-def heading_map_figures(problem: Problem, found: HeadingMap) -> dict[str, Figure]:
-    """The figure ``headings`` of a map over heading; none where nothing reaches the path."""
-    if not found.branches:
-        return {}
-    return {"headings": headings_figure(found, _least_label(problem))}
-
-
-def _least_label(problem: Problem) -> str:
+def _margin_label(problem: Problem) -> str:
     measure = problem.margin.measure
-    return axis_label(f"least |{measure.name}|", measure.unit)
+    return axis_label(f"minimum |{measure.name}|", measure.unit)
 
 
-def _told_motions(plan: Plan) -> list[Motion]:
-    """The chosen motion, and for comparison one of the same arm branch that fails."""
+def _compared_motions(plan: Plan) -> list[Motion]:
+    """The chosen motion, and an infeasible one of the same arm branch."""
     if plan.chosen is None:
         return []
-    own = [entry for entry in plan.ranges if entry.branch == plan.chosen.branch.index]
-    failing = _failing(plan.problem, own[0]) if own else None
-    return [plan.chosen.motion] if failing is None else [plan.chosen.motion, failing]
+    branch = plan.chosen.branch.index
+    ranges = next((entry for entry in plan.ranges if entry.branch == branch), None)
+    other = None if ranges is None else _infeasible_motion(plan.problem, ranges)
+    return [plan.chosen.motion] if other is None else [plan.chosen.motion, other]
 
 
-def _failing(problem: Problem, entry: BranchRanges) -> Motion | None:
-    """A motion from the middle of the widest gap between ranges, if that is not out of reach."""
+def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
+    """A motion from the middle of the widest gap between ranges, if that reaches the path."""
     limits = np.array(entry.limits)
     middles = (limits + np.diff(limits, append=limits[:1] + TURN) / 2.0) % TURN
-    outside = [m for m in middles if all(one.depth(float(m)) < 0.0 for one in entry.ranges)]
+    depths = [(max(one.depth(float(m)) for one in entry.ranges), float(m)) for m in middles]
+    outside = [pair for pair in depths if pair[0] < 0.0]
     if not outside:
         return None
-    heading = min(outside, key=lambda m: max(one.depth(float(m)) for one in entry.ranges))
     try:
-        followed = simulate(problem, heading_quaternion(float(heading))).branches
+        branches = simulate(problem, heading_quaternion(min(outside)[1])).branches
     except UnreachableError:
         return None
-    return next((one.motion for one in followed if one.branch.index == entry.branch), None)
+    return next((one.motion for one in branches if one.branch.index == entry.branch), None)

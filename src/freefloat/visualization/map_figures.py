@@ -1,4 +1,4 @@
-"""Figures of maps over all attitudes: cuts through the ball of rotation vectors, and histograms."""
+"""Figures of maps over all attitudes: slices of the ball of rotation vectors, histograms."""
 
 from __future__ import annotations
 
@@ -35,41 +35,31 @@ _OTHER_MARKER = ("o", 6.0)
 _BINS = 48
 
 
-def map_figures(found: AttitudeMap, slices: Sequence[Slice]) -> dict[str, Figure]:
-    """All figures of a map, by name: ``map_slices`` and ``map_histogram``.
-
-    Args:
-        found: The map.
-        slices: Of the same problem, from :func:`freefloat.planning.slices.map_slices`.
-    """
-    return {"map_slices": slices_figure(found, slices), "map_histogram": histogram_figure(found)}
-
-
 @styled
-def slices_figure(found: AttitudeMap, slices: Sequence[Slice]) -> Figure:
-    """S_min of the best arm branch in planes of rotation vectors, a row for every mark.
+def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
+    """Draw the minimum margin of the best arm branch in slices, a row for every mark.
 
     Args:
-        found: The map, for what is measured and how far it goes.
+        result: The map, for the measure and its range.
         slices: Three for every mark.
     """
     rows = len(slices) // 3
     figure = new_figure(PAGE, 0.75 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
-    margin = found.problem.margin
-    highest = max(float(found.margins.max()), *(float(np.nanmax(one.least)) for one in slices))
+    margin = result.problem.margin
+    highest = max(float(result.margins.max()), *(float(np.nanmax(plane.least)) for plane in slices))
     norm = Normalize(
         margin.threshold, highest if highest > margin.threshold else margin.threshold + 1.0
     )
-    for axes, one in zip(panels, slices, strict=True):
-        shown = _draw_slice(axes, one, norm)
+    for axes, plane in zip(panels, slices, strict=True):
+        shown = _draw_slice(axes, plane, norm)
     bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
-    bar.set_label(_label(found, "of the best arm branch"))
+    bar.set_label(_label(result, " of the best arm branch"))
     bar.outline.set_linewidth(0.6)
     entries: list[Any] = [
-        Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label="margin broken by all branches"),
+        Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label="all branches below the margin"),
         Patch(facecolor="white", edgecolor=GREY, linewidth=0.5, hatch="////",
-              label="start of the path out of reach"),
+              label="start of the path not reached"),
     ]  # fmt: skip
     drawn: dict[str, Any] = {}
     for axes in panels:
@@ -82,106 +72,106 @@ def slices_figure(found: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     return figure
 
 
-def _label(found: AttitudeMap, words: str) -> str:
-    measure = found.problem.margin.measure
-    return axis_label(f"least |{measure.name}| {words}", measure.unit)
+def _label(result: AttitudeMap, words: str = "") -> str:
+    measure = result.problem.margin.measure
+    return axis_label(f"minimum |{measure.name}|{words}", measure.unit)
 
 
-def _draw_slice(axes: Any, one: Slice, norm: Normalize) -> Any:
-    """One plane: colours where the margin is kept, grey where not, hatched where unreached."""
-    ticks, inside = np.degrees(one.ticks), ~np.isnan(one.least)
-    ball = Circle((0.0, 0.0), _radius(one), facecolor="white", edgecolor=GREY, linewidth=0.8)
+def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
+    """One plane: coloured where feasible, grey where not, hatched where not reached."""
+    ticks, inside = np.degrees(plane.ticks), ~np.isnan(plane.least)
+    ball = Circle((0.0, 0.0), _radius(plane), facecolor="white", edgecolor=GREY, linewidth=0.8)
     axes.add_patch(ball)
-    unreached = Circle((0.0, 0.0), _radius(one), facecolor="none", edgecolor=GREY, linewidth=0.0,
+    unreached = Circle((0.0, 0.0), _radius(plane), facecolor="none", edgecolor=GREY, linewidth=0.0,
                        hatch="////")  # fmt: skip
     axes.add_patch(unreached)
-    broken = np.where(inside & one.reached & (one.least == 0.0), 1.0, np.nan)
-    good = np.where(inside & (one.least > 0.0), one.least, np.nan)
+    below = np.where(inside & plane.reached & (plane.least == 0.0), 1.0, np.nan)
+    feasible = np.where(inside & (plane.least > 0.0), plane.least, np.nan)
     style = {"shading": "nearest", "rasterized": True, "clip_path": ball, "zorder": 2}
-    axes.pcolormesh(ticks, ticks, broken, cmap=ListedColormap([PALE]), **style)
-    shown = axes.pcolormesh(ticks, ticks, good, cmap=_SHADES, norm=norm, **style)
-    right, up = one.across
-    if one.mark is not None:
-        place = np.degrees(rotation_vectors(one.mark.attitude[None])[0])
-        marker, size = _MARKERS.get(one.mark.name, _OTHER_MARKER)
+    axes.pcolormesh(ticks, ticks, below, cmap=ListedColormap([PALE]), **style)
+    shown = axes.pcolormesh(ticks, ticks, feasible, cmap=_SHADES, norm=norm, **style)
+    right, up = plane.across
+    if plane.mark is not None:
+        place = np.degrees(rotation_vectors(plane.mark.attitude[None])[0])
+        marker, size = _MARKERS.get(plane.mark.name, _OTHER_MARKER)
         axes.plot(
             place[right], place[up], linestyle="none", marker=marker, markersize=size,
             markerfacecolor=VERMILION, markeredgecolor="white", markeredgewidth=0.8,
-            label=one.mark.name, zorder=4,
+            label=plane.mark.name, zorder=4,
         )  # fmt: skip
-    _frame(axes, one)
+    _frame(axes, plane)
     return shown
 
 
-def _radius(one: Slice) -> float:
+def _radius(plane: Slice) -> float:
     """Of the disc in which the plane cuts the ball [deg]."""
-    return float(np.degrees(np.sqrt(max(0.0, np.pi**2 - one.offset**2))))
+    return float(np.degrees(np.sqrt(max(0.0, np.pi**2 - plane.offset**2))))
 
 
-def _frame(axes: Any, one: Slice) -> None:
+def _frame(axes: Any, plane: Slice) -> None:
     """Components and degrees along the axes, the plane on top."""
-    right, up = (_COMPONENTS[component] for component in one.across)
+    right, up = (_COMPONENTS[component] for component in plane.across)
     axes.set(xlim=(-188.0, 188.0), ylim=(-188.0, 188.0), aspect="equal")
     axes.set_xticks(np.arange(-180, 181, 90))
     axes.set_yticks(np.arange(-180, 181, 90))
     axes.grid(visible=False)
     axes.set_xlabel(axis_label(rf"rotation vector, $\rho_{right}$", "deg"))
     axes.set_ylabel(axis_label(rf"$\rho_{up}$", "deg"), labelpad=0.0)
-    name = "centre" if one.mark is None else one.mark.name
-    degrees = np.degrees(one.offset)
-    axes.set_title(rf"{name}: $\rho_{_COMPONENTS[one.normal]}={degrees:.1f}$°")
+    name = "centre" if plane.mark is None else plane.mark.name
+    degrees = np.degrees(plane.offset)
+    axes.set_title(rf"{name}: $\rho_{_COMPONENTS[plane.normal]}={degrees:.1f}$°")
 
 
 @styled
-def histogram_figure(found: AttitudeMap) -> Figure:
-    """How S_min is distributed over the attitudes, arm branch by arm branch.
+def histogram_figure(result: AttitudeMap) -> Figure:
+    """Draw the distribution of the minimum margin over the attitudes for each arm branch.
 
-    Motions that become singular have none; how many they are is told beside the bars.
+    Motions that become singular are counted in the title.
     """
-    families, names = found.branch_margins(), found.branch_labels()
-    twins = has_wrist_flipped_branches(found.problem)
-    margin = found.problem.margin
-    rows = max(1, len(families))
+    groups, names = result.branch_margins(), result.branch_labels()
+    flipped = has_wrist_flipped_branches(result.problem)
+    margin = result.problem.margin
+    rows = max(1, len(groups))
     figure = new_figure(COLUMN, 0.5 + 0.85 * rows)
     panels = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
-    highest = max((float(values.max()) for _, values in families), default=0.0)
+    highest = max((float(values.max()) for _, values in groups), default=0.0)
     edges = np.linspace(0.0, highest if highest > 0.0 else 1.0, _BINS + 1)
-    for axes, (branch, values) in zip(panels, families, strict=False):
+    for axes, (branch, values) in zip(panels, groups, strict=False):
         _draw_bars(axes, values, edges, margin.threshold)
-        name = f"{names[branch][:-1]}±" if twins else names[branch]
-        axes.set_title(f"{name}\n{_shares(found, branch, values)}", fontsize=7.0, loc="left")
-    panels[-1].set_xlabel(_label(found, "on the way"))
+        name = f"{names[branch][:-1]}±" if flipped else names[branch]
+        axes.set_title(f"{name}\n{_percentages(result, branch, values)}", fontsize=7.0, loc="left")
+    panels[-1].set_xlabel(_label(result))
     figure.supylabel("attitudes [%]", fontsize=8.0)
     return figure
 
 
 def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
-    """Bars blue where the margin is kept, grey where it is broken, and a line at it."""
-    share = np.full(len(values), 100.0 / len(values))
-    good = is_kept(values, margin)
-    parts = (good, ~good & (values > 0.0))
+    """Bars: blue where the margin is kept, grey below it, and a line at it."""
+    weight = np.full(len(values), 100.0 / len(values))
+    feasible = is_kept(values, margin)
+    parts = (feasible, ~feasible & (values > 0.0))
     axes.hist(
-        [values[part] for part in parts], edges, weights=[share[part] for part in parts],
+        [values[part] for part in parts], edges, weights=[weight[part] for part in parts],
         color=[BLUE, GREY], stacked=True, linewidth=0.0,
     )  # fmt: skip
     if margin > 0.0:
         axes.axvline(margin, color=VERMILION, linestyle="--", linewidth=1.0)
 
 
-def _shares(found: AttitudeMap, branch: int | None, values: Array) -> str:
-    """What share of the attitudes keeps the margin, falls below it, or does not get so far."""
-    endings = found.endings if branch is None else found.endings[:, [branch]]
+def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> str:
+    """Percentages of attitudes by outcome; the first that applies counts."""
+    endings = result.endings if branch is None else result.endings[:, [branch]]
     ahead = np.zeros(len(values), dtype=bool)
-    shares = []
+    texts = []
     for part, words in (
-        (is_kept(values, found.problem.margin.threshold), "keep the margin"),
+        (result.problem.margin.is_kept(values), "keep the margin"),
         ((endings == COMPLETED).any(axis=1), "fall below"),
-        ((endings == SINGULAR).any(axis=1), "get singular"),
-        ((endings != UNREACHED).any(axis=1), "given up"),
-        (np.ones(len(values), dtype=bool), "out of reach"),
+        ((endings == SINGULAR).any(axis=1), "become singular"),
+        ((endings != UNREACHED).any(axis=1), "stopped early"),
+        (np.ones(len(values), dtype=bool), "not reached"),
     ):
-        own = part & ~ahead
+        counted = part & ~ahead
         ahead = ahead | part
-        if own.any() or words == "keep the margin":
-            shares.append(f"{100.0 * own.mean():.1f} % {words}")
-    return ", ".join(shares)
+        if counted.any() or words == "keep the margin":
+            texts.append(f"{100.0 * counted.mean():.1f} % {words}")
+    return ", ".join(texts)

@@ -1,11 +1,11 @@
-"""Maps over all attitudes as MeshCat scenes: points in the ball of rotation vectors.
+"""Scenes of maps over all attitudes: points in the ball of rotation vectors.
 
 One scene for each arm branch, and one for the best of all. A metre of the scene is a radian.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -18,111 +18,104 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.slices import Mark, rotation_vectors, told_marks
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.colours import MarginColours
-from freefloat.visualization.overlays import draw_axes
-from freefloat.visualization.scene import Recording, set_the_stage
-from freefloat.visualization.stage import ROOT, Stage, node
+from freefloat.visualization.overlays import Labels, draw_axes
+from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, label, node
 from freefloat.visualization.tubes import tube
 
-FRONT, BACK = "Margin kept, y < 0", "Margin kept, y > 0"
-BROKEN, BOUNDARY, MARKS, BALL, AXES = "Margin broken", "Boundary", "Marks", "Ball", "Axes"
-ANY = "best of all branches"
+FRONT, BACK = "Feasible, y < 0", "Feasible, y > 0"
+INFEASIBLE, BOUNDARY = "Below the margin", "Boundary"
+MARKS, BALL, AXES = "Marks", "Ball", "Axes"
+BEST_BRANCH = "best of all branches"
 
 _MOST = 40_000
-"""Samples drawn; of more, an even choice."""
-_POINT, _SPECK = 0.5, 0.2
-"""Sizes of samples that keep the margin and of others, as shares of what lies between samples."""
+"""Samples drawn; of more a random choice."""
+_FEASIBLE, _OTHERS = 0.5, 0.2
+"""Sizes of points as fractions of the distance between samples."""
 _EDGE, _MARK = 0.06, 0.07
 """Size of points of the boundary and radius of marks [m]."""
-_FEW = 0.25
-"""Share of the samples up to which they do not hide what lies behind them."""
+_SPARSE = 0.25
+"""Fraction of the samples up to which they do not hide what lies behind them."""
 _WHITE = (0.95, 0.96, 0.98)
 _PALE = (0.45, 0.50, 0.60, 1.0)
-_MARKED: dict[str, tuple[float, float, float, float]] = {
+_MARK_COLOURS: dict[str, tuple[float, float, float, float]] = {
     "best": (1.0, 0.25, 0.45, 1.0), "robust": (1.0, 0.6, 0.1, 1.0), "nearest": (0.3, 0.8, 1.0, 1.0),
 }  # fmt: skip
-_CORNERS = tuple(product((-2.2, 2.2), repeat=3))
-"""A cube whose corners lie a little outside the ball, so that a view of them holds its labels."""
 _VIEW = {
     "centre": (0.0, 0.0, 0.0), "radius": 3.6, "direction": (0.45, -1.0, 0.4), "flat": False,
-    "points": _CORNERS,
+    "points": tuple(product((-2.2, 2.2), repeat=3)),  # leaves room for labels
 }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
-class _Family:
-    """What one scene shows: an arm branch, its twin with it, or the best of all."""
+class _Group:
+    """What one scene shows: an arm branch, with its wrist-flipped one, or the best of all."""
 
     title: str
-    numbers: tuple[int, ...] | None
+    branches: tuple[int, ...] | None
     margins: Array
 
     def has(self, branch: int | None) -> bool:
-        """Whether something that a branch does belongs to the scene."""
-        return self.numbers is None or branch in self.numbers
+        return self.branches is None or branch in self.branches
 
-    def ends_at(self, branch: int | None) -> bool:
-        """Whether the boundary of a branch is that of what is shown."""
-        return branch is None if self.numbers is None else branch in self.numbers
+    def is_bounded_by(self, branch: int | None) -> bool:
+        return branch is None if self.branches is None else branch in self.branches
 
 
-def map_recording(
+def map_scene(
     problem: Problem,
     attitudes: Array,
     margins: Array,
     document: Mapping[str, Any],
     title: str = "freefloat",
-) -> Recording:
-    """Record a map, computed now or read from a file.
+) -> Scene:
+    """Return the scene of a map.
 
     Args:
-        problem: What was asked.
+        problem: Of the map.
         attitudes: Quaternions x, y, z, w, shape (N, 4).
-        margins: Smallest magnitude of the measure, zero for motions that do not complete, shape
-            (N, B).
-        document: What ``map`` told: marks, arm branches, points of the boundary.
+        margins: Minimum margins, zero for motions that do not complete, shape (N, B).
+        document: JSON document of the map: marks, arm branches, points of the boundary.
         title: Of the page.
     """
-    families = list(_families(problem, margins, document))
-    vectors, some = rotation_vectors(attitudes), _even_choice(len(attitudes))
+    groups = list(_groups(problem, margins, document))
+    vectors, chosen = rotation_vectors(attitudes), _choice(len(attitudes))
     colours = MarginColours.over(problem.margin, [margins.ravel()])
     marks, boundary = told_marks(document), list(_boundary(document))
-    stage = Stage()
-    set_the_stage(stage)
-    scenes = []
-    for family in families:
-        root = f"{ROOT}/{node(family.title)}"
-        _draw_samples(stage, root, vectors[some], family.margins[some], colours)
-        edge = [vector for vector, branch in boundary if family.ends_at(branch)]
+    builder, scenes = SceneBuilder(), []
+    for group in groups:
+        name = node(group.title)
+        root = f"{ROOT}/{name}"
+        _draw_samples(builder, root, vectors[chosen], group.margins[chosen], colours)
+        edge = [vector for vector, branch in boundary if group.is_bounded_by(branch)]
         if edge:
-            points = np.array(edge)
-            stage.points(f"{root}/{BOUNDARY}", points, np.tile(_WHITE, (len(points), 1)), _EDGE)
-        labels = _draw_ball(stage, root)
-        labels += _draw_marks(stage, root, [mark for mark in marks if family.has(mark.branch)])
+            white = np.tile(_WHITE, (len(edge), 1))
+            builder.points(f"{root}/{BOUNDARY}", np.array(edge), white, _EDGE)
+        labels = _draw_ball(builder, root)
+        labels += _draw_marks(builder, root, [mark for mark in marks if group.has(mark.branch)])
         scenes.append({
-            "title": family.title, "node": node(family.title), "begin": 0.0, "end": 0.0,
-            "lines": [*_lines(problem, family, document)], "labels": labels, "trail": None,
+            "title": group.title, "node": name, "begin": 0.0, "end": 0.0,
+            "lines": list(_lines(problem, group, document)), "labels": labels, "trail": None,
         })  # fmt: skip
-    share = float(problem.margin.is_kept(families[0].margins).mean())
-    about = {
-        "title": title, "duration": 0.0, "scenes": scenes, "items": _items(share, bool(boundary)),
-        "scale": colours.document(), "view": _VIEW, "remarks": [],
-    }  # fmt: skip
-    return Recording(stage.objects, stage.copies, None, about)
+    fraction = float(problem.margin.is_kept(groups[0].margins).mean())
+    return builder.scene({
+        "title": title, "duration": 0.0, "scenes": scenes, "items": _items(fraction, boundary),
+        "scale": colours.to_dict(), "view": _VIEW, "remarks": [],
+    })  # fmt: skip
 
 
-def _families(problem: Problem, margins: Array, document: Mapping[str, Any]) -> Iterator[_Family]:
-    """The best of all first; twins, which share their motions, are one."""
-    yield _Family(ANY, None, margins.max(axis=1, initial=0.0))
-    twins = has_wrist_flipped_branches(problem)
+def _groups(problem: Problem, margins: Array, document: Mapping[str, Any]) -> Iterator[_Group]:
+    """The best of all first; wrist-flipped branches, whose motions are the same, as one."""
+    yield _Group(BEST_BRANCH, None, margins.max(axis=1, initial=0.0))
+    flipped = has_wrist_flipped_branches(problem)
     for entry in document["branches"]:
-        branch, label = entry["branch"], entry["label"]
-        if branch is None or (twins and branch % 2):
+        branch, name = entry["branch"], entry["label"]
+        if branch is None or (flipped and branch % 2):
             continue
-        numbers = (branch, branch + 1) if twins else (branch,)
-        yield _Family(f"{label[:-1]}±" if twins else label, numbers, margins[:, branch])
+        branches = (branch, branch + 1) if flipped else (branch,)
+        yield _Group(f"{name[:-1]}±" if flipped else name, branches, margins[:, branch])
 
 
-def _even_choice(count: int) -> Any:
+def _choice(count: int) -> Any:
     if count <= _MOST:
         return slice(None)
     return np.sort(np.random.default_rng(0).choice(count, _MOST, replace=False))
@@ -135,64 +128,67 @@ def _boundary(document: Mapping[str, Any]) -> Iterator[tuple[Array, int | None]]
 
 
 def _draw_samples(
-    stage: Stage, root: str, vectors: Array, margins: Array, colours: MarginColours
+    builder: SceneBuilder, root: str, vectors: Array, margins: Array, colours: MarginColours
 ) -> None:
-    """Points coloured by S_min in two halves, so that one sees inside, and specks for the rest."""
-    good, front = colours.margin.is_kept(margins), vectors[:, 1] < 0.0
-    between = float(np.cbrt(4.0 / 3.0 * np.pi**4 / len(vectors)))
-    parts = ((FRONT, good & front, _POINT), (BACK, good & ~front, _POINT), (BROKEN, ~good, _SPECK))
+    """Draw feasible samples in two halves, so that the inside can be seen, and the others small."""
+    feasible, front = colours.margin.is_kept(margins), vectors[:, 1] < 0.0
+    spacing = float(np.cbrt(4.0 / 3.0 * np.pi**4 / len(vectors)))
+    parts = (
+        (FRONT, feasible & front, _FEASIBLE), (BACK, feasible & ~front, _FEASIBLE),
+        (INFEASIBLE, ~feasible, _OTHERS),
+    )  # fmt: skip
     for name, part, size in parts:
         if part.any():
-            below = np.where(good, margins, -1.0)[part]
-            stage.points(f"{root}/{name}", vectors[part], colours(below), size * between)
+            values = np.where(feasible, margins, -1.0)[part]
+            builder.points(f"{root}/{name}", vectors[part], colours(values), size * spacing)
 
 
-def _draw_ball(stage: Stage, root: str) -> list[dict[str, Any]]:
-    """Circles of half turns and, thinner, of quarter turns about all axes; the axes; labels."""
+def _draw_ball(builder: SceneBuilder, root: str) -> Labels:
+    """Draw circles of half and quarter turns about all axes, and the axes; return their labels."""
     angles = np.linspace(0.0, 2.0 * np.pi, 97)
     circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
     for radius, width in ((np.pi, 0.008), (np.pi / 2.0, 0.004)):
         for normal in range(3):
-            vertices, faces = tube(radius * np.roll(circle, normal, axis=1), width)
             path = f"{root}/{BALL}/{round(np.degrees(radius))} about {normal}"
-            stage.mesh(path, g.TriangularMeshGeometry(vertices, faces), _PALE, shaded=False)
-    draw_axes(stage, f"{root}/{AXES}", np.pi, 0.015)
+            ring = tube(radius * np.roll(circle, normal, axis=1), width)
+            builder.mesh(path, ring, _PALE, shaded=False)
+    draw_axes(builder, f"{root}/{AXES}", np.pi, 0.015)
     return [
-        {"text": f"{name} 180°", "position": (np.pi * axis).tolist(), "item": AXES, "since": 0.0}
+        label(f"{name} 180°", np.pi * axis, AXES)
         for name, axis in zip("xyz", np.eye(3), strict=True)
     ]
 
 
-def _draw_marks(stage: Stage, root: str, marks: list[Mark]) -> list[dict[str, Any]]:
+def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> Labels:
     labels = []
     for mark in marks:
         vector, path = rotation_vectors([mark.attitude])[0], f"{root}/{MARKS}/{mark.name}"
-        stage.mesh(path, g.Sphere(_MARK), _MARKED[mark.name])
-        stage.place(path, Pose(vector, np.eye(3)))
-        labels.append({"text": mark.name, "position": vector.tolist(), "item": MARKS, "since": 0.0})
+        builder.mesh(path, g.Sphere(_MARK), _MARK_COLOURS[mark.name])
+        builder.place(path, Pose(vector, np.eye(3)))
+        labels.append(label(mark.name, vector, MARKS))
     return labels
 
 
-def _lines(problem: Problem, family: _Family, document: Mapping[str, Any]) -> Iterator[str]:
-    """How many attitudes serve, and what is known of the marks."""
+def _lines(problem: Problem, group: _Group, document: Mapping[str, Any]) -> Iterator[str]:
+    """Text of a scene: how many attitudes are feasible, and what is known of the marks."""
     margin = problem.margin
-    share = 100.0 * margin.is_kept(family.margins).mean()
+    percentage = 100.0 * margin.is_kept(group.margins).mean()
     yield "rotation vectors of the initial attitude"
-    yield f"{share:.2f} % of {len(family.margins):,} attitudes keep |{margin.measure.name}|"
+    yield f"{percentage:.2f} % of {len(group.margins):,} attitudes keep |{margin.measure.name}|"
     words = {
         "best": ("value", f"|{margin.measure.name}| {{:.6g}}"),
         "robust": ("radius_deg", "{:.4g}° around keep the margin"),
         "nearest": ("deviation_deg", "{:.4g}° away"),
     }
     for name, (key, text) in words.items():
-        told = document.get(name)
-        if told is not None and family.has(told["branch"]):
-            yield f"{name}: {text.format(told[key])}"
+        place = document.get(name)
+        if place is not None and group.has(place["branch"]):
+            yield f"{name}: {text.format(place[key])}"
 
 
-def _items(share: float, boundary: bool) -> list[dict[str, Any]]:
-    """What can be shown and hidden; at first what leaves the inside of the ball in sight."""
-    shown = {FRONT: share < _FEW, BACK: True, BROKEN: 1.0 - share < _FEW}
+def _items(fraction: float, boundary: Sequence[Any]) -> list[dict[str, Any]]:
+    """What can be hidden; at first what would hide the inside of the ball is."""
+    shown = {FRONT: fraction < _SPARSE, BACK: True, INFEASIBLE: 1.0 - fraction < _SPARSE}
     if boundary:
         shown[BOUNDARY] = True
     shown |= {MARKS: True, BALL: True, AXES: True}

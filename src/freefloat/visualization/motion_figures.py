@@ -1,4 +1,4 @@
-"""Figures of one motion: what moves over time, how near to a singularity, and its proof."""
+"""Figures of one motion over time: joints and attitude, the margin, the errors."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ from freefloat.visualization.figure_style import (
 
 _SAMPLES = 401
 _BOUNDED = 0.97
-"""Rates are shown in full up to this share of a motion that ends in a singularity."""
+"""Fraction of a motion with a singular end whose rates are shown in full."""
 _HEADROOM = 1.5
 
 
-def motion_figures(motion: Motion, least: ClosestApproach) -> dict[str, Figure]:
-    """The figures of a motion by name: ``motion``, ``margin`` and ``momentum``.
+def motion_figures(motion: Motion, closest: ClosestApproach) -> dict[str, Figure]:
+    """Return the figures of a motion: ``motion``, ``margin`` and ``momentum``.
 
     Args:
         motion: The motion.
-        least: How near it comes to a singularity.
+        closest: Its closest approach to a singularity.
     """
     series = TimeSeries.of(motion, shown_times(motion))
     return {
         "motion": motion_figure(motion, series),
-        "margin": margin_figure(motion, series, least),
+        "margin": margin_figure(motion, series, closest),
         "momentum": momentum_figure(motion),
     }
 
 
 def shown_times(motion: Motion) -> Array:
-    """Evenly spread times and those of the nodes, which crowd where much happens [s]."""
+    """Return evenly spread times and those of the nodes, which crowd at singularities [s]."""
     even = np.linspace(motion.times.min(), motion.times.max(), _SAMPLES)
     return np.unique(np.concatenate([even, motion.times]))
 
 
 @styled
 def motion_figure(motion: Motion, series: TimeSeries) -> Figure:
-    """Joints, attitude, their rates, end-effector and spacecraft over time (Figs. 8 and 11)."""
+    """Draw joints, attitude, their rates, end-effector and spacecraft (Figs. 8 and 11)."""
     problem = motion.problem
     figure = new_figure(PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
@@ -84,13 +84,13 @@ def motion_figure(motion: Motion, series: TimeSeries) -> Figure:
 
 
 def _joint_scale(problem: Problem) -> tuple[float, str]:
-    """Factor and unit in which joints are shown: degrees unless some of them slide."""
-    slides = any(body.prismatic for body in problem.model.bodies[1:])
-    return (1.0, "rad, m") if slides else (float(np.degrees(1.0)), "deg")
+    """Factor and unit in which joints are shown: degrees unless some are prismatic."""
+    prismatic = any(body.prismatic for body in problem.model.bodies[1:])
+    return (1.0, "rad, m") if prismatic else (float(np.degrees(1.0)), "deg")
 
 
 def _per_second(unit: str) -> str:
-    return ", ".join(f"{one}/s" for one in unit.split(", "))
+    return ", ".join(f"{part}/s" for part in unit.split(", "))
 
 
 def _italic(letters: str) -> list[str]:
@@ -98,15 +98,15 @@ def _italic(letters: str) -> list[str]:
 
 
 def _attitude(angles: Any, rates: Any, problem: Problem, series: TimeSeries) -> None:
-    """The spacecraft's attitude and how fast it turns, in two axes."""
-    turning = np.degrees(series.angular_velocities)
+    """The spacecraft's attitude and angular velocity, in two axes."""
+    rates_deg = np.degrees(series.angular_velocities)
     if problem.task.planar:
         _curves(angles, series, np.degrees(series.headings)[:, None], ["heading"])
-        _curves(rates, series, turning[:, 2:], [r"$\omega_z$"])
+        _curves(rates, series, rates_deg[:, 2:], [r"$\omega_z$"])
     else:
         euler = np.degrees(series.euler_angles)
         _curves(angles, series, euler, _italic("xyz"))
-        _curves(rates, series, turning, [rf"$\omega_{axis}$" for axis in "xyz"])
+        _curves(rates, series, rates_deg, [rf"$\omega_{axis}$" for axis in "xyz"])
     quantity = "attitude" if problem.task.planar else "x-y-z Euler angles"
     angles.set_ylabel(axis_label(quantity, "deg"))
     rates.set_ylabel(axis_label("spacecraft rate", "deg/s"))
@@ -119,7 +119,7 @@ def _curves(axes: Any, series: TimeSeries, values: Array, names: list[str]) -> N
 
 
 def _mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
-    """The whole duration, rests on the way, and the end of a motion that is not completed."""
+    """Show the whole duration, rests, and the end of a motion that is not completed."""
     axes.set_xlim(0.0, motion.problem.path.duration)
     for index, stop in enumerate(motion.problem.path.timing.stops):
         label = "at rest" if named and index == 0 else None
@@ -131,7 +131,7 @@ def _mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
 
 
 def _bound(axes: Any, motion: Motion, series: TimeSeries) -> None:
-    """Keep rates readable that have no bound towards a singular end."""
+    """Limit the axis of rates, which are unbounded towards a singular end."""
     if motion.ending is not Ending.SINGULAR:
         return
     first, last = motion.initial.time, motion.final.time
@@ -144,26 +144,23 @@ def _bound(axes: Any, motion: Motion, series: TimeSeries) -> None:
 
 
 @styled
-def margin_figure(motion: Motion, series: TimeSeries, least: ClosestApproach) -> Figure:
-    """S over time, the margin it has to keep, and where it is least."""
-    problem = motion.problem
-    measure, value = problem.margin.measure, problem.margin.threshold
+def margin_figure(motion: Motion, series: TimeSeries, closest: ClosestApproach) -> Figure:
+    """Draw S over time with the margin and the closest approach."""
+    measure, threshold = motion.problem.margin.measure, motion.problem.margin.threshold
     figure = new_figure()
     axes = figure.subplots()
     axes.axhline(0.0, color=BLACK, linewidth=0.6)
     axes.plot(series.times, series.measure, color=BLUE)
-    if value > 0.0:
-        level = least.sign * value
+    if threshold > 0.0:
+        level = closest.sign * threshold
         axes.axhspan(0.0, level, color=PALE, linewidth=0.0, zorder=0)
-        axes.axhline(
-            level, color=VERMILION, linestyle="--", linewidth=1.0, label=f"margin {digits(level)}"
-        )
-    lowest = least.sign * least.value
-    told = "singular" if motion.ending is Ending.SINGULAR else f"least {digits(lowest)}"
-    style: dict[str, Any] = {"color": BLACK, "linestyle": "none", "zorder": 5}
+        style: Any = {"color": VERMILION, "linestyle": "--", "linewidth": 1.0}
+        axes.axhline(level, label=f"margin {digits(level)}", **style)
+    lowest, singular = closest.sign * closest.value, motion.ending is Ending.SINGULAR
+    name = "singular" if singular else f"minimum {digits(lowest)}"
     axes.plot(
-        [least.time], [lowest], marker="X" if motion.ending is Ending.SINGULAR else "o",
-        label=f"{told} at {digits(least.time)} s", **style,
+        closest.time, lowest, marker="X" if singular else "o", color=BLACK, linestyle="none",
+        zorder=5, label=f"{name} at {digits(closest.time)} s",
     )  # fmt: skip
     _mark_times(axes, motion)
     axes.set_xlabel(axis_label("time", "s"))
@@ -174,17 +171,17 @@ def margin_figure(motion: Motion, series: TimeSeries, least: ClosestApproach) ->
 
 @styled
 def momentum_figure(motion: Motion) -> Figure:
-    """How far the recorded motion is off: its momentum, and its end-effector from the path."""
+    """Draw the errors of the recorded motion: of the momentum and of the end-effector."""
     figure = new_figure(height=3.2)
     momentum, pose = figure.subplots(2, 1, sharex=True)
     errors = motion.momentum_errors(motion.node_parameters)
     _errors(momentum, motion.times, errors, 0, "momentum")
-    turns = motion.problem.task.turns
-    for which, name in enumerate(("position", "attitude")[: 2 if turns else 1]):
+    oriented = motion.problem.task.turns
+    for which, name in enumerate(("position", "orientation")[: 2 if oriented else 1]):
         label = f"end-effector {name}"
         _errors(pose, motion.times, motion.end_effector_errors[:, which], which, label)
     momentum.set_ylabel(axis_label("error", "N m s"))
-    pose.set_ylabel(axis_label("error", "m, rad" if turns else "m"))
+    pose.set_ylabel(axis_label("error", "m, rad" if oriented else "m"))
     pose.set_xlabel(axis_label("time", "s"))
     for axes in (momentum, pose):
         axes.set_yscale("log")
@@ -195,7 +192,7 @@ def momentum_figure(motion: Motion) -> Figure:
 
 
 def _errors(axes: Any, times: Array, errors: Array, which: int, name: str) -> None:
-    """As dots on a logarithmic axis, where zeros have no place."""
+    """Dots on a logarithmic axis, without zeros."""
     shown = np.where(errors > 0.0, errors, np.nan)
     marker, size = (".", 2.0) if which == 0 else ("x", 2.5)
     axes.plot(

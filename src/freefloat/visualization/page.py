@@ -1,4 +1,4 @@
-"""One self-contained page around a recording: it plays from a file, without a network."""
+"""A self-contained page that plays a scene from a file, without a network."""
 
 from __future__ import annotations
 
@@ -8,83 +8,42 @@ import html
 import json
 import re
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import meshcat
 
-from freefloat.visualization.scene import Recording
-
-_LEVEL = 6
-"""Of gzip: more takes longer and gains a percent."""
+from freefloat.visualization.scene_builder import Scene
 
 
-@dataclass(frozen=True)
-class Capture:
-    """Makes a page send pictures of itself to the server it came from.
-
-    The page posts a PNG to ``address/0``, ``address/1`` and so on; or what failed, in words, to
-    ``address/error``.
-
-    Attributes:
-        times: When to take a picture [s].
-        width: In pixels.
-        height: In pixels.
-        address: Path on the server.
-        motion: Title of the motion to show, or ``"side by side"``; the first when left out.
-    """
-
-    times: tuple[float, ...]
-    width: int
-    height: int
-    address: str
-    motion: str | None = None
-
-
-def page(recording: Recording, capture: Capture | None = None, opens: str | None = None) -> str:
-    """The page as HTML text.
-
-    It may not load anything from anywhere: its content security policy says so to the browser.
+def page(scene: Scene, opens: str | None = None) -> str:
+    """Return the page as HTML text; its content security policy forbids all requests.
 
     Args:
-        recording: What it shows.
-        capture: Pictures to take, for a page that comes from a server.
-        opens: Title of the motion shown first, or ``"side by side"``; the first when left out.
+        scene: What it shows.
+        opens: Title of what is shown first, or ``"side by side"``; the first when left out.
     """
-    about = {
-        **recording.about,
-        "copies": recording.copies,
-        "capture": None if capture is None else asdict(capture),
-        "opens": opens,
-    }
+    about = {**scene.about, "copies": scene.copies, "opens": opens}
     parts = {
-        "TITLE": html.escape(str(recording.about["title"])),
+        "TITLE": html.escape(str(scene.about["title"])),
         "LICENCES": _licences(),
-        "CONNECT": "data: blob:" + ("" if capture is None else " 'self'"),
         "VIEWER": _viewer(),
-        "SCENE": _packed(recording.objects),
-        "TRACKS": _packed([] if recording.animation is None else [recording.animation]),
-        "ABOUT": _json(about),
-        "PLAYER": _own("player.js"),
+        "SCENE": _packed(scene.objects),
+        "TRACKS": _packed([] if scene.animation is None else [scene.animation]),
+        "ABOUT": json.dumps(about, allow_nan=False).replace("<", "\\u003c"),
+        "PLAYER": _text("player.js"),
     }
-    return re.sub("@([A-Z]+)@", lambda match: parts[match[1]], _own("page.html"))
+    return re.sub("@([A-Z]+)@", lambda match: parts[match[1]], _text("page.html"))
 
 
 def _packed(commands: Iterable[bytes]) -> str:
-    """Commands, each after its length, compressed; nothing for none."""
+    """Commands, each after its length, compressed; an empty text for none."""
     raw = b"".join(len(command).to_bytes(4, "little") + command for command in commands)
-    return base64.b64encode(gzip.compress(raw, _LEVEL, mtime=0)).decode() if raw else ""
+    return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode() if raw else ""
 
 
-def _json(about: dict[str, Any]) -> str:
-    """JSON inside a script: no name may end it."""
-    return json.dumps(about, allow_nan=False).replace("<", "\\u003c")
-
-
-def _own(name: str) -> str:
+def _text(name: str) -> str:
     return files("freefloat.visualization").joinpath(name).read_text(encoding="utf-8")
 
 
@@ -94,7 +53,7 @@ def _viewer() -> str:
 
 
 def _licences() -> str:
-    """What MeshCat and what it is made of ask to be told, as the text of a comment."""
+    """Licences of MeshCat and of what it bundles, as the text of a comment."""
     names = ("LICENSE", "dist/main.min.js.LICENSE.txt")
     texts = [(_meshcat() / name).read_text(encoding="utf-8") for name in names]
     return "MeshCat\n\n" + "\n".join(texts).replace("--", "- -")

@@ -1,7 +1,4 @@
-"""Figures of planar problems: joint space, and how near to a singularity each heading leads.
-
-Nothing computes here: curves, ranges and maps come from the rooms before.
-"""
+"""Figures of planar problems: joint space, and the minimum margin over heading."""
 
 from __future__ import annotations
 
@@ -29,20 +26,18 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
-from freefloat.visualization.scene_figures import legend_over
 from freefloat.workspace.margin_curves import margin_curves, point_3, point_3_on_path
 from freefloat.workspace.planar_arm import PlanarArm
 
 _GRID = 361
-_SERVES = "#CFE3EF"
-"""Behind headings that serve."""
+_FEASIBLE = "#CFE3EF"
 
 Span = tuple[float, float]
 
 
 @styled
 def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
-    """Curves S = 0 and S = +-S0, distances of point 3, and motions among them (Fig. 3).
+    """Draw curves S = 0 and S = +-S0, distances of point 3, and motions (Fig. 3).
 
     Args:
         problem: A planar problem whose S depends on two joint angles.
@@ -51,12 +46,12 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
     figure = new_figure(COLUMN, 3.9)
     axes = figure.subplots()
     arm, margin = PlanarArm.of(problem.model), problem.margin
-    looks: list[tuple[float, Any, float]] = [(0.0, "-", 1.2)]
+    levels: list[tuple[float, Any, float]] = [(0.0, "-", 1.2)]
     if margin.threshold > 0.0 and margin.measure.name == "system":  # the S of (21a)
-        looks += [(margin.threshold, (0, (5, 1.5)), 0.8), (-margin.threshold, (0, (1, 1.2)), 0.8)]
-    curves = margin_curves(arm, *(value for value, _, _ in looks))
-    for value, dashes, width in looks:
-        rows = _joined(np.degrees(one.joints) for one in curves if one.level == value)
+        levels += [(margin.threshold, (0, (5, 1.5)), 0.8), (-margin.threshold, (0, (1, 1.2)), 0.8)]
+    curves = margin_curves(arm, *(value for value, _, _ in levels))
+    for value, dashes, width in levels:
+        rows = _joined(np.degrees(curve.joints) for curve in curves if curve.level == value)
         label = f"$S$ = {digits(value)}"
         axes.plot(*rows.T, color=BLACK, linestyle=dashes, linewidth=width, label=label)
     _draw_distances(axes, problem, arm)
@@ -67,7 +62,7 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
     axes.set_yticks(np.arange(-180, 181, 90))
     axes.set_xlabel(axis_label("$q_1$", "deg"))
     axes.set_ylabel(axis_label("$q_2$", "deg"))
-    legend_over(axes)
+    legend_above(axes, columns=3)
     return figure
 
 
@@ -126,31 +121,29 @@ def wrapped(degrees: Array) -> Array:
 
 @styled
 def headings_figure(
-    found: HeadingMap,
+    result: HeadingMap,
     label: str,
     ranges: Sequence[BranchRanges] = (),
     chosen: tuple[int, float] | None = None,
 ) -> Figure:
-    """The least S over the initial heading, arm branch by arm branch.
+    """Draw the minimum margin over the initial heading, an axes for each arm branch.
 
     Args:
-        found: The map.
-        label: Of the axis of S, with its unit.
-        ranges: The headings that keep the margin; from the map's samples when left out.
+        result: The map.
+        label: Of the margin's axis, with its unit.
+        ranges: Feasible headings; taken from the map's samples when left out.
         chosen: Branch and heading [rad] to mark.
     """
-    curves = _families(found, ranges)
+    curves = _curves(result, ranges)
     figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
     panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (branch, name, least, spans) in zip(panels, curves, strict=True):
-        for low, high in spans:
-            axes.axvspan(np.degrees(low), np.degrees(high), color=_SERVES, linewidth=0.0, zorder=0)
-        axes.plot(np.degrees(found.headings), least, color=BLUE, label=name)
-        if found.margin > 0.0:
-            axes.axhline(
-                found.margin, color=VERMILION, linestyle="--", linewidth=1.0,
-                label=f"margin {digits(found.margin)}",
-            )  # fmt: skip
+    for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):
+        for low, high in np.degrees(np.reshape(spans, (-1, 2))):
+            axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0)
+        axes.plot(np.degrees(result.headings), values, color=BLUE, label=name)
+        if result.margin > 0.0:
+            style = {"color": VERMILION, "linestyle": "--", "linewidth": 1.0}
+            axes.axhline(result.margin, label=f"margin {digits(result.margin)}", **style)
         if chosen is not None and branch in (None, chosen[0]):
             axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
         axes.set_xlim(0.0, 360.0)
@@ -161,41 +154,38 @@ def headings_figure(
     return figure
 
 
-def _families(
-    found: HeadingMap, ranges: Sequence[BranchRanges]
+def _curves(
+    result: HeadingMap, ranges: Sequence[BranchRanges]
 ) -> list[tuple[int | None, str, Array, list[Span]]]:
-    """What gets an axes: branch, name, least S and spans of heading that serve [rad]."""
-    rows = dict(
-        zip(found.branches, zip(found.minimum_margins, found.feasible, strict=True), strict=True)
-    )
+    """Branch, name, minimum margins and feasible spans of heading [rad] of each axes."""
     if any(entry.label == "any" for entry in ranges):
         with np.errstate(invalid="ignore"):
-            best = np.fmax.reduce(found.minimum_margins, axis=0)
+            best = np.fmax.reduce(result.minimum_margins, axis=0)
         return [(None, "best branch", best, _spans(ranges[0]))]
-    told = {entry.branch: entry for entry in ranges}
-    return [
-        (
-            branch,
-            told[branch].label if branch in told else f"branch {branch}",
-            least,
-            _spans(told[branch]) if branch in told else _sampled(found.headings, kept),
-        )
-        for branch, (least, kept) in rows.items()
-    ]
+    entries = {entry.branch: entry for entry in ranges}
+    curves: list[tuple[int | None, str, Array, list[Span]]] = []
+    for branch, values, kept in zip(
+        result.branches, result.minimum_margins, result.feasible, strict=True
+    ):
+        entry = entries.get(branch)
+        name = f"branch {branch}" if entry is None else entry.label
+        spans = _sampled_spans(result.headings, kept) if entry is None else _spans(entry)
+        curves.append((branch, name, values, spans))
+    return curves
 
 
 def _spans(entry: BranchRanges) -> list[Span]:
     """Ranges within one turn: one that passes zero is cut there."""
     cut = []
-    for one in entry.ranges:
-        cut.append((one.low, min(one.high, TURN)))
-        if one.high > TURN:
-            cut.append((0.0, one.high - TURN))
+    for span in entry.ranges:
+        cut.append((span.low, min(span.high, TURN)))
+        if span.high > TURN:
+            cut.append((0.0, span.high - TURN))
     return cut
 
 
-def _sampled(headings: Array, kept: Array) -> list[Span]:
-    """Samples in a row that keep the margin, each standing for half the way to its neighbours."""
+def _sampled_spans(headings: Array, kept: Array) -> list[Span]:
+    """Feasible samples in a row, widened by half a step on either side."""
     half = TURN / len(headings) / 2.0
     headings, kept = np.append(headings, TURN), np.append(kept, kept[0])
     edges = np.flatnonzero(np.diff(np.concatenate([[0.0], kept, [0.0]])))

@@ -1,56 +1,73 @@
-"""Playback of motions: in a file, a notebook, a browser, or a MeshCat visualizer at hand."""
+"""Playback of motions and maps: in a file, a notebook's cell or a browser."""
 
 from __future__ import annotations
 
 import html
 import tempfile
-import webbrowser
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
-import umsgpack
-
-from freefloat.brief import brief
-from freefloat.errors import require_type
+from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
-from freefloat.visualization.page import Capture, page
-from freefloat.visualization.scene import Recording, record
-from freefloat.visualization.stage import ROOT
+from freefloat.motion.simulation import SimulatedBranch, Simulation
+from freefloat.planning.plan import Plan
+from freefloat.visualization.page import page
+from freefloat.visualization.scene import motion_scene
+from freefloat.visualization.scene_builder import Scene
+from freefloat.visualization.server import open_browser
+
+if TYPE_CHECKING:  # imports compiled kernels
+    from freefloat.planning.attitude_map import AttitudeMap
+
+SIDE_BY_SIDE = "side by side"
+_ACCEPTED = "a Motion, Plan, Simulation or AttitudeMap, or motions by name: a Motion for each name"
 
 
 @dataclass(frozen=True, eq=False)
 class Playback:
-    """A recording, ready to be shown.
+    """A scene, ready to be shown.
 
     Attributes:
-        recording: What is shown.
+        scene: What is shown.
     """
 
-    __repr__ = brief
-
-    recording: Recording
+    scene: Scene = field(repr=False)
 
     @property
     def duration(self) -> float:
-        """Of the longest motion [s]; zero where nothing moves."""
-        return float(self.recording.about["duration"])
+        """Duration of the longest motion [s]; zero where nothing moves."""
+        return float(self.scene.about["duration"])
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """Of the motions."""
-        return tuple(scene["title"] for scene in self.recording.about["scenes"])
+        """Titles of the motions, or of the arm branches of a map."""
+        return tuple(scene["title"] for scene in self.scene.about["scenes"])
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What could not be shown as the robot's file has it, such as missing meshes."""
-        return tuple(self.recording.about["remarks"])
+        """What of the robot's URDF could not be drawn, such as missing meshes."""
+        return tuple(self.scene.about["remarks"])
 
-    def html(self, capture: Capture | None = None, opens: str | None = None) -> str:
-        """The page as text; with a capture one that takes pictures."""
-        return page(self.recording, capture, opens)
+    def scene_duration(self, title: str | None = None) -> float:
+        """Return the duration [s] of what has a title: the first when left out.
+
+        Raises:
+            InputError: If there is no such title.
+        """
+        ends = {scene["title"]: float(scene["end"]) for scene in self.scene.about["scenes"]}
+        if len(ends) > 1:
+            ends[SIDE_BY_SIDE] = self.duration
+        title = next(iter(ends)) if title is None else title
+        if title not in ends:
+            raise InputError("scene", f"there is no {title!r}", ", ".join(ends))
+        return ends[title]
+
+    def html(self, opens: str | None = None) -> str:
+        """Return the page as text; see :meth:`save`."""
+        return page(self.scene, opens)
 
     def save(self, path: str | Path, opens: str | None = None) -> Path:
         """Write the page: one file that plays without a network.
@@ -63,14 +80,14 @@ class Playback:
             InputError: If the file cannot be written.
         """
         with written_beside(Path(path)) as temporary:
-            temporary.write_text(self.html(opens=opens), encoding="utf-8")
+            temporary.write_text(self.html(opens), encoding="utf-8")
         return Path(path)
 
     def show(self, height: int = 600) -> None:
-        """Show the page in a notebook; elsewhere write it to a temporary file and open that.
+        """Show the page in a notebook's cell; elsewhere write a temporary file and open it.
 
         Args:
-            height: Of the cell in pixels.
+            height: Of the cell [pixels].
         """
         if _in_notebook():
             from IPython.display import HTML, display
@@ -78,7 +95,7 @@ class Playback:
             display(HTML(self._cell(height)))  # type: ignore[no-untyped-call] # IPython has no types
             return
         folder = Path(tempfile.mkdtemp(prefix="freefloat-"))
-        webbrowser.open(self.save(folder / "playback.html").as_uri())
+        open_browser(self.save(folder / "playback.html").as_uri())
 
     def _repr_html_(self) -> str:
         return self._cell(600)
@@ -86,46 +103,6 @@ class Playback:
     def _cell(self, height: int) -> str:
         style = f"width: 100%; height: {height}px; border: 0"
         return f'<iframe style="{style}" srcdoc="{html.escape(self.html())}"></iframe>'
-
-    def into(self, visualizer: Any) -> None:
-        """Send everything to a visualizer; its own controls play the animation.
-
-        What a page adds is left out: words, the trail that grows, motions to choose among.
-
-        Args:
-            visualizer: A ``meshcat.Visualizer``; the scene appears below its path.
-        """
-        root, known = visualizer.path.lower(), {}
-        for packed in self.recording.objects:
-            command = umsgpack.unpackb(packed)
-            if command["type"] == "set_object":
-                known[command["path"]] = command
-            visualizer.window.send(_Command(_moved(command, root)))
-        for source, target in self.recording.copies:
-            command = {**known[f"/{source}"], "path": f"/{target}"}
-            visualizer.window.send(_Command(_moved(command, root)))
-        if self.recording.animation is not None:
-            command = umsgpack.unpackb(self.recording.animation)
-            clips = [_moved(clip, root) for clip in command["animations"]]
-            visualizer.window.send(_Command({**command, "animations": clips}))
-
-
-@dataclass(frozen=True)
-class _Command:
-    """A command as MeshCat's windows want it."""
-
-    content: dict[str, Any]
-
-    def lower(self) -> dict[str, Any]:
-        return self.content
-
-
-def _moved(command: dict[str, Any], root: str) -> dict[str, Any]:
-    """A command whose path begins at another root than ours."""
-    path = command["path"]
-    if path.startswith(f"/{ROOT}/"):
-        path = root + path.removeprefix(f"/{ROOT}")
-    return {**command, "path": path}
 
 
 def _in_notebook() -> bool:
@@ -137,40 +114,62 @@ def _in_notebook() -> bool:
     return shell is not None and hasattr(shell, "kernel")
 
 
-_BY_NAME = "a Motion for each name, such as simulate(...).chosen.motion"
+def show(result: Any, title: str = "freefloat", *, height: int = 600) -> None:
+    """Show a result in a notebook's cell or a browser; see :func:`playback`."""
+    playback(result, title).show(height)
 
 
-@runtime_checkable
-class NamesMotions(Protocol):
-    """What has motions to show: plans, simulations, plans read from files."""
-
-    def named_motions(self) -> Mapping[str, Motion]:
-        """Motions by name.
-
-        Raises:
-            InputError: If there is none, telling why.
-        """
-
-
-def play(
-    motions: Motion | NamesMotions | Mapping[str, Motion], title: str = "freefloat"
+def playback(
+    result: Motion | Plan | Simulation | AttitudeMap | Mapping[str, Motion],
+    title: str = "freefloat",
 ) -> Playback:
-    """Prepare motions for showing.
+    """Return the playback of a result.
 
     Args:
-        motions: One; or several by name; or a plan, whose chosen motion is shown; or a simulation,
-            whose arm branches are shown.
+        result: A motion; several by name; a plan, whose chosen motion is shown; a simulation, whose
+            arm branches are shown; or a map over all attitudes.
         title: Of the page.
 
     Raises:
         InputError: If it is none of them, or a plan without a motion.
     """
-    if isinstance(motions, Motion):
-        motions = {"motion": motions}
-    elif isinstance(motions, NamesMotions):
-        motions = motions.named_motions()
-    accepted = "a Motion, Plan or Simulation, or motions by name: a Motion for each name"
-    require_type("motions", motions, Mapping, accepted)
-    for name, one in motions.items():
-        require_type(f"motions.{name}", one, Motion, _BY_NAME)
-    return Playback(record(motions, title))
+    if isinstance(result, Motion | Plan | Simulation | Mapping) or hasattr(result, "named_motions"):
+        return Playback(motion_scene(named_motions(result), title))
+    from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.visualization.map_scene import map_scene
+
+    require_type("result", result, AttitudeMap, _ACCEPTED)
+    document = result.to_dict()
+    return Playback(map_scene(result.problem, result.attitudes, result.margins, document, title))
+
+
+def named_motions(result: Any) -> dict[str, Motion]:
+    """Return the motions of a result by name; of a simulation the chosen one first.
+
+    Raises:
+        InputError: If there is none.
+    """
+    if isinstance(result, Motion):
+        return {"motion": result}
+    if isinstance(result, Plan):
+        if result.chosen is None:
+            problem = f"it has no motion to show: {result.reason}"
+            raise InputError("plan", problem, "a feasible plan")
+        return _by_title([result.chosen])
+    if isinstance(result, Simulation):
+        return _by_title(sorted(result.branches, key=lambda branch: branch is not result.chosen))
+    if hasattr(result, "named_motions"):  # a plan read from a file
+        result = result.named_motions()
+    require_type("result", result, Mapping, _ACCEPTED)
+    for name, motion in result.items():
+        accepted = "a Motion for each name, such as simulate(...).chosen.motion"
+        require_type(f"motions.{name}", motion, Motion, accepted)
+    return dict(result)
+
+
+def _by_title(branches: list[SimulatedBranch]) -> dict[str, Motion]:
+    motions: dict[str, Motion] = {}
+    for branch in branches:
+        title = branch.title if branch.title not in motions else f"{branch.title} ({len(motions)})"
+        motions[title] = branch.motion
+    return motions

@@ -1,8 +1,8 @@
-// Plays a recording in MeshCat's viewer: own clock, own panels, MeshCat's scene tree and camera.
+// Plays a scene in MeshCat's viewer: own clock, own panels, MeshCat's scene tree and camera.
 
 const ROOT = "meshcat";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
-const PATIENCE = 30; // seconds that a motion may take at first
+const LONGEST = 30; // seconds of playback at first, see scene.py
 const SIDE_BY_SIDE = "side by side";
 const INK = "#e8ecf2";
 const FIELD_OF_VIEW = 40; // degrees
@@ -30,7 +30,7 @@ class Player {
     this.viewer = viewer;
     this.time = 0;
     this.playing = false;
-    this.speed = SPEEDS.find(speed => about.duration / speed <= PATIENCE) || SPEEDS.at(-1);
+    this.speed = SPEEDS.find(speed => about.duration / speed <= LONGEST) || SPEEDS.at(-1);
     this.shown = about.scenes.length ? [about.scenes[0]] : [];
     this.hidden = new Set(about.items.filter(item => !item.visible).map(item => item.name));
     this.trails = new Map(about.scenes.map(scene => [scene, this.geometry(scene)]));
@@ -153,7 +153,7 @@ class Player {
     const lines = [
       `t = ${now.toFixed(2)} s`,
       `s = ${between(times, fractions, now).toFixed(3)}`,
-      `|${measure}| = ${shortened(between(times, values, now))}, to keep: ${shortened(margin)}`,
+      `|${measure}| = ${shortened(between(times, values, now))}, margin ${shortened(margin)}`,
     ];
     return this.time >= scene.end ? [...lines, { verdict: scene.verdict, good: scene.ending === "completed" }] : lines;
   }
@@ -368,46 +368,28 @@ function writeLegend(pen, write, unit, height) {
   write("below the margin", 3 * unit + width, top + 0.3 * unit);
 }
 
-function pictureBytes(player) {
-  return new Promise((done, failed) =>
-    picture(player).toBlob(blob => blob ? done(blob) : failed(new Error("no picture")), "image/png"));
-}
-
-async function savePicture(player) {
+function savePicture(player) {
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(await pictureBytes(player));
+  link.href = picture(player).toDataURL("image/png");
   link.download = `${about.title.replaceAll(/[^\w.-]+/g, "_")}_${player.time.toFixed(2)}s.png`;
   link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-}
-
-// Sends a picture at each of some times to an address of the server the page came from.
-async function capture(player, { times, width, height, address, motion }) {
-  document.body.classList.add("capturing");
-  player.viewer.fit(width / devicePixelRatio, height / devicePixelRatio);
-  if (motion !== null) player.show(motion);
-  player.look();
-  for (const [number, time] of times.entries()) {
-    player.seek(time);
-    await fetch(`${address}/${number}`, { method: "POST", body: await pictureBytes(player) });
-  }
 }
 
 async function begin() {
   const viewer = new MeshCat.Viewer(element("meshcat-pane"), false), tree = viewer.scene_tree;
-  const perform = async id => {
+  const run = async id => {
     const packed = element(id).textContent;
     for (const command of packed ? commands(await unpacked(packed)) : []) viewer.handle_command_bytearray(command);
   };
   const pane = element("meshcat-pane");
   viewer.fit = viewer.set_3d_pane_size; // which takes the window for the pane when it is not told
   viewer.set_3d_pane_size = () => viewer.fit(pane.clientWidth, pane.clientHeight);
-  await perform("scene");
+  await run("scene");
   for (const [source, target] of about.copies) {
     const [original, copy] = [source, target].map(path => tree.find([...path.split("/"), "<object>"]));
     copy.set_object(original.object.clone());
   }
-  await perform("tracks"); // a track finds only what is there
+  await run("tracks"); // a track finds only what is there
   const { animator } = viewer;
   animator.folder.domElement.style.display = "none"; // its clock is not ours
   animator.play(); // until it has played once it does not seek
@@ -436,10 +418,9 @@ async function begin() {
   }).observe(pane);
   requestAnimationFrame(turn);
   window.freefloat = api(player, panels);
-  if (about.capture) await capture(player, about.capture);
 }
 
-// For tests and for the curious: the page's state and its hands.
+// The page's functions for pictures, videos and tests.
 function api(player, panels) {
   const placed = path => {
     const node = player.node(path);
@@ -473,12 +454,17 @@ function api(player, panels) {
       point.project(player.viewer.camera);
       return [(1 + point.x) / 2, (1 - point.y) / 2];
     },
+    frame: (width, height, title) => { // makes pictures of this size, without panels
+      document.body.classList.add("capturing");
+      if (title !== null) player.show(title);
+      player.viewer.fit(width, height);
+      player.look();
+    },
     picture: () => picture(player).toDataURL("image/png"),
   };
 }
 
-begin().catch(async error => {
+begin().catch(error => {
   window.freefloatError = String(error);
   element("states").textContent = `The scene cannot be shown: ${error}. It needs WebGL.`;
-  if (about.capture) await fetch(`${about.capture.address}/error`, { method: "POST", body: String(error) });
 });

@@ -1,7 +1,4 @@
-"""Pictures of where things are: areas around the centre of mass, the path, the robot on its way.
-
-Nothing computes here: areas and motions come from the rooms before.
-"""
+"""Figures of places: areas around the centre of mass, the path, the robot at several instants."""
 
 from __future__ import annotations
 
@@ -27,81 +24,75 @@ from freefloat.visualization.figure_style import (
     VERMILION,
     axis_label,
     digits,
+    legend_above,
     new_figure,
     styled,
 )
 from freefloat.visualization.outlines import Outline, outlines
 from freefloat.workspace.margin_curves import Interval, Workspace
 
-_INSTANTS = 5
-"""How many times the robot is drawn in one picture."""
+_INSTANTS, _VIEWS = 5, 3
+"""How many times the robot is drawn, in the plane and in space."""
 _LIGHTEST = 0.72
-_PLACES = 301
-"""Of the path, where it is drawn."""
-_AREA, _FREE_AREA = "#D0D0D0", "#E9F5EF"
-"""Where the arm can be singular, and where it cannot: apart in grey print, too."""
-_VIEWS = 3
+_DEPENDENT, _INDEPENDENT = "#D0D0D0", "#E9F5EF"
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 """Corners of a box around its faces."""
 _FROM_ABOVE = [0, 2, 6, 4]
-_ZOOM = 0.84
-"""Leaves room for labels around a view."""
 
 
 @styled
 def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
-    """Where the arm can be singular, and the path through it.
+    """Draw where the arm can be singular, and the path through it.
 
-    In the plane as it lies there; in space by distance from the centre of mass, on which alone it
-    depends.
+    In space by distance from the centre of mass, on which alone it depends.
     """
     figure = new_figure(COLUMN, COLUMN if problem.task.planar else 2.6)
     axes = figure.subplots()
     if problem.task.planar:
-        draw_areas(axes, workspace)
-        draw_path(axes, problem, workspace)
+        _draw_areas(axes, workspace)
+        _draw_path(axes, problem, workspace)
     else:
         _draw_distances(axes, problem, workspace)
-    legend_over(axes)
+    legend_above(axes, columns=3)
     return figure
 
 
 def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
-    """How far out the path leads, over the shells in which the arm can be singular."""
-    s, _, tip = _along(problem, workspace)
-    for label, (low, high), colour in _named_areas(workspace):
+    """Distance of the path from the centre of mass over the areas."""
+    s, _, points = _sampled_path(problem, workspace)
+    for label, (low, high), colour in _labelled_areas(workspace):
         axes.axhspan(low, high, color=colour, linewidth=0.0, zorder=0, label=label)
     for radius in workspace.reach:
         axes.axhline(radius, color=GREY, linewidth=0.7)
-    axes.plot(s, np.linalg.norm(tip, axis=1), color=BLUE, label=workspace.point)
+    axes.plot(s, np.linalg.norm(points, axis=1), color=BLUE, label=workspace.point)
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.05 * workspace.reach[1]))
-    axes.set_xlabel(axis_label("place on the path $s$", "1"))
+    axes.set_xlabel(axis_label("path parameter $s$", "1"))
     axes.set_ylabel(axis_label("distance from centre", "m"))
 
 
-def _along(problem: Problem, workspace: Workspace | None) -> tuple[Array, Array, Array]:
-    """Places s (K,), the end-effector's path there and that of the workspace's point [m] (K, 3)."""
-    s = np.linspace(0.0, 1.0, _PLACES)
-    poses = [problem.path.path.pose(float(place)) for place in s]
+def _sampled_path(problem: Problem, workspace: Workspace | None) -> tuple[Array, Array, Array]:
+    """S (K,), positions of the end-effector and of the workspace's point [m], shape (K, 3)."""
+    s = np.linspace(0.0, 1.0, 301)
+    poses = [problem.path.path.pose(float(value)) for value in s]
     tip = np.zeros(3) if workspace is None else workspace.tip
     path = np.array([pose.position for pose in poses])
     return s, path, path + np.array([pose.rotation @ tip for pose in poses])
 
 
-def _named_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
-    """Areas with their colours, the first of each kind with what a legend says."""
+def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
+    """Label (of the first of each kind), interval and colour of all areas."""
     sampled = "" if workspace.exact else ", sampled"
     for kind, intervals, colour in (
-        ("dependent", workspace.path_dependent, _AREA),
-        ("independent", workspace.path_independent, _FREE_AREA),
+        ("dependent", workspace.path_dependent, _DEPENDENT),
+        ("independent", workspace.path_independent, _INDEPENDENT),
     ):
-        for which, interval in enumerate(intervals or ()):
-            yield f"path-{kind}{sampled}" if which == 0 else None, interval, colour
+        for number, interval in enumerate(intervals or ()):
+            yield f"path-{kind}{sampled}" if number == 0 else None, interval, colour
 
 
 @styled
 def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figure:
-    """The robot at several instants of a motion (Figs. 6, 7, 9 and 10).
+    """Draw the robot at several instants of a motion (Figs. 6, 7, 9 and 10).
 
     Args:
         motion: The motion.
@@ -111,7 +102,7 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         figure = new_figure(COLUMN, COLUMN)
         axes = figure.subplots()
         draw_snapshots(axes, motion, workspace)
-        legend_over(axes)
+        legend_above(axes, columns=3)
         return figure
     figure = new_figure(PAGE, 2.6)
     views = figure.subplots(1, _VIEWS, subplot_kw={"projection": "3d"})
@@ -121,20 +112,20 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         _draw_in_space(axes, motion.problem, robot)
         axes.set_title(f"{digits(time)} s", y=0.98)
     _mark_singular(views[-1], motion, 3)
-    _equal_in_space(views, np.vstack([robot.points for robot in robots]))
+    _set_equal_cubes(views, np.vstack([np.vstack([one.spacecraft, one.arm]) for one in robots]))
     handles, labels = views[-1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(handles))
     return figure
 
 
 def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> None:
-    """Areas, path and a planar robot at evenly spread instants, light at first, dark at last.
+    """Draw areas, path and a planar robot at evenly spread instants, from light to dark.
 
-    The spacecraft, which moves little, is drawn at the first and the last of them.
+    The spacecraft, which moves little, is drawn at the first and the last instant.
     """
     if workspace is not None:
-        draw_areas(axes, workspace)
-    draw_path(axes, motion.problem, workspace)
+        _draw_areas(axes, workspace)
+    _draw_path(axes, motion.problem, workspace)
     robots = outlines(motion, np.linspace(motion.initial.time, motion.final.time, _INSTANTS))
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
     for which in (0, -1):
@@ -161,28 +152,26 @@ def _mark_singular(axes: Any, motion: Motion, dimensions: int) -> None:
         )  # fmt: skip
 
 
-def draw_areas(axes: Any, workspace: Workspace) -> None:
-    """Path-dependent areas grey, the reach outlined, the centre of mass marked."""
-    for label, (low, high), colour in _named_areas(workspace):
+def _draw_areas(axes: Any, workspace: Workspace) -> None:
+    """Areas as rings, the reach outlined, the centre of mass marked."""
+    for label, (low, high), colour in _labelled_areas(workspace):
         ring = Wedge(
             (0.0, 0.0), high, 0.0, 360.0, width=high - low, facecolor=colour, linewidth=0.0,
             zorder=0, label=label,
         )  # fmt: skip
         axes.add_patch(ring)
     for radius in workspace.reach:
-        circle = Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.7)
-        axes.add_patch(circle)
+        axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.7))
     axes.plot(0.0, 0.0, marker="+", color=BLACK, markersize=6.0, linestyle="none")
 
 
-def draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
-    """A planar end-effector's path, and that of the point whose distance counts, the paper's 3."""
-    _, path, tip = _along(problem, workspace)
-    axes.plot(path[:, 0], path[:, 1], color=BLUE, linestyle="-", linewidth=1.6, label="path")
+def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
+    """A planar path, and that of the point whose distance from the centre counts (point 3)."""
+    _, path, points = _sampled_path(problem, workspace)
+    axes.plot(*path[:, :2].T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
     if workspace is not None and workspace.tip.any():
-        axes.plot(
-            tip[:, 0], tip[:, 1], color=GREEN, linestyle="--", linewidth=1.3, label=workspace.point
-        )
+        style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
+        axes.plot(*points[:, :2].T, label=workspace.point, **style)
     _mark_ends(axes, path[:, :2])
     axes.set_aspect("equal")
     axes.set_xlabel(axis_label("$x$", "m"))
@@ -198,20 +187,17 @@ def _mark_ends(axes: Any, path: Array) -> None:
 
 
 def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
-    """Path and robot in three dimensions."""
-    _, path, _ = _along(problem, None)
+    _, path, _ = _sampled_path(problem, None)
     axes.plot(*path.T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
     _mark_ends(axes, path)
-    body = Poly3DCollection(
-        robot.spacecraft[_FACES], facecolors=_AREA, edgecolors=GREY,
-        linewidths=0.6, alpha=0.45,
-    )  # fmt: skip
-    axes.add_collection3d(body)
+    faces = robot.spacecraft[_FACES]
+    style = {"facecolors": _DEPENDENT, "edgecolors": GREY, "linewidths": 0.6, "alpha": 0.45}
+    axes.add_collection3d(Poly3DCollection(faces, **style))
     _draw_arm(axes, robot.arm, BLACK)
 
 
-def _equal_in_space(views: Any, points: Array) -> None:
-    """The same cube of space in all views, seen obliquely."""
+def _set_equal_cubes(views: Any, points: Array) -> None:
+    """Show the same cube of space in all views."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = float((high - low).max()) / 2.0
     for axes in views:
@@ -222,13 +208,5 @@ def _equal_in_space(views: Any, points: Array) -> None:
             axis.set_label_text(axis_label(f"${letter}$", "m"))
             axis.labelpad = -4.0
             axes.tick_params(axis=letter, pad=-2.0)
-        axes.set_box_aspect((1.0, 1.0, 1.0), zoom=_ZOOM)
+        axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.84)
         axes.view_init(elev=22.0, azim=-55.0)
-
-
-def legend_over(axes: Any) -> None:
-    """A legend of several lines above an axes."""
-    axes.legend(
-        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, borderaxespad=0.2,
-        columnspacing=1.0, handletextpad=0.5,
-    )  # fmt: skip

@@ -1,15 +1,15 @@
-"""Videos of pictures: GIF by Pillow, MP4 by ffmpeg, and which instants they show."""
+"""Snapshots and videos of a playback: PNG files, GIF by Pillow, MP4 by ffmpeg."""
 
 from __future__ import annotations
 
 import io
 import math
 import os
+import re
 import shutil
 import subprocess
-import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,29 +19,31 @@ from PIL import Image
 
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
+from freefloat.visualization.pictures import take_pictures
+from freefloat.visualization.playback import Playback
 
+SIZE, GIF_SIZE = (1280, 720), (800, 450)
+"""Pixels unless asked otherwise."""
 _RATE = 20.0
-"""Pictures a second unless asked otherwise; one that GIF can tell, in hundredths of a second."""
 _LONGEST = 15.0
 """Seconds that a video may take before it is sped up."""
 _MOST = 6000
-"""Pictures in a video."""
 _FASTEST_GIF = 50.0
-"""Pictures a second; browsers slow down faster ones to ten."""
-_LOOKS = 8
-"""Pictures that a GIF's colours are chosen from."""
+"""Frames per second; browsers slow down faster GIFs to ten."""
+_PALETTE_FRAMES = 8
 _COARSE = 3
-"""Bits of a colour that are too fine to tell it from others."""
-_ENDINGS = (".gif", ".mp4")
+"""Low bits of a colour that the palette ignores."""
+
+Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Takes:
-    """Which instants a video shows, and how fast.
+class FrameTimes:
+    """The instants that a video shows.
 
     Attributes:
         times: Of the motion [s].
-        rate: Pictures a second.
+        rate: Frames per second.
         speed: Seconds of the motion in a second of the video.
     """
 
@@ -51,107 +53,152 @@ class Takes:
 
     @property
     def duration(self) -> float:
-        """Of the video [s]."""
+        """Length of the video [s]."""
         return len(self.times) / self.rate
 
 
-def takes(
+def frame_times(
     file: Path, duration: float, rate: float | None = None, speed: float | None = None
-) -> Takes:
-    """Choose the instants of a video.
+) -> FrameTimes:
+    """Return the instants of a video; the last one is the end of the motion.
 
-    In real time, unless that would take more than a quarter of a minute: then 2, 4, 5, 8, 10, 20
-    and so on times faster. The last instant is always the end of the motion.
+    Unless a speed is given the video is in real time or, if that would take more than 15 s, 2, 4,
+    5, 8, 10, 20 and so on times faster.
 
     Args:
         file: The video.
         duration: Of the motion [s].
-        rate: Pictures a second, 20 when left out.
+        rate: Frames per second, 20 when left out.
         speed: Seconds of the motion in a second of the video.
 
     Raises:
-        InputError: If a number is out of reason, the file is of an unknown kind, or ffmpeg is
-            needed and missing.
+        InputError: If a number is out of range, the file's kind is unknown, or ffmpeg is missing.
     """
-    kind = _kind(file)
-    wanted = _RATE if rate is None else _positive("fps", rate, 100.0)
-    if kind == ".gif":
-        wanted = 100.0 / max(round(100.0 / wanted), 100.0 / _FASTEST_GIF)
-    pace = _pace(duration) if speed is None else _positive("speed", speed, 1e6)
-    step = pace / wanted
-    count = math.ceil(duration / step - 1e-9) + 1
-    if count > _MOST:
-        told = f"{count:,} pictures would be needed"
-        raise InputError("video", told, f"{_MOST:,} at most: a smaller --fps or a larger --speed")
-    return Takes(tuple(min(k * step, duration) for k in range(count)), wanted, pace)
-
-
-def _positive(key: str, given: float, most: float) -> float:
-    if not 0.0 < given <= most:
-        raise InputError(key, f"{given:g} was given", f"a positive number, {most:g} at most")
-    return given
-
-
-def _pace(duration: float) -> float:
-    """The smallest round speed-up that makes a motion short enough."""
-    wanted, power = duration / _LONGEST, 1.0
-    while True:
-        for round_number in (1.0, 2.0, 4.0, 5.0, 8.0):
-            if round_number * power >= wanted:
-                return round_number * power
-        power *= 10.0
-
-
-def _kind(file: Path) -> str:
     kind = file.suffix.lower()
-    if kind not in _ENDINGS:
-        raise InputError("video", f"{file.name} is of no kind known here", "a .gif or .mp4 file")
+    if kind not in (".gif", ".mp4"):
+        raise InputError("video", f"{file.name} is of an unknown kind", "a .gif or .mp4 file")
     if kind == ".mp4" and shutil.which("ffmpeg") is None:
         raise InputError(
             "video", "MP4 needs the program ffmpeg, which is not on PATH",
             "install it (such as apt install ffmpeg), or a .gif file",
         )  # fmt: skip
-    return kind
+    rate = _RATE if rate is None else _positive("fps", rate, 100.0)
+    if kind == ".gif":  # whose frame times are hundredths of a second
+        rate = 100.0 / max(round(100.0 / rate), 100.0 / _FASTEST_GIF)
+    speed = _speed_up(duration) if speed is None else _positive("speed", speed, 1e6)
+    step = speed / rate
+    count = math.ceil(duration / step - 1e-9) + 1
+    if count > _MOST:
+        accepted = f"{_MOST:,} at most: a smaller --fps or a larger --speed"
+        raise InputError("video", f"{count:,} frames would be needed", accepted)
+    return FrameTimes(tuple(min(k * step, duration) for k in range(count)), rate, speed)
 
 
-def save_video(file: Path, pictures: Iterable[bytes], rate: float) -> None:
-    """Write a video: whole or not at all.
+def _positive(key: str, value: float, most: float) -> float:
+    if not 0.0 < value <= most:
+        raise InputError(key, f"{value:g} was given", f"a positive number, {most:g} at most")
+    return value
+
+
+def _speed_up(duration: float) -> float:
+    """Smallest of 1, 2, 4, 5, 8, 10, 20, ... that makes the video short enough."""
+    factor, power = duration / _LONGEST, 1.0
+    while True:
+        for digit in (1.0, 2.0, 4.0, 5.0, 8.0):
+            if digit * power >= factor:
+                return digit * power
+        power *= 10.0
+
+
+def save_snapshots(
+    playback: Playback,
+    count: int,
+    folder: Path,
+    name: str,
+    *,
+    size: tuple[int, int] = SIZE,
+    scene: str | None = None,
+    progress: Progress | None = None,
+) -> list[Path]:
+    """Write pictures evenly spread from the first to the last instant; return their files.
 
     Args:
-        file: Its ending says which kind, ``.gif`` (which repeats for ever) or ``.mp4`` (H.264,
-            which needs the program ffmpeg).
-        pictures: PNG files, all of one size, taken one by one.
-        rate: Pictures a second.
+        playback: What to show.
+        count: Number of pictures.
+        folder: Made if missing.
+        name: What the files' names begin with; number and time follow.
+        size: Width and height [pixels].
+        scene: Title of the scene to show, or ``"side by side"``; the first when left out.
+        progress: Called with the fraction done, in [0, 1].
 
     Raises:
-        InputError: If the file cannot be written, is of an unknown kind, or ffmpeg fails or is
-            missing.
+        InputError: If pictures cannot be taken or written.
     """
-    write = {".gif": _write_gif, ".mp4": _write_mp4}[_kind(file)]
-    with written_beside(file) as temporary:
-        write(temporary, pictures, rate)
+    times = np.linspace(0.0, playback.scene_duration(scene), count).tolist()
+    shots = take_pictures(playback.html(), times, size, scene=scene, progress=progress)
+    plain, digits, files = re.sub(r"[^\w.+-]+", "_", name), len(str(count)), []
+    with closing(shots):
+        for number, (time, picture) in enumerate(zip(times, shots, strict=True), start=1):
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                problem = f"{folder}: {error.strerror}"
+                raise InputError("output", problem, "a folder, there or to be made") from None
+            file = folder / f"{plain}_{number:0{digits}}_{time:.2f}s.png"
+            with written_beside(file) as temporary:
+                temporary.write_bytes(picture)
+            files.append(file)
+    return files
 
 
-def _write_gif(file: Path, pictures: Iterable[bytes], rate: float) -> None:
-    """All pictures share their colours, or they would flicker; so all are taken first."""
+def save_video(
+    playback: Playback,
+    file: Path,
+    frames: FrameTimes,
+    *,
+    size: tuple[int, int] | None = None,
+    scene: str | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Write a video.
+
+    Args:
+        playback: What to show.
+        file: A ``.gif`` (repeats for ever) or ``.mp4`` (H.264, by the program ffmpeg).
+        frames: When the frames are taken, see :func:`frame_times`.
+        size: Width and height [pixels].
+        scene: Title of the scene to show, or ``"side by side"``; the first when left out.
+        progress: Called with the fraction done, in [0, 1].
+
+    Raises:
+        InputError: If pictures cannot be taken, the file cannot be written or ffmpeg fails.
+    """
+    gif = file.suffix.lower() == ".gif"
+    size = size or (GIF_SIZE if gif else SIZE)
+    shots = take_pictures(
+        playback.html(), frames.times, size, scene=scene, progress=progress, key="video"
+    )
+    with closing(shots), written_beside(file) as temporary:
+        (write_gif if gif else write_mp4)(temporary, shots, frames.rate)
+
+
+def write_gif(file: Path, pictures: Iterable[bytes], rate: float) -> None:
+    """Write PNG pictures as a GIF with one palette for all frames: separate ones would flicker."""
     stored = list(pictures)
-    looks = [_image(stored[k * (len(stored) - 1) // _LOOKS]) for k in range(_LOOKS + 1)]
-    palette = _palette(np.concatenate([np.asarray(look).reshape(-1, 3) for look in looks]))
-
-    def reduced(picture: bytes) -> Image.Image:
-        return _image(picture).quantize(palette=palette, dither=Image.Dither.NONE)
-
-    reduced(stored[0]).save(
-        file, "GIF", save_all=True, append_images=map(reduced, stored[1:]), loop=0,
-        duration=round(1000.0 / rate), optimize=False,
+    chosen = np.linspace(0, len(stored) - 1, _PALETTE_FRAMES + 1).astype(int)
+    pixels = [np.asarray(_image(stored[k])).reshape(-1, 3) for k in chosen]
+    palette = _palette(np.concatenate(pixels))
+    frames = (_image(one).quantize(palette=palette, dither=Image.Dither.NONE) for one in stored)
+    next(frames).save(
+        file, "GIF", save_all=True, append_images=frames, loop=0, duration=round(1000.0 / rate),
+        optimize=False,
     )  # fmt: skip
 
 
 def _palette(pixels: npt.NDArray[np.uint8]) -> Image.Image:
-    """256 colours for some pixels, shape (K, 3).
+    """256 colours for pixels (K, 3), weighted by the fourth root of how often they occur.
 
-    The sky is nearly all of a picture, and what matters are a few bright lines: a colour's weight
-    is the fourth root of how often it is seen.
+    The background is nearly all of a picture; what matters are a few bright lines.
     """
     bins, place, counts = np.unique(
         pixels >> _COARSE, axis=0, return_inverse=True, return_counts=True
@@ -166,44 +213,17 @@ def _image(picture: bytes) -> Image.Image:
     return Image.open(io.BytesIO(picture)).convert("RGB")
 
 
-def _write_mp4(file: Path, pictures: Iterable[bytes], rate: float) -> None:
-    with _ffmpeg(file, rate) as process:
-        for picture in pictures:
-            if process.stdin is None or process.poll() is not None:
-                break
-            with suppress(BrokenPipeError):
-                process.stdin.write(picture)
-
-
-@contextmanager
-def _ffmpeg(file: Path, rate: float) -> Iterator[subprocess.Popen[bytes]]:
-    """An ffmpeg that reads PNG files; ended, or made to, with the block."""
+def write_mp4(file: Path, pictures: Iterable[bytes], rate: float) -> None:
+    """Write PNG pictures as H.264 with ffmpeg."""
     program = [
-        *("ffmpeg", "-loglevel", "error", "-nostdin", "-y"),
+        *("ffmpeg", "-loglevel", "error", "-y"),
         *("-f", "image2pipe", "-c:v", "png", "-framerate", repr(rate), "-i", "-"),
         *("-c:v", "libx264", "-crf", "18", "-pix_fmt", "yuv420p"),
         *("-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-movflags", "+faststart"),
         *("-f", "mp4", os.fspath(file.resolve())),
     ]
-    with tempfile.TemporaryFile() as log:
-        process = subprocess.Popen(
-            program, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log,
-            start_new_session=True,  # Ctrl-C is this program's to handle
-        )  # fmt: skip
-        try:
-            yield process
-            if process.stdin is not None:
-                with suppress(BrokenPipeError):
-                    process.stdin.close()
-            status = process.wait()
-        finally:
-            process.kill()
-            process.wait()
-            if process.stdin is not None:
-                with suppress(OSError):
-                    process.stdin.close()
-        if status != 0:
-            log.seek(0)
-            lines = log.read().decode(errors="replace").strip().splitlines()
-            told = lines[-1][:300] if lines else f"exit code {status}"
-            raise InputError("video", f"ffmpeg failed: {told}", "an ffmpeg with H.264, or a .gif")
+    done = subprocess.run(program, input=b"".join(pictures), capture_output=True, check=False)
+    if done.returncode != 0:
+        lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
+        problem = f"ffmpeg failed: {lines[-1][:300]}"
+        raise InputError("video", problem, "an ffmpeg with H.264, or a .gif file")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import io
-import itertools
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -23,14 +23,7 @@ from freefloat.robot.shapes import Shape as Shape
 from freefloat.robot.shapes import Sphere as Sphere
 from freefloat.robot.shapes import Visual as Visual
 from freefloat.so3 import Array, Pose
-from freefloat.visualization.default_shapes import (
-    BUS,
-    ROD,
-    Connection,
-    Mass,
-    Skeleton,
-    made_visuals,
-)
+from freefloat.visualization.robot_shapes import LINK, SPACECRAFT, default_visuals
 
 _DRAWN = ("material", "link", "joint")
 
@@ -51,8 +44,7 @@ class Look:
 def look_of(model: FreeFloatingModel) -> Look:
     """What a robot looks like.
 
-    Shapes are made for bodies that the URDF gives no visuals, for the spacecraft's heaviest link if
-    it has none, and for links whose visuals cannot be read.
+    Bodies without visuals get boxes and rods.
 
     Args:
         model: Robot.
@@ -63,29 +55,25 @@ def look_of(model: FreeFloatingModel) -> Look:
     robot, missing = _read(model.description.text)
     palette = _palette(robot)
     load = cache(partial(_load, model.description.source))
-    visuals, failed = [], {link for link, _ in missing}
+    visuals: list[Visual] = []
     for link in robot.links:
         body, place = model.link_places[link.name]
         for shown in link.visuals:
             try:
                 shapes = list(_shapes(shown.geometry, load))
             except MeshFileError as error:
-                failed.add(link.name)
                 missing.append((link.name, f"mesh {shown.geometry.mesh.filename}: {error}"))
                 continue
             at = place @ _pose(shown.origin)
-            told = _told(shown.material, palette) or (BUS if body == 0 else ROD)
+            told = _told(shown.material, palette) or (SPACECRAFT if body == 0 else LINK)
             visuals += [Visual(link.name, body, at, shape, own or told) for shape, own in shapes]
-    skeleton = _skeleton(model, robot)
-    drawn = {visual.name for visual in visuals}
-    visuals += made_visuals(skeleton, _bare(skeleton, visuals, failed))
-    made = {visual.name for visual in visuals} - drawn
-    fates = {**dict.fromkeys(drawn, "the rest of the link is drawn"),
-             **dict.fromkeys(made, "made shapes stand for it")}  # fmt: skip
-    sentences = [
-        f"link {link}: {problem}; {fates.get(link, 'it is not drawn')}" for link, problem in missing
-    ]
-    return Look(tuple(_named(visuals, model.link_places)), tuple(sentences))
+    masses = {link.name: link.inertial.mass for link in robot.links if link.inertial is not None}
+    parts = [link for link, (body, _) in model.link_places.items() if body == 0]
+    heaviest = max(parts, key=lambda link: masses.get(link, 0.0))
+    drawn = {one.body for one in visuals if one.body > 0 or one.name == heaviest}
+    visuals += default_visuals(model, drawn)
+    problems = tuple(f"link {link}: {problem}; not drawn" for link, problem in missing)
+    return Look(tuple(_named(visuals)), problems)
 
 
 def _read(text: str) -> tuple[Any, list[tuple[str, str]]]:
@@ -191,39 +179,11 @@ def _pose(origin: Array | None) -> Pose:
     return Pose(np.zeros(3), np.eye(3)) if origin is None else Pose(origin[:3, 3], origin[:3, :3])
 
 
-def _skeleton(model: FreeFloatingModel, robot: Any) -> Skeleton:
-    connections = [
-        Connection(
-            parent=joint.parent,
-            child=joint.child,
-            place=_pose(joint.origin),
-            axis=None if joint.type == "fixed" else joint.axis / np.linalg.norm(joint.axis),
-            stroke=(joint.limit.lower, joint.limit.upper) if joint.type == "prismatic" else None,
-        )
-        for joint in robot.joints
-    ]
-    masses = {
-        link.name: Mass(link.inertial.mass, _pose(link.inertial.origin), link.inertial.inertia)
-        for link in robot.links
-        if link.inertial is not None
-    }
-    return Skeleton(model, connections, masses)
-
-
-def _bare(skeleton: Skeleton, visuals: list[Visual], failed: set[str]) -> list[str]:
-    """Links for which shapes are to be made, in the order of the robot."""
-    drawn, bodies = {visual.name for visual in visuals}, {visual.body for visual in visuals}
-    wanted = (failed | {skeleton.bus}) - drawn
-    places = skeleton.model.link_places
-    return [link for link, (body, _) in places.items() if link in wanted or body not in bodies]
-
-
-def _named(visuals: list[Visual], order: Iterable[str]) -> Iterator[Visual]:
-    """Sorted by link, a number behind the names of links with several visuals."""
-    taken = {*order}
-    for link in order:
-        mine = [visual for visual in visuals if visual.name == link]
-        numbers = itertools.count(1)
-        for visual in mine:
-            free = (name for n in numbers if (name := f"{link} {n}") not in taken)
-            yield visual if len(mine) == 1 else replace(visual, name=next(free))
+def _named(visuals: Iterable[Visual]) -> Iterator[Visual]:
+    """The same with names that differ: a number follows where there are several."""
+    names = Counter(visual.name for visual in visuals)
+    taken: Counter[str] = Counter()
+    for visual in visuals:
+        taken[visual.name] += 1
+        name = f"{visual.name} {taken[visual.name]}"
+        yield visual if names[visual.name] == 1 else replace(visual, name=name)

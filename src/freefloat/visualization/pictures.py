@@ -1,0 +1,113 @@
+"""Pictures of a page at given times, taken by a headless Chromium through Playwright."""
+
+from __future__ import annotations
+
+import base64
+import os
+import shutil
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from freefloat.errors import InputError
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+_SMALLEST, _LARGEST = 16, 4096
+"""Pixels a side."""
+_BROWSERS = (
+    "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome",
+    "microsoft-edge", "msedge", "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+)  # fmt: skip
+_FLAGS = ("--enable-unsafe-swiftshader", "--disable-background-networking")
+"""The first: WebGL without a graphics card."""
+_TIMEOUT = 120_000
+"""Milliseconds for one picture."""
+
+
+def find_browser() -> str | None:
+    """Return the program that CHROMIUM_BIN names, else a Chromium, Chrome or Edge on PATH.
+
+    Raises:
+        InputError: If CHROMIUM_BIN is set and names no program.
+    """
+    named = os.environ.get("CHROMIUM_BIN")
+    if not named:
+        return next(filter(None, map(shutil.which, _BROWSERS)), None)
+    program = shutil.which(named)
+    if program is None:
+        raise InputError("CHROMIUM_BIN", f"{named} is no program", "a Chromium or Chrome")
+    return program
+
+
+def take_pictures(
+    html: str,
+    times: Sequence[float],
+    size: tuple[int, int],
+    *,
+    scene: str | None = None,
+    progress: Callable[[float], None] | None = None,
+    key: str = "snapshots",
+) -> Generator[bytes]:
+    """Yield pictures of a page; close the iterator if it is not exhausted.
+
+    Args:
+        html: The page, see :mod:`freefloat.visualization.page`.
+        times: Of the pictures [s].
+        size: Width and height [pixels].
+        scene: Title of the scene to show; the first when left out.
+        progress: Called with the fraction done, in [0, 1].
+        key: Option named in errors.
+
+    Yields:
+        PNG files.
+
+    Raises:
+        InputError: If Playwright or a browser is missing, or the page cannot be drawn.
+    """
+    if not all(_SMALLEST <= side <= _LARGEST for side in size):
+        accepted = f"{_SMALLEST} to {_LARGEST} pixels a side"
+        raise InputError("size", f"{size[0]}x{size[1]} was given", accepted)
+    with _opened(html, key) as page:
+        page.evaluate("([w, h, title]) => freefloat.frame(w, h, title)", [*size, scene])
+        for number, time in enumerate(times, start=1):
+            data = page.evaluate("t => { freefloat.seek(t); return freefloat.picture(); }", time)
+            yield base64.b64decode(data.partition(",")[2])
+            if progress is not None:
+                progress(number / len(times))
+
+
+@contextmanager
+def _opened(html: str, key: str) -> Iterator[Page]:
+    """A page in a headless browser without a network."""
+    try:
+        from playwright.sync_api import Error, sync_playwright
+    except ModuleNotFoundError:
+        raise InputError(
+            key, "the package playwright is not installed", "pip install 'freefloat[video]'"
+        ) from None
+    program = find_browser()
+    with sync_playwright() as playwright:
+        if program is None and not Path(playwright.chromium.executable_path).exists():
+            raise InputError(
+                key, "no Chromium or Chrome was found",
+                "install one (apt install chromium, playwright install chromium) or set "
+                "CHROMIUM_BIN",
+            )  # fmt: skip
+        root = hasattr(os, "geteuid") and os.geteuid() == 0  # root cannot use the sandbox
+        flags = [*_FLAGS, "--no-sandbox"] if root else [*_FLAGS]
+        try:
+            with playwright.chromium.launch(executable_path=program, args=flags) as browser:
+                page = browser.new_page(offline=True, device_scale_factor=1.0)
+                page.set_default_timeout(_TIMEOUT)
+                page.set_content(html)
+                page.wait_for_function("window.freefloat || window.freefloatError")
+                problem = page.evaluate("window.freefloatError")
+                if problem is not None:
+                    raise InputError(key, f"the page cannot be drawn: {problem}", "WebGL")
+                yield page
+        except Error as error:
+            problem = f"{program or 'Chromium'} failed: {error.message.splitlines()[0]}"
+            raise InputError(key, problem, "a Chromium or Chrome that can draw WebGL") from None

@@ -1,0 +1,187 @@
+"""MeshCat commands of a scene, collected without a server.
+
+Objects and tracks are kept apart: a viewer drops tracks of objects that it does not know yet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import umsgpack
+from meshcat import geometry as g
+from meshcat.commands import SetObject, SetProperty, SetTransform
+from meshcat.path import Path
+
+from freefloat.so3 import Array, IntArray, Pose
+
+ROOT = "meshcat"
+"""First part of all paths except those of lights, camera and background."""
+_FLOAT32 = 0x17
+_BACKGROUND = {"top_color": [0.10, 0.13, 0.20], "bottom_color": [0.02, 0.03, 0.05]}
+
+Colour = Sequence[float]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A scene, its animation, and what a page must know to show them.
+
+    Attributes:
+        objects: Commands that make the scene, msgpack, in order.
+        copies: Paths whose object is that of another path: from, to.
+        animation: The command with all tracks, msgpack; None where nothing moves.
+        about: Titles, labels, the colour scale and the first view, as JSON has them.
+    """
+
+    objects: tuple[bytes, ...]
+    copies: tuple[tuple[str, str], ...]
+    animation: bytes | None
+    about: Mapping[str, Any]
+
+
+class SceneBuilder:
+    """Collects MeshCat commands."""
+
+    def __init__(self) -> None:
+        self._objects: list[bytes] = []
+        self._tracks: dict[str, list[dict[str, Any]]] = {}
+        self._copies: list[tuple[str, str]] = []
+        self._known: dict[str, str] = {}
+        for path in ("Grid", "Axes"):
+            self.set(path, "visible", False)
+        for key, value in _BACKGROUND.items():
+            self.set("Background", key, value)
+        for light in ("PointLightNegativeX", "PointLightPositiveX"):
+            self.set(f"Lights/{light}/<object>", "distance", 0.0)
+            self.set(f"Lights/{light}/<object>", "intensity", 0.25)
+
+    def scene(self, about: Mapping[str, Any]) -> Scene:
+        """Return the scene; clips all last ``about["duration"]``: shorter ones would freeze."""
+        duration, animation = float(about["duration"]), None
+        if self._tracks:
+            clips = [
+                {"path": path, "clip": {"name": "default", "duration": duration, "tracks": tracks}}
+                for path, tracks in self._tracks.items()
+            ]
+            options = {"play": False, "repetitions": 1}
+            animation = bytes(umsgpack.packb(
+                {"type": "set_animation", "path": "", "animations": clips, "options": options}
+            ))  # fmt: skip
+        return Scene(tuple(self._objects), tuple(self._copies), animation, about)
+
+    def mesh(
+        self,
+        path: str,
+        geometry: Any,
+        colour: Colour,
+        *,
+        shaded: bool = True,
+        overlay: bool = False,
+    ) -> None:
+        """Add a surface.
+
+        Args:
+            path: Where.
+            geometry: A MeshCat geometry, or vertices (V, 3) and faces (F, 3).
+            colour: Red, green, blue and opacity, in [0, 1].
+            shaded: Whether lights matter.
+            overlay: Whether it is drawn over what stands before it.
+        """
+        if isinstance(geometry, tuple):
+            geometry = g.TriangularMeshGeometry(*geometry)
+        *rgb, opacity = colour
+        red, green, blue = (round(255.0 * float(value)) for value in rgb)
+        kind = g.MeshLambertMaterial if shaded else g.MeshBasicMaterial
+        material = kind(
+            color=(red << 16) + (green << 8) + blue, opacity=float(opacity),
+            depthWrite=opacity == 1.0, reflectivity=0.0, **_overlay(overlay),
+        )  # fmt: skip
+        material.transparent = overlay or opacity < 1.0  # drawn last
+        self._put(path, g.Mesh(geometry, material))
+
+    def coloured_mesh(
+        self, path: str, vertices: Array, faces: IntArray, colours: Array, *, overlay: bool = False
+    ) -> None:
+        """Add unshaded triangles (F, 3) with a colour (V, 3) at every vertex (V, 3)."""
+        geometry = g.TriangularMeshGeometry(vertices, faces, colours)
+        material = g.MeshBasicMaterial(
+            vertexColors=True, transparent=overlay, reflectivity=0.0, **_overlay(overlay)
+        )
+        self._put(path, g.Mesh(geometry, material))
+
+    def points(self, path: str, points: Array, colours: Array, size: float) -> None:
+        """Add points (K, 3) with colours (K, 3), of a size in metres."""
+        geometry = g.PointsGeometry(_single(points.T), _single(colours.T))
+        self._put(path, g.Points(geometry, g.PointsMaterial(size=float(size))))
+
+    def place(self, path: str, pose: Pose) -> None:
+        """Set the pose of a path in its parent."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
+        command = SetTransform(matrix, _path(path)).lower()
+        command["matrix"] = [float(value) for value in command["matrix"]]
+        self._objects.append(umsgpack.packb(command))
+
+    def set(self, path: str, key: str, value: Any) -> None:
+        """Set a property of a path, or of its object where the path ends in ``<object>``."""
+        command = SetProperty(key, value, _path(path)).lower()
+        self._objects.append(umsgpack.packb(command))
+
+    def move(self, path: str, times: Array, positions: Array, quaternions: Array) -> None:
+        """Move a path: positions (K, 3), quaternions x, y, z, w (K, 4) at times (K,)."""
+        self._track(path, "position", "vector3", times, _floats(positions))
+        self._track(path, "quaternion", "quaternion", times, _floats(quaternions))
+
+    def appear(self, path: str, time: float) -> None:
+        """Show a path from a time [s] on."""
+        if time > 0.0:
+            self._track(path, "visible", "boolean", np.array([0.0, time]), [False, True])
+
+    def _track(self, path: str, name: str, kind: str, times: Array, values: Any) -> None:
+        track = {"name": f".{name}", "type": kind, "times": _floats(times), "values": values}
+        self._tracks.setdefault(_path(path).lower(), []).append(track)
+
+    def _put(self, path: str, thing: Any) -> None:
+        """Add an object, or note that it equals one that was added before."""
+        parts = thing, thing.geometry, thing.material
+        for part in parts:
+            part.uuid = ""  # MeshCat's are random
+        content = sha256(umsgpack.packb(thing.lower())).hexdigest()
+        if content in self._known:
+            self._copies.append((self._known[content], path))
+            return
+        for number, part in enumerate(parts):
+            part.uuid = f"{len(self._known)}-{number}"
+        self._known[content] = path
+        self._objects.append(umsgpack.packb(SetObject(thing, path=_path(path)).lower()))
+
+
+def node(name: str) -> str:
+    """Return a name as one node of a path: a slash would split it."""
+    return name.replace("/", "∕").strip() or "unnamed"
+
+
+def label(text: str, position: Array, item: str, since: float = 0.0) -> dict[str, Any]:
+    """Return a text at a place [m] as the page has it, shown with an item from a time [s] on."""
+    return {"text": text, "position": [float(x) for x in position], "item": item, "since": since}
+
+
+def _overlay(overlay: bool) -> dict[str, Any]:
+    return {"depthTest": False} if overlay else {}
+
+
+def _path(path: str) -> Path:
+    return Path(tuple(part for part in path.split("/") if part))
+
+
+def _single(values: Array) -> npt.NDArray[np.float32]:
+    return np.ascontiguousarray(values, dtype=np.float32)
+
+
+def _floats(values: Array) -> Any:
+    return umsgpack.Ext(_FLOAT32, np.ascontiguousarray(values, dtype="<f4").tobytes())
