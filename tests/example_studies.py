@@ -1,4 +1,4 @@
-"""Studies for tests: cheap cases of the paper's first example, written into a folder."""
+"""Studies for tests: cheap runs of the paper's first example, written into a folder."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ SHORT: dict[str, Any] = BASE | {
     "path": BASE["path"] | {"polynomial": {"x": [2, -0.05], "y": [0, 0.01], "z": [0]}},
     "timing": {"duration": 5},
 }
-"""A twentieth of the way, in a quarter of the time."""
-TURNS: dict[str, Any] = {"heading_deg": {"list": [200.0, 140.0, 20.0]}}
+"""The first twentieth of the path."""
+HEADINGS: dict[str, Any] = {"heading_deg": {"list": [200.0, 140.0, 20.0]}}
 """Feasible, singular, feasible."""
 
 
@@ -34,15 +34,15 @@ def write_study(
     folder: Path, vary: dict[str, Any], base: dict[str, Any] | None = None, **keys: Any
 ) -> Path:
     """A study of simulations, its base beside it; keys with the value None are left out."""
-    (folder / "wish.yaml").write_text(yaml.safe_dump(base or BASE, sort_keys=False))
+    (folder / "base.yaml").write_text(yaml.safe_dump(base or BASE, sort_keys=False))
     start = {} if "heading_deg" in vary else {"heading_deg": 200.0}
-    document = {"base": "wish.yaml", "task": "simulate", **start, "vary": vary, **keys}
-    told = {key: value for key, value in document.items() if value is not None}
+    document = {"base": "base.yaml", "command": "simulate", **start, "vary": vary, **keys}
+    content = {key: value for key, value in document.items() if value is not None}
     file = folder / "study.yaml"
-    file.write_text(yaml.safe_dump(told, sort_keys=False))
+    file.write_text(yaml.safe_dump(content, sort_keys=False))
     return file
 
 
 def a_study(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> Study:
     """The same, loaded."""
-    return load_study(write_study(folder, TURNS if vary is None else vary, **keys))
+    return load_study(write_study(folder, HEADINGS if vary is None else vary, **keys))

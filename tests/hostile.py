@@ -34,13 +34,12 @@ from freefloat.paths.path import read_samples
 from freefloat.robot.meshes import MeshFileError, read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import examine
-from freefloat.studies.files import StudyFiles
-from freefloat.studies.folder import study_folder
+from freefloat.studies.files import study_files
 from freefloat.studies.study import load_study
 from freefloat.verification.check import _seals, _verdict
 from freefloat.visualization.visuals import look_of
 from tests import hostile_samples as good
-from tests.mutations import CSV, JSON, LINES, XML, YAML, Mutator, mutated
+from tests.mutations import CSV, LINES, XML, YAML, Mutator, mutated
 from tests.result_mutations import HDF5, mutated_result
 from tests.scenarios import PARABOLA
 
@@ -145,16 +144,7 @@ def _study(file: Path) -> None:
             validated(ScenarioFile, study.document(number), study.base_source)
         except FreeFloatError:
             continue
-    files = StudyFiles.of(study)
-    files.unpack(file.parent.parent / "out" / "unpacked")
-    files.digests()
-
-
-def _folder(file: Path) -> None:
-    """A journal that is continued."""
-    study = load_study(file.parent / "good_study.yaml")
-    with study_folder(file.parent, study, StudyFiles.of(study)) as folder:
-        folder.missing  # noqa: B018
+    study_files(study)
 
 
 def _mesh(file: Path) -> None:
@@ -185,7 +175,6 @@ KINDS = {
     "plan": Kind("plan.h5", good.plans, HDF5, _plan),
     "map": Kind("map.h5", good.maps, HDF5, _map),
     "study": Kind("study.yaml", lambda: _yaml(good.STUDY, good.START, good.HEADINGS), YAML, _study),
-    "journal": Kind("journal.jsonl", good.rows, JSON, _folder),
     "mesh": Kind("mesh", good.meshes, LINES, _mesh),
 }  # fmt: skip
 

@@ -57,7 +57,7 @@ margin: {value: 0}
 POINTS = "s,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n0.4,0.5,0,0.1,0,0,0.1,1\n1,1,0.2,0.3,0,0,1,0\n"
 STUDY: dict[str, Any] = {
     "base": "wish.yaml",
-    "task": "plan",
+    "command": "plan",
     "vary": {
         "momentum": {"normal": {"mean": [0, 0, 1], "sd": [0, 0, 0.1]}},
         "timing.duration": {"list": [50, 100]},
@@ -69,7 +69,7 @@ STUDY: dict[str, Any] = {
 }
 START: dict[str, Any] = {
     "base": "wish.yaml",
-    "task": "simulate",
+    "command": "simulate",
     "vary": {
         "attitude": {"so3": {"center": [0, 0, 0, 1], "angle_deg": 20}},
         "robot.urdf": {"list": ["planar_3dof.urdf", "spatial_6dof.urdf"]},
@@ -79,7 +79,7 @@ START: dict[str, Any] = {
     "cases": 4,
 }
 HEADINGS = {
-    "base": "planar_3dof/parabola", "task": "simulate", "combine": "zipped",
+    "base": "planar_3dof/parabola", "command": "simulate", "combine": "zipped",
     "vary": {"heading_deg": {"list": [200.0, 20.0]}, "momentum.2": {"list": [0.1, 0.2]}},
 }  # fmt: skip
 
@@ -158,10 +158,3 @@ def meshes() -> tuple[bytes, ...]:
         text = text.replace(name, data)
     return tuple(one if isinstance(one, bytes) else one.encode()
                  for one in (*found, "\n".join(lines), text))  # fmt: skip
-
-
-def rows() -> tuple[bytes, ...]:
-    """A journal of a study."""
-    rows = [{"case": number, "verdict": "feasible", "margin": 1.5, "seconds": 0.1, "momentum": [1],
-             "file": f"cases/{number:05d}.h5", "bytes": 3} for number in range(4)]  # fmt: skip
-    return ("".join(json.dumps(row) + "\n" for row in rows).encode(),)

@@ -27,7 +27,7 @@ far as its samples are apart."""
 WRITTEN = {
     "05_so3_map": ["so3_map.png", "so3_map.pdf"],
     "07_playback": ["playback.html"],
-    "08_study": ["study/journal.jsonl", "study/cases.csv", "study/summary.png"],
+    "08_study": ["study/study.sqlite", "study/cases.csv", "study/summary.png"],
 }
 
 

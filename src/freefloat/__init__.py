@@ -75,9 +75,9 @@ if TYPE_CHECKING:
     from freefloat.robot.parts import Mount as Mount
     from freefloat.robot.parts import Payload as Payload
     from freefloat.robot.parts import Spacecraft as Spacecraft
+    from freefloat.studies.runner import run_study as run_study
     from freefloat.studies.study import Study as Study
     from freefloat.studies.study import load_study as load_study
-    from freefloat.tasks.batching import run_study as run_study
     from freefloat.visualization.figures import figures as figures
     from freefloat.visualization.playback import Playback as Playback
     from freefloat.visualization.playback import playback as playback
@@ -151,7 +151,7 @@ _ROOMS = {
     # many cases
     "load_study": "studies.study",
     "Study": "studies.study",
-    "run_study": "tasks.batching",
+    "run_study": "studies.runner",
     # errors
     "FreeFloatError": "errors",
     "InputError": "errors",

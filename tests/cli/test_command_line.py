@@ -213,7 +213,7 @@ def test_the_nearest_key_or_word_of_a_scenario_is_suggested(
 
 def test_the_nearest_key_of_a_study_is_suggested(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text(
-        "base: planar_2dof/line\ntask: plan\nvary: {timing.duraton: {list: [1, 2]}}\n"
+        "base: planar_2dof/line\ncommand: plan\nvary: {timing.duraton: {list: [1, 2]}}\n"
     )
     result = run("batch", str(tmp_path / "study.yaml"), "--dry-run")
     assert "(did you mean duration?)" in result.stderr

@@ -30,12 +30,7 @@ from freefloat.robot.meshes import MeshFileError, read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import examine
 from freefloat.so3 import heading_quaternion
-from freefloat.studies.files import StudyFiles
-from freefloat.studies.report import save_report
 from freefloat.studies.study import load_study
-from freefloat.studies.summary import study_summary
-from freefloat.studies.table import study_table
-from freefloat.visualization.figure_style import new_figure
 from freefloat.visualization.playback import playback
 from tests import hostile_samples as good
 from tests.example_studies import BASE, a_study, write_study
@@ -197,14 +192,6 @@ def test_minus_zero_is_zero(tmp_path: Path) -> None:
     assert a_study(tmp_path, vary, cases=2).parameters(1) == {"momentum.2": 0.0}
 
 
-def test_meshes_of_a_study_are_not_looked_for_by_entities(tmp_path: Path) -> None:
-    text = good.meshed().decode().replace("part.stl", "&a;")
-    declared = '<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY a "wish.yaml">]>'
-    file = write_study(tmp_path, {"heading_deg": {"list": [1.0]}})
-    (tmp_path / "planar_3dof.urdf").write_text(text.replace('<?xml version="1.0"?>', declared))
-    assert list(StudyFiles.of(load_study(file)).meshes.values()) == [{}]
-
-
 # Result files
 
 
@@ -306,16 +293,6 @@ def test_pictures_of_meshes_are_plain_files_beside_them(picture: str, watch: Wat
     assert len(read_mesh(file)) == 1
 
 
-# Journals
-
-
-@pytest.mark.parametrize("row", ['{"case": 1.5}', '{"case": NaN}', '{"case": 1, "margin": NaN}'])
-def test_rows_that_no_study_writes_are_refused(row: str, watch: Watch) -> None:
-    result, told = outcome(KINDS["journal"], f"{row}\n".encode(), watch)
-    assert result == REFUSED
-    assert "no row of a journal" in told
-
-
 # Pages
 
 NAME = "</script><script>window.hacked=1</script><img src=x onerror=alert(1)>"
@@ -352,17 +329,3 @@ def test_names_in_a_robot_stay_names_on_its_page() -> None:
         pages.append(Tags(playback({f"a{name}": followed.chosen.motion}, title=f"b{name}").html()))
     assert pages[0].found == pages[1].found
     assert pages[1].handlers == pages[0].handlers == []
-
-
-def test_names_in_a_study_stay_names_on_its_report(tmp_path: Path) -> None:
-    study = a_study(tmp_path, {"momentum.2": {"list": [NAME, 1.0]}, "timing.duration":
-                               {"list": [1.0]}}, base=BASE)  # fmt: skip
-    rows = {0: {"case": 0, "verdict": "error", "error": NAME, "seconds": 0.1},
-            1: {"case": 1, "verdict": "infeasible", "reason": NAME, "seconds": 0.1}}  # fmt: skip
-    file = save_report(tmp_path, study, study_summary(study, rows), study_table(study, rows),
-                       ["momentum.2"], new_figure(3.0, 2.0))  # fmt: skip
-    tags = Tags(file.read_text())
-    assert NAME not in file.read_text()
-    assert tags.found["script"] == 0
-    assert tags.found["img"] == 1
-    assert tags.handlers == []

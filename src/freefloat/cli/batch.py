@@ -1,4 +1,4 @@
-"""``freefloat batch``: many cases of a scenario, side by side, and on from where they ended."""
+"""``freefloat batch``: many runs of a scenario, side by side and resumable."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import signal
 import typer
 
 from freefloat.cli import options
-from freefloat.cli.console import DONE, NO, answer, answering, say
+from freefloat.cli.console import DONE, NO, answer, answering, progress_bar, say
+from freefloat.errors import InputError
 
 
 def batch(
@@ -19,10 +20,10 @@ def batch(
     report: options.Report = False,
     as_json: options.Json = False,
 ) -> None:
-    """Run a scenario in many cases: lists, grids and random draws of any of its keys.
+    """Run a scenario many times, with lists, grids and random values of any of its keys.
 
-    Every finished case is on disk at once; the same command goes on where an earlier one ended.
-    Exit code 0 when all cases were answered, be they infeasible, and 1 when some ended in error.
+    Every finished run is on disk at once; the same command continues a study that was interrupted.
+    Exit code 0 when no run ended in an error, be it infeasible, and 1 otherwise.
 
     Example: freefloat batch spatial_6dof/montecarlo --dry-run
 
@@ -30,25 +31,30 @@ def batch(
     """
     with answering(as_json):
         from freefloat.cli.batch_tables import batch_tables, dry_run_tables
+        from freefloat.studies.runner import estimate_study, run_study
         from freefloat.studies.study import load_study
-        from freefloat.studies.summary import failure_line
-        from freefloat.tasks.batching import Wishes, dry_run_document, study_document
 
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
-        wishes = Wishes(output, workers, scheduler, report)
         loaded = load_study(study)
+        if dry_run:
+            estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler)
+            answer(estimate.to_dict(), dry_run_tables(estimate), as_json)
+            raise typer.Exit(DONE)
+        if output is None:
+            problem = "it is missing"
+            raise InputError("output", problem, "-o DIR, a folder for the results; or --dry-run")
         try:
-            document = (dry_run_document if dry_run else study_document)(loaded, wishes)
+            with progress_bar(f"{loaded.count:,} runs") as progress:
+                result = run_study(
+                    loaded, output, workers=workers, scheduler=scheduler, report=report,
+                    progress=progress,
+                )  # fmt: skip
         except KeyboardInterrupt:
-            if not dry_run:
-                say("the same command goes on where this one ended")
+            say("the same command continues the study")
             raise
-    if dry_run:
-        answer(document, dry_run_tables(document), as_json)
+    answer(result.to_dict(), batch_tables(result), as_json)
+    if not result.errors:
         raise typer.Exit(DONE)
-    answer(document, batch_tables(document), as_json)
-    line = failure_line(document)
-    if line is None:
-        raise typer.Exit(DONE)
-    say(line)
+    first, count = result.errors[0], result.verdicts["error"]
+    say(f"{count} of {loaded.count} runs ended in an error; run {first.number}: {first.error}")
     raise typer.Exit(NO)

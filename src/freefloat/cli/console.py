@@ -122,41 +122,6 @@ def progress_bar(words: str) -> Iterator[Callable[[float], None]]:
 
 
 @contextmanager
-def case_progress(total: int, done: int) -> Iterator[Callable[[bool], None]]:
-    """How a batch goes, on stderr and on terminals only: rate, time left, failures.
-
-    What it yields is called for every case that ends, with whether it failed.
-    """
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    console = Console(stderr=True)
-    begin, count, failures = time.monotonic(), 0, 0
-    columns = (
-        *("running cases", BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")),
-        *(TimeRemainingColumn(elapsed_when_finished=True), TextColumn("{task.fields[failed]}")),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not _watched(),
-                  speed_estimate_period=600.0) as bar:  # fmt: skip
-        task = bar.add_task("", total=total, completed=done, rate="", failed="")
-
-        def tell(failed: bool) -> None:
-            nonlocal count, failures
-            count, failures = count + 1, failures + failed
-            rate = f"{60.0 * count / (time.monotonic() - begin):.1f} a minute"
-            told = f"[red]{failures} failed[/red]" if failures else ""
-            bar.update(task, advance=1, rate=rate, failed=told)
-
-        yield tell
-
-
-@contextmanager
 def compiling() -> Iterator[None]:
     """Tell people on stderr why the first use of kernels on a machine takes long, if it does."""
     line = "compiling kernels, once on this machine for this kind of work: about half a minute"

@@ -1,201 +1,207 @@
-"""Cases side by side on Dask: sent, awaited, and taken up again where a worker dies."""
+"""Runs of a study that are not finished yet, executed and summarized."""
 
 from __future__ import annotations
 
-import shutil
-import signal
+import os
 import time
-import uuid
-from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import CancelledError
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any
 
-from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker
-from distributed.client import ClosedClientError
-from distributed.comm.core import CommClosedError
-
 from freefloat.errors import InputError
-from freefloat.studies.cluster import cluster_at, cores, own_cluster
-from freefloat.studies.files import StudyFiles
-from freefloat.studies.result import CaseResult, error_row
+from freefloat.studies.files import study_files
+from freefloat.studies.results import DATABASE, StudyDatabase, open_results
+from freefloat.studies.run import ERROR, Files, Row, Run, execute, finite
 from freefloat.studies.study import Study
+from freefloat.studies.summary import StudyResult
 
-_FRESH = 5.0
-"""Seconds for which the number of workers is believed."""
-_DEAD = 300.0
-"""Seconds without any worker after which none is waited for any more."""
-_ATTEMPTS = 5
-"""How often the study is sent while workers come and go."""
+_START_SECONDS = 3.0
+"""Typical time until local workers have started."""
 
 
-class _StudyPlugin(WorkerPlugin):
-    """A study and its files, sent to every worker once and unpacked in its folder."""
-
-    def __init__(self, name: str, study: Study, files: StudyFiles, own: bool) -> None:
-        self.name, self._study, self._files, self._own = name, study, files, own
-
-    def setup(self, worker: Any) -> None:
-        """Unpack the files on a worker that joins."""
-        # it takes a second to import: the coordinator does without it
-        from freefloat.studies.run import CaseRunner
-
-        if self._own:  # Ctrl-C is the coordinator's business
-            with suppress(ValueError):
-                signal.signal(signal.SIGINT, signal.SIG_IGN)
-        self._folder = Path(worker.local_directory).absolute() / self.name
-        self.runner = CaseRunner(self._study, self._files.unpack(self._folder))
-
-    def teardown(self, worker: Any) -> None:
-        """Leave nothing behind."""
-        shutil.rmtree(self._folder, ignore_errors=True)
-
-
-def _run_case(name: str, number: int) -> CaseResult:
-    """On a worker: run one case of the study of that name."""
-    plugin: Any = get_worker().plugins[name]
-    result: CaseResult = plugin.runner.run(number)
-    return result
-
-
-def run_cases(
+def run_study(
     study: Study,
-    files: StudyFiles,
-    numbers: Sequence[int],
+    folder: str | Path,
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-) -> Generator[CaseResult]:
-    """Run cases side by side, one on each worker's thread, and give them as they finish.
+    report: bool = True,
+    progress: Callable[[float], None] | None = None,
+) -> StudyResult:
+    """Execute the runs of a study that are not finished yet, side by side.
 
-    No more are sent than there are threads: a worker that dies takes one case with it. Closing the
-    generator ends its own workers at once, whatever they are at.
+    Scripts that call this need ``if __name__ == "__main__":``, because every worker imports them.
+
+    Args:
+        study: As :func:`~freefloat.studies.study.load_study` returns it.
+        folder: Folder of the results. A folder of the same study is continued.
+        workers: Number of processes on this machine; default is one per core.
+        scheduler: Address of a Dask scheduler whose workers are used instead, ``tcp://...``.
+        report: Whether to write ``report.html``.
+        progress: Called with the fraction of finished runs, in [0, 1].
+
+    Returns:
+        The results, those of finished runs included.
+
+    Raises:
+        InputError: If the study cannot be run, the folder cannot be written to, holds another
+            study or is in use, or the scheduler does not answer.
+    """
+    if workers is not None and scheduler is not None:
+        raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
+    begin, folder = time.perf_counter(), Path(folder)
+    files = study_files(study)
+    with open_results(folder, study, files) as database:
+        missing = [number for number in range(study.count) if number not in database.rows]
+        if missing:
+            try:
+                _execute_missing(study, database, missing, files, workers, scheduler, progress)
+            except KeyboardInterrupt:
+                _export(StudyResult(study, database.rows, folder), figures=False, report=False)
+                raise
+        result = StudyResult(study, database.rows, folder, computed=len(missing))
+        result = replace(result, files=_export(result, figures=True, report=report))
+    return replace(result, seconds=time.perf_counter() - begin)
+
+
+def _execute_missing(
+    study: Study,
+    database: StudyDatabase,
+    missing: Sequence[int],
+    files: Files,
+    workers: int | None,
+    scheduler: str | None,
+    progress: Callable[[float], None] | None,
+) -> None:
+    if not any(key.partition(".")[0] == "robot" for key in study.content.vary):
+        study.scenario(missing[0]).model()  # an error of the robot is one of every run
+    from freefloat.studies.cluster import execute_all  # Dask is slow to import
+
+    sent = files if scheduler is not None else ()
+    runs = (Run.of(study, number, sent) for number in missing)
+    count = min(workers or len(os.sched_getaffinity(0)), len(missing))
+    with closing(execute_all(runs, workers=count, scheduler=scheduler)) as results:
+        for result in results:
+            database.add(result)
+            if progress is not None:
+                progress(len(database.rows) / study.count)
+
+
+def _export(result: StudyResult, *, figures: bool, report: bool) -> dict[str, Path | None]:
+    """Write the tables and figures of a study; return the files by kind."""
+    from freefloat.studies.report import save_report
+    from freefloat.studies.table import parameter_columns, save_table, study_table
+    from freefloat.visualization.figure_style import save_figures
+    from freefloat.visualization.study_figure import study_figure
+
+    table = study_table(result.rows)
+    parquet, csv = save_table(result.folder, table)
+    files: dict[str, Path | None] = {"database": result.folder / DATABASE}
+    files |= {"parquet": parquet, "csv": csv}
+    if not figures:
+        return files
+    columns = parameter_columns(table, result.study.content.vary)
+    figure = study_figure(table, columns)
+    drawing, picture = save_figures(result.folder, {"summary": figure})
+    page = save_report(result, table, columns, picture) if report else None
+    return {
+        "database": result.folder / DATABASE,
+        **files,
+        "figure": drawing,
+        "picture": picture,
+        "report": page,
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class StudyEstimate:
+    """Runs of a study and the expected duration of those that are not finished.
+
+    Attributes:
+        study: The study.
+        finished: Numbers of the finished runs.
+        workers: Number of workers; None for those of a scheduler.
+        run_seconds: Expected duration of a run [s]; None if no run could be timed.
+        timed: Which runs were timed, or why none was.
+    """
+
+    study: Study
+    finished: frozenset[int] = field(repr=False)
+    workers: int | None
+    run_seconds: float | None
+    timed: str | None
+
+    @property
+    def missing(self) -> int:
+        """Number of runs that are not finished."""
+        return self.study.count - len(self.finished)
+
+    @property
+    def start_seconds(self) -> float:
+        """Expected time until the workers have started [s]."""
+        return _START_SECONDS if self.workers is not None and self.missing else 0.0
+
+    @property
+    def seconds(self) -> float | None:
+        """Expected duration of the study [s]; with a scheduler on one worker."""
+        if self.run_seconds is None:
+            return None
+        parallel = min(self.workers or 1, len(os.sched_getaffinity(0)), self.missing or 1)
+        return self.start_seconds + self.run_seconds * self.missing / parallel
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the JSON document of ``batch --dry-run``."""
+        parameters = {n: finite(self.study.parameters(n)) for n in range(self.study.count)}
+        return {
+            "study": self.study.source,
+            "base": str(self.study.base_source),
+            "task": str(self.study.content.command),
+            "count": self.study.count,
+            "done": len(self.finished),
+            "workers": self.workers,
+            "seconds_each": self.run_seconds,
+            "start_up_seconds": self.start_seconds,
+            "timed": self.timed,
+            "seconds": self.seconds,
+            "cases": [{"case": number, "done": number in self.finished, "parameters": values}
+                      for number, values in parameters.items()],
+        }  # fmt: skip
+
+
+def estimate_study(
+    study: Study,
+    folder: str | Path | None = None,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> StudyEstimate:
+    """Estimate how long a study will take; nothing is written.
+
+    Two runs are executed and the second timed, unless finished runs tell their duration.
 
     Args:
         study: The study.
-        files: Its files; workers need no others.
-        numbers: Of the cases, run in this order.
-        workers: How many processes to start here; the cores there are when left out.
-        scheduler: Address of a Dask scheduler whose workers are used instead, ``tcp://...``.
-
-    Raises:
-        InputError: If the scheduler is not there, or has no workers with this freefloat.
+        folder: Folder with finished runs.
+        workers: Number of processes on this machine; default is one per core.
+        scheduler: Address of a Dask scheduler whose workers are used instead.
     """
-    if not numbers:
-        return
-    name = f"freefloat-{uuid.uuid4().hex}"
-    count = min(workers or cores(), len(numbers))
-    here = own_cluster(count) if scheduler is None else cluster_at(scheduler)
-    with _loss_told(), here as client:
-        _send(client, _StudyPlugin(name, study, files, scheduler is None))
-        try:
-            yield from _finished(client, name, numbers)
-        finally:
-            if scheduler is not None:
-                with suppress(Exception):  # a scheduler that is gone needs no farewell
-                    client.unregister_worker_plugin(name)
-
-
-def _send(client: Client, plugin: _StudyPlugin) -> None:
-    """Give the study to all workers; those that join later get it from the scheduler."""
-    for _ in range(_ATTEMPTS):
-        try:
-            client.register_plugin(plugin, name=plugin.name)
-            return
-        except CommClosedError:  # a worker died with it in its hands
-            time.sleep(0.2)
-        except OSError as error:
-            problem = f"one cannot keep the files of the study: {error.strerror}"
-            accepted = "workers whose temporary folder may be written to and has room"
-            raise InputError("workers", problem, accepted) from None
-    raise CommClosedError("the study cannot be sent")
-
-
-@contextmanager
-def _loss_told() -> Iterator[None]:
-    """Tell of a scheduler that is gone in our own words."""
-    try:
-        yield
-    except (CommClosedError, ClosedClientError, CancelledError):
-        raise InputError(
-            "scheduler", "the connection to it was lost",
-            "a scheduler that stays; the same command goes on where this one ended",
-        ) from None  # fmt: skip
-
-
-def _finished(client: Client, name: str, numbers: Sequence[int]) -> Iterator[CaseResult]:
-    """Results as they come, a new case sent for each before it is written."""
-    waiting, flying, ended = iter(numbers), dict[int, Future[Any]](), SimpleQueue[int]()
-    threads = _Threads(client)
-
-    def send() -> None:
-        while len(flying) < threads.count():
-            number = next(waiting, None)
-            if number is None:
-                return
-            future = client.submit(_run_case, name, number, key=f"{name}-{number}", pure=False)
-            flying[number] = future
-            await_end(number)
-
-    def await_end(number: int) -> None:
-        flying[number].add_done_callback(lambda _: ended.put(number))
-
-    send()
-    while flying:
-        try:
-            number = ended.get(timeout=_FRESH)
-        except Empty:
-            threads.refuse_none()
-            continue
-        result = _result(flying[number], number)
-        if result is None:
-            await_end(number)
-            continue
-        del flying[number]  # its worker may forget it now
-        send()
-        yield result
-
-
-class _Threads:
-    """How many cases can run at once."""
-
-    def __init__(self, client: Client) -> None:
-        self._client, self._count = client, 1
-        self._asked, self._alive = -_FRESH, time.monotonic()
-
-    def count(self) -> int:
-        """The number of threads, 1 at least."""
-        now = time.monotonic()
-        if now - self._asked > _FRESH:
-            with suppress(OSError):  # a scheduler that is gone is told of with the results
-                self._count = sum(self._client.nthreads().values())
-            self._asked = now
-            self._alive = now if self._count else self._alive
-        return max(1, self._count)
-
-    def refuse_none(self) -> None:
-        """Give up where there has been no worker for long."""
-        self.count()
-        if time.monotonic() - self._alive > _DEAD:
-            raise InputError(
-                "workers", f"there has been none for {_DEAD:.0f} s",
-                "workers that stay; the same command goes on where this one ended",
-            )  # fmt: skip
-
-
-def _result(future: Future[Any], number: int) -> CaseResult | None:
-    """What became of a case; None where its worker died with it, and it is run again."""
-    try:
-        found: CaseResult = future.result(timeout=_FRESH)
-    except TimeoutError:
-        return None
-    except KilledWorker as error:  # its number is the scheduler's, which may be somebody else's
-        cause = f"worker died, also when the case was tried {error.allowed_failures} times more"
-        return CaseResult(error_row(number, cause))
-    except (CommClosedError, ClosedClientError, CancelledError):
-        raise
-    except Exception as error:  # what the worker could not even begin
-        return CaseResult(error_row(number, f"{type(error).__name__}: {error}"))
-    return found
+    count = None if scheduler is not None else workers or len(os.sched_getaffinity(0))
+    rows: dict[int, Row] = {}
+    if folder is not None and (Path(folder) / DATABASE).is_file():
+        with open_results(Path(folder), study, study_files(study)) as database:
+            rows = database.rows
+    seconds = [row.seconds for row in rows.values() if row.seconds is not None]
+    missing = [number for number in range(study.count) if number not in rows]
+    each, timed = (sum(seconds) / len(seconds), "finished runs") if seconds else (None, None)
+    if each is None and missing:
+        results = [execute(Run.of(study, n)).row for n in (missing[0], missing[len(missing) // 2])]
+        answered = [row for row in results if row.verdict != ERROR]
+        each = answered[-1].seconds if answered else None
+        timed = (
+            f"case {answered[-1].number}"
+            if answered
+            else f"no case could be timed, case {results[0].number}: {results[0].error}"
+        )
+    return StudyEstimate(study, frozenset(rows), count, each, timed)

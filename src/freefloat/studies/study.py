@@ -1,60 +1,59 @@
-"""Studies: a scenario with some of its keys varied, as a list of cases."""
+"""Studies: a base scenario and the keys of it that vary between runs."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from freefloat.brief import brief
+import yaml
+
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
+from freefloat.io.scenario import Scenario
 from freefloat.io.schema import ScenarioFile
 from freefloat.io.validation import validated
 from freefloat.io.yaml import parse_yaml, read_text
+from freefloat.paths.path import samples_text
 from freefloat.robot.names import find_scenario, find_study, is_file
-from freefloat.studies.key_paths import refuse_unknown_path, with_values
-from freefloat.studies.sampling import drawn, listed, numbers_listed, refuse_bad_draw
-from freefloat.studies.schema import MOST_CASES, Case, Combine, StudyFile
+from freefloat.so3 import unit_quaternion
+from freefloat.studies.sampling import listed_values, random_value
+from freefloat.studies.schema import MAX_RUNS, Combine, Command, StudyFile, ValuesSection
 
-_MOST_NUMBERS = 5 * MOST_CASES
-"""Listed in a study, all its keys together."""
-_LOOKED_AT = 1000
-"""Cases that are held against the schema before a study is begun."""
-STARTS = ("attitude", "heading_deg")
-"""Keys that may be varied and are not the scenario's, but tell where a simulation starts."""
+START_KEYS = ("attitude", "heading_deg")
+"""Keys that may vary but belong to the command simulate, not to the scenario."""
+_MAX_VALUES = 5 * MAX_RUNS
+_VALIDATED_RUNS = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A study file that passed the schema, and the scenario that it is about.
+    """A study file and its base scenario.
 
     Attributes:
         source: The study file.
         content: Its data.
-        base_source: The scenario file.
-        base: Its data, as read.
+        base_source: The base scenario's file.
+        base: Data of the base scenario.
     """
 
-    __repr__ = brief
-
     source: str
-    content: StudyFile
+    content: StudyFile = field(repr=False)
     base_source: Path
-    base: dict[str, Any]
+    base: dict[str, Any] = field(repr=False)
 
     @cached_property
     def _listed(self) -> dict[str, list[Any]]:
-        found = {key: listed(draw) for key, draw in self.content.vary.items()}
-        return {key: values for key, values in found.items() if values is not None}
+        values = {key: listed_values(section) for key, section in self.content.vary.items()}
+        return {key: listed for key, listed in values.items() if listed is not None}
 
     @cached_property
     def combinations(self) -> int:
-        """How many combinations of listed values there are."""
+        """Number of combinations of listed values."""
         lengths = [len(values) for values in self._listed.values()]
         if self.content.combine is Combine.ZIPPED:
             return lengths[0] if lengths else 1
@@ -62,48 +61,87 @@ class Study:
 
     @property
     def count(self) -> int:
-        """How many cases there are; they are numbered from 0."""
+        """Number of runs; they are numbered from 0."""
         return self.combinations * (self.content.cases or 1)
 
     def parameters(self, number: int) -> dict[str, Any]:
-        """The varied keys of one case and their values, in the order of the study file."""
-        place = number // (self.content.cases or 1)
-        chosen: dict[str, Any] = {}
-        for key, values in reversed(self._listed.items()):  # the last key runs fastest
+        """Return the varied keys of a run and their values, in the order of the study file."""
+        combination = number // (self.content.cases or 1)
+        values: dict[str, Any] = {}
+        for key, listed in reversed(self._listed.items()):  # the last key varies fastest
             if self.content.combine is Combine.ZIPPED:
-                chosen[key] = values[place]
+                values[key] = listed[combination]
             else:
-                place, index = divmod(place, len(values))
-                chosen[key] = values[index]
+                combination, index = divmod(combination, len(listed))
+                values[key] = listed[index]
         return {
-            key: chosen[key] if key in chosen else drawn(draw, self.content.seed, key, number)
-            for key, draw in self.content.vary.items()
+            key: values[key]
+            if key in values
+            else random_value(section, self.content.seed, key, number)
+            for key, section in self.content.vary.items()
         }
 
     def document(self, number: int) -> dict[str, Any]:
-        """The data of one case's scenario file."""
-        own = {key: value for key, value in self.parameters(number).items() if key not in STARTS}
-        return with_values(self.base, own)
+        """Return the data of a run's scenario file."""
+        parameters = self.parameters(number)
+        return with_values(
+            self.base, {key: value for key, value in parameters.items() if key not in START_KEYS}
+        )
+
+    def scenario(self, number: int) -> Scenario:
+        """Return the scenario of a run.
+
+        Raises:
+            InputError: If its values are not accepted, or its file of path samples is missing.
+        """
+        return scenario_from(self.document(number), self.base_source)
 
     def start(self, number: int) -> dict[str, Any]:
-        """Where the simulation of one case starts: its attitude or heading_deg, and branch."""
-        own, content = self.parameters(number), self.content
-        given = {key: own.get(key, getattr(content, key)) for key in STARTS}
-        given["branch"] = content.branch
-        return {key: value for key, value in given.items() if value is not None}
+        """Return the start of a simulation: attitude or heading_deg, and branch if it is set."""
+        values = {key: getattr(self.content, key) for key in (*START_KEYS, "branch")}
+        values |= {k: v for k, v in self.parameters(number).items() if k in START_KEYS}
+        return {key: value for key, value in values.items() if value is not None}
 
-    def listed_documents(self) -> Iterator[dict[str, Any]]:
-        """The base, and the base with every listed value of a key that may name a file."""
-        yield self.base
-        for key, values in self._listed.items():
-            if key.partition(".")[0] in ("robot", "path"):
-                for value in values:
-                    if not isinstance(value, int | float):  # no number names a file
-                        yield with_values(self.base, {key: value})
+
+def scenario_from(document: dict[str, Any], source: Path) -> Scenario:
+    """Return the scenario with the given data; the source is its file, for relative paths."""
+    content = validated(ScenarioFile, document, source)
+    samples = content.path.samples
+    text = None if samples is None else samples_text(source.parent / samples)
+    return Scenario(source, yaml.safe_dump(document, sort_keys=False), content, text)
+
+
+def with_values(document: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """Return a copy of a file's data with values set at dotted paths; missing sections are made.
+
+    Raises:
+        InputError: With the path as its key, if it leads through something that is no section.
+    """
+    copy = deepcopy(document)
+    for path, value in values.items():
+        *sections, last = path.split(".")
+        node: Any = copy
+        for section in sections:
+            node = _entry(node, section, path, {})
+        _entry(node, last, path, None)
+        node[last if isinstance(node, dict) else int(last)] = deepcopy(value)
+    return copy
+
+
+def _entry(node: Any, name: str, path: str, default: Any) -> Any:
+    if isinstance(node, dict):
+        return node.setdefault(name, default)
+    if not isinstance(node, list):
+        problem = f"the base scenario has {node!r} above {name!r}"
+        raise InputError(path, problem, "a path through keys or lists")
+    if not (name.isdecimal() and int(name) < len(node)):
+        problem = f"the base scenario has {len(node)} entries there"
+        raise InputError(path, problem, f"an index from 0 to {len(node) - 1}")
+    return node[int(name)]
 
 
 def load_study(name: str | Path) -> Study:
-    """Read a study and the scenario that it is about.
+    """Read a study and its base scenario.
 
     Args:
         name: A file, or the name of a bundled study.
@@ -112,22 +150,19 @@ def load_study(name: str | Path) -> Study:
         InputError: Naming the file, the key, what was given and what is accepted.
     """
     source = find_study(str(name))
-    content = validated(StudyFile, parse_yaml(read_text(source), source), source)
+    text = read_text(source)
+    data = parse_yaml(text, source)
     try:
+        if isinstance(data, dict) and "task" in data:
+            raise InputError("task", "the key is now command", "command: plan, map or simulate")
+        content = validated(StudyFile, data, source, text)
         base = _find_base(content.base, source.parent)
+        study = Study(str(source), content, base, parse_yaml(read_text(base), base))
+        _check_values(study)
+        _check_start(study)
+        _check_keys(study)
     except InputError as error:
         raise error.found_in(str(source)) from None
-    study = Study(str(source), content, base, parse_yaml(read_text(base), base))
-    try:
-        _refuse_bad_keys(study)
-        _refuse_bad_counts(study)
-        _refuse_bad_start(study)
-        study.document(0)
-        if study.count > MOST_CASES:
-            raise InputError("vary", f"{study.count:,} cases", f"at most {MOST_CASES:,}")
-    except InputError as error:
-        raise error.found_in(str(source)) from None
-    _refuse_without_any_scenario(study)
     return study
 
 
@@ -140,77 +175,73 @@ def _find_base(name: str, folder: Path) -> Path:
         raise InputError("base", error.problem, error.accepted) from None
 
 
-def _refuse_bad_keys(study: Study) -> None:
+def _check_values(study: Study) -> None:
+    """Check that listed and random values make a sensible number of runs."""
     content = study.content
-    for key, draw in content.vary.items():
-        refuse_bad_draw(key, draw)
-        if key in STARTS:
-            continue
-        try:
-            refuse_unknown_path(ScenarioFile, key)
-        except InputError as error:
-            raise error.found_in(study.source, "vary.") from None
-    for one, other in itertools.permutations(content.vary, 2):
-        if other.startswith(f"{one}."):
-            raise InputError(f"vary.{other}", f"{one} is varied, too, and holds it", "one of them")
-
-
-def _refuse_bad_counts(study: Study) -> None:
-    content = study.content
-    total = sum(map(numbers_listed, content.vary.values()))
-    if total > _MOST_NUMBERS:
-        accepted = f"at most {_MOST_NUMBERS:,} of them"
-        raise InputError("vary", f"{total:,} numbers are listed", accepted)
+    for key, section in content.vary.items():
+        if section.so3 is not None and section.so3.center is not None:
+            unit_quaternion(f"vary.{key}.so3.center", section.so3.center)
+    numbers = sum(map(_size, content.vary.values()))
+    if numbers > _MAX_VALUES:
+        raise InputError("vary", f"{numbers:,} numbers are listed", f"at most {_MAX_VALUES:,}")
     lengths = {key: len(values) for key, values in study._listed.items()}
     if content.combine is Combine.ZIPPED and len(set(lengths.values())) > 1:
-        told = ", ".join(f"{key} {length}" for key, length in lengths.items())
-        raise InputError("combine", f"zipped, but of different lengths: {told}", "equal lengths")
-    random = [key for key, draw in content.vary.items() if draw.random]
+        counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
+        raise InputError("combine", f"zipped, but of different lengths: {counts}", "equal lengths")
+    random = [key for key, section in content.vary.items() if section.random]
     if random and content.cases is None:
-        raise InputError("cases", "it is missing", f"how many are drawn of {', '.join(random)}")
+        raise InputError("cases", "it is missing", f"the number of draws of {', '.join(random)}")
     if not random and content.cases is not None:
-        raise InputError(
-            "cases", f"{content.cases} was given, but nothing is drawn at random",
-            f"nothing: what is listed makes {study.combinations} cases",
-        )  # fmt: skip
+        problem = f"{content.cases} was given, but no value is random"
+        raise InputError("cases", problem, f"no such key: there are {study.combinations} runs")
+    if study.count > MAX_RUNS:
+        raise InputError("vary", f"{study.count:,} runs", f"at most {MAX_RUNS:,}")
 
 
-def _refuse_bad_start(study: Study) -> None:
+def _size(section: ValuesSection) -> int:
+    """Number of listed numbers, without listing them."""
+    if section.grid is not None and isinstance(section.grid.count, list):
+        return math.prod(section.grid.count) * len(section.grid.count)
+    if section.steps is not None:
+        first, last, step = section.steps
+        return int((last - first) / step) + 1
+    return section.grid.count if section.grid else len(section.values or ())  # type: ignore[return-value]
+
+
+def _check_start(study: Study) -> None:
+    """Check that exactly simulations have a start: an attitude, or in the plane a heading."""
     content = study.content
-    told = [key for key in STARTS if getattr(content, key) is not None]
-    varied = [key for key in STARTS if key in content.vary]
-    if content.task is not Case.SIMULATE:
-        odd = [*told, *varied, *(["branch"] if content.branch is not None else [])]
-        if odd:
-            accepted = "task: simulate, or a study without it"
-            raise InputError(odd[0], f"task {content.task} has no use for it", accepted)
+    fixed = [key for key in START_KEYS if getattr(content, key) is not None]
+    varied = [key for key in START_KEYS if key in content.vary]
+    if content.command is not Command.SIMULATE:
+        unused = [*fixed, *varied, *(["branch"] if content.branch is not None else [])]
+        if unused:
+            problem = f"command {content.command} does not use it"
+            raise InputError(unused[0], problem, "command: simulate, or a study without it")
         return
     planar = study.base.get("task") in [str(task) for task in Task if task.planar]
-    wanted, other = ("heading_deg", "attitude") if planar else ("attitude", "heading_deg")
-    if len(told) + len(varied) != 1:
-        given = " and ".join([*told, *(f"vary.{key}" for key in varied)]) or "none"
+    wanted = "heading_deg" if planar else "attitude"
+    if len(fixed) + len(varied) != 1:
+        given = " and ".join([*fixed, *(f"vary.{key}" for key in varied)]) or "none"
         raise InputError(wanted, f"{given} was given", f"one {wanted}, or it in vary")
-    if "task" not in content.vary and not planar and other in (*told, *varied):
-        raise InputError(other, f"task {study.base.get('task')} is not planar", wanted)
+    if "task" not in content.vary and not planar and "heading_deg" in (*fixed, *varied):
+        problem = f"the task of the base scenario is {study.base.get('task')}, which is not planar"
+        raise InputError("heading_deg", problem, "attitude")
 
 
-def _refuse_without_any_scenario(study: Study) -> None:
-    """Refuse a study none of whose cases passes the schema, with what is wrong in the first.
-
-    Of very many cases some are looked at, evenly spread. Where what is wrong was varied, the study
-    is told and not the scenario.
-    """
+def _check_keys(study: Study) -> None:
+    """Refuse unknown keys, and a study with no valid run; of many runs a sample is validated."""
+    for key, other in itertools.permutations(study.content.vary, 2):
+        if other.startswith(f"{key}."):
+            raise InputError(f"vary.{other}", f"{key}, which holds it, varies too", "one of them")
     first: InputError | None = None
-    step = -(-study.count // _LOOKED_AT)
-    for number in range(0, study.count, step):
+    for number in range(0, study.count, -(-study.count // _VALIDATED_RUNS)):
         try:
             validated(ScenarioFile, study.document(number), study.base_source)
             return
         except InputError as error:
             first = first or error
-    if first is None:
-        return
-    if any(f"{first.key}.".startswith(f"{key}.") for key in study.content.vary):
-        own = InputError(f"vary.{first.key}", f"case 0: {first.problem}", first.accepted)
-        raise own.found_in(study.source)
-    raise first
+    if first is not None and any(f"{first.key}.".startswith(f"{k}.") for k in study.content.vary):
+        raise InputError(f"vary.{first.key}", f"run 0: {first.problem}", first.accepted)
+    if first is not None:
+        raise first

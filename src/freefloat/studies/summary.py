@@ -1,74 +1,110 @@
-"""A study in numbers: how many cases serve, what margins they keep, what went wrong."""
+"""Summary of a study: counts, margins and errors."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from freefloat.studies.result import ERROR, FEASIBLE, INFEASIBLE, Row
+from freefloat.studies.run import ERROR, FEASIBLE, INFEASIBLE, Row
 from freefloat.studies.study import Study
 
-_MOST = 20
-"""Errors told one by one."""
+_MAX_LISTED = 20
+"""Largest number of errors and of reasons in the document."""
 
 
-def study_summary(study: Study, rows: Mapping[int, Row]) -> dict[str, Any]:
-    """What a study found, as plain data.
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """Results of a study.
 
-    The share of feasible cases is of those that were answered; its error is that of a random
-    sample, and there where something is drawn at random. It is no zero where all cases serve.
+    Attributes:
+        study: The study.
+        rows: The finished runs by number.
+        folder: Where they are.
+        computed: Number of runs that were executed this time; the others were finished before.
+        seconds: Duration of the call [s].
+        files: Files of the study by kind; None for files that were not written.
     """
-    verdicts = Counter(row["verdict"] for row in rows.values())
-    answered = verdicts[FEASIBLE] + verdicts[INFEASIBLE]
-    share = verdicts[FEASIBLE] / answered if answered else None
-    random = any(draw.random for draw in study.content.vary.values())
-    failed = [row for _, row in sorted(rows.items()) if row["verdict"] == ERROR]
-    seconds = [row["seconds"] for row in rows.values() if row.get("seconds") is not None]
-    return {
-        "study": study.source,
-        "base": str(study.base_source),
-        "task": str(study.content.task),
-        "cases": study.count,
-        "done": len(rows),
-        "verdicts": {verdict: verdicts[verdict] for verdict in (FEASIBLE, INFEASIBLE, ERROR)},
-        "feasible_fraction": share,
-        "feasible_fraction_error": _error_of(verdicts) if random and answered else None,
-        "margin": _spread([row.get("margin") for row in rows.values()]),
-        "reasons": dict(Counter(row["reason"] for _, row in sorted(rows.items())
-                                if row["verdict"] == INFEASIBLE).most_common(_MOST)),
-        "errors": [{"case": row["case"], "error": row["error"]} for row in failed[:_MOST]],
-        "case_seconds": float(np.sum(seconds)),
-    }  # fmt: skip
 
+    study: Study
+    rows: Mapping[int, Row] = field(repr=False)
+    folder: Path
+    computed: int = 0
+    seconds: float = 0.0
+    files: Mapping[str, Path | None] = field(default_factory=dict)
 
-def _error_of(verdicts: Mapping[str, int]) -> float:
-    """Standard deviation of a share of which nothing else is known (a beta distribution)."""
-    served, failed = verdicts[FEASIBLE] + 1, verdicts[INFEASIBLE] + 1
-    count = served + failed
-    return math.sqrt(served * failed / (count + 1)) / count
+    @property
+    def verdicts(self) -> dict[str, int]:
+        """Number of runs by verdict: feasible, infeasible, error."""
+        counts = Counter(row.verdict for row in self.rows.values())
+        return {verdict: counts[verdict] for verdict in (FEASIBLE, INFEASIBLE, ERROR)}
 
+    @property
+    def feasible_fraction(self) -> float | None:
+        """Fraction of feasible runs among those without error; None if there are none."""
+        feasible, infeasible, _ = self.verdicts.values()
+        return feasible / (feasible + infeasible) if feasible + infeasible else None
 
-def _spread(given: Sequence[float | None]) -> dict[str, float] | None:
-    """ClosestApproach, median and largest of numbers; None where there are none."""
-    values = [value for value in given if value is not None]
-    if not values:
-        return None
-    middle = float(np.median(values))
-    return {"least": min(values), "median": middle, "largest": max(values)}
+    @property
+    def feasible_fraction_error(self) -> float | None:
+        """Standard deviation of the fraction of a random sample (beta distribution)."""
+        random = any(section.random for section in self.study.content.vary.values())
+        if self.feasible_fraction is None or not random:
+            return None
+        a, b = self.verdicts[FEASIBLE] + 1, self.verdicts[INFEASIBLE] + 1
+        return math.sqrt(a * b / (a + b + 1)) / (a + b)
 
+    @property
+    def margins(self) -> dict[str, float] | None:
+        """Smallest, median and largest margin; None if no run has one."""
+        values = [row.margin for row in self.rows.values() if row.margin is not None]
+        if not values:
+            return None
+        median = float(np.median(values))
+        return {"least": min(values), "median": median, "largest": max(values)}
 
-def failure_line(summary: Mapping[str, Any]) -> str | None:
-    """One line about the cases that failed; None where none did."""
-    failed = summary["verdicts"][ERROR]
-    if not failed:
-        return None
-    first = summary["errors"][0]
-    others = "" if failed == 1 else ", the first"
-    return (
-        f"{failed} of {summary['cases']} cases ended in error{others}: case {first['case']}: "
-        + (str(first["error"]))
-    )
+    @property
+    def reasons(self) -> dict[str, int]:
+        """Number of infeasible runs by reason, the most frequent first."""
+        rows = (self.rows[number] for number in sorted(self.rows))
+        reasons = Counter(str(row.reason) for row in rows if row.verdict == INFEASIBLE)
+        return dict(reasons.most_common(_MAX_LISTED))
+
+    @property
+    def errors(self) -> list[Row]:
+        """The first runs that ended in an error."""
+        rows = (self.rows[number] for number in sorted(self.rows))
+        return [row for row in rows if row.verdict == ERROR][:_MAX_LISTED]
+
+    @property
+    def run_seconds(self) -> float:
+        """Total duration of the finished runs [s]."""
+        return float(sum(row.seconds or 0.0 for row in self.rows.values()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the JSON document of the command batch."""
+        files = {kind: None if file is None else str(file) for kind, file in self.files.items()}
+        return {
+            "study": self.study.source,
+            "base": str(self.study.base_source),
+            "task": str(self.study.content.command),
+            "cases": self.study.count,
+            "done": len(self.rows),
+            "verdicts": self.verdicts,
+            "feasible_fraction": self.feasible_fraction,
+            "feasible_fraction_error": self.feasible_fraction_error,
+            "margin": self.margins,
+            "reasons": self.reasons,
+            "errors": [{"case": row.number, "error": row.error} for row in self.errors],
+            "case_seconds": self.run_seconds,
+            "output": str(self.folder),
+            "computed": self.computed,
+            "reused": len(self.rows) - self.computed,
+            "seconds": self.seconds,
+            "files": files,
+        }

@@ -1,9 +1,9 @@
-"""A study as a figure: the margin that each case keeps, over what was varied."""
+"""Figure of a study: the minimum margin of each run over each varied parameter."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ import pyarrow as pa
 from matplotlib.figure import Figure
 
 from freefloat.so3 import Array
-from freefloat.studies.result import ERROR, FEASIBLE, INFEASIBLE
 from freefloat.visualization.figure_style import (
     BLUE,
     COLUMN,
@@ -23,25 +22,25 @@ from freefloat.visualization.figure_style import (
     styled,
 )
 
-_MOST = 12
-"""Panels; studies that vary more show the first ones."""
-_ACROSS = 3
+_MAX_PANELS = 12
+_COLUMNS = 3
 _HEIGHT = 2.1
-_MARKS = {FEASIBLE: ("o", BLUE), INFEASIBLE: ("x", ORANGE), ERROR: ("|", VERMILION)}
-_WORDS = 28
-"""Letters of a parameter's name that fit under a panel."""
+"""Height of a panel [inch]."""
+_MARKS = {"feasible": ("o", BLUE), "infeasible": ("x", ORANGE), "error": ("|", VERMILION)}
+_LABEL_LENGTH = 28
+"""Characters that fit under a panel."""
 
 
 @styled
 def study_figure(table: pa.Table, parameters: Sequence[str]) -> Figure:
-    """Margins over each varied parameter; cases without a margin stand on the lower edge.
+    """Draw margins over each varied parameter; runs without a margin are on the lower edge.
 
     Args:
-        table: Of the cases.
-        parameters: Its columns to draw over.
+        table: Table of the runs, with columns case, verdict, margin, margin_required and measure.
+        parameters: Columns to draw over.
     """
-    shown = [key for key in parameters if _varies(table[key].to_pylist())][:_MOST] or ["case"]
-    across = min(_ACROSS, len(shown))
+    shown = [key for key in parameters if _varies(table[key].to_pylist())][:_MAX_PANELS] or ["case"]
+    across = min(_COLUMNS, len(shown))
     down = math.ceil(len(shown) / across)
     figure = new_figure(COLUMN if across == 1 else PAGE, 0.4 + _HEIGHT * down)
     panels = figure.subplots(down, across, squeeze=False, sharey=True)
@@ -52,12 +51,12 @@ def study_figure(table: pa.Table, parameters: Sequence[str]) -> Figure:
     for axes in list(panels.flat)[len(shown) :]:
         axes.remove()
     required = {value for value in table["margin_required"].to_pylist() if value is not None}
-    measure = next((one for one in table["measure"].to_pylist() if one is not None), None)
+    measure = next(filter(None, table["measure"].to_pylist()), None)
     for axes in panels.flat[: len(shown)] if len(required) == 1 else ():
         axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8)
     for row in panels:
         row[0].set_ylim(bottom=-0.02 * np.nanmax([*margins, 1e-9]))
-        row[0].set_ylabel("least margin" if measure is None else f"least |{measure}|")
+        row[0].set_ylabel("minimum margin" if measure is None else f"minimum |{measure}|")
     handles, labels = panels.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
@@ -84,7 +83,7 @@ def _panel(
 
 
 def _places(values: Sequence[Any]) -> tuple[Array, list[str] | None]:
-    """Where values stand on an axis: numbers where they are, others side by side with names."""
+    """Positions on an axis: numbers are their own, other values are numbered and named."""
     if all(value is None or isinstance(value, int | float) for value in values):
         return np.array(values, dtype=float), None
     names = list(dict.fromkeys(map(str, values)))
@@ -93,13 +92,10 @@ def _places(values: Sequence[Any]) -> tuple[Array, list[str] | None]:
 
 
 def _short(text: str) -> str:
-    """The end of a long text, without what mathematics would read into it."""
+    """Shorten a long text to its end and escape its dollar signs."""
     plain = text.replace("$", r"\$")
-    return plain if len(plain) <= _WORDS else "\N{HORIZONTAL ELLIPSIS}" + plain[1 - _WORDS :]
-
-
-def drawn_columns(table: pa.Table, keys: Sequence[str]) -> Iterator[str]:
-    """The columns of varied keys, those of their entries among them."""
-    for name in table.column_names:
-        if any(name == key or name.startswith(f"{key}.") for key in keys):
-            yield name
+    return (
+        plain
+        if len(plain) <= _LABEL_LENGTH
+        else "\N{HORIZONTAL ELLIPSIS}" + plain[1 - _LABEL_LENGTH :]
+    )

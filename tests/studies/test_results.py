@@ -1,0 +1,203 @@
+"""Results on disk: the database, the tables, the summary, the report."""
+
+from __future__ import annotations
+
+import csv
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+
+from freefloat.errors import InputError
+from freefloat.studies.files import study_files
+from freefloat.studies.report import save_report
+from freefloat.studies.results import open_results
+from freefloat.studies.run import Row, RunResult
+from freefloat.studies.study import Study
+from freefloat.studies.summary import StudyResult
+from freefloat.studies.table import parameter_columns, save_table, study_table
+from freefloat.visualization.figure_style import save_figures
+from freefloat.visualization.study_figure import study_figure
+from tests.example_studies import BASE, a_study
+
+VARY = {"momentum.2": {"uniform": [-1, 1]}}
+NAME = "</script><script>window.hacked=1</script><img src=x onerror=alert(1)>"
+FEASIBLE = Row(
+    0, "feasible", {"momentum": [0, 0, 1], "timing.duration": 50, "robot.scale_mass": 1.0},
+    reason="", completed=True, measure="system", margin=7.5, margin_time=3.0, margin_required=5.0,
+    branch=1, attitude=[0.0, 0.0, 0.6, 0.8], heading_deg=73.7, joints=[0.1, 0.2, 0.3],
+    residuals={"momentum": 1e-9}, attitude_ranges_deg={"1": [[0.0, 9.5]]}, limits_kept=True,
+    limits={"base_rate": 0.25}, seconds=0.5, began="2026-01-01T00:00:00.000+00:00",
+)  # fmt: skip
+INFEASIBLE = replace(
+    FEASIBLE, number=1, verdict="infeasible", margin=2.5, reason="The margin, $_1$.",
+    parameters={"momentum": "fast", "timing.duration": 60,
+                "robot.scale_mass": {"link_1": 2, "link_2": 3}},
+)  # fmt: skip
+ERROR = Row(
+    2, "error", {"momentum": [0, 0, math.nan], "timing.duration": 70, "robot.scale_mass": 1.5},
+    error=f'base.yaml: "x", {NAME}', seconds=0.1,
+)  # fmt: skip
+ROWS = {row.number: row for row in (ERROR, FEASIBLE, INFEASIBLE)}
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    return a_study(tmp_path, VARY, cases=4)
+
+
+def finished(study: Study, folder: Path, *results: RunResult) -> dict[int, Row]:
+    """Add results to the database of a study, and return its rows."""
+    with open_results(folder, study, study_files(study)) as database:
+        for result in results:
+            database.add(result)
+        return database.rows
+
+
+def test_a_database_returns_the_rows_that_were_added(study: Study, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    finished(study, out, RunResult(FEASIBLE, b"content"), RunResult(ERROR))
+    again = finished(study, out, RunResult(INFEASIBLE))
+    assert (out / "cases" / "00000.h5").read_bytes() == b"content"
+    assert again[0] == replace(FEASIBLE, file="cases/00000.h5", bytes=7)
+    assert again[1] == INFEASIBLE
+    assert repr(again[2]) == repr(ERROR)
+
+
+@pytest.mark.parametrize(
+    ("vary", "keys"),
+    [
+        (VARY, {"cases": 5}),
+        (VARY, {"cases": 4, "heading_deg": 10.0}),
+        ({"momentum.2": {"uniform": [-1, 2]}}, {"cases": 4}),
+        (VARY, {"cases": 4, "base": BASE | {"timing": {"duration": 90}}}),
+    ],
+)
+def test_another_study_is_refused(
+    vary: dict[str, Any], keys: dict[str, Any], study: Study, tmp_path: Path
+) -> None:
+    finished(study, tmp_path / "out", RunResult(FEASIBLE))
+    with pytest.raises(InputError) as caught:
+        finished(a_study(tmp_path, vary, **keys), tmp_path / "out")
+    assert caught.value.key == "output"
+    assert list(finished(study, tmp_path / "out")) == [0]
+
+
+def test_a_changed_robot_is_another_study_but_not_a_comment_or_folder(tmp_path: Path) -> None:
+    models = Path(__file__).parents[2] / "models"
+    text = (models / "planar_3dof" / "planar_3dof.urdf").read_text()
+    base = BASE | {"robot": {"urdf": "arm.urdf", "end_effector": "end_effector"}}
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "arm.urdf").write_text(text)
+    first, second = (a_study(tmp_path / name, VARY, base=base, cases=4) for name in ("a", "b"))
+    finished(first, tmp_path / "out", RunResult(FEASIBLE))
+    assert list(finished(second, tmp_path / "out")) == [0]
+    (tmp_path / "b" / "arm.urdf").write_text(text.replace('value="40"', 'value="41"'))
+    with pytest.raises(InputError) as caught:
+        finished(second, tmp_path / "out")
+    assert caught.value.key == "output"
+
+
+def test_a_second_process_is_refused(study: Study, tmp_path: Path) -> None:
+    with open_results(tmp_path / "out", study, ()):
+        code = (
+            "import sys; from pathlib import Path; from freefloat.studies.study import load_study\n"
+            "from freefloat.studies.results import open_results\n"
+            "with open_results(Path(sys.argv[2]), load_study(sys.argv[1]), ()): pass"
+        )
+        words = [sys.executable, "-c", code, study.source, str(tmp_path / "out")]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert "InputError: output: " in done.stderr
+    assert "another process" in done.stderr
+
+
+@pytest.mark.parametrize("kind", ["file", "below a file", "no database"])
+def test_a_folder_that_cannot_be_used_is_an_error(kind: str, study: Study, tmp_path: Path) -> None:
+    path = tmp_path / "out"
+    if kind == "no database":
+        path.mkdir()
+        (path / "study.sqlite").write_text("no database" * 100)
+    else:
+        path.write_text("")
+        path = path / "inner" if kind == "below a file" else path
+    with pytest.raises(InputError) as caught:
+        finished(study, path)
+    assert caught.value.key == "output"
+
+
+def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
+    parquet, comma = save_table(tmp_path, study_table(ROWS))
+    table = pyarrow.parquet.read_table(parquet).to_pydict()
+    assert table["case"] == [0, 1, 2]
+    assert table["timing.duration"] == [50.0, 60.0, 70.0]
+    assert table["momentum.0"] == [0.0, None, 0.0]
+    assert table["momentum"] == [None, "fast", None]
+    assert table["robot.scale_mass"] == [1.0, None, 1.5]
+    assert table["robot.scale_mass.link_2"] == [None, 3.0, None]
+    assert table["verdict"] == ["feasible", "infeasible", "error"]
+    assert table["attitude.w"] == [0.8, 0.8, None]
+    assert table["limits.base_rate"] == [0.25, 0.25, None]
+    assert table["attitude_ranges_deg.1"] == ["[[0.0, 9.5]]", "[[0.0, 9.5]]", None]
+    assert table["joints.2"] == [0.3, 0.3, None]
+    assert table["error"] == [None, None, ERROR.error]
+    with comma.open(newline="") as stream:
+        lines = list(csv.DictReader(stream))
+    assert list(lines[0]) == list(table)
+    assert [line["margin"] for line in lines] == ["7.5", "2.5", ""]
+    assert lines[2]["error"] == ERROR.error
+
+
+def test_a_varied_result_column_keeps_both_columns() -> None:
+    table = study_table({0: replace(FEASIBLE, parameters={"heading_deg": 1.0})})
+    assert table["heading_deg"].to_pylist() == [1.0]
+    assert table["found.heading_deg"].to_pylist() == [73.7]
+
+
+def test_the_summary_counts_verdicts_and_margins(study: Study, tmp_path: Path) -> None:
+    result = StudyResult(study, ROWS, tmp_path, computed=2)
+    document = result.to_dict()
+    assert (document["cases"], document["done"], document["reused"]) == (4, 3, 1)
+    assert document["verdicts"] == {"feasible": 1, "infeasible": 1, "error": 1}
+    assert document["feasible_fraction"] == 0.5
+    assert document["feasible_fraction_error"] == pytest.approx(math.sqrt(4 / 5) / 4)
+    assert document["margin"] == {"least": 2.5, "median": 5.0, "largest": 7.5}
+    assert document["reasons"] == {INFEASIBLE.reason: 1}
+    assert document["errors"] == [{"case": 2, "error": ERROR.error}]
+    assert document["case_seconds"] == pytest.approx(1.1)
+    assert StudyResult(study, {}, tmp_path).to_dict()["feasible_fraction"] is None
+
+
+class Tags(HTMLParser):
+    """Tags and text of a page."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags, self.text = list[str](), list[str]()
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        assert not any(name.startswith("on") for name, _ in attrs)
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def test_the_report_has_the_numbers_and_escapes_names(study: Study, tmp_path: Path) -> None:
+    table = study_table(ROWS)
+    columns = parameter_columns(table, ["timing.duration", "momentum"])
+    assert columns == ["momentum.0", "momentum.1", "momentum.2", "timing.duration", "momentum"]
+    _, picture = save_figures(tmp_path, {"summary": study_figure(table, columns)})
+    file = save_report(StudyResult(study, ROWS, tmp_path), table, columns, picture)
+    page = Tags(file.read_text())
+    assert "script" not in page.tags
+    assert page.tags.count("img") == 1
+    for text in ("3 of 4", "50.00% ± 22.36%", "7.5", "fast", str(ERROR.error)):
+        assert text in page.text
