@@ -91,7 +91,7 @@ def test_violated_margins_and_limits_are_infeasible(tmp_path: Path) -> None:
     ("vary", "key"),
     [
         ({"momentum.2": {"list": [0, float("nan")]}}, "base.yaml: momentum.2: "),
-        ({"path.polynomial.x.0": {"list": [2, 9]}}, "attitude: "),
+        ({"path.polynomial.x.0": {"list": [2, 9]}}, "path: "),
         ({"robot.urdf": {"list": ["planar_3dof", "none.urdf"]}}, "base.yaml: robot.urdf: "),
         ({"robot.urdf": {"list": ["planar_3dof", "bad.urdf"]}}, "bad.urdf:1: urdf: "),
         ({"heading_deg": {"list": [9, float("inf")]}}, "heading_deg: "),
