@@ -1,28 +1,29 @@
-"""A spacecraft under a bare arm, tools and further arms, a payload in its hand: one URDF."""
+"""Assemblies: an arm on a spacecraft, further URDFs on both, a payload; and scaled masses."""
 
 from __future__ import annotations
 
 import itertools
-import xml.etree.ElementTree as ET
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from lxml import etree
 
-from freefloat.errors import InputError, ModelError, did_you_mean
-from freefloat.robot.mesh_paths import MeshFileError, find_mesh
-from freefloat.robot.parts import Attachment as Attachment
-from freefloat.robot.parts import Mount as Mount
-from freefloat.robot.parts import Payload as Payload
-from freefloat.robot.parts import Spacecraft as Spacecraft
-from freefloat.robot.parts import refuse_other_parts
-from freefloat.robot.urdf import checked_robot
-from freefloat.robot.urdf_text import source_of
-from freefloat.so3 import Array
+from freefloat.errors import InputError, ModelError, did_you_mean, require_type
+from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.parsing import MOMENTS, Element, decode
+from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
+from freefloat.robot.urdf import RobotDescription, rpy_rotation
+from freefloat.robot.validation import read_urdf
+from freefloat.so3 import Array, Pose
 
 _NAMED = {"link": "name", "parent": "link", "child": "link", "joint": "name", "mimic": "joint"}
-"""Elements that name a link or a joint, by which attribute."""
+"""Elements that name a link or a joint, and the attribute that does."""
 
 
 def assemble(
@@ -31,114 +32,143 @@ def assemble(
     payload: Payload | None = None,
     end_effector: str | None = None,
     attached: Sequence[Attachment] = (),
-) -> str:
-    """Mount an arm on a spacecraft, further URDFs on both, and give it something to hold.
+) -> RobotDescription:
+    """Mount an arm on a spacecraft, further URDFs on both, and a payload on the end-effector.
 
-    Links stay as they are: a root link with mass, such as ``base_link``, becomes a part of what
-    carries it. An empty root link, such as ``world``, is left out: what was fixed to it is fixed
-    to the carrier. The new links are ``spacecraft`` and ``payload``, or ``spacecraft_2`` and so on
-    where the name is taken.
+    A root link with mass, such as ``base_link``, is fixed to its carrier. An empty root link, such
+    as ``world``, is removed: its joints become joints of the carrier. New links are called
+    ``spacecraft`` and ``payload``, or ``spacecraft_2`` and so on where the name is taken.
 
     Args:
         urdf: The arm: a file or XML text.
         spacecraft: Carries the arm's root link; without it that link is the spacecraft.
-        payload: Held by the end-effector.
-        end_effector: The link, or the joint that moves it, that holds the payload; may be left
-            out where the robot has a single last link.
-        attached: Fixed to their links in this order, each with the ones before it there already.
+        payload: Fixed to the end-effector.
+        end_effector: The link, or the joint that moves it, that carries the payload; optional
+            where the robot has a single last link.
+        attached: Fixed to their links in this order.
 
     Returns:
-        The URDF as XML text. Its mesh files are named as in the arm's URDF, with absolute paths
-        where they came from elsewhere.
+        The assembly. Its mesh files are named relative to the arm's URDF, or by absolute paths
+        where they belong to other URDFs; its warnings are those of the arm's URDF.
 
     Raises:
-        InputError: If a part is something else.
-        ModelError: If a URDF is unfit, has no such end-effector or link, or brings a name that is
-            taken.
+        InputError: If a part has another type.
+        ModelError: If a URDF has errors, has no such link, or uses a name that is taken.
     """
-    refuse_other_parts(spacecraft, payload, attached)
-    robot, source = checked_robot(urdf), source_of(urdf)
-    root = _root(robot)
+    _require_parts(spacecraft, payload, attached)
+    arm = read_urdf(urdf, mounted=spacecraft is not None)
+    robot, root = etree.fromstring(arm.text), arm.roots[0]
     if spacecraft is not None:
-        link = _add_body(robot, "spacecraft", spacecraft, np.zeros(3))
-        _stand(robot, root, link, spacecraft.mount, "spacecraft_mount")
-        root = link
-    for index, one in enumerate(attached):
+        carrier = _add_body(robot, "spacecraft", spacecraft, np.zeros(3))
+        _mount_root(robot, root, carrier, spacecraft.mount, _free_name(robot, "spacecraft_mount"))
+        root = carrier
+    for index, attachment in enumerate(attached):
         try:
-            _attach(robot, one, root, source)
+            _attach(robot, attachment, root, arm.source)
         except InputError as error:
             if error.source is not None:
                 raise
             key = f"attached.{index}.{error.key}"
             raise type(error)(key, error.problem, error.accepted) from None
     if payload is not None:
-        hand = hand_of(robot, end_effector, source)
+        holder = end_effector_link(decode(robot, arm.source), end_effector)
         link = _add_body(robot, "payload", payload, payload.com)
-        _fix(robot, hand, link, "payload_grasp", Mount())
-    return ET.tostring(robot, encoding="unicode")
+        _fix(robot, holder, link, _free_name(robot, "payload_grasp"), Mount())
+    return replace(decode(robot, arm.source), diagnostics=arm.diagnostics)
 
 
-def hand_of(robot: ET.Element, end_effector: str | None, source: str) -> str:
-    """The link that holds a payload or a tool: the one named, or the only last one.
+def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> RobotDescription:
+    """The robot with mass and inertia of every link, or of named links, multiplied by factors.
 
     Raises:
-        ModelError: If there is none of that name, or none was named and there are several.
+        InputError: If a factor is not a positive number.
+        ModelError: If there is no link of a name.
+    """
+    if isinstance(scale_mass, Mapping):
+        factors = dict(scale_mass)
+    else:
+        require_type("scale_mass", scale_mass, Real, "a positive number, or a map of them by link")
+        factors = dict.fromkeys(robot.link, float(scale_mass))
+    root = etree.fromstring(robot.text)
+    links = {link.get("name"): link for link in root.findall("link")}
+    for name, factor in factors.items():
+        if name not in links:
+            raise ModelError(f"scale_mass.{name}", "the robot has no such link", ", ".join(links))
+        require_type(f"scale_mass.{name}", factor, Real, "a positive number")
+        if not (math.isfinite(factor) and factor > 0.0):
+            raise ModelError(f"scale_mass.{name}", f"{factor} was given", "a positive number")
+        for element in links[name].iterfind("inertial/*"):
+            keys = {"mass": ("value",), "inertia": MOMENTS}.get(element.tag, ())
+            for key in keys if factor != 1.0 else ():
+                element.set(key, repr(float(element.get(key)) * factor))
+    return replace(decode(root, robot.source), diagnostics=robot.diagnostics)
+
+
+def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
+    """The link of a name, or that a joint of the name moves; without a name the only last link.
+
+    Raises:
+        ModelError: If there is none of that name, or no name is given and there are several.
     """
     if end_effector is not None:
         return _link(robot, "end_effector", end_effector)
-    tips = [link for link in _names(robot, "link") if link not in _ends(robot, "parent")]
-    if len(tips) > 1:
+    if len(robot.leaves) > 1:
+        moved = [body for first, body in robot.rigid_groups.items() if first not in robot.roots]
+        ends = [body.links for body in moved if set(body.links) & set(robot.leaves)]
+        names = ", ".join(link for links in ends for link in links) or ", ".join(robot.leaves)
+        accepted = f"--end-effector, or end_effector of a scenario, with a link such as {names}"
         problem = "none was given and the robot has several last links"
-        accepted = "--end-effector, or end_effector of a scenario, with a link such as "
-        raise ModelError("end_effector", problem, accepted + ", ".join(tips), source)
-    return tips[0]
+        raise ModelError("end_effector", problem, accepted, robot.source)
+    return robot.leaves[0]
 
 
-def rename_meshes(robot: ET.Element, renamed: Callable[[str], str]) -> None:
-    """Give every mesh file of a robot another name."""
+def rename_meshes(robot: Element, rename: Callable[[str], str]) -> None:
+    """Rename every mesh file of a ``<robot>`` element."""
     for mesh in robot.iter("mesh"):
-        mesh.set("filename", renamed(mesh.get("filename", "")))
+        mesh.set("filename", rename(mesh.get("filename", "")))
 
 
-def _attach(robot: ET.Element, one: Attachment, root: str, source: str) -> None:
+def _require_parts(spacecraft: object, payload: object, attached: Any) -> None:
+    accepted = "a list of parts, such as [Attachment(urdf, link)]"
+    require_type("attached", attached, Sequence, accepted)
+    if spacecraft is not None:
+        require_type("spacecraft", spacecraft, Spacecraft, "Spacecraft(mass, inertia, mount)")
+    if payload is not None:
+        require_type("payload", payload, Payload, "Payload(mass, inertia, com)")
+    for index, part in enumerate(attached):
+        require_type(f"attached.{index}", part, Attachment, accepted)
+
+
+def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> None:
     """Add the links and joints of another URDF and fix its root to a link."""
-    carrier = root if one.link is None else _link(robot, "link", one.link)
-    other, place = checked_robot(one.urdf), source_of(one.urdf)
+    link, prefix = attachment.link, attachment.prefix
+    carrier = root if link is None else _link(decode(robot, source), "link", link)
+    part = read_urdf(attachment.urdf)
+    other, foot = etree.fromstring(part.text), prefix + part.roots[0]
     for element in other.iter():
-        key = _NAMED.get(element.tag)
-        if key is not None and key in element.attrib:
-            element.set(key, one.prefix + element.attrib[key])
-        if element.tag == "material" and element.get("name"):
-            element.set("name", one.prefix + element.attrib["name"])
-    foot = _root(other)
-    rename_meshes(other, lambda name: _seen_from(source, name, place))
-    _stand(other, foot, carrier, one.mount, f"{foot}_mount", robot)
-    clash = _taken(robot) & _taken(other)
+        key = "name" if element.tag == "material" else _NAMED.get(element.tag)
+        if element.get(key or ""):
+            element.set(key, prefix + element.get(key))
+    rename_meshes(other, lambda name: _relocated(source, name, part.source))
+    name = _free_name(robot, f"{foot}_mount", other)
+    _mount_root(other, foot, carrier, attachment.mount, name)
+    clash = _names(robot) & _names(other)
+    materials = {material.get("name"): etree.tostring(material, with_tail=False)
+                 for material in robot.iter("material") if len(material)}  # fmt: skip
+    for element in other.findall("material"):
+        colour = etree.tostring(element, with_tail=False)
+        if materials.get(element.get("name"), colour) != colour:
+            clash.add(element.get("name"))
     if clash:
-        raise ModelError(
-            "prefix",
-            f"{one.prefix!r} leaves names that are taken: {', '.join(sorted(clash))}",
-            "one that tells the names of this URDF from the others', such as second_",
-        )
-    colours = {material.get("name"): ET.tostring(material) for material in robot.iter("material")
-               if len(material)}  # fmt: skip
-    for element in other:
-        if element.tag in ("link", "joint"):
-            robot.append(element)
-        elif element.tag == "material":
-            if colours.get(element.get("name"), ET.tostring(element)) != ET.tostring(element):
-                raise ModelError(
-                    "prefix",
-                    f"{one.prefix!r} leaves the material {element.get('name')} with two colours",
-                    "one that tells the names of this URDF from the others', such as second_",
-                )
-            robot.append(element)
+        problem = f"{prefix!r} leaves names that are taken: {', '.join(sorted(clash))}"
+        raise ModelError("prefix", problem, "one that makes names unique, such as second_")
+    robot.extend(other.xpath("link | joint | material"))
 
 
-def _seen_from(source: str, name: str, place: str) -> str:
-    """A mesh file's name in one URDF as another URDF has to tell it; as it is where none is."""
+def _relocated(source: str, name: str, other: str) -> str:
+    """The name of a mesh file of one URDF as another has to name it; unchanged if missing."""
     with suppress(MeshFileError):
-        file = find_mesh(name, place)
+        file = find_mesh(name, other)
         with suppress(MeshFileError):
             if find_mesh(name, source) == file:
                 return name
@@ -146,114 +176,78 @@ def _seen_from(source: str, name: str, place: str) -> str:
     return name
 
 
-def _stand(
-    robot: ET.Element,
-    root: str,
-    carrier: str,
-    mount: Mount,
-    name: str,
-    among: ET.Element | None = None,
-) -> None:
-    """Fix a root link to what carries it; an empty one gives way to what is joined to it."""
-    link = next(one for one in robot.findall("link") if one.get("name") == root)
-    joined = [joint for joint in robot.findall("joint") if _end(joint, "parent") == root]
-    if len(link) or not joined:
-        _fix(robot, carrier, root, name, mount, among)
+def _mount_root(robot: Element, root: str, carrier: str, mount: Mount, name: str) -> None:
+    """Fix a root link to its carrier; an empty one is replaced by the carrier."""
+    link = next(link for link in robot.findall("link") if link.get("name") == root)
+    parents = [parent for parent in robot.iterfind("joint/parent") if parent.get("link") == root]
+    if len(link) or not parents:
+        _fix(robot, carrier, root, name, mount)
         return
     robot.remove(link)
-    for element in [one for one in robot if one.get("reference") == root]:
+    for element in robot.xpath("*[@reference=$root]", root=root):
         robot.remove(element)
-    for joint in joined:
-        _parent(joint).set("link", carrier)
+    for parent in parents:
+        parent.set("link", carrier)
+        joint = parent.getparent()
         origin = joint.find("origin")
-        if origin is None:
-            origin = ET.SubElement(joint, "origin")
-        place = Mount.of(mount.pose @ _mount(origin).pose)
-        origin.set("xyz", _numbers(place.xyz))
-        origin.set("rpy", _numbers(place.rpy))
+        origin = etree.SubElement(joint, "origin") if origin is None else origin
+        xyz, rpy = (np.array(origin.get(key, "0 0 0").split(), float) for key in ("xyz", "rpy"))
+        _set_origin(origin, Mount.from_pose(mount.pose @ Pose(xyz, rpy_rotation(rpy))))
 
 
-def _mount(origin: ET.Element) -> Mount:
-    xyz, rpy = (origin.get(key, "0 0 0").split() for key in ("xyz", "rpy"))
-    return Mount(np.array(xyz, dtype=float), np.array(rpy, dtype=float))
-
-
-def _parent(joint: ET.Element) -> ET.Element:
-    return next(joint.iter("parent"))
-
-
-def _root(robot: ET.Element) -> str:
-    return next(name for name in _names(robot, "link") if name not in _ends(robot, "child"))
-
-
-def _link(robot: ET.Element, key: str, name: str) -> str:
+def _link(robot: RobotDescription, key: str, name: str) -> str:
     """The link of a name, or the one that the joint of that name moves."""
-    links = _names(robot, "link")
-    moved = dict(zip(_names(robot, "joint"), _ends(robot, "child"), strict=True))
-    if name not in links and name not in moved:
-        told = f"the robot has no frame {name!r}{did_you_mean(name, links)}"
-        raise ModelError(key, told, ", ".join(links))
-    return name if name in links else moved[name]
+    moved = {joint.name: joint.child for joint in robot.joints}
+    if name not in robot.link and name not in moved:
+        problem = f"the robot has no frame {name!r}{did_you_mean(name, robot.link)}"
+        raise ModelError(key, problem, ", ".join(robot.link))
+    return name if name in robot.link else moved[name]
 
 
-def _add_body(
-    robot: ET.Element, name: str, body: Spacecraft | Payload, centre_of_box: Array
-) -> str:
-    """A link for a body; its name."""
-    link = ET.SubElement(robot, "link", name=_free_name(name, _taken(robot)))
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_numbers(body.com), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=repr(body.mass))
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia.tolist()
-    moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
-    ET.SubElement(inertial, "inertia", {name: repr(moment) for name, moment in moments.items()})
+def _add_body(robot: Element, name: str, body: Spacecraft | Payload, centre: Array) -> str:
+    """Add a link for a body with its box about a centre; returns its name."""
+    link = etree.SubElement(robot, "link", name=_free_name(robot, name))
+    inertial = etree.SubElement(link, "inertial")
+    _set_origin(etree.SubElement(inertial, "origin"), Mount(body.com))
+    etree.SubElement(inertial, "mass", value=repr(body.mass))
+    moments = body.inertia[np.triu_indices(3)].tolist()
+    values = {key: repr(moment) for key, moment in zip(MOMENTS, moments, strict=True)}
+    etree.SubElement(inertial, "inertia", values)
     for tag in ("visual", "collision") if body.size is not None or body.mesh is not None else ():
-        shown = ET.SubElement(link, tag)
-        if body.mesh is not None:
-            ET.SubElement(ET.SubElement(shown, "geometry"), "mesh", filename=str(body.mesh))
-        elif body.size is not None:
-            ET.SubElement(shown, "origin", xyz=_numbers(centre_of_box), rpy="0 0 0")
-            ET.SubElement(ET.SubElement(shown, "geometry"), "box", size=_numbers(body.size))
+        shape = etree.SubElement(link, tag)
+        if body.size is not None:
+            _set_origin(etree.SubElement(shape, "origin"), Mount(centre))
+        geometry = etree.SubElement(shape, "geometry")
+        if body.size is not None:
+            etree.SubElement(geometry, "box", size=_text(body.size))
+        else:
+            etree.SubElement(geometry, "mesh", filename=str(body.mesh))
     return str(link.get("name"))
 
 
-def _fix(
-    robot: ET.Element,
-    parent: str,
-    child: str,
-    name: str,
-    mount: Mount,
-    among: ET.Element | None = None,
-) -> None:
-    taken = _taken(robot) if among is None else _taken(robot) | _taken(among)
-    joint = ET.SubElement(robot, "joint", name=_free_name(name, taken), type="fixed")
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_numbers(mount.xyz), rpy=_numbers(mount.rpy))
+def _fix(robot: Element, parent: str, child: str, name: str, mount: Mount) -> None:
+    joint = etree.SubElement(robot, "joint", name=name, type="fixed")
+    etree.SubElement(joint, "parent", link=parent)
+    etree.SubElement(joint, "child", link=child)
+    _set_origin(etree.SubElement(joint, "origin"), mount)
 
 
-def _names(robot: ET.Element, tag: str) -> list[str]:
-    return [str(element.get("name")) for element in robot.findall(tag)]
+def _set_origin(origin: Element, mount: Mount) -> None:
+    origin.set("xyz", _text(mount.xyz))
+    origin.set("rpy", _text(mount.rpy))
 
 
-def _ends(robot: ET.Element, tag: str) -> list[str]:
-    """The parent or child link of every joint."""
-    return [_end(joint, tag) for joint in robot.findall("joint")]
+def _names(robot: Element) -> set[str]:
+    """Names of links and joints."""
+    return set(robot.xpath("link/@name | joint/@name"))
 
 
-def _end(joint: ET.Element, tag: str) -> str:
-    return next(str(element.get("link")) for element in joint.iter(tag))
-
-
-def _taken(robot: ET.Element) -> set[str]:
-    """Names that a new link or joint cannot have: frames are looked up among both."""
-    return {*_names(robot, "link"), *_names(robot, "joint")}
-
-
-def _free_name(wanted: str, taken: set[str]) -> str:
+def _free_name(robot: Element, wanted: str, other: Element = ()) -> str:
+    """A name that neither a link nor a joint has."""
+    taken = _names(robot) | (_names(other) if len(other) else set())
     numbered = (f"{wanted}_{number}" for number in itertools.count(2))
     return next(name for name in itertools.chain([wanted], numbered) if name not in taken)
 
 
-def _numbers(values: Array) -> str:
+def _text(values: Array) -> str:
     return " ".join(map(repr, values.tolist()))

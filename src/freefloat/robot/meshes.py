@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from freefloat.robot.mesh_paths import MeshFileError as MeshFileError
-from freefloat.robot.mesh_paths import find_mesh as find_mesh
+from freefloat.robot.names import MeshFileError
 from freefloat.robot.shapes import Colour, Mesh
 from freefloat.so3 import Array
 

@@ -1,22 +1,25 @@
-"""Robots and scenarios by name: the bundled ones, and the robots of example-robot-data."""
+"""Files by name: bundled robots, scenarios and studies, example-robot-data, meshes of a URDF."""
 
 from __future__ import annotations
 
+import os
 import sysconfig
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
-from freefloat.errors import InputError, did_you_mean
+from freefloat.errors import InputError, did_you_mean, one_line
 
 _EXAMPLES = "example-robot-data"
 EXAMPLE = f"{_EXAMPLES}:"
-"""Before the name of a robot of that package."""
+"""Prefix of the names of that package's robots."""
 
 
 def models_folder() -> Path:
-    """Where the bundled robots are: in an installed package, or beside ``src`` in a checkout."""
+    """The folder of the bundled robots: in an installed package, or beside ``src``."""
     package = Path(__file__).resolve().parents[1]
     installed = package / "models"
     return installed if installed.is_dir() else package.parents[1] / "models"
@@ -58,25 +61,25 @@ def find_study(name: str) -> Path:
 
 
 def _find(kind: str, name: str, known: tuple[str, ...], below: str) -> Path:
-    """A file, or the one of a bundled name, which stands in a folder below its robot's."""
+    """A file, or that of a bundled name in a subfolder of its robot's folder."""
     path = Path(name)
     if is_file(path):
         return path
     if name in known:
-        robot, _, own = name.partition("/")
-        return models_folder() / robot / below / f"{own}.yaml"
+        robot, _, stem = name.partition("/")
+        return models_folder() / robot / below / f"{stem}.yaml"
     raise unknown(kind, name, known, f"a {kind} file, or one of")
 
 
 def find_robot(name: str, folder: Path) -> Path:
-    """The URDF of a path, relative to a folder, or else of a bundled robot's name or file name.
+    """The URDF file of a path, or else of a bundled robot's name or file name.
 
     Args:
-        name: The path or name; ``example-robot-data:NAME`` stands for a robot of that package.
-        folder: What the path is relative to.
+        name: The path or name; ``example-robot-data:NAME`` is a robot of that package.
+        folder: The folder that the path is relative to.
 
     Raises:
-        InputError: Listing the names there are when it is none of them.
+        InputError: Listing the known names when it is none of them.
     """
     if name.startswith(EXAMPLE):
         return _find_example(name)
@@ -87,22 +90,17 @@ def find_robot(name: str, folder: Path) -> Path:
     if stem in bundled_robots():
         return models_folder() / stem / f"{stem}.urdf"
     error = unknown("urdf", name, (*bundled_robots(), f"{EXAMPLE}NAME"), "a URDF file, or one of")
-    raise InputError(error.key, error.problem + _example_meant(stem), error.accepted)
-
-
-def _example_meant(name: str) -> str:
-    """A hint where a robot of example-robot-data was named without its package."""
     with suppress(InputError):
-        short = name.removesuffix("_robot")
+        short = stem.removesuffix("_robot")
         if short in example_robots():
-            return f" (did you mean {EXAMPLE}{short}?)"
-    return ""
+            error.problem += f" (did you mean {EXAMPLE}{short}?)"
+    raise InputError(error.key, error.problem, error.accepted)
 
 
 def example_robots() -> dict[str, Path]:
-    """The URDFs of the package example-robot-data by name: the file's, without ``_robot``.
+    """The URDFs of the package example-robot-data by file name without ``_robot``.
 
-    A name that several files have is told with its folder, as in ``anymal_c_simple/anymal``.
+    A name that several files have includes the folder, as in ``anymal_c_simple/anymal``.
 
     Raises:
         InputError: If the package is not installed.
@@ -120,7 +118,7 @@ def example_robots() -> dict[str, Path]:
 
 
 def examples_folder() -> Path:
-    """Where pip, or else conda or the system, has put the robots of example-robot-data.
+    """The folder in which pip, conda or the system installed the robots of example-robot-data.
 
     Raises:
         InputError: If the package is not installed.
@@ -141,12 +139,12 @@ def _find_example(name: str) -> Path:
     short = name.removeprefix(EXAMPLE).removesuffix("_robot")
     if short in robots:
         return robots[short]
-    names = tuple(EXAMPLE + one for one in sorted(robots))
+    names = tuple(EXAMPLE + robot for robot in sorted(robots))
     raise unknown("urdf", name, names, "one of")
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; no name is too long or too odd to ask."""
+    """Whether there is such a file; False for names that no file can have."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -154,9 +152,68 @@ def is_file(path: Path) -> bool:
 
 
 def unknown(key: str, name: str, names: tuple[str, ...], what: str) -> InputError:
-    """The error for a name that does not exist, with the nearest one that does."""
+    """The error for an unknown name, with the most similar known one."""
     shown = name if len(name) <= 240 else name[:237] + "..."
     problem = f"no such file or name: {shown}{did_you_mean(name, names)}"
     if name and len(name) < 256 and "\0" not in name and Path(name).is_dir():
         problem = f"{name} is a directory"
     return InputError(key, problem, f"{what} {', '.join(names)}")
+
+
+class MeshFileError(Exception):
+    """A mesh file that does not exist or cannot be read; the message is one line."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(one_line(reason))
+
+
+def find_mesh(name: str, urdf: str) -> Path:
+    """The mesh file that a name in a URDF refers to.
+
+    Args:
+        name: ``package://NAME/...``, ``model://NAME/...``, ``file://...``, an absolute path, or one
+            relative to the URDF's folder.
+        urdf: The URDF's file; for XML text names are relative to the current folder.
+
+    Raises:
+        MeshFileError: If there is no such file.
+    """
+    try:
+        split = urlsplit(name.replace("\\", "/"))
+    except ValueError as error:
+        raise MeshFileError(f"its name is no address ({error})") from None
+    if split.scheme in ("package", "model"):
+        places = list(_in_package(split.netloc, unquote(split.path).lstrip("/"), Path(urdf)))
+    elif split.scheme == "file":
+        places = [Path(unquote(split.path))]
+    elif len(split.scheme) > 1:  # one letter is a drive
+        raise MeshFileError(f"{split.scheme}:// files are not fetched")
+    else:
+        places = [Path(name) if Path(name).is_absolute() else Path(urdf).absolute().parent / name]
+    for place in places:
+        if is_file(place):
+            return place
+    raise MeshFileError(f"no such file{_hint(split.scheme, split.netloc)}")
+
+
+def _hint(scheme: str, package: str) -> str:
+    if scheme not in ("package", "model"):
+        return ""
+    return f" in a folder {package} above the URDF, on ROS_PACKAGE_PATH or under AMENT_PREFIX_PATH"
+
+
+def _in_package(package: str, rest: str, urdf: Path) -> Iterator[Path]:
+    """Paths that a file of a package may have, in order of precedence."""
+    ros = [Path(word) for word in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if word]
+    for folder in [*urdf.absolute().parents, *ros]:
+        if folder.name == package:
+            yield folder / rest
+        yield folder / package / rest
+    for word in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if word:
+            yield Path(word) / "share" / package / rest
+    with suppress(InputError):
+        examples = examples_folder()
+        if package == examples.parent.name:
+            yield examples.parent / rest
+        yield examples / package / rest

@@ -1,4 +1,4 @@
-"""What is drawn of a robot: plain bodies and meshes, each with its place and colour."""
+"""Geometric shapes of links, and what is drawn of a robot."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Colour = tuple[float, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box about the origin.
+    """A box centred on the origin.
 
     Attributes:
-        size: Its edges along x, y, z [m], shape (3,).
+        size: Edges along x, y, z [m], shape (3,).
     """
 
     size: Array
@@ -29,7 +29,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder about the z axis, half of it on either side of the origin; lengths in metres."""
+    """A cylinder about the z axis, centred on the origin; lengths in metres."""
 
     radius: float
     length: float
@@ -37,9 +37,22 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball about the origin; its radius in metres."""
+    """A sphere about the origin; radius in metres."""
 
     radius: float
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh as a URDF names it.
+
+    Attributes:
+        filename: As in the URDF, see :func:`freefloat.robot.names.find_mesh`.
+        scale: Factors along x, y, z.
+    """
+
+    filename: str
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +62,8 @@ class Mesh:
     Attributes:
         vertices: [m], shape (V, 3).
         faces: Indices of three vertices each, shape (F, 3).
-        normals: Outward unit vectors at the vertices, shape (V, 3). A vertex on a sharp edge is
-            there once for each side.
+        normals: Outward unit vectors at the vertices, shape (V, 3). A vertex on a sharp edge
+            appears once for each side.
     """
 
     vertices: Array
@@ -58,8 +71,8 @@ class Mesh:
     normals: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", frozen(self.vertices))
-        object.__setattr__(self, "normals", frozen(self.normals))
+        for name in ("vertices", "normals"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
         faces = np.array(self.faces, dtype=np.int64)
         faces.setflags(write=False)
         object.__setattr__(self, "faces", faces)
@@ -70,14 +83,14 @@ Shape = Box | Cylinder | Sphere | Mesh
 
 @dataclass(frozen=True, eq=False)
 class Visual:
-    """One shape of one link.
+    """A shape of a link, as it is drawn.
 
     Attributes:
-        name: The link's name, numbered where it has several: unlike any other of the robot.
-        body: The moving body it belongs to: 0 is the spacecraft, k is moved by joint k.
-        placement: In the body's joint frame.
-        shape: What it looks like.
-        colour: Of all of it.
+        name: Name of the link, numbered where it has several shapes; unique in the robot.
+        body: The rigid body that it is part of: 0 is the spacecraft, k is moved by joint k.
+        placement: Its frame in the body's joint frame.
+        shape: Its geometry.
+        colour: Of the whole shape.
     """
 
     name: str
@@ -88,8 +101,7 @@ class Visual:
 
 
 def along(position: npt.ArrayLike, direction: npt.ArrayLike) -> Pose:
-    """A frame somewhere, its z axis along a direction (3,) of any length but zero."""
-    other = "xyz"[int(np.argmin(np.abs(direction)))]
-    across = np.eye(3)["xyz".index(other)]
+    """A frame at a position with its z axis along a direction (3,) of any length but zero."""
+    across = np.eye(3)[int(np.argmin(np.abs(direction)))]
     rotation = axes_rotation("direction", ("z", direction), ("x", across))
     return Pose(frozen(position), rotation)

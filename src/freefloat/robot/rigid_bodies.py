@@ -1,0 +1,114 @@
+"""Rigid bodies and the Pinocchio model, built from the description of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from freefloat.robot.parsing import UNLIMITED
+from freefloat.robot.urdf import IDENTITY, Joint, RobotDescription
+from freefloat.so3 import Array, Pose, frozen
+
+_REVOLUTE = {(1.0, 0.0, 0.0): pin.JointModelRX, (0.0, 1.0, 0.0): pin.JointModelRY,
+             (0.0, 0.0, 1.0): pin.JointModelRZ}  # fmt: skip
+_PRISMATIC = {(1.0, 0.0, 0.0): pin.JointModelPX, (0.0, 1.0, 0.0): pin.JointModelPY,
+              (0.0, 0.0, 1.0): pin.JointModelPZ}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid body: links that fixed and held joints connect.
+
+    Attributes:
+        joint: Name of the joint that moves it; ``"root_joint"`` for the spacecraft.
+        placement: The joint's frame in the previous body's frame, the joint at zero.
+        axis: Unit vector of the joint in its own frame, shape (3,); zeros for the spacecraft.
+        prismatic: Whether the joint is prismatic and not revolute.
+        lower: Lower end of the joint's range [rad or m]; minus infinity where there is none.
+        upper: Upper end of the joint's range [rad or m]; infinity where there is none.
+        rated_speed: Rated speed in the URDF [rad/s or m/s]; infinite where there is none.
+        rated_effort: Rated torque or force in the URDF [N m or N]; infinite where there is none.
+        mass: [kg].
+        centre: Centre of mass in the joint's frame [m], shape (3,).
+        inertia: About the centre of mass, axes of the joint's frame [kg m²], shape (3, 3).
+    """
+
+    joint: str
+    placement: Pose
+    axis: Array
+    prismatic: bool
+    lower: float
+    upper: float
+    rated_speed: float
+    rated_effort: float
+    mass: float
+    centre: Array
+    inertia: Array = field(repr=False)
+
+
+def build_model(
+    robot: RobotDescription, moving: Sequence[Joint], held: Mapping[str, float]
+) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
+    """The Pinocchio model with the moving joints, and body and pose of every link."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
+    places = {robot.roots[0]: (0, IDENTITY)}
+    links = list(places)
+    for name in links:
+        body, pose = places[name]
+        inertial = robot.link[name].inertial
+        if inertial is not None:
+            at = pose @ inertial.origin
+            inertia = pin.Inertia(inertial.mass, np.zeros(3), inertial.inertia)
+            model.appendBodyToJoint(body + 1, inertia, pin.SE3(at.rotation, at.position))
+        for joint in robot.children.get(name, ()):
+            at = pose @ joint.origin
+            if joint in moving:
+                index = model.addJoint(
+                    body + 1, _joint_model(joint), pin.SE3(at.rotation, at.position), joint.name
+                )
+                places[joint.child] = (index - 1, IDENTITY)
+            else:
+                places[joint.child] = (body, at @ joint.displacement(held.get(joint.name, 0.0)))
+            links.append(joint.child)
+    return model, places
+
+
+def _joint_model(joint: Joint) -> Any:
+    axis = joint.axis / np.linalg.norm(joint.axis)
+    aligned = (_PRISMATIC if joint.type == "prismatic" else _REVOLUTE).get(tuple(axis.tolist()))
+    if aligned is not None:
+        return aligned()
+    if joint.type == "prismatic":
+        return pin.JointModelPrismaticUnaligned(axis)
+    return pin.JointModelRevoluteUnaligned(axis)
+
+
+def pose_of(placement: Any) -> Pose:
+    return Pose(placement.translation, placement.rotation)
+
+
+def body_of(model: Any, index: int, joint: Joint | None) -> Body:
+    inertia = model.inertias[index]
+    axis = np.zeros(3) if joint is None else joint.axis / np.linalg.norm(joint.axis)
+    rated = (None, None) if joint is None else (joint.velocity, joint.effort)
+    speed, effort = (
+        value if value is not None and 0.0 < value < UNLIMITED else np.inf for value in rated
+    )
+    return Body(
+        joint=model.names[index],
+        placement=pose_of(model.jointPlacements[index]),
+        axis=frozen(axis),
+        prismatic=joint is not None and joint.type == "prismatic",
+        lower=-np.inf if joint is None else joint.lower,
+        upper=np.inf if joint is None else joint.upper,
+        rated_speed=speed,
+        rated_effort=effort,
+        mass=float(inertia.mass),
+        centre=frozen(inertia.lever),
+        inertia=frozen(inertia.inertia),
+    )
