@@ -18,9 +18,9 @@ print(f"{urdf.name}: {model.total_mass:g} kg, {model.dof} joints that move")
 for name, body in zip(model.joint_names, model.bodies[1:], strict=True):
     print(f"  {name}: moves {body.mass:g} kg")
 
-# What the file says that is probably not what was meant, with its line.
-for doubt in model.doubts:
-    print(f"  line {doubt.line}, {doubt.element}: {doubt.problem}")
+# Warnings about the URDF, with their lines.
+for warning in model.warnings:
+    print(f"  line {warning.line}, {warning.element}: {warning.problem}")
 
 # An arm without a spacecraft gets one: a box of 1 m and 200 kg, the arm on its front.
 spacecraft = ff.Spacecraft(

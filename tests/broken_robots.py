@@ -1,6 +1,6 @@
-"""URDFs as they are met in the wild, each broken in ways of its own, and how each is mended.
+"""Broken URDFs: what is wrong in each, on which line, and how it is corrected.
 
-All are written here, with round numbers; the ways of being broken are those of public files.
+All are written here with round numbers; the mistakes are those of public files.
 """
 
 from __future__ import annotations
@@ -11,43 +11,49 @@ Fix = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Ill:
-    """One thing that is wrong in a URDF.
+class Fault:
+    """A mistake in a URDF.
 
     Attributes:
-        element: The link or joint to be named.
-        at: Text that stands on the line to be named, and nowhere before.
-        problem: Words of the problem, its numbers among them.
-        remedy: Words of the remedy.
-        fixes: What is written instead of what, following the remedy.
+        element: The link or joint concerned.
+        at: Text on the line of the diagnostic, which occurs nowhere before.
+        fixes: Text to replace, and the correction.
+        severity: Of the diagnostic.
     """
 
     element: str
     at: str
-    problem: str
-    remedy: str
     fixes: tuple[Fix, ...]
+    severity: str
 
 
 @dataclass(frozen=True)
-class Patient:
-    """A URDF, all that is wrong in it, and its end-effector where it has several last links."""
+class Broken:
+    """A URDF, all its faults, and its end-effector where it has several last links."""
 
     text: str
-    ills: tuple[Ill, ...]
-    hand: str | None = None
+    faults: tuple[Fault, ...]
+    end_effector: str | None = None
 
-    def line(self, ill: Ill) -> int:
-        """The line, counted from 1, on which an ill is to be told."""
-        return self.text[: self.text.index(ill.at)].count("\n") + 1
+    def line(self, fault: Fault) -> int:
+        """The line of a fault, counted from 1."""
+        return self.text[: self.text.index(fault.at)].count("\n") + 1
 
-    def mended(self, *ills: Ill) -> str:
-        """The text after the remedies for some ills."""
+    def corrected(self, *faults: Fault) -> str:
+        """The text with some faults corrected."""
         text = self.text
-        for old, new in (fix for ill in ills for fix in ill.fixes):
+        for old, new in (fix for fault in faults for fix in fault.fixes):
             assert old in text, old
             text = text.replace(old, new)
         return text
+
+
+def warning(element: str, at: str, *fixes: Fix) -> Fault:
+    return Fault(element, at, fixes, "warning")
+
+
+def error(element: str, at: str, *fixes: Fix) -> Fault:
+    return Fault(element, at, fixes, "error")
 
 
 def link(name: str, mass: str, centre: str, moments: str, shape: str = "") -> str:
@@ -80,7 +86,7 @@ def joint(name: str, kind: str, ends: str, at: str, axis: str = "0 0 1", more: s
 
 def robot(*parts: str) -> str:
     """The whole file."""
-    head = '<?xml version="1.0"?>\n<!-- A robot\n     of our own. -->\n<robot name="patient">'
+    head = '<?xml version="1.0"?>\n<!-- A comment\n     of two lines. -->\n<robot name="servicer">'
     return f"{head}{''.join(parts)}\n</robot>\n"
 
 
@@ -92,23 +98,21 @@ HAND = '\n  <link name="hand"/>'
 WRIST = joint("tool", "fixed", "lower hand", "1 0 0")
 ELBOW = joint("elbow", "revolute", "upper lower", "1 0 0", "0 0 1", LIMIT)
 SHOULDER = joint("shoulder", "revolute", "bus upper", "0.5 0 0", "0 0 1", LIMIT)
-SOUND = robot(BUS, SHOULDER, UPPER, ELBOW, LOWER, WRIST, HAND)
-"""A servicer with two joints, in which nothing is wrong."""
+VALID = robot(BUS, SHOULDER, UPPER, ELBOW, LOWER, WRIST, HAND)
+"""A valid servicer with two joints."""
 
 
-def one(
-    old: str, new: str, element: str, problem: str, remedy: str, *fixes: Fix, at: str = ""
-) -> Patient:
-    """The sound servicer with a single ill, on the first line that differs from the sound one."""
-    assert old in SOUND
-    text = SOUND.replace(old, new, 1)
-    pairs = zip(SOUND.splitlines(), text.splitlines(), strict=False)
-    at = at or next(ill for well, ill in pairs if well != ill)
-    return Patient(text, (Ill(element, at, problem, remedy, fixes or ((new, old),)),))
+def single(severity: str, element: str, old: str, new: str, *fixes: Fix, at: str = "") -> Broken:
+    """The valid servicer with a single fault, on the first line that differs."""
+    assert old in VALID
+    text = VALID.replace(old, new, 1)
+    pairs = zip(VALID.splitlines(), text.splitlines(), strict=False)
+    at = at or next(wrong for right, wrong in pairs if right != wrong)
+    return Broken(text, (Fault(element, at, fixes or ((new, old),), severity),))
 
 
-def _ets_vii() -> Patient:
-    """Every centre of mass on its joint; moments of the first link that no body has."""
+def _ets_vii() -> Broken:
+    """Centres of mass on the joints; moments of the first link that no body has."""
     text = robot(
         link("satellite", "2500", "0 0 0", "6000 5000 5500"),
         joint("j1", "continuous", "satellite link1", "1.2 0 0.9"),
@@ -120,27 +124,16 @@ def _ets_vii() -> Patient:
         joint("tip", "fixed", "link3 grip", "0.8 0 0"),
         '\n  <link name="grip"/>',
     )
-    broken = Ill(
-        "link link1", '<inertia ixx="0.9"',
-        "principal moments 0.2, 0.3, 0.9 break the triangle inequality", "at most 0.5",
-        (('ixx="0.9"', 'ixx="0.5"'),),
-    )  # fmt: skip
-    second = Ill(
-        "link link2", '<origin xyz="0 0 0" rpy="0 0 0"/>\n      <mass value="22"/>',
-        "22 kg stands on its joint, although the link is 0.9 m long", '<origin xyz="0.45 0 0"/>',
-        (('<origin xyz="0 0 0" rpy="0 0 0"/>\n      <mass value="22"/>',
-          '<origin xyz="0.45 0 0"/>\n      <mass value="22"/>'),),
-    )  # fmt: skip
-    third = Ill(
-        "link link3", '<origin xyz="0 0.01 0"',
-        "18 kg stands on its joint, although the link is 0.8 m long", '<origin xyz="0.4 0 0"/>',
-        (('<origin xyz="0 0.01 0" rpy="0 0 0"/>', '<origin xyz="0.4 0 0"/>'),),
-    )  # fmt: skip
-    return Patient(text, (broken, second, third))
+    origin = '<origin xyz="0 0 0" rpy="0 0 0"/>\n      <mass value="22"/>'
+    return Broken(text, (
+        warning("link link1", '<inertia ixx="0.9"', ('ixx="0.9"', 'ixx="0.5"')),
+        warning("link link2", origin, (origin, origin.replace("0 0 0", "0.45 0 0", 1))),
+        warning("link link3", '<origin xyz="0 0.01 0"', ("0 0.01 0", "0.4 0 0")),
+    ))  # fmt: skip
 
 
-def _ssrms() -> Patient:
-    """Root ``world`` under nothing; a boom of 3 m whose 315 kg are in its joint."""
+def _ssrms() -> Broken:
+    """A root link without mass; a boom of 3 m with its mass in its joint."""
     text = robot(
         '\n  <link name="world"/>',
         joint("roll", "revolute", "world shoulder", "0 0 0", "0 0 1", LIMIT),
@@ -152,48 +145,37 @@ def _ssrms() -> Patient:
         joint("lee", "fixed", "wrist latch", "0 -0.5 0"),
         '\n  <link name="latch"/>',
     )
-    root = Ill(
-        "link world", '<link name="world"/>', "a spacecraft of 0 kg", "<inertial> in this link",
-        (('<link name="world"/>', link("world", "9000", "0 0 0", "9e4 9e4 9e4").strip()),),
-    )  # fmt: skip
-    boom = Ill(
-        "link boom", '<origin xyz="0 0 0.02"',
-        "315 kg stands on its joint, although the link is 3.027 m long",
-        '<origin xyz="1.5 0 0.2"/>',
-        (('<origin xyz="0 0 0.02" rpy="0 0 0"/>', '<origin xyz="1.5 0 0.2"/>'),),
-    )  # fmt: skip
-    return Patient(text, (root, boom))
+    world, massive = '<link name="world"/>', link("world", "9000", "0 0 0", "9e4 9e4 9e4").strip()
+    return Broken(text, (
+        warning("link world", world, (world, massive)),
+        warning("link boom", '<origin xyz="0 0 0.02"', ("0 0 0.02", "1.5 0 0.2")),
+    ))  # fmt: skip
 
 
-def _pulsar() -> Patient:
-    """Expressions where numbers belong: nobody works them out."""
-    turned = SOUND.replace('<origin xyz="0.5 0 0" rpy="0 0 0"/>\n    <axis',
-                           '<origin xyz="0.16/2 0 0" rpy="0 0 pi/2"/>\n    <axis')  # fmt: skip
-    text = turned.replace('lower="-2"', 'lower="${-pi + 0.5}"', 1)
-    half = Ill("joint shoulder", "0.16/2", '<origin xyz="0.16/2 0 0">', 'xyz="0.08',
-               (('xyz="0.16/2 0 0"', 'xyz="0.08 0 0"'),))  # fmt: skip
-    turn = Ill("joint shoulder", "0 0 pi/2", '<origin rpy="0 0 pi/2">',
-               'rpy="0 0 1.5707963267948966"', (("pi/2", "1.5707963267948966"),))  # fmt: skip
-    lower = Ill("joint shoulder", "${-pi", '"${-pi + 0.5}"', 'lower="-2.6415926535897931"',
-                (("${-pi + 0.5}", "-2.6415926535897931"),))  # fmt: skip
-    return Patient(text, (half, turn, lower))
+def _pulsar() -> Broken:
+    """Expressions in place of numbers."""
+    turned = VALID.replace('<origin xyz="0.5 0 0" rpy="0 0 0"/>\n    <axis',
+                           '<origin xyz="0.16/2 0 0"\n rpy="0 0 pi/2"/>\n    <axis')  # fmt: skip
+    return Broken(turned.replace('lower="-2"', 'lower="${-pi + 0.5}"', 1), (
+        error("joint shoulder", '"0.16/2', ("0.16/2", "0.08"), ("pi/2", "1.5708")),
+        error("joint shoulder", "${-pi", ("${-pi + 0.5}", "-2.64")),
+    ))  # fmt: skip
 
 
-def _manisat() -> Patient:
-    """Two arms; products of inertia copied with the wrong sign or place: not positive definite."""
+def _manisat() -> Broken:
+    """Two arms; inertias that are not positive definite."""
     text = robot(
         BUS, SHOULDER, link("upper", "10", "0.5 0 0", "0.1 0.5 0 0.9 0 0.9"), ELBOW, LOWER, WRIST,
         HAND, joint("left_joint", "revolute", "bus left", "-0.5 0 0", "0 0 1", LIMIT),
         link("left", "5", "-0.2 0 0", "0.02 -0.06 0.06"),
     )  # fmt: skip
-    first = Ill("link upper", 'ixy="0.5"', "not positive definite (principal moments -0.14",
-                "products", (('ixy="0.5"', 'ixy="0.05"'),))  # fmt: skip
-    second = Ill("link left", '<inertia ixx="0.02"', "principal moments -0.06, 0.02, 0.06",
-                 "ixx, iyy, izz are positive", (('iyy="-0.06"', 'iyy="0.06"'),))  # fmt: skip
-    return Patient(text, (first, second), "hand")
+    return Broken(text, (
+        warning("link upper", 'ixy="0.5"', ('ixy="0.5"', 'ixy="0.05"')),
+        warning("link left", '<inertia ixx="0.02"', ('iyy="-0.06"', 'iyy="0.06"')),
+    ), "hand")  # fmt: skip
 
 
-def _cepheus() -> Patient:
+def _cepheus() -> Broken:
     """A moving link without mass; an arm of 0.2 m with the moments of a rotor of metres."""
     text = robot(
         link("base", "13", "0 0 0", "0.12 0.12 0.12"),
@@ -206,30 +188,23 @@ def _cepheus() -> Patient:
         joint("tip", "fixed", "finger tip", "0.1 0 0"),
         '\n  <link name="tip"/>',
     )
-    massless = Ill(
-        "link turret", '<link name="turret"/>', "it moves but has no mass", "a small <inertial>",
-        (('<link name="turret"/>', link("turret", "0.1", "0 0 0", "1e-4 1e-4 1e-4").strip()),),
-    )  # fmt: skip
-    moments = Ill(
-        "link arm", 'ixx="0.01"',
-        "gyration radius is 1.22 m (largest moment 0.15 kg m² of 0.1 kg), but it reaches 0.1 m",
-        "a rod of this mass and length has 0.000333",
-        (('ixx="0.01"', 'ixx="1e-5"'), ("0.15", "0.000333"), ("0.000333 0 0", "0.15 0 0")),
-    )  # fmt: skip
-    return Patient(text, (massless, moments))
+    turret = '<link name="turret"/>'
+    massive = link("turret", "0.1", "0 0 0", "1e-4 1e-4 1e-4").strip()
+    return Broken(text, (
+        warning("link turret", turret, (turret, massive)),
+        warning("link arm", 'ixx="0.01"', ('ixx="0.01"', 'ixx="1e-5"'),
+                ("0.15", "0.000333"), ("0.000333 0 0", "0.15 0 0")),
+    ))  # fmt: skip
 
 
-def _spart() -> Patient:
-    """Revolute joints that say nothing of their limits."""
-    text = SOUND.replace(LIMIT, "")
-    ills = tuple(
-        Ill(f"joint {name}", f'<joint name="{name}"', "a revolute joint without a <limit>",
-            '<limit lower="-3.14" upper="3.14" effort="100" velocity="1"/>',
-            ((f'"{name}" type="revolute">', f'"{name}" type="revolute">\n    <limit '
-              'lower="-3.14" upper="3.14" effort="100" velocity="1"/>'),))
+def _spart() -> Broken:
+    """Revolute joints without limits."""
+    faults = tuple(
+        error(f"joint {name}", f'<joint name="{name}"',
+              (f'"{name}" type="revolute">', f'"{name}" type="revolute">{LIMIT}'))
         for name in ("shoulder", "elbow")
     )  # fmt: skip
-    return Patient(text, ills)
+    return Broken(VALID.replace(LIMIT, ""), faults)
 
 
 _MESH = """
@@ -245,107 +220,58 @@ _MOMENTS = '\n      <inertia ixx="0.1"'
 _ORIGIN, _MASS = '\n      <origin xyz="0.5 0 0" rpy="0 0 0"/>', '\n      <mass value="10"/>'
 _LOOP = '<parent link="lower"/>\n    <child link="upper"/>'
 
-PATIENTS = {
-    "ETS-VII: centres on joints": _ets_vii(),
-    "SSRMS: root world, a boom's centre on its joint": _ssrms(),
+BROKEN = {
+    "ETS-VII: centres of mass on joints": _ets_vii(),
+    "SSRMS: massless root, centre of mass on a joint": _ssrms(),
     "PULSAR: expressions": _pulsar(),
     "ManiSat: not positive definite": _manisat(),
-    "Cepheus: massless, gyration radius": _cepheus(),
+    "Cepheus: massless link, gyration radius": _cepheus(),
     "SPART: no limits": _spart(),
-    "a limit without rate": one(
-        *(' effort="100" velocity="0.1"/>', ' effort="100"/>', "joint shoulder"),
-        *("whose <limit> lacks velocity", '<limit lower="-2" upper="2" effort="100" velocity='),
-    ),
-    "an axis that is not a unit vector": one(
-        *('<axis xyz="0 0 1"/>', '<axis xyz="0 3 4"/>', "joint shoulder", "has length 5"),
-        *('<axis xyz="0 0.6 0.8"/>', ('xyz="0 3 4"', 'xyz="0 0.6 0.8"')),
-    ),
-    "angles in degrees": one(
-        *('rpy="0 0 0"/>\n    <axis', 'rpy="0 90 0"/>\n    <axis', "joint shoulder"),
-        *("turns by more than a turn", 'write rpy="0 1.57079633 0"'),
-        ('rpy="0 90 0"', 'rpy="0 1.57079633 0"'),
-    ),
-    "an axis without direction": one(
-        *('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "joint shoulder"),
-        *('<axis xyz="0 0 0"> has no direction', 'xyz="0 0 1"'),
-    ),
-    "an axis whose length is lost in rounding": one(
-        *('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1e-200"/>', "joint shoulder"),
-        *('<axis xyz="0 0 1e-200"> has no direction', 'xyz="0 0 1"'),
-    ),
-    "a mimic": one(
-        *(LIMIT, LIMIT + '\n    <mimic joint="elbow" multiplier="2"/>', "joint shoulder"),
-        *("it mimics elbow, which is ignored", "leave out <mimic>"),
-    ),
-    "a mesh that is not there": one(
-        *("</inertial>", f"</inertial>{_MESH}", "link bus"),
-        *("package://gone/arm.stl of its <visual>: no such file", "a plain shape such as <box>"),
-        (_MESH, '\n    <visual><geometry><box size="1 1 1"/></geometry></visual>'),
-        at="<mesh filename",
-    ),
-    "two parents": one(
-        *("\n</robot>", f"{_BRACE}\n</robot>", "link lower"),
-        *("it is the child of two joints, elbow and brace", "leave out brace", (_BRACE, "")),
-        at='<child link="lower"/>\n  </joint>',
-    ),
-    "a circle": one(
-        *('<parent link="bus"/>', '<parent link="lower"/>', "link upper"),
-        *("go round in a circle: upper <- lower <- upper", "leave out the joint that closes"),
-        *[(_LOOP, _LOOP.replace("lower", "bus"))],
-        at='<link name="upper"',
-    ),
-    "a link twice": one(
-        *('<link name="hand"/>', '<link name="hand"/>\n  <link name="bus"/>', "link bus"),
-        *("the name is given twice, first on line 5", "unique names"),
-    ),
-    "a joint twice": one(
-        *('<joint name="tool"', '<joint name="elbow"', "joint elbow", "the name is given twice"),
-        "unique names", ('"elbow" type="fixed"', '"tool" type="fixed"'),
-    ),
-    "a link that nothing carries": one(
-        *('<link name="hand"/>', '<link name="hand"/>\n  <link name="lost"/>', "link lost"),
-        *("a root link besides bus", '<child link="lost"/>', ('\n  <link name="lost"/>', "")),
-    ),
-    "a parent that is not there": one(
-        *('<parent link="upper"/>', '<parent link="uper"/>', "joint elbow"),
-        *("its parent link is uper", "with one of bus, upper, lower, hand"),
-    ),
-    "half an inertial": one(
-        *('iyy="0.9" iyz="0" izz', 'iyy="0.9" izz', "link upper", "lacks iyz of <inertia>"),
-        'iyz=".."', at='<inertia ixx="0.1"',
-    ),
-    "an inertial without mass": one(
-        *(_ORIGIN + _MASS, _ORIGIN, "link upper", "lacks value of <mass>"),
-        '<mass value=".."/>', (_ORIGIN + _MOMENTS, _ORIGIN + _MASS + _MOMENTS),
-        at=f"<inertial>{_ORIGIN}",
-    ),
-    "a negative mass": one(
-        *('"10"', '"-10"', "link upper", "mass -10.0 kg", "zero or more"),
-    ),
-    "a negative rate": one(
-        *('velocity="0.1"', 'velocity="-0.1"', "joint shoulder", '<limit velocity="-0.1">'),
-        "zero or more",
-    ),
-    "a range turned round": one(
-        *('lower="-2" upper="2"', 'lower="2" upper="-2"', "joint shoulder"),
-        *("its range is 2 to -2", '<limit lower="-2" upper="2" .../>'),
-    ),
-    "a floating joint": one(
-        *('"shoulder" type="revolute"', '"shoulder" type="floating"', "joint shoulder"),
-        *("its type is floating", "revolute, continuous, prismatic or fixed: the root link floats"),
-    ),
-    "a comma": one(
-        *('<axis xyz="0 0 1"/>', '<axis xyz="0,0,1"/>', "joint shoulder"),
-        *('<axis xyz="0,0,1"> is not 3 finite numbers', 'xyz="0 0 1"'),
-    ),
-    "a macro": one(
-        *('"10"', '"${m_upper}"', "link upper", '"${m_upper}"', "xacro makes such a file a URDF"),
-    ),
-    "not well-formed": one(
-        *("</robot>", "</robt>", "urdf", "mismatched tag", "a URDF file"),
-    ),
-    "a DTD": one(
-        *("<!-- A robot\n     of our own. -->", "<!DOCTYPE robot>", "urdf", "it declares a DTD"),
-        "plain XML without",
-    ),
+    "a limit without velocity": single(
+        "error", "joint shoulder", ' effort="100" velocity="0.1"/>', ' effort="100"/>'),
+    "an axis that is not a unit vector": single(
+        "warning", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 3 4"/>'),
+    "angles in degrees": single(
+        "warning", "joint shoulder", 'rpy="0 0 0"/>\n    <axis', 'rpy="0 90 0"/>\n    <axis'),
+    "an axis without direction": single(
+        "error", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'),
+    "an axis whose length underflows": single(
+        "error", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0 0 1e-200"/>'),
+    "a mimic": single(
+        "warning", "joint shoulder", LIMIT, LIMIT + '\n    <mimic joint="elbow" multiplier="2"/>'),
+    "a missing mesh": single(
+        "warning", "link bus", "</inertial>", f"</inertial>{_MESH}", (_MESH, ""),
+        at="<mesh filename"),
+    "two parents": single(
+        "error", "joint brace", "\n</robot>", f"{_BRACE}\n</robot>", (_BRACE, ""),
+        at='<child link="lower"/>\n  </joint>'),
+    "a cycle": single(
+        "error", "link upper", '<parent link="bus"/>', '<parent link="lower"/>',
+        (_LOOP, _LOOP.replace("lower", "bus")), at='<link name="upper"'),
+    "a link twice": single(
+        "error", "link bus", '<link name="hand"/>', '<link name="hand"/>\n  <link name="bus"/>'),
+    "a joint twice": single(
+        "error", "joint elbow", '<joint name="tool"', '<joint name="elbow"',
+        ('"elbow" type="fixed"', '"tool" type="fixed"')),
+    "a second root": single(
+        "error", "link lost", '<link name="hand"/>', '<link name="hand"/>\n  <link name="lost"/>',
+        ('\n  <link name="lost"/>', "")),
+    "a missing parent": single(
+        "error", "joint elbow", '<parent link="upper"/>', '<parent link="uper"/>'),
+    "half an inertial": single(
+        "error", "link upper", 'iyy="0.9" iyz="0" izz', 'iyy="0.9" izz', at='<inertia ixx="0.1"'),
+    "an inertial without mass": single(
+        "error", "link upper", _ORIGIN + _MASS, _ORIGIN,
+        (_ORIGIN + _MOMENTS, _ORIGIN + _MASS + _MOMENTS), at=f"<inertial>{_ORIGIN}"),
+    "a negative mass": single("error", "link upper", '"10"', '"-10"'),
+    "a negative velocity": single(
+        "error", "joint shoulder", 'velocity="0.1"', 'velocity="-0.1"'),
+    "an inverted range": single(
+        "warning", "joint shoulder", 'lower="-2" upper="2"', 'lower="2" upper="-2"'),
+    "a floating joint": single(
+        "error", "joint shoulder", '"shoulder" type="revolute"', '"shoulder" type="floating"'),
+    "commas": single("error", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0,0,1"/>'),
+    "a macro": single("error", "link upper", '"10"', '"${m_upper}"'),
+    "XML that is not well-formed": single("error", "urdf", "</robot>", "</robt>"),
+    "a DTD": single("error", "urdf", "<!-- A comment\n     of two lines. -->", "<!DOCTYPE robot>"),
 }  # fmt: skip

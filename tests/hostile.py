@@ -31,8 +31,9 @@ from freefloat.io.schema import ScenarioFile
 from freefloat.io.validation import validated
 from freefloat.limits.collision_shapes import collision_shapes
 from freefloat.paths.path import read_samples
-from freefloat.robot.meshes import MeshFileError, read_mesh
+from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import MeshFileError
 from freefloat.robot.validation import examine
 from freefloat.studies.files import study_files
 from freefloat.studies.study import load_study

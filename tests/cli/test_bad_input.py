@@ -665,7 +665,7 @@ def test_info_refuses_a_broken_urdf_in_one_line_for_each_finding(case: Bad, fold
     assert f"freefloat: {document['error']['message']}" == line
     assert len(document["findings"]) == len(told)
     first = document["findings"][0]
-    assert first["severity"] == "defect"
+    assert first["severity"] == "error"
     assert (first["file"], first["line"]) == (URDF, document["error"]["line"])
 
 

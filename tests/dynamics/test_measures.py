@@ -241,8 +241,8 @@ def test_arm_depends_on_shoulder_lift_and_elbow_alone(
 
 
 SPACECRAFT = 'ixx="66.67" ixy="0" ixz="0" iyy="66.67" iyz="0" izz="66.67"'
-LINK_2 = '<origin xyz="0.5 0 0" />\n      <mass value="40" />'
-HAND = '<origin xyz="0.2 0 0" />\n      <mass value="10" />\n      <inertia ixx="1.5" ixy="0"'
+LINK_2 = '<origin xyz="0.5 0 0"/>\n      <mass value="40"/>'
+HAND = '<origin xyz="0.2 0 0"/>\n      <mass value="10"/>\n      <inertia ixx="1.5" ixy="0"'
 
 
 @pytest.mark.parametrize(
@@ -278,9 +278,9 @@ def test_arms_that_split_have_the_factor(
         ('xyz="0 0 0.5"', 'xyz="0.3 0 0.5"'),
         ('xyz="0 0 0.5"', 'xyz="0 0 0.5" rpy="0.2 0 0"'),
         (LINK_2, LINK_2.replace("0.5 0 0", "0.5 0.1 0")),
-        ('<child link="link_2" />\n', '<child link="link_2" /><origin xyz="0 0.2 0"/>'),
-        ('<child link="link_2" />\n', '<child link="link_2" /><origin rpy="0.3 0 0"/>'),
-        ('<child link="link_6" />\n', '<child link="link_6" /><origin xyz="0 0 0.05"/>'),
+        ('<child link="link_2"/>\n', '<child link="link_2"/><origin xyz="0 0.2 0"/>'),
+        ('<child link="link_2"/>\n', '<child link="link_2"/><origin rpy="0.3 0 0"/>'),
+        ('<child link="link_6"/>\n', '<child link="link_6"/><origin xyz="0 0 0.05"/>'),
     ],
     ids=[
         "spacecraft not round", "spacecraft askew", "mounted off centre", "mounted tilted",

@@ -174,16 +174,16 @@ def test_only_elbow_arms_with_spherical_wrists_are_taken_for_such(
     """A wrist that misses by a millimetre, a skew elbow, other structures: none of them is."""
     text = spatial_6dof.description.text
     wrist = text.replace(
-        '<joint name="q6" type="revolute">',
-        '<joint name="q6" type="revolute"><origin xyz="0 0 1e-3"/>',
+        '<joint name="q6" type="continuous">',
+        '<joint name="q6" type="continuous"><origin xyz="0 0 1e-3"/>',
     )
     # massive enough for the virtual arm to notice that body 4 is off its own axis
     offset = text.replace(
-        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6" />',
+        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6"/>',
         '<link name="link_4"><inertial><origin xyz="0 0 0.1"/><mass value="5"/>',
     )
     skew = text.replace(
-        '<origin xyz="1 0 0" /><axis xyz="0 -1 0" />',
+        '<origin xyz="1 0 0"/><axis xyz="0 -1 0"/>',
         '<origin xyz="1 0 0"/><axis xyz="0 -1 0.01"/>',
     )
     for other in (wrist, offset, skew):
@@ -198,7 +198,7 @@ def test_only_elbow_arms_with_spherical_wrists_are_taken_for_such(
 def test_a_heavy_wrist_on_its_own_axes_stays_spherical(spatial_6dof: FreeFloatingModel) -> None:
     """A mass on axis 4 of body 4 shifts the virtual wrist centre but leaves it a point."""
     text = spatial_6dof.description.text.replace(
-        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6" />',
+        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6"/>',
         '<link name="link_4"><inertial><origin xyz="-0.1 0 0"/><mass value="5"/>',
     )
     assert text != spatial_6dof.description.text
@@ -212,9 +212,11 @@ def test_planar_is_what_stays_in_the_plane(planar_3dof: FreeFloatingModel) -> No
     assert VirtualManipulator.of(planar_3dof).is_planar
 
     def planar(axis: str, kind: str = "revolute") -> bool:
-        first, rest = text.split('<joint name="q2" type="revolute">')
-        changed = rest.replace('<axis xyz="0 0 1" />', f'<axis xyz="{axis}"/>', 1)
-        model = FreeFloatingModel.from_urdf(f'{first}<joint name="q2" type="{kind}">{changed}')
+        first, rest = text.split('<joint name="q2" type="continuous">')
+        changed = rest.replace('<axis xyz="0 0 1"/>', f'<axis xyz="{axis}"/>', 1)
+        limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+        joint = f'<joint name="q2" type="{kind}">{limit}'
+        model = FreeFloatingModel.from_urdf(first + joint + changed)
         return VirtualManipulator.of(model).is_planar
 
     assert planar("0 0 -1")

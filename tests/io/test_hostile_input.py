@@ -25,9 +25,9 @@ from freefloat.io.yaml import parse_yaml
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import simulate
 from freefloat.paths.path import read_samples
-from freefloat.robot.mesh_paths import find_mesh
-from freefloat.robot.meshes import MeshFileError, read_mesh
+from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.validation import examine
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.study import load_study

@@ -41,8 +41,8 @@ def model(name: str) -> FreeFloatingModel:
 
 
 @pytest.mark.parametrize("name", NEW)
-def test_nothing_about_a_model_is_doubtful(name: str) -> None:
-    assert model(name).doubts == ()
+def test_a_model_has_no_warnings(name: str) -> None:
+    assert model(name).warnings == ()
 
 
 @pytest.mark.parametrize("name", bundled_robots())

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from freefloat.robot.meshes import MeshFileError, Part, find_mesh, read_mesh
-from freefloat.robot.names import examples_folder
+from freefloat.robot.meshes import Part, read_mesh
+from freefloat.robot.names import MeshFileError, examples_folder, find_mesh
 
 EXAMPLES = [
     path

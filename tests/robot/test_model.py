@@ -17,7 +17,7 @@ from freefloat.dynamics.momentum import generalized_jacobian, momentum_map
 from freefloat.errors import InputError, ModelError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
-from freefloat.robot.urdf import read_urdf
+from freefloat.robot.validation import read_urdf
 from freefloat.so3 import rotation_matrix
 from tests.robots import (
     Robot,
@@ -110,7 +110,7 @@ def test_a_frame_that_is_not_there_is_answered_with_those_that_are() -> None:
     assert set(caught.value.accepted.split(", ")) == {"bus", "upper", "fore", "mast"}
 
 
-@pytest.mark.parametrize("frame", ["bus", "universe", "antenna"])
+@pytest.mark.parametrize("frame", ["bus", "antenna", "glue"])
 def test_a_frame_fixed_to_the_spacecraft_is_refused(frame: str) -> None:
     """No joint moves it; the links that joints do move are listed."""
     antenna = a_link("antenna") + joint_text("glue", "F", "bus", "antenna")
@@ -349,7 +349,6 @@ def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
         np.testing.assert_array_equal(momentum_map(twin, q), expected)
         assert twin.joint_names == model.joint_names
         assert twin.scratch is not model.scratch
-    assert len(pickle.dumps(model)) < 2 * len(robot.text)  # the text travels, not the machinery
 
 
 def test_model_errors_survive_pickling() -> None:
@@ -413,7 +412,7 @@ def test_doubts_travel_with_the_model() -> None:
     text = chain_of(a_link("arm"), joint_text("q", "C", "bus", "arm"), link_text("tip"),
                     joint_text("p", "C", "arm", "tip"))  # fmt: skip
     model = FreeFloatingModel.from_urdf(text)
-    assert [doubt.element for doubt in model.doubts] == ["link tip"]
+    assert [warning.element for warning in model.warnings] == ["link tip"]
     assert model.dof == 2
 
 
@@ -434,17 +433,14 @@ def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
         FreeFloatingModel.from_urdf(tmp_path / "gone.urdf")
 
 
-def test_a_joint_off_the_chain_with_the_name_of_a_link_is_refused() -> None:
-    """Pinocchio cannot tell which of the two it should hold; on the chain the name does no harm."""
-    robot = '<robot name="twins">' + link_text("bus", inertial_text(9.0, np.eye(3)))
+def test_a_held_joint_may_have_the_name_of_a_link() -> None:
+    robot = '<robot name="namesakes">' + link_text("bus", inertial_text(9.0, np.eye(3)))
     for name in ("one", "two"):
         robot += joint_text(name, "R", "bus", name)
         robot += link_text(name, inertial_text(1.0, np.eye(3)))
-    robot += "</robot>"
-    with pytest.raises(ModelError, match="joint two: a link has the same name"):
-        FreeFloatingModel.from_urdf(robot, "one")
-    alone = robot.replace('joint name="two"', 'joint name="other"')
-    assert FreeFloatingModel.from_urdf(alone, "one").joint_names == ("one",)
+    model = FreeFloatingModel.from_urdf(robot + "</robot>", "one", held={"two": 0.3})
+    assert model.joint_names == ("one",)
+    assert model.bodies[0].mass == 10.0
 
 
 # -------------------------------------------------------------------------------- where things are
@@ -455,7 +451,9 @@ def whole_robot(robot: Robot, held: dict[str, float], joints: np.ndarray) -> tup
     model = pin.buildModelFromXML(read_urdf(robot.text).text)
     q = pin.neutral(model)
     for name, value in [*held.items(), *zip(robot.joints, joints, strict=True)]:
-        q[model.joints[model.getJointId(name)].idx_q] = value
+        joint = model.joints[model.getJointId(name)]
+        angle = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
+        q[joint.idx_q : joint.idx_q + joint.nq] = angle
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     return model, data

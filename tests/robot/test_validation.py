@@ -1,4 +1,4 @@
-"""Every defect and doubt of broken URDFs by name, line and remedy; silence about sound ones."""
+"""Errors and warnings about URDFs: severity, line and element; none about valid ones."""
 
 from __future__ import annotations
 
@@ -11,231 +11,208 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
-from freefloat.robot.diagnostics import Severity, UrdfDiagnostic
+from freefloat.robot.diagnostics import Severity
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import example_robots, models_folder
-from freefloat.robot.urdf import read_urdf
-from freefloat.robot.urdf_numbers import value_of
-from freefloat.robot.validation import examine
-from tests.broken_robots import (
-    HAND,
-    PATIENTS,
-    SOUND,
-    UPPER,
-    WRIST,
-    Ill,
-    Patient,
-    joint,
-    link,
-)
+from freefloat.robot.validation import examine, read_urdf
+from tests.broken_robots import BROKEN, HAND, UPPER, VALID, WRIST, Broken, Fault, joint, link
+from tests.robots import Robot, inertial_text, joint_text, link_text, robots
 
-WELL = [patient for patient in PATIENTS.values() if len(patient.ills) > 1]
-ILLS = {
-    f"{name}: {ill.element} {number}": (patient, ill)
-    for name, patient in PATIENTS.items()
-    for number, ill in enumerate(patient.ills, 1)
+FAULTS = {
+    f"{name}: {fault.element} {number}": (broken, fault)
+    for name, broken in BROKEN.items()
+    for number, fault in enumerate(broken.faults, 1)
 }
-every_patient = pytest.mark.parametrize("patient", PATIENTS.values(), ids=PATIENTS)
-every_ill = pytest.mark.parametrize(("patient", "ill"), ILLS.values(), ids=ILLS)
+every_urdf = pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN)
+every_fault = pytest.mark.parametrize(("broken", "fault"), FAULTS.values(), ids=FAULTS)
+Found = tuple[str, int, str]
 
 
 def written(folder: Path, text: str) -> Path:
-    path = folder / "patient.urdf"
+    path = folder / "robot.urdf"
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def complaints(urdf: Path, carried: bool = False) -> list[UrdfDiagnostic]:
-    """What is worse than a note."""
-    return [one for one in examine(urdf, carried) if one.severity != Severity.NOTE]
+def found(urdf: str | Path, mounted: bool = False) -> list[Found]:
+    return [(str(one.severity), one.line, one.element) for one in examine(urdf, mounted)]
 
 
-def is_about(ill: Ill, finding: UrdfDiagnostic) -> bool:
-    return finding.element == ill.element and ill.problem in finding.problem
+def elements(urdf: str | Path) -> list[str]:
+    return [element for _, _, element in found(urdf)]
 
 
-def test_there_are_fifteen_broken_urdfs_and_more() -> None:
-    assert len(PATIENTS) >= 15
-    assert len({patient.text for patient in PATIENTS.values()}) == len(PATIENTS)
+def test_nothing_is_reported_about_a_valid_robot() -> None:
+    assert examine(VALID) == ()
 
 
-def test_nothing_is_said_of_a_sound_robot(tmp_path: Path) -> None:
-    assert examine(written(tmp_path, SOUND)) == ()
-
-
-@every_ill
-def test_every_ill_is_told_with_file_line_element_and_remedy(
-    patient: Patient, ill: Ill, tmp_path: Path
+@every_fault
+def test_a_fault_is_reported_until_it_is_corrected(
+    broken: Broken, fault: Fault, tmp_path: Path
 ) -> None:
-    path = written(tmp_path, patient.text)
-    told = [one for one in complaints(path) if is_about(ill, one)]
-    assert len(told) == 1, examine(path)
-    assert told[0].file == str(path)
-    assert told[0].line == patient.line(ill)
-    assert ill.remedy in told[0].remedy
-
-
-@every_ill
-def test_the_remedy_silences_the_ill_and_only_that(
-    patient: Patient, ill: Ill, tmp_path: Path
-) -> None:
-    before = complaints(written(tmp_path, patient.text))
-    after = complaints(written(tmp_path, patient.mended(ill)))
-    assert not any(is_about(ill, one) for one in after)
+    expected = (fault.severity, broken.line(fault), fault.element)
+    path = written(tmp_path, broken.text)
+    before = found(path)
+    assert expected in before
+    assert all(one.file == str(path) for one in examine(path))
+    after = found(written(tmp_path, broken.corrected(fault)))
     assert len(after) < len(before)
-    for other in patient.ills:
-        assert (other == ill) != any(is_about(other, one) for one in after)
+    assert {element for _, _, element in after} >= {
+        other.element for other in broken.faults if other != fault
+    }
 
 
-@every_patient
-def test_a_robot_with_all_remedies_is_sound(patient: Patient, tmp_path: Path) -> None:
-    path = written(tmp_path, patient.mended(*patient.ills))
-    assert complaints(path) == []
-    assert FreeFloatingModel.from_urdf(path, patient.hand).doubts == ()
+@every_urdf
+def test_a_corrected_robot_has_no_diagnostics(broken: Broken, tmp_path: Path) -> None:
+    path = written(tmp_path, broken.corrected(*broken.faults))
+    assert examine(path) == ()
+    assert FreeFloatingModel.from_urdf(path, broken.end_effector).warnings == ()
 
 
-@every_patient
-def test_loading_stops_at_the_first_defect_or_keeps_every_doubt(
-    patient: Patient, tmp_path: Path
+@every_urdf
+def test_loading_raises_the_first_error_or_keeps_every_warning(
+    broken: Broken, tmp_path: Path
 ) -> None:
-    path = written(tmp_path, patient.text)
-    first, *_ = found = complaints(path)
-    if first.severity == Severity.DEFECT:
+    path = written(tmp_path, broken.text)
+    first, *_ = diagnostics = examine(path)
+    if first.severity is Severity.ERROR:
         with pytest.raises(ModelError) as caught:
-            FreeFloatingModel.from_urdf(path, patient.hand)
-        assert str(caught.value) == str(first.error())
+            FreeFloatingModel.from_urdf(path, broken.end_effector)
+        assert str(caught.value) == str(first.exception())
         assert (caught.value.source, caught.value.line) == (str(path), first.line)
     else:
-        told = FreeFloatingModel.from_urdf(path, patient.hand).doubts
-        assert told == tuple(one for one in found if "mesh" not in one.problem)
+        warnings = FreeFloatingModel.from_urdf(path, broken.end_effector).warnings
+        assert warnings == tuple(one for one in diagnostics if "mesh" not in one.problem)
 
 
-def test_every_ill_of_many_is_told_at_once(tmp_path: Path) -> None:
-    """One line wrong does not hide the next; defects come first, then doubts, then notes."""
-    text = SOUND.replace('value="10"', 'value="ten"').replace('xyz="0 0 1"', 'xyz="0 0 2"', 1)
-    text = text.replace('"elbow" type="revolute"', '"elbow" type="continuous"')
+def test_all_faults_are_reported_at_once_errors_first() -> None:
+    text = VALID.replace('value="10"', 'value="ten"').replace('xyz="0 0 1"', 'xyz="0 0 2"', 1)
     text = text.replace('ixx="0.1" ixy="0" ixz="0"\n               iyy="0.7"',
                         'ixx="9" ixy="0" ixz="0"\n               iyy="0.7"')  # fmt: skip
-    found = examine(written(tmp_path, text))
-    assert [(one.severity, one.element) for one in found] == [
-        ("defect", "link upper"),
-        ("doubt", "joint shoulder"),
-        ("doubt", "link lower"),
-        ("note", "joint elbow"),
+    assert [(severity, element) for severity, _, element in found(text)] == [
+        ("error", "link upper"),
+        ("warning", "joint shoulder"),
+        ("warning", "link lower"),
     ]
 
 
-def test_a_continuous_joint_is_noted_and_not_doubted(tmp_path: Path) -> None:
-    text = SOUND.replace('"elbow" type="revolute"', '"elbow" type="continuous"')
-    (note,) = examine(written(tmp_path, text))
-    assert (note.severity, note.element) == ("note", "joint elbow")
-    assert note.line == SOUND[: SOUND.index('<joint name="elbow"')].count("\n") + 1
-    assert "plain angle without a range" in note.problem
-
-
-def test_a_root_without_mass_is_told_what_becomes_of_it(tmp_path: Path) -> None:
-    """It is the spacecraft with what is fixed to it, a frame on one, or nothing at all."""
+def test_a_root_link_without_mass_is_valid_where_something_massive_is_fixed_to_it() -> None:
     ground = '<link name="world"/>\n  <joint name="weld" type="fixed"><parent link="world"/>'
     ground += '<child link="bus"/></joint>\n  <link name="bus">'
-    path = written(tmp_path, SOUND.replace('<link name="bus">', ground))
-    (note,) = examine(path)
-    assert (note.severity, note.line, note.element) == ("note", 5, "link world")
-    assert "bus of 300 kg" in note.problem
-    (note,) = examine(path, carried=True)
-    assert "stands on the spacecraft" in note.problem
-    bare = PATIENTS["SSRMS: root world, a boom's centre on its joint"]
-    told = [one.element for one in complaints(written(tmp_path, bare.text), carried=True)]
-    assert told == ["link boom"]
+    assert found(VALID.replace('<link name="bus">', ground)) == []
+    bare = BROKEN["SSRMS: massless root, centre of mass on a joint"]
+    assert [element for _, _, element in found(bare.text, mounted=True)] == ["link boom"]
 
 
-@pytest.mark.parametrize("three", [0.98, 1.02])
-def test_a_gyration_radius_is_doubted_from_three_times_the_link(
-    three: float, tmp_path: Path
+# --------------------------------------------------------------------------- inertias
+
+
+@pytest.mark.parametrize(("factor", "count"), [(0.98, 0), (1.02, 1)])
+def test_gyration_radii_up_to_three_times_the_extent_are_accepted(
+    factor: float, count: int
 ) -> None:
     """The upper link reaches half a metre from its centre of mass."""
-    moment = 10.0 * (3.0 * 0.5 * three) ** 2
-    text = SOUND.replace('iyy="0.9"', f'iyy="{moment!r}"').replace('ixx="0.1"', 'ixx="22"', 1)
-    text = text.replace('izz="0.9"', 'izz="20"')
-    told = [one.problem for one in complaints(written(tmp_path, text))]
-    assert len(told) == (three > 1.0)
+    moment = 10.0 * (3.0 * 0.5 * factor) ** 2
+    text = VALID.replace('iyy="0.9"', f'iyy="{moment!r}"').replace('ixx="0.1"', 'ixx="22"', 1)
+    assert len(examine(text.replace('izz="0.9"', 'izz="20"'))) == count
 
 
-def test_masses_that_vanish_are_doubted_without_a_warning(tmp_path: Path) -> None:
-    """Their gyration radius is 1e154 m and more, whose square is no number."""
-    text = SOUND.replace('<mass value="10"/>', '<mass value="1e-310"/>')
-    assert text != SOUND
-    told = [one.problem for one in complaints(written(tmp_path, text))]
-    assert any("its gyration radius is" in one for one in told)
+def test_vanishing_masses_are_reported_without_overflow() -> None:
+    """Their gyration radius is 1e154 m and more."""
+    assert "link upper" in elements(VALID.replace('<mass value="10"/>', '<mass value="1e-310"/>'))
 
 
-def test_drawn_shapes_count_for_the_size_of_a_link(tmp_path: Path) -> None:
-    """A boom of 8 m is drawn: then the same moments are no wonder."""
-    text = SOUND.replace('iyy="0.9"', 'iyy="40"').replace('izz="0.9"', 'izz="40"')
+def test_shapes_count_for_the_extent_of_a_link() -> None:
+    """A boom of 8 m explains the moments."""
+    text = VALID.replace('iyy="0.9"', 'iyy="40"').replace('izz="0.9"', 'izz="40"')
     shape = '<visual><geometry><cylinder radius="0.1" length="8"/></geometry></visual>'
-    assert len(complaints(written(tmp_path, text))) == 1
-    drawn = text.replace("</inertial>", f"</inertial>{shape}")
-    assert complaints(written(tmp_path, drawn)) == []
+    assert len(examine(text)) == 1
+    assert examine(text.replace("</inertial>", f"</inertial>{shape}")) == ()
 
 
 @pytest.mark.parametrize(("moment", "count"), [("150", 0), ("170", 1)])
-def test_a_link_without_an_end_reaches_back_to_the_joint_before(
-    moment: str, count: int, tmp_path: Path
-) -> None:
+def test_a_last_link_reaches_back_to_the_joint_before(moment: str, count: int) -> None:
     """1.5 m from its centre of mass, 8 kg: three times that is a moment of 162 kg m²."""
-    text = SOUND.replace(WRIST, "").replace(HAND, "")
+    text = VALID.replace(WRIST, "").replace(HAND, "")
     text = text.replace('izz="0.7"', f'izz="{moment}"').replace('iyy="0.7"', f'iyy="{moment}"')
-    told = complaints(written(tmp_path, text))
-    assert [one.element for one in told] == count * ["link lower"]
+    assert elements(text) == count * ["link lower"]
 
 
 @pytest.mark.parametrize(("offset", "count"), [("0.5 0.2 0", 0), ("0.01 0.2 0", 1)])
-def test_the_mass_of_a_long_link_may_be_in_a_part_fixed_to_it(
-    offset: str, count: int, tmp_path: Path
-) -> None:
-    """What is doubted is the place of the whole, told of the part that has the mass."""
+def test_the_mass_of_a_long_link_may_be_in_a_part_fixed_to_it(offset: str, count: int) -> None:
+    """The warning is about the part with the mass, and its correction in the part's frame."""
     part = link("part", "10", "0 0 0", "0.9 0.9 0.9").lstrip()
     weld = joint("weld", "fixed", "upper part", offset).replace('rpy="0 0 0"', 'rpy="0 0 1.57"')
-    text = SOUND.replace(UPPER, f'{weld}\n  <link name="upper"/>\n  {part}')
-    told = complaints(written(tmp_path, text))
-    assert [one.element for one in told] == count * ["link part"]
-    for one in told:  # half a metre along the link, seen from the turned part
-        found = re.search(r'<origin xyz="([^"]*)"/>', one.remedy)
-        assert found is not None
-        assert np.allclose([float(word) for word in found[1].split()], [-0.2, -0.49, 0], atol=1e-3)
+    text = VALID.replace(UPPER, f'{weld}\n  <link name="upper"/>\n  {part}')
+    assert elements(text) == count * ["link part"]
+    for diagnostic in examine(text):
+        origin = re.search(r'<origin xyz="([^"]*)"/>', diagnostic.remedy)
+        assert origin is not None
+        middle = [float(word) for word in origin[1].split()]
+        assert np.allclose(middle, [-0.2, -0.49, 0], atol=1e-3)
 
 
-@pytest.mark.parametrize("length", ["0.2", "0.6"])
-def test_a_centre_on_the_joint_is_doubted_for_long_links_alone(length: str, tmp_path: Path) -> None:
-    """Shares of the arm: 0.2 of 1.2 m is a short link with a motor in its joint, 0.6 of 1.6 not."""
+@pytest.mark.parametrize(("length", "expected"), [("0.2", []), ("0.6", ["link upper"])])
+def test_a_centre_of_mass_may_be_on_the_joint_of_a_short_link(
+    length: str, expected: list[str]
+) -> None:
+    """0.2 of an arm of 1.2 m is a short link with a motor in its joint, 0.6 of 1.6 m is not."""
     after = '<child link="lower"/>\n    <origin xyz='
-    text = SOUND.replace(f'{after}"1 0 0"', f'{after}"{length} 0 0"')
+    text = VALID.replace(f'{after}"1 0 0"', f'{after}"{length} 0 0"')
     at = '<origin xyz="0.5 0 0" rpy="0 0 0"/>\n      <mass value="10"/>'
     text = text.replace(at, '<mass value="10"/>').replace('iyy="0.9"', 'iyy="0.1"')
-    text = text.replace('izz="0.9"', 'izz="0.1"')
-    told = complaints(written(tmp_path, text))
-    assert [one.element for one in told] == ([] if length == "0.2" else ["link upper"])
-    if told:  # without an <origin> the <inertial> is where to write one
-        assert told[0].line == text[: text.index('<link name="upper"')].count("\n") + 2
+    assert elements(text.replace('izz="0.9"', 'izz="0.1"')) == expected
+
+
+@given(robot=robots())
+def test_inertias_of_rigid_bodies_are_accepted_in_any_frame(robot: Robot) -> None:
+    problems = " ".join(one.problem for one in read_urdf(robot.text).warnings)
+    for word in ("definite", "triangle", "no mass", "range", "length"):
+        assert word not in problems
+
+
+def one_joint(inertia: np.ndarray) -> str:
+    arm = link_text("arm", inertial_text(5.0, inertia)) + joint_text("q", "C", "bus", "arm")
+    return f"<robot name='r'>{link_text('bus', inertial_text(9.0, np.eye(3)))}{arm}</robot>"
+
+
+def test_the_triangle_inequality_holds_up_to_flat_plates() -> None:
+    R = Rotation.from_euler("xyz", [0.4, 0.5, 0.6]).as_matrix()
+    for axes in (np.eye(3), R):
+        assert elements(one_joint(axes @ np.diag([1.0, 2, 3.1]) @ axes.T)) == ["link arm"]
+        assert elements(one_joint(axes @ np.diag([1.0, 2, 3.0]) @ axes.T)) == []
+
+
+@pytest.mark.parametrize(
+    "matrix", [[[1, 2, 0], [2, 1, 0], [0, 0, 2]], np.diag([1, 1, -1]), np.diag([0, 1, 1])]
+)
+def test_inertias_that_are_not_positive_definite_are_reported(matrix: np.ndarray) -> None:
+    assert elements(one_joint(np.array(matrix, dtype=float))) == ["link arm"]
+
+
+# --------------------------------------------------------------------------- any URDF
 
 
 @st.composite
 def spoilt(draw: st.DrawFn) -> str:
-    """A sound robot with a few elements or attributes lost, doubled or overwritten."""
-    root = ET.fromstring(draw(st.sampled_from([SOUND, *(p.mended(*p.ills) for p in WELL)])))
+    """A valid robot with a few elements or attributes removed, doubled or overwritten."""
+    valid = [one.corrected(*one.faults) for one in BROKEN.values() if len(one.faults) > 1]
+    root = ET.fromstring(draw(st.sampled_from([VALID, *valid])))
     for _ in range(draw(st.integers(1, 3))):
         parents = [element for element in root.iter() if len(element)]
         parent = draw(st.sampled_from(parents))
         element = draw(st.sampled_from(list(parent)))
-        deed = draw(st.sampled_from(["lose", "double", "overwrite", "forget"]))
-        if deed == "lose" and (len(parents) > 1 or len(parent) > 1):
+        change = draw(st.sampled_from(["remove", "double", "overwrite", "forget"]))
+        if change == "remove" and (len(parents) > 1 or len(parent) > 1):
             parent.remove(element)
-        elif deed == "double":
+        elif change == "double":
             parent.append(copy.deepcopy(element))
         elif element.attrib:
             key = draw(st.sampled_from(sorted(element.attrib)))
-            if deed == "forget":
+            if change == "forget":
                 del element.attrib[key]
             else:
                 junk = ["", "0", "-1", "nan", "pi", "1 2 3", "bus", "upper", "revolute", "fixed"]
@@ -244,28 +221,27 @@ def spoilt(draw: st.DrawFn) -> str:
 
 
 @given(text=spoilt())
-def test_any_spoilt_robot_is_told_of_or_can_be_built(text: str) -> None:
-    """Nothing that is broken makes the doctor stumble, and where no defect is told none is met."""
-    found = examine(text)
-    if any(one.severity == Severity.DEFECT for one in found):
+def test_a_spoilt_robot_has_an_error_or_can_be_built(text: str) -> None:
+    diagnostics = examine(text)
+    if any(one.severity is Severity.ERROR for one in diagnostics):
         with pytest.raises(ModelError) as caught:
             read_urdf(text)
-        assert str(caught.value) == str(found[0].error())
+        assert str(caught.value) == str(diagnostics[0].exception())
     else:
-        refusal = ""
+        key = "end_effector"
         try:
             FreeFloatingModel.from_urdf(text)
         except ModelError as error:  # no arm, or several
-            refusal = str(error)
-        assert refusal == "" or re.search("end_effector|no joint moves|same name", refusal)
+            key = error.key
+        assert key == "end_effector"
 
 
-TRUE_DOUBTS = {
-    "planar_3dof": [("link link_3", "gyration radius is 1.22 m")],  # 1.5 kg m² of 1 kg: Table I
-    "spatial_6dof": [("link link_3", "0.001, 1.7, 7.5 break the triangle")],  # Table II
-    "panda": [("joint panda_finger_joint2", "mimics panda_finger_joint1")],
+EXPECTED = {
+    "planar_3dof": ["link link_3"],  # 1.5 kg m² of 1 kg: Table I
+    "spatial_6dof": ["link link_3"],  # 0.001, 1.7, 7.5: Table II
+    "panda": ["joint panda_finger_joint2"],  # a mimic
     # wrists of the real arm have a radius of 0.06 m, their inertias are those of 0.6 m
-    "ur5": [(f"link wrist_{k}_link", "gyration radius is 0.424 m") for k in (1, 2, 3)],
+    "ur5": [f"link wrist_{k}_link" for k in (1, 2, 3)],
 }
 
 
@@ -273,34 +249,6 @@ TRUE_DOUBTS = {
     "name",
     ["planar_3dof", "spatial_6dof", "ur3", "ur5", "ur10", "panda", "kinova", "xarm7", "z1"],
 )
-def test_only_true_doubts_are_told_of_good_robots(name: str) -> None:
+def test_warnings_about_real_robots_are_true(name: str) -> None:
     bundled = {path.stem: path for path in models_folder().glob("*/*.urdf")}
-    found = complaints((bundled | example_robots())[name])
-    expected = TRUE_DOUBTS.get(name, [])
-    assert [one.element for one in found] == [element for element, _ in expected]
-    for one, (_, problem) in zip(found, expected, strict=True):
-        assert problem in one.problem
-
-
-@pytest.mark.parametrize(
-    ("expression", "value"),
-    [
-        ("pi/2", 1.5707963267948966),
-        ("-(0.16/2)", -0.08),
-        ("${2*(1.5 - 1)}", 1.0),
-        ("+3e-1", 0.3),
-        ("1/0", None),
-        ("2**9999999", None),
-        ("__import__('os')", None),
-        ("five", None),
-        ("1_0", None),
-        ("(" * 70, None),
-        ("9" * 500, None),
-        ("True", None),
-        ("", None),
-    ],
-)
-def test_expressions_are_worked_out_for_the_remedy_alone(
-    expression: str, value: float | None
-) -> None:
-    assert value_of(expression) == value
+    assert elements((bundled | example_robots())[name]) == EXPECTED.get(name, [])

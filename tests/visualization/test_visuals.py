@@ -12,9 +12,9 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from freefloat.robot.assembly import Spacecraft
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import examples_folder, find_robot
+from freefloat.robot.parts import Spacecraft
 from freefloat.robot.shapes import Box, Cylinder, Mesh, Sphere, Visual
 from freefloat.so3 import Pose
 from freefloat.visualization.visuals import Look, look_of

@@ -16,12 +16,12 @@ from freefloat.workspace.margin_curves import margin_curves, point_3, two_angles
 VARIANTS = {
     "published": ("", ""),
     "flat spacecraft": ('izz="66.67"', 'izz="20"'),
-    "lopsided hand": ('xyz="0.2 0 0" />\n      <mass', 'xyz="0.2 0.1 -0.05" />\n      <mass'),
+    "lopsided hand": ('xyz="0.2 0 0"/>\n      <mass', 'xyz="0.2 0.1 -0.05"/>\n      <mass'),
     "mounted below": ('xyz="0 0 0.5"', 'xyz="0 0 -0.8"'),
-    "elbow turned over": ('<origin xyz="1 0 0" /><axis xyz="0 -1 0" />',
-                          '<origin xyz="1 0 0" /><axis xyz="0 1 0" />'),
-    "elbow out of line": ('<origin xyz="1 0 0" /><axis xyz="0 -1 0" />',
-                          '<origin xyz="1 0 0.3" /><axis xyz="0 -1 0" />'),
+    "elbow turned over": ('<origin xyz="1 0 0"/><axis xyz="0 -1 0"/>',
+                          '<origin xyz="1 0 0"/><axis xyz="0 1 0"/>'),
+    "elbow out of line": ('<origin xyz="1 0 0"/><axis xyz="0 -1 0"/>',
+                          '<origin xyz="1 0 0.3"/><axis xyz="0 -1 0"/>'),
 }  # fmt: skip
 
 

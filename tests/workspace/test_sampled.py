@@ -50,7 +50,7 @@ def test_an_arm_of_three_joints_in_space_has_areas() -> None:
     reach, and none was found outside.
     """
     text = ff.load_scenario("spatial_6dof/line").model().description.text
-    stiff = text.replace('name="q4" type="revolute"', 'name="q4" type="fixed"')
+    stiff = text.replace('name="q4" type="continuous"', 'name="q4" type="fixed"')
     model = FreeFloatingModel.from_urdf(stiff, "link_4")
     problem = problem_of(model, ff.Task.POSITION)
     workspace = find_workspace(problem)

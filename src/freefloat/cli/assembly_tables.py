@@ -11,7 +11,7 @@ from rich.text import Text
 
 
 def assembly_tables(document: dict[str, Any]) -> list[RenderableType]:
-    """The file, the robot's mass, centre of mass and inertia, its joints, and doubts."""
+    """The file, the robot's mass, centre of mass and inertia, its joints, and warnings."""
     title = Text(f"{document['file']}: {document['robot']}, {document['total_mass']:.6g} kg")
     joints = Table(box=SIMPLE_HEAD, show_edge=False)
     for column in ("joint", "type", ""):
@@ -28,7 +28,7 @@ def assembly_tables(document: dict[str, Any]) -> list[RenderableType]:
     ]
     if document["meshes"]:
         lines.append(f"{len(document['meshes'])} mesh files, the first {document['meshes'][0]}")
-    lines += [f"doubt: {warning}" for warning in document["warnings"]]
+    lines += [f"warning: {warning}" for warning in document["warnings"]]
     return [title, joints, *(Text(line) for line in lines)]
 
 

@@ -66,17 +66,17 @@ def _error_document(error: FreeFloatError) -> dict[str, Any]:
     return {"message": str(error), **details}
 
 
-def unless_defect(findings: Sequence[UrdfDiagnostic], as_json: bool) -> Sequence[UrdfDiagnostic]:
-    """What was found in a URDF; where it cannot be loaded, print all of it and exit with 2."""
-    defects = [one for one in findings if one.severity == Severity.DEFECT]
-    if not defects:
-        return findings
+def unless_error(diagnostics: Sequence[UrdfDiagnostic], as_json: bool) -> Sequence[UrdfDiagnostic]:
+    """The diagnostics of a URDF; prints them and exits with 2 if one is an error."""
+    errors = [one for one in diagnostics if one.severity is Severity.ERROR]
+    if not errors:
+        return diagnostics
     if as_json:
-        first = _error_document(defects[0].error())
-        print_json({"findings": [asdict(one) for one in findings], "error": first})
-    for one in findings:
-        told = one.error() if one in defects else f"{one.severity}: {one}"
-        say(str(told))
+        first = _error_document(errors[0].exception())
+        print_json({"findings": [asdict(one) for one in diagnostics], "error": first})
+    for diagnostic in diagnostics:
+        warning = diagnostic.severity is Severity.WARNING
+        say(f"warning: {diagnostic}" if warning else str(diagnostic.exception()))
     raise typer.Exit(BAD_INPUT)
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from freefloat.cli.completion import robot_names
-from freefloat.cli.console import answer, answering, unless_defect
+from freefloat.cli.console import answer, answering, unless_error
 from freefloat.cli.options import Json
 from freefloat.errors import InputError
 
@@ -27,10 +27,10 @@ def info(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Tell what a robot is: bodies, joints, barycentric lengths, and what is wrong in its URDF.
+    """Describe a robot: bodies, joints, barycentric lengths, errors and warnings of its URDF.
 
-    Every defect, doubt and note has file, line, link or joint, and a remedy. Exit code 2 when a
-    defect keeps the robot from being loaded.
+    Errors and warnings have file, line, link or joint, and a correction. Exit code 2 if the URDF
+    has errors.
 
     Example: freefloat info ur5_servicer/arc
 
@@ -54,16 +54,16 @@ def info(
             if end_effector is not None:
                 raise InputError("end_effector", "the scenario names it already", "a URDF with it")
             loaded = load_scenario(robot)
-            carried = loaded.content.robot.spacecraft is not None
-            findings = unless_defect(examine(loaded.urdf(), carried), as_json)
+            mounted = loaded.content.robot.spacecraft is not None
+            diagnostics = unless_error(examine(loaded.urdf(), mounted), as_json)
             problem = loaded.problem()
             measure = problem.margin.measure
-            summary = summarize(problem.model, problem.task, measure, findings)
+            summary = summarize(problem.model, problem.task, measure, diagnostics)
         elif robot.startswith(EXAMPLE) or robot in bundled_robots() or is_file(Path(robot)):
             urdf = find_robot(robot, Path())
-            findings = unless_defect(examine(urdf), as_json)
+            diagnostics = unless_error(examine(urdf), as_json)
             model = FreeFloatingModel.from_urdf(urdf, end_effector)
-            summary = summarize(model, diagnostics=findings)
+            summary = summarize(model, diagnostics=diagnostics)
         else:
             own = [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]
             if own:

@@ -52,7 +52,7 @@ def _finding_lines(findings: Sequence[Document]) -> Iterator[RenderableType]:
         several = "s" * (len(ones) > 1)
         where = f"line{several} {', '.join(str(one['line']) for one in ones)}"
         names = ", ".join(one["element"].removeprefix(kind).strip() for one in ones)
-        style = "yellow" if severity == "doubt" else ""
+        style = "yellow" if severity == "warning" else ""
         yield Text(f"  {severity}, {where}, {kind}{several} {names}: {problem}", style)
         yield Text(f"    {remedy}")
 

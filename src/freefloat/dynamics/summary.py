@@ -83,7 +83,7 @@ class RobotSummary:
             "s_max_at": self.largest_s_at.tolist(),
             "s_min": self.smallest_s,
             "warnings": [
-                str(entry) for entry in self.diagnostics if entry.severity == Severity.DOUBT
+                str(entry) for entry in self.diagnostics if entry.severity == Severity.WARNING
             ],
             "findings": [asdict(entry) for entry in self.diagnostics],
         }  # fmt: skip

@@ -17,8 +17,8 @@ from freefloat.errors import InputError, ModelError
 from freefloat.io.files import written_beside
 from freefloat.io.robot_parts import RobotParts
 from freefloat.robot.assembly import rename_meshes
-from freefloat.robot.mesh_paths import MeshFileError, find_mesh
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.so3 import Array
 
 
@@ -43,9 +43,10 @@ class Assembled:
         Raises:
             InputError: If the parts do not fit together.
         """
-        robot = parts.robot()
+        model = parts.model()
+        robot = ET.fromstring(model.description.text)
         _check(robot)
-        return cls(robot, str(parts.urdf), parts.model())
+        return cls(robot, str(parts.urdf), model)
 
     def write(self, file: Path, copy_meshes: bool) -> tuple[list[str], list[str]]:
         """Write the URDF.
@@ -91,7 +92,7 @@ class Assembled:
             "inertia": inertia.tolist(),
             "joints": [_joint(joint, self.model) for joint in self.robot.findall("joint")
                        if joint.get("type") != "fixed"],
-            "warnings": [str(doubt) for doubt in self.model.doubts],
+            "warnings": [str(warning) for warning in self.model.warnings],
         }  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from freefloat.io.hdf5_probe import claims_too_much, refuse_deadly
 from freefloat.io.scenario import Scenario, parse_scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.urdf import read_urdf
+from freefloat.robot.validation import read_urdf
 
 FORMAT_VERSION = 2
 TEXT = h5py.string_dtype()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,11 +18,9 @@ from freefloat.io.robot_schema import (
     SpacecraftSection,
 )
 from freefloat.io.validation import error_context
-from freefloat.robot.assembly import assemble
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.robot.urdf import scale_masses
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,19 +82,6 @@ class RobotParts:
                 self.urdf, self.end_effector, scale_mass=self.scale_mass, held=self.held,
                 spacecraft=self.spacecraft, payload=self.payload, attached=self.attached,
             )  # fmt: skip
-
-    def robot(self) -> ET.Element:
-        """The ``<robot>`` element of the assembled robot, its masses scaled.
-
-        Raises:
-            ModelError: If a URDF is unfit, or the parts do not fit together.
-        """
-        with error_context(self.scenario, "robot."):
-            robot = ET.fromstring(
-                assemble(self.urdf, self.spacecraft, self.payload, self.end_effector, self.attached)
-            )
-            scale_masses(robot, self.scale_mass)
-            return robot
 
 
 def _body(section: SpacecraftSection | PayloadSection, folder: Path) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import xml.etree.ElementTree as ET
 from functools import cached_property
 from typing import Any
 
@@ -176,11 +175,5 @@ def _from_axis(points: Array, axis: Array) -> float:
 
 
 def _joined_links(model: FreeFloatingModel) -> set[frozenset[str]]:
-    """Pairs of links that a moving joint joins."""
-    robot = ET.fromstring(model.description.text)
-    joined = set()
-    for joint in robot.findall("joint"):
-        if joint.get("name") in model.joint_names:
-            ends = [joint.find(tag) for tag in ("parent", "child")]
-            joined.add(frozenset(str(end.get("link")) for end in ends if end is not None))
-    return joined
+    """Pairs of links that a moving joint connects."""
+    return {frozenset((joint.parent, joint.child)) for joint in model.moving_joints}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,12 +10,14 @@ from typing import Any
 
 import coal
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
 from freefloat.limits.convex_decomposition import ConvexPart, convex_parts
-from freefloat.robot.meshes import MeshFileError, find_mesh, read_mesh
+from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.robot.urdf import Link, LinkShape
 from freefloat.so3 import Array, Pose
 
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -52,54 +53,41 @@ def collision_shapes(model: FreeFloatingModel) -> tuple[CollisionShape, ...]:
     Raises:
         ModelError: If a shape cannot be read.
     """
-    robot = ET.fromstring(model.description.text)
-    return tuple(shape for link in robot.findall("link") for shape in _shapes_of(model, link))
+    links = model.description.links
+    return tuple(shape for link in links for shape in _shapes_of(model, link))
 
 
-def _shapes_of(model: FreeFloatingModel, link: ET.Element) -> Iterator[CollisionShape]:
-    name, source = str(link.get("name")), model.description.source
-    body, place = model.link_places[name]
-    for element in link.findall("collision") or link.findall("visual"):
+def _shapes_of(model: FreeFloatingModel, link: Link) -> Iterator[CollisionShape]:
+    source = model.description.source
+    body, place = model.link_places[link.name]
+    for shape in link.collisions or link.visuals:
         try:
-            solids = _solids(element.find("geometry"), source)
+            solids = _solids(shape, source)
         except MeshFileError as error:
             raise ModelError(
-                f"link {name}: <{element.tag}>",
+                f"link {link.name}: <{shape.kind}>",
                 f"contacts cannot be looked for: {error}",
                 "a box, cylinder or sphere of positive size, or a mesh file that can be read",
                 source,
             ) from None
-        at = place @ _pose(element.find("origin"))
+        at = place @ shape.origin
         for geometry, points in solids:
             corners = points @ at.rotation.T + at.position
-            yield CollisionShape(name, body, at, geometry, corners)
+            yield CollisionShape(link.name, body, at, geometry, corners)
 
 
-def _pose(origin: ET.Element | None) -> Pose:
-    told = {} if origin is None else origin.attrib
-    xyz, rpy = ([float(word) for word in told.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
-    return Pose(np.array(xyz), Rotation.from_euler("xyz", rpy).as_matrix())
-
-
-def _solids(geometry: ET.Element | None, source: str) -> tuple[_Solid, ...]:
-    shape = None if geometry is None else next(iter(geometry), None)
-    if shape is None:
-        raise MeshFileError("it has no geometry")
-    if shape.tag == "mesh":
-        scale = [float(word) for word in shape.get("scale", "1 1 1").split()]
-        return _mesh_solids(source, shape.get("filename", ""), *scale)
-    names = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
-    if shape.tag not in names or not set(names[shape.tag]) <= set(shape.attrib):
-        raise MeshFileError(f"a <{shape.tag}> like this is not known")
-    sizes = [float(word) for name in names[shape.tag] for word in shape.attrib[name].split()]
-    if min(sizes) <= 0.0:
-        raise MeshFileError("it has no size")
-    if shape.tag == "box":
-        return ((coal.Box(*sizes), _CORNERS * np.array(sizes) / 2.0),)
-    if shape.tag == "cylinder":
-        radius, length = sizes
-        return ((coal.Cylinder(radius, length), _CORNERS * [radius, radius, length / 2.0]),)
-    return ((coal.Sphere(sizes[0]), _CORNERS * sizes[0]),)
+def _solids(shape: LinkShape, source: str) -> tuple[_Solid, ...]:
+    match shape.geometry:
+        case Box(size=size):
+            return ((coal.Box(*size), _CORNERS * size / 2.0),)
+        case Cylinder(radius=radius, length=length):
+            half = np.array([radius, radius, length / 2.0])
+            return ((coal.Cylinder(radius, length), _CORNERS * half),)
+        case Sphere(radius=radius):
+            return ((coal.Sphere(radius), _CORNERS * radius),)
+        case MeshFile(filename=name, scale=scale):
+            return _mesh_solids(source, name, *scale)
+    raise MeshFileError("its <geometry> is not known or has no size")
 
 
 def _mesh_solids(source: str, name: str, *scale: float) -> tuple[_Solid, ...]:

@@ -63,7 +63,7 @@ def _greatest(c: Array) -> tuple[float, float]:
 def joint_ranges(model: FreeFloatingModel) -> tuple[Array, Array]:
     """Lower and upper ends of the joints' ranges [rad or m], infinite where there are none.
 
-    A range whose ends are not in order says nothing; it is among the model's doubts.
+    A range whose ends are not in order is ignored; it is among the model's warnings.
     """
     lower = np.array([body.lower for body in model.bodies[1:]])
     upper = np.array([body.upper for body in model.bodies[1:]])

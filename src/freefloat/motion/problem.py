@@ -25,7 +25,6 @@ from freefloat.ik.branches import (
 )
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
-from freefloat.robot.joint_distance import joint_distance
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import (
     Array,
@@ -258,7 +257,7 @@ class Problem:
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
             candidates += nearest_configuration(self.model, target, self.task, given)
         for branch in candidates:
-            if joint_distance(self.model, branch.joints, given) <= _NEAR:
+            if self.model.joint_distance(branch.joints, given) <= _NEAR:
                 return branch
         raise InputError(
             "joints",

@@ -21,7 +21,6 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, is_kept
 from freefloat.planning.planar_tangency import TangencyPoint, tangency_points
-from freefloat.robot.joint_distance import joint_distance
 from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.margin_curves import point_3_on_path
 from freefloat.workspace.planar_arm import PlanarArm
@@ -238,7 +237,7 @@ def _edges(problem: Problem, limits: tuple[RangeLimit, ...], at: float) -> list[
 def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:
     """The number of the branch with these joints; None where branches meet."""
     branches = problem.branches(heading_quaternion(heading), at)
-    near = [b.index for b in branches if joint_distance(problem.model, b.joints, joints) < _NEAR]
+    near = [b.index for b in branches if problem.model.joint_distance(b.joints, joints) < _NEAR]
     return near[0] if len(near) == 1 else None
 
 

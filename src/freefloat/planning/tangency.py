@@ -28,7 +28,6 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.margin_lines import margin_lines
 from freefloat.planning.planar_tangency import roots_between
 from freefloat.planning.states_on_path import StatesOnPath
-from freefloat.robot.joint_distance import joint_distance
 from freefloat.so3 import Array, frozen, low_discrepancy
 
 _STEP = 1e-5
@@ -256,7 +255,7 @@ def _told(
     """The record of a touch, its joints those of the arm branch that it lies on."""
     quaternion = attitude.as_quat()
     branches = problem.branches(quaternion, t)
-    nearest = min(branches, key=lambda one: joint_distance(problem.model, one.joints, joints))
+    nearest = min(branches, key=lambda one: problem.model.joint_distance(one.joints, joints))
     return TangencyPoint(t, t / problem.path.duration, frozen(quaternion), nearest.joints, level,
                       nearest.index, nearest.label)  # fmt: skip
 
@@ -267,7 +266,7 @@ def _distinct(problem: Problem, touches: list[TangencyPoint]) -> Iterator[Tangen
         same = (
             abs(touch.tau - other.tau) < _SAME
             and abs(abs(touch.attitude @ other.attitude) - 1.0) < _SAME**2
-            and joint_distance(problem.model, touch.joints, other.joints) < _SAME
+            and problem.model.joint_distance(touch.joints, other.joints) < _SAME
             for other in kept
         )
         if not any(same):

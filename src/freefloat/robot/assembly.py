@@ -147,7 +147,7 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> N
     other, foot = etree.fromstring(part.text), prefix + part.roots[0]
     for element in other.iter():
         key = "name" if element.tag == "material" else _NAMED.get(element.tag)
-        if element.get(key or ""):
+        if key is not None and element.get(key):
             element.set(key, prefix + element.get(key))
     rename_meshes(other, lambda name: _relocated(source, name, part.source))
     name = _free_name(robot, f"{foot}_mount", other)

@@ -23,6 +23,7 @@ from freefloat.robot.rigid_bodies import Body, body_of, build_model, pose_of
 from freefloat.robot.urdf import Joint, RobotDescription
 from freefloat.so3 import Array, Pose, finite_vector
 
+
 @dataclass(frozen=True, eq=False)
 class FreeFloatingModel:
     """A spacecraft with an arm: no external force, no actuation of the base.
@@ -182,7 +183,7 @@ class FreeFloatingModel:
         """Origin of the spacecraft's root link in the inertial frame [m], shape (3,)."""
         return self.configuration(attitude, joints)[:3]
 
-    def end_effectorpose_of(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Pose:
+    def end_effector_pose(self, attitude: npt.ArrayLike, joints: npt.ArrayLike) -> Pose:
         """Pose of the end-effector in the inertial frame, whose origin is the centre of mass."""
         q = self.configuration(attitude, joints)
         pin.framesForwardKinematics(self.pin_model, self.scratch, q)

@@ -183,7 +183,7 @@ class _Decoder:
         line = (element if body is None else body).sourceline or 0
         return LinkShape(element.tag, self._pose(element), self._geometry(body), colour, line)
 
-    def _geometry(self, element: Element | None) -> Box | Cylinder | Sphere | MeshFile | None:
+    def _geometry(self, element: Element) -> Box | Cylinder | Sphere | MeshFile | None:
         tag = None if element is None else element.tag
         if tag == "mesh":
             scale = self.numbers(element, "scale", "1 1 1")
@@ -214,22 +214,22 @@ class _Decoder:
         rotation = rpy_rotation(rpy) if turned else np.eye(3)
         return Pose(np.nan_to_num(xyz), rotation)
 
-    def number(self, element: Element | None, key: str) -> float:
+    def number(self, element: Element, key: str) -> float:
         """The number of an attribute; zero where it is missing, NaN where it is wrong."""
         return float(self.numbers(element, key, "0")[0])
 
-    def numbers(self, element: Element | None, key: str, default: str) -> Array:
+    def numbers(self, element: Element, key: str, default: str) -> Array:
         """The numbers of an attribute, as many as the default has; NaN where they are wrong."""
         text = default if element is None else element.get(key, default)
         words, count = text.split(), len(default.split())
         accepted = "a finite number" if count == 1 else f"{count} finite numbers"
-        problem = f'<{element.tag} {key}="{text}"> is not {accepted}' if element is not None else ""
         if len(words) == count and all(map(_is_number, words)):
             values = np.array([float(word) for word in words])
-            if np.abs(values).max() <= MAGNITUDE or (element is not None and element.tag == "limit"):
+            if np.abs(values).max() <= MAGNITUDE or element.tag == "limit":
                 return values
-            problem, accepted = f'{key}="{text}" is too large', f"at most {MAGNITUDE:g}"
-        self.error(element, problem, f"{accepted} (expressions are not evaluated)")
+            accepted += f" of at most {MAGNITUDE:g}"
+        problem = f'<{element.tag} {key}="{text}"> is not {accepted}'
+        self.error(element, problem, f"{accepted}; expressions are not evaluated")
         return np.full(count, np.nan)
 
     def error(self, element: Element, problem: str, remedy: str) -> None:

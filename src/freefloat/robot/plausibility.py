@@ -64,7 +64,9 @@ def missing_meshes(robot: RobotDescription) -> Iterator[UrdfDiagnostic]:
                 try:
                     find_mesh(name, robot.source)
                 except MeshFileError as error:
-                    problem = f"the mesh {name or 'without a filename'} of its <{shape.kind}>: {error}"
+                    problem = (
+                        f"the mesh {name or 'without a filename'} of its <{shape.kind}>: {error}"
+                    )
                     remedy = "a file name relative to the URDF, or a shape such as <box>"
                     at = Link(link.name, None, (), {"link": shape.line})
                     yield robot.warning(at, "link", problem, remedy)
@@ -95,11 +97,10 @@ def _principal_moments(link: Link) -> Array:
 
 
 def _joint(robot: RobotDescription, joint: Joint) -> Iterator[UrdfDiagnostic]:
-    if joint.type in ("revolute", "prismatic") and "limit" in joint.lines:
-        if joint.lower >= joint.upper:
-            problem = f"its range is {joint.lower:g} to {joint.upper:g}"
-            remedy = "a lower end below the upper, or a fixed joint; the range is ignored"
-            yield robot.warning(joint, "limit", problem, remedy)
+    if joint.moving and "limit" in joint.lines and joint.lower >= joint.upper:
+        problem = f"its range is {joint.lower:g} to {joint.upper:g}"
+        remedy = "a lower end below the upper, or a fixed joint; the range is ignored"
+        yield robot.warning(joint, "limit", problem, remedy)
     length = float(np.linalg.norm(joint.axis))
     if joint.moving and length > 0.0 and abs(length - 1.0) > ROUNDED:
         unit = " ".join(f"{value:.9g}" for value in joint.axis / length + 0.0)
@@ -173,7 +174,9 @@ def _reach(robot: RobotDescription, root: str) -> float:
             continue
         seen.add(link)
         body = robot.rigid_groups[link]
-        longest = max(longest, length + (0.0 if body.joints else float(np.linalg.norm(_span(body)))))
+        longest = max(
+            longest, length + (0.0 if body.joints else float(np.linalg.norm(_span(body))))
+        )
         stack += [
             (child, length + float(np.linalg.norm(point))) for child, point in body.joints.items()
         ]

@@ -53,7 +53,7 @@ class Body:
 def build_model(
     robot: RobotDescription, moving: Sequence[Joint], held: Mapping[str, float]
 ) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
-    """The Pinocchio model with the moving joints, and body and pose of every link."""
+    """The Pinocchio model with the moving joints; body and pose of every link, see ``Body``."""
     model = pin.Model()
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
     places = {robot.roots[0]: (0, IDENTITY)}
@@ -89,10 +89,12 @@ def _joint_model(joint: Joint) -> Any:
 
 
 def pose_of(placement: Any) -> Pose:
+    """The pose of one of Pinocchio's placements."""
     return Pose(placement.translation, placement.rotation)
 
 
 def body_of(model: Any, index: int, joint: Joint | None) -> Body:
+    """The body of a joint of the Pinocchio model; the spacecraft's joint is None."""
     inertia = model.inertias[index]
     axis = np.zeros(3) if joint is None else joint.axis / np.linalg.norm(joint.axis)
     rated = (None, None) if joint is None else (joint.velocity, joint.effort)

@@ -181,7 +181,7 @@ class RobotDescription:
     @cached_property
     def link(self) -> Mapping[str, Link]:
         """Links by name; the first of a name counts."""
-        return {link.name: link for link in reversed(self.links)}
+        return dict(reversed({link.name: link for link in reversed(self.links)}.items()))
 
     @cached_property
     def children(self) -> Mapping[str, tuple[Joint, ...]]:
@@ -211,7 +211,9 @@ class RobotDescription:
     def rigid_groups(self) -> Mapping[str, RigidGroup]:
         """Links that fixed joints connect, by their first link, those of the roots first."""
         moved = [joint.child for joint in self.joints if joint.moving]
-        return {name: self._rigid_group(name) for name in (*self.roots, *moved) if name in self.link}
+        return {
+            name: self._rigid_group(name) for name in (*self.roots, *moved) if name in self.link
+        }
 
     def _rigid_group(self, first: str) -> RigidGroup:
         links, joints, queue = {first: IDENTITY}, {}, [first]

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import InputError
-from freefloat.robot.mesh_paths import MeshFileError, find_mesh
-from freefloat.robot.names import is_file
+from freefloat.robot.names import MeshFileError, find_mesh, is_file
 from freefloat.studies.run import Files
 from freefloat.studies.study import Study
 

@@ -12,10 +12,10 @@ from freefloat.errors import InputError
 from freefloat.io.field_types import RADIANS
 from freefloat.io.robot_parts import RobotParts
 from freefloat.io.scenario import load_robot
-from freefloat.robot.assembly import hand_of
+from freefloat.robot.assembly import end_effector_link
 from freefloat.robot.names import bundled_scenarios, find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.robot.urdf import checked_robot
+from freefloat.robot.validation import read_urdf
 from freefloat.so3 import Array
 
 Place = tuple[float, float, float, float, float, float]
@@ -129,8 +129,8 @@ def _parts(urdf: Path, wishes: Wishes) -> RobotParts:
         attached.append(_attachment("second_arm", second, None, where, "second_"))
     tool, where = wishes.tool
     if tool is not None:
-        hand = hand_of(checked_robot(urdf), wishes.end_effector, str(urdf))
-        attached.append(_attachment("tool", tool, hand, where, "tool_"))
+        carrier = end_effector_link(read_urdf(urdf), wishes.end_effector)
+        attached.append(_attachment("tool", tool, carrier, where, "tool_"))
     body, held = wishes.spacecraft, wishes.payload
     return RobotParts(
         urdf,

@@ -20,7 +20,6 @@ from freefloat.planning.documents import (
     singular_document,
     state_document,
 )
-from freefloat.robot.joint_distance import joint_distance
 from freefloat.so3 import angle_between, heading_of
 
 _SHARE, _FLOOR = 1e-6, 1e-9
@@ -178,6 +177,6 @@ def _branch(told: Any, motion: Motion) -> Difference | None:
         return None
     joints, nearest = motion.initial.joints, None
     for one in problem.branches(motion.initial.attitude, motion.initial.time):
-        if joint_distance(problem.model, one.joints, joints) < _NEAR:
+        if problem.model.joint_distance(one.joints, joints) < _NEAR:
             nearest = one.index
     return None if told == nearest else Difference("branch", told, nearest)

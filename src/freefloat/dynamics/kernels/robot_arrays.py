@@ -7,8 +7,8 @@ import numpy as np
 from freefloat.dynamics.kernels.equation import FACTS, LEVEL
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.robot.body import Body
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.rigid_bodies import Body
 from freefloat.so3 import Array
 
 

@@ -1,0 +1,173 @@
+"""URDF text to records: numbers, XML that is refused, lines, shapes; files that cannot be read."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yourdfpy
+from hypothesis import given
+from scipy.spatial.transform import Rotation
+
+from freefloat.errors import ModelError
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import example_robots, models_folder
+from freefloat.robot.parsing import parse_urdf
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.robot.validation import read_urdf
+from tests.robots import Robot, inertial_text, joint_text, link_text, robots
+
+BUS = link_text("bus", inertial_text(100.0, 10.0 * np.eye(3)))
+BALL = "<inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/>"
+
+
+def one_joint(
+    inertial: str = f"<inertial><mass value='5'/>{BALL}</inertial>", more: str = ""
+) -> str:
+    """A spacecraft with a single revolute link, whose ``<inertial>`` is given."""
+    arm = link_text("arm", inertial + more) + joint_text("q", "C", "bus", "arm")
+    return f"<robot name='r'>{BUS}{arm}</robot>"
+
+
+def refused(urdf: str | Path) -> ModelError:
+    with pytest.raises(ModelError) as caught:
+        read_urdf(urdf)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("value='5'", "value='five'", "link arm"),
+        ("value='5'", "value='10/2'", "link arm"),
+        ("value='5'", "value='nan'", "link arm"),
+        ("value='5'", "value=''", "link arm"),
+        ("value='5'", "value='3_0'", "link arm"),
+        ("value='5'", "value='5 0'", "link arm"),
+        ("value='5'", "value='\uff15'", "link arm"),
+        ("value='5'", "value='1e13'", "link arm"),
+        ("ixy='0'", "ixy='1e400'", "link arm"),
+        ('xyz="0 0 1"', 'xyz="0 0 pi/2"', "joint q"),
+        ('xyz="0 0 1"', 'xyz="0 0"', "joint q"),
+        ('rpy="0 0 0"/><axis', 'rpy="0 0 ${pi}"/><axis', "joint q"),
+        ("<mass", "<origin xyz='1 2'/><mass", "link arm"),
+        ("ixy='0' ", "", "link arm"),
+        (BALL, "", "link arm"),
+        ("<mass value='5'/>", "", "link arm"),
+    ],
+)
+def test_wrong_and_missing_numbers_are_errors(old: str, new: str, key: str) -> None:
+    assert old in one_joint()
+    assert refused(one_joint().replace(old, new)).key == key
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<!DOCTYPE robot [<!ENTITY m '5'>]>" + one_joint(),
+        "<!DOCTYPE robot SYSTEM 'http://example.org/robot.dtd'>" + one_joint(),
+        "<robot",
+        "<robot></robt>",
+        "<sdf/>",
+        "<robot>" + 300 * "<a>" + 300 * "</a>" + "</robot>",
+        "<robot>" + 1001 * "<link/>" + "</robot>",
+        "<robot/>",
+    ],
+    ids=["entities", "DTD", "open", "mismatch", "root", "deep", "many links", "empty"],
+)
+def test_xml_that_is_not_a_robot_is_refused(text: str) -> None:
+    error = refused(text)
+    assert (error.source, error.line) == ("URDF text", 1)
+
+
+def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "photo.urdf").write_bytes(b"\xff\xd8\xff\xe0")
+    for path in (tmp_path / "gone.urdf", tmp_path, tmp_path / "photo.urdf"):
+        assert refused(path).key == "urdf"
+
+
+def test_errors_name_file_and_line(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(one_joint().replace("value='5'", "value='-5'"))
+    error = refused(path)
+    assert (error.source, error.line, error.key) == (str(path), 2, "link arm")
+    assert str(error).startswith(f"{path}:2: link arm: ")
+
+
+@pytest.mark.parametrize("axis", ["0 0 0", "0 0 1 0"])
+def test_an_axis_without_direction_is_refused(axis: str) -> None:
+    text = one_joint().replace('axis xyz="0 0 1"', f'axis xyz="{axis}"')
+    assert refused(text).key == "joint q"
+
+
+def test_shapes_have_geometry_pose_colour_and_line() -> None:
+    shapes = """<visual><origin xyz='1 2 3' rpy='0.1 0.2 0.3'/>
+      <geometry><box size='1 2 3'/></geometry><material name='red'/></visual>
+    <visual><geometry><cylinder radius='1' length='2'/></geometry>
+      <material name='x'><color rgba='0 2 0 1'/></material></visual>
+    <collision><geometry><sphere radius='0.5'/></geometry></collision>
+    <collision><geometry><mesh filename='a.stl' scale='1 1 -1'/></geometry></collision>
+    <collision><geometry><capsule/></geometry></collision>
+    <collision><geometry><box size='1 0 1'/></geometry></collision>"""
+    red = "<material name='red'><color rgba='1 0 0 1'/></material></robot>"
+    arm = parse_urdf(one_joint(more=shapes).replace("</robot>", red)).link["arm"]
+    box, cylinder = arm.visuals
+    assert isinstance(box.geometry, Box)
+    np.testing.assert_array_equal(box.geometry.size, [1, 2, 3])
+    np.testing.assert_array_equal(box.origin.position, [1, 2, 3])
+    rotation = Rotation.from_euler("xyz", [0.1, 0.2, 0.3]).as_matrix()
+    np.testing.assert_allclose(box.origin.rotation, rotation, atol=1e-15)
+    assert (box.colour, box.line) == ((1.0, 0.0, 0.0, 1.0), 3)
+    assert cylinder.geometry == Cylinder(1.0, 2.0)
+    assert cylinder.colour == (0.0, 1.0, 0.0, 1.0)
+    geometries = [shape.geometry for shape in arm.collisions]
+    assert geometries == [Sphere(0.5), MeshFile("a.stl", (1.0, 1.0, -1.0)), None, None]
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "kinova", "spatial_6dof"])
+def test_records_agree_with_another_parser(name: str) -> None:
+    path = {one.stem: one for one in models_folder().glob("*/*.urdf")} | example_robots()
+    ours, theirs = parse_urdf(path[name]), yourdfpy.URDF.load(str(path[name]), load_meshes=False)
+    assert [link.name for link in ours.links] == [link.name for link in theirs.robot.links]
+    for link, other in zip(ours.links, theirs.robot.links, strict=True):
+        assert len(link.visuals) == len(other.visuals)
+        assert len(link.collisions) == len(other.collisions)
+        if link.inertial is not None:
+            assert link.mass == other.inertial.mass
+            np.testing.assert_array_equal(link.inertial.inertia, other.inertial.inertia)
+    for joint, other in zip(ours.joints, theirs.robot.joints, strict=True):
+        assert (joint.name, joint.type) == (other.name, other.type)
+        assert (joint.parent, joint.child) == (other.parent, other.child)
+        if other.origin is not None:
+            np.testing.assert_allclose(joint.origin.position, other.origin[:3, 3], atol=1e-15)
+            np.testing.assert_allclose(joint.origin.rotation, other.origin[:3, :3], atol=1e-12)
+        if joint.type == "revolute":
+            assert (joint.lower, joint.upper) == (other.limit.lower, other.limit.upper)
+            assert (joint.velocity, joint.effort) == (other.limit.velocity, other.limit.effort)
+
+
+@given(robot=robots())
+def test_text_and_pickles_describe_the_same_robot(robot: Robot) -> None:
+    first = read_urdf(robot.text)
+    for again in (read_urdf(first.text), pickle.loads(pickle.dumps(first))):
+        assert again.text == first.text
+        assert repr(again.links) == repr(first.links)
+        assert repr(again.joints) == repr(first.joints)
+
+
+def test_foreign_elements_survive_in_the_text() -> None:
+    extra = "<transmission name='t'><joint name='q'/></transmission>"
+    assert "<transmission" in read_urdf(one_joint().replace("</robot>", extra + "</robot>")).text
+
+
+def test_a_link_and_a_fixed_joint_may_share_a_name() -> None:
+    text = one_joint().replace("</robot>", "")
+    text += joint_text("hand", "F", "arm", "hand", "1 0 0") + link_text("hand")
+    text += joint_text("tip", "F", "hand", "tip", "1 0 0") + link_text("tip")
+    text += joint_text("side", "R", "arm", "side") + link_text("side") + "</robot>"
+    for end_effector, x in (("hand", 1.0), ("tip", 2.0)):
+        model = FreeFloatingModel.from_urdf(text, end_effector)
+        assert model.joint_names == ("q",)
+        np.testing.assert_array_equal(model.tool.position, [x, 0, 0])
