@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import os
 import shutil
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -70,20 +69,20 @@ def take_pictures(
     if not all(_SMALLEST <= side <= _LARGEST for side in size):
         accepted = f"{_SMALLEST} to {_LARGEST} pixels a side"
         raise InputError("size", f"{size[0]}x{size[1]} was given", accepted)
-    with _opened(html, key) as page:
-        page.evaluate("([w, h, title]) => freefloat.frame(w, h, title)", [*size, scene])
+    with _opened(html, size, key) as page:
+        page.evaluate("title => freefloat.capture(title)", scene)
         for number, time in enumerate(times, start=1):
-            data = page.evaluate("t => { freefloat.seek(t); return freefloat.picture(); }", time)
-            yield base64.b64decode(data.partition(",")[2])
+            page.evaluate("t => freefloat.seek(t)", time)
+            yield page.screenshot()
             if progress is not None:
                 progress(number / len(times))
 
 
 @contextmanager
-def _opened(html: str, key: str) -> Iterator[Page]:
+def _opened(html: str, size: tuple[int, int], key: str) -> Iterator[Page]:
     """A page in a headless browser without a network."""
     try:
-        from playwright.sync_api import Error, sync_playwright
+        from playwright.sync_api import Error, ViewportSize, sync_playwright
     except ModuleNotFoundError:
         raise InputError(
             key, "the package playwright is not installed", "pip install 'freefloat[video]'"
@@ -100,7 +99,8 @@ def _opened(html: str, key: str) -> Iterator[Page]:
         flags = [*_FLAGS, "--no-sandbox"] if root else [*_FLAGS]
         try:
             with playwright.chromium.launch(executable_path=program, args=flags) as browser:
-                page = browser.new_page(offline=True, device_scale_factor=1.0)
+                window = ViewportSize(width=size[0], height=size[1])
+                page = browser.new_page(offline=True, viewport=window)
                 page.set_default_timeout(_TIMEOUT)
                 page.set_content(html)
                 page.wait_for_function("window.freefloat || window.freefloatError")

@@ -323,54 +323,15 @@ class Panels {
   }
 }
 
-// What is seen, panels left out, their words written into it.
+// The 3D view as a PNG.
 function picture(player) {
   player.viewer.render();
-  const seen = player.viewer.renderer.domElement, canvas = document.createElement("canvas");
-  canvas.width = seen.width;
-  canvas.height = seen.height;
-  const pen = canvas.getContext("2d"), unit = Math.max(10, Math.round(canvas.height / 45));
-  pen.drawImage(seen, 0, 0);
-  pen.textBaseline = "middle";
-  pen.shadowColor = "#000";
-  pen.shadowBlur = unit / 3;
-  const write = (text, x, y, colour = INK, weight = "") => {
-    pen.font = `${weight} ${unit}px system-ui, "DejaVu Sans", sans-serif`;
-    pen.fillStyle = colour;
-    pen.fillText(text, x, y);
-  };
-  const span = canvas.width / Math.max(1, player.shown.length);
-  player.shown.forEach((scene, place) => {
-    const left = place * span + unit;
-    write(scene.title, left, 1.2 * unit, undefined, "600");
-    player.lines(scene).forEach((line, row) =>
-      write(plainLine(line), left, (2.6 + 1.3 * row) * unit, lineColour(line)));
-  });
-  for (const { text, x, y } of player.labels(canvas.width, canvas.height)) write(text, x + unit / 2, y);
-  writeLegend(pen, write, unit, canvas.height);
-  return canvas;
-}
-
-function writeLegend(pen, write, unit, height) {
-  const { stops, below, margin, largest } = about.scale, width = 14 * unit, top = height - 2.6 * unit;
-  const shades = pen.createLinearGradient(unit, 0, unit + width, 0);
-  stops.forEach((colour, place) => shades.addColorStop(place / (stops.length - 1), colour));
-  write(legendTitle(), unit, top - 0.9 * unit);
-  pen.fillStyle = shades;
-  pen.fillRect(unit, top, width, 0.6 * unit);
-  write(shortened(margin), unit, top + 1.4 * unit);
-  pen.textAlign = "right";
-  write(shortened(largest), unit + width, top + 1.4 * unit);
-  pen.textAlign = "left";
-  if (margin <= 0) return;
-  pen.fillStyle = below;
-  pen.fillRect(2 * unit + width, top, 0.6 * unit, 0.6 * unit);
-  write("below the margin", 3 * unit + width, top + 0.3 * unit);
+  return player.viewer.renderer.domElement.toDataURL("image/png");
 }
 
 function savePicture(player) {
   const link = document.createElement("a");
-  link.href = picture(player).toDataURL("image/png");
+  link.href = picture(player);
   link.download = `${about.title.replaceAll(/[^\w.-]+/g, "_")}_${player.time.toFixed(2)}s.png`;
   link.click();
 }
@@ -412,7 +373,6 @@ async function begin() {
   let moved = false; // a view that somebody chose is kept
   viewer.controls.addEventListener("start", () => { moved = true; });
   new ResizeObserver(() => {
-    if (document.body.classList.contains("capturing")) return;
     viewer.set_3d_pane_size();
     if (!moved) player.look();
   }).observe(pane);
@@ -454,13 +414,13 @@ function api(player, panels) {
       point.project(player.viewer.camera);
       return [(1 + point.x) / 2, (1 - point.y) / 2];
     },
-    frame: (width, height, title) => { // makes pictures of this size, without panels
+    capture: title => { // hides the controls and shows a scene
       document.body.classList.add("capturing");
+      player.viewer.set_3d_pane_size();
       if (title !== null) player.show(title);
-      player.viewer.fit(width, height);
       player.look();
     },
-    picture: () => picture(player).toDataURL("image/png"),
+    picture: () => picture(player),
   };
 }
 

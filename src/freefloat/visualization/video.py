@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import os
 import re
@@ -14,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
 from freefloat.errors import InputError
@@ -31,8 +31,6 @@ _MOST = 6000
 _FASTEST_GIF = 50.0
 """Frames per second; browsers slow down faster GIFs to ten."""
 _PALETTE_FRAMES = 8
-_COARSE = 3
-"""Low bits of a colour that the palette ignores."""
 
 Progress = Callable[[float], None]
 
@@ -102,12 +100,8 @@ def _positive(key: str, value: float, most: float) -> float:
 
 def _speed_up(duration: float) -> float:
     """Smallest of 1, 2, 4, 5, 8, 10, 20, ... that makes the video short enough."""
-    factor, power = duration / _LONGEST, 1.0
-    while True:
-        for digit in (1.0, 2.0, 4.0, 5.0, 8.0):
-            if digit * power >= factor:
-                return digit * power
-        power *= 10.0
+    factors = (digit * 10.0**power for power in itertools.count() for digit in (1, 2, 4, 5, 8))
+    return next(factor for factor in factors if factor >= duration / _LONGEST)
 
 
 def save_snapshots(
@@ -184,33 +178,13 @@ def save_video(
 
 def write_gif(file: Path, pictures: Iterable[bytes], rate: float) -> None:
     """Write PNG pictures as a GIF with one palette for all frames: separate ones would flicker."""
-    stored = list(pictures)
-    chosen = np.linspace(0, len(stored) - 1, _PALETTE_FRAMES + 1).astype(int)
-    pixels = [np.asarray(_image(stored[k])).reshape(-1, 3) for k in chosen]
-    palette = _palette(np.concatenate(pixels))
-    frames = (_image(one).quantize(palette=palette, dither=Image.Dither.NONE) for one in stored)
-    next(frames).save(
-        file, "GIF", save_all=True, append_images=frames, loop=0, duration=round(1000.0 / rate),
-        optimize=False,
-    )  # fmt: skip
-
-
-def _palette(pixels: npt.NDArray[np.uint8]) -> Image.Image:
-    """256 colours for pixels (K, 3), weighted by the fourth root of how often they occur.
-
-    The background is nearly all of a picture; what matters are a few bright lines.
-    """
-    bins, place, counts = np.unique(
-        pixels >> _COARSE, axis=0, return_inverse=True, return_counts=True
-    )
-    sums = [np.bincount(place.ravel(), pixels[:, k], len(bins)) for k in range(3)]
-    means = np.rint(np.column_stack(sums) / counts[:, None]).astype(np.uint8)
-    row = np.repeat(means, np.ceil(counts**0.25).astype(int), axis=0)
-    return Image.fromarray(row[None]).quantize(256, Image.Quantize.MEDIANCUT, kmeans=3)
-
-
-def _image(picture: bytes) -> Image.Image:
-    return Image.open(io.BytesIO(picture)).convert("RGB")
+    images = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
+    chosen = np.linspace(0, len(images) - 1, _PALETTE_FRAMES).astype(int)
+    samples = Image.fromarray(np.vstack([np.asarray(images[k]) for k in chosen]))
+    palette = samples.quantize(256, Image.Quantize.FASTOCTREE)
+    first, *others = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in images)
+    duration = round(1000.0 / rate)
+    first.save(file, "GIF", save_all=True, append_images=others, loop=0, duration=duration)
 
 
 def write_mp4(file: Path, pictures: Iterable[bytes], rate: float) -> None:
