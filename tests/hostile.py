@@ -38,7 +38,7 @@ from freefloat.robot.validation import examine
 from freefloat.studies.files import study_files
 from freefloat.studies.study import load_study
 from freefloat.verification.check import _seals, _verdict
-from freefloat.visualization.visuals import look_of
+from freefloat.visualization.visuals import robot_visuals
 from tests import hostile_samples as good
 from tests.mutations import CSV, LINES, XML, YAML, Mutator, mutated
 from tests.result_mutations import HDF5, mutated_result
@@ -105,7 +105,7 @@ def _urdf(file: Path) -> None:
     if model.dof <= 60:
         virtual.pose(np.zeros(model.dof))
         natural_task(model)
-    look_of(model)
+    robot_visuals(model)
     collision_shapes(model)
 
 

@@ -23,7 +23,7 @@ from freefloat.io.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.visualization.visuals import look_of
+from freefloat.visualization.visuals import robot_visuals
 from tests.robots import inertial_text, joint_text, link_text
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -271,7 +271,7 @@ def test_the_second_arm_stands_where_it_is_held(rail: Path) -> None:
     upper = model.link_places["other_upper_arm_link"][1]
     along = place[1].position - upper.position
     assert np.isclose(along[2], 0.425 * np.sin(raised), rtol=0, atol=1e-6)
-    shown = [visual for visual in look_of(model).visuals if visual.name.startswith("other_")]
+    shown = [visual for visual in robot_visuals(model).shapes if visual.name.startswith("other_")]
     assert {visual.body for visual in shown} == {0}
 
 

@@ -17,7 +17,7 @@ from freefloat.robot.names import examples_folder, find_robot
 from freefloat.robot.parts import Spacecraft
 from freefloat.robot.shapes import Box, Cylinder, Mesh, Sphere, Visual
 from freefloat.so3 import Pose
-from freefloat.visualization.visuals import Look, look_of
+from freefloat.visualization.visuals import RobotVisuals, robot_visuals
 from tests.robots import (
     Robot,
     inertial_text,
@@ -28,13 +28,13 @@ from tests.robots import (
 )
 
 
-def named(look: Look, name: str) -> Visual:
-    (found,) = [visual for visual in look.visuals if visual.name == name]
+def named(look: RobotVisuals, name: str) -> Visual:
+    (found,) = [visual for visual in look.shapes if visual.name == name]
     return found
 
 
-def of_link(look: Look, link: str) -> list[Visual]:
-    return [one for one in look.visuals if re.fullmatch(rf"{link}( \d+)?", one.name)]
+def of_link(look: RobotVisuals, link: str) -> list[Visual]:
+    return [one for one in look.shapes if re.fullmatch(rf"{link}( \d+)?", one.name)]
 
 
 def two_links(visual: str, head: str = "") -> str:
@@ -50,9 +50,9 @@ def two_links(visual: str, head: str = "") -> str:
 
 def test_the_planar_robot_is_boxes_and_cylinders(planar_3dof: FreeFloatingModel) -> None:
     """Sizes, places and colours of the file; a cylinder's axis is its z."""
-    look = look_of(planar_3dof)
-    assert look.missing == ()
-    assert len({one.name for one in look.visuals}) == len(look.visuals) == 9
+    look = robot_visuals(planar_3dof)
+    assert look.problems == ()
+    assert len({one.name for one in look.shapes}) == len(look.shapes) == 9
     wing, hub = named(look, "spacecraft 2"), named(look, "link_2 1")
     assert (wing.body, hub.body) == (0, 2)
     np.testing.assert_array_equal(wing.shape.size, [0.7, 1.1, 0.03])
@@ -64,7 +64,7 @@ def test_the_planar_robot_is_boxes_and_cylinders(planar_3dof: FreeFloatingModel)
 
 def test_hubs_of_the_spatial_robot_lie_along_their_joints(spatial_6dof: FreeFloatingModel) -> None:
     """The file turns each cylinder into its joint's axis."""
-    look = look_of(spatial_6dof)
+    look = robot_visuals(spatial_6dof)
     for link, joint in (("link_1", 1), ("link_2 1", 2), ("link_3 1", 3), ("link_4", 4)):
         hub = named(look, link)
         assert isinstance(hub.shape, Cylinder)
@@ -78,8 +78,8 @@ def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, tip: str)
     """Bounds of every body at zero joints, in metres, against Pinocchio's geometry model."""
     path = find_robot(f"example-robot-data:{name}", Path())
     model = FreeFloatingModel.from_urdf(path, tip)
-    look = look_of(model)
-    assert look.missing == ()
+    look = robot_visuals(model)
+    assert look.problems == ()
     whole = pin.buildModelFromUrdf(str(path))
     shown = pin.buildGeomFromUrdf(whole, str(path), pin.GeometryType.VISUAL,
                                   package_dirs=[str(examples_folder().parents[1])])  # fmt: skip
@@ -97,7 +97,7 @@ def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, tip: str)
         theirs = one.geometry.vertices() @ placed.rotation.T + placed.translation
         np.testing.assert_allclose(points.min(axis=0), theirs.min(axis=0), atol=1e-5)
         np.testing.assert_allclose(points.max(axis=0), theirs.max(axis=0), atol=1e-5)
-    faces = sum(len(v.shape.faces) for v in look.visuals if isinstance(v.shape, Mesh))
+    faces = sum(len(v.shape.faces) for v in look.shapes if isinstance(v.shape, Mesh))
     assert 50_000 < faces < 200_000  # a few megabytes, no need to thin them out
 
 
@@ -106,19 +106,19 @@ def test_the_same_file_is_read_once() -> None:
     model = FreeFloatingModel.from_urdf(
         find_robot("example-robot-data:panda", Path()), "panda_hand"
     )
-    look = look_of(model)
+    look = robot_visuals(model)
     assert named(look, "panda_leftfinger 1").shape is named(look, "panda_rightfinger 1").shape
 
 
 def test_a_bare_arm_on_a_spacecraft_without_size_gets_a_box() -> None:
     """The base link's mesh alone would not show that a spacecraft is there."""
-    look = look_of(FreeFloatingModel.from_urdf(ur5_on_spacecraft(), "tool0"))
+    look = robot_visuals(FreeFloatingModel.from_urdf(ur5_on_spacecraft(), "tool0"))
     bus, *_ = of_link(look, "spacecraft")
     np.testing.assert_allclose(bus.shape.size, np.sqrt(6 * 35 / 200), rtol=0.1)
     path = find_robot("example-robot-data:ur5", Path())
     spacecraft = Spacecraft(200.0, np.full(3, 35.0), size=np.array([1.0, 2.0, 3.0]))
-    sized = look_of(FreeFloatingModel.from_urdf(path, "tool0", spacecraft=spacecraft))
-    assert sized.missing == ()
+    sized = robot_visuals(FreeFloatingModel.from_urdf(path, "tool0", spacecraft=spacecraft))
+    assert sized.problems == ()
     np.testing.assert_array_equal(named(sized, "spacecraft").shape.size, [1, 2, 3])
 
 
@@ -137,7 +137,7 @@ BOX = "<geometry><box size='1 2 3'/></geometry>"
 )
 def test_colours_are_told_in_place_globally_or_elsewhere(visual: str, head: str) -> None:
     """By the three ways in which URDF files do it."""
-    look = look_of(FreeFloatingModel.from_urdf(two_links(visual, head)))
+    look = robot_visuals(FreeFloatingModel.from_urdf(two_links(visual, head)))
     assert {one.colour for one in of_link(look, "arm")} == {(1.0, 0.0, 0.0, 1.0)}
 
 
@@ -149,14 +149,14 @@ def test_a_relative_mesh_takes_place_scale_and_colour_from_the_urdf(tmp_path: Pa
         f"<mesh filename='box.stl' scale='1 2 3'/></geometry>{RED}</visual>"
     )
     (tmp_path / "arm.urdf").write_text(two_links(visual))
-    arm = named(look_of(FreeFloatingModel.from_urdf(tmp_path / "arm.urdf")), "arm")
+    arm = named(robot_visuals(FreeFloatingModel.from_urdf(tmp_path / "arm.urdf")), "arm")
     assert arm.colour == (1.0, 0.0, 0.0, 1.0)
     np.testing.assert_allclose(arm.shape.vertices.max(axis=0), [0.5, 1.0, 1.5])
     np.testing.assert_allclose(arm.placement.position, [1, 0, 0])
     np.testing.assert_allclose(arm.placement.rotation @ [1, 0, 0], [0, 1, 0], atol=1e-15)
     dae = (examples_folder() / "ur_description/meshes/ur5/visual/base.dae").as_uri()
     painted = f"<visual><geometry><mesh filename='{dae}'/></geometry>{RED}</visual>"
-    look = look_of(FreeFloatingModel.from_urdf(two_links(painted)))
+    look = robot_visuals(FreeFloatingModel.from_urdf(two_links(painted)))
     assert (1.0, 0.0, 0.0, 1.0) not in {one.colour for one in of_link(look, "arm")}
 
 
@@ -164,11 +164,13 @@ def test_a_missing_mesh_is_told_and_replaced(tmp_path: Path) -> None:
     """One sentence, and a rod from the joint to the end."""
     visual = "<visual><geometry><mesh filename='gone.stl'/></geometry></visual>"
     (tmp_path / "arm.urdf").write_text(two_links(visual))
-    look = look_of(FreeFloatingModel.from_urdf(tmp_path / "arm.urdf"))
-    assert len(look.missing) == 1
+    look = robot_visuals(FreeFloatingModel.from_urdf(tmp_path / "arm.urdf"))
+    assert len(look.problems) == 1
     (rod,) = of_link(look, "arm")
     assert isinstance(rod.shape, Cylinder)
-    partly = look_of(FreeFloatingModel.from_urdf(two_links(f"<visual>{BOX}</visual>" + visual)))
+    partly = robot_visuals(
+        FreeFloatingModel.from_urdf(two_links(f"<visual>{BOX}</visual>" + visual))
+    )
     assert isinstance(named(partly, "arm").shape, Box)
 
 
@@ -187,9 +189,9 @@ def test_a_missing_mesh_is_told_and_replaced(tmp_path: Path) -> None:
 def test_nonsense_in_one_visual_spoils_no_other(nonsense: str) -> None:
     """It is told, the others are drawn."""
     ball = "<visual><geometry><sphere radius='0.5'/></geometry></visual>"
-    look = look_of(FreeFloatingModel.from_urdf(two_links(nonsense + ball)))
+    look = robot_visuals(FreeFloatingModel.from_urdf(two_links(nonsense + ball)))
     assert named(look, "arm").shape == Sphere(0.5)
-    assert len(look.missing) == 1
+    assert len(look.problems) == 1
 
 
 def ends(visual: Visual) -> np.ndarray:
@@ -208,12 +210,12 @@ def nearest_end(visuals: list[Visual], pose: Pose, point: np.ndarray) -> float:
 def test_default_rods_lead_from_joint_to_joint(robot: Robot, seed: int) -> None:
     """In any configuration: a rod of every body ends where the next joint is; hubs lie along it."""
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
-    look = look_of(model)
-    assert look.missing == ()
+    look = robot_visuals(model)
+    assert look.problems == ()
     joints = np.random.default_rng(seed).uniform(-3, 3, model.dof)
     poses = model.body_poses([0.5, 0.5, 0.5, 0.5], joints)
     for k, body in enumerate(model.bodies[1:], 1):
-        before = [one for one in look.visuals if one.body == k - 1]
+        before = [one for one in look.shapes if one.body == k - 1]
         assert nearest_end(before, poses[k - 1], poses[k].position) < 1e-9
         hub = named(look, f"{model.body_names[k]} joint")
         assert hub.body == k

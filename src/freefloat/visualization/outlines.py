@@ -12,8 +12,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.shapes import Box
 from freefloat.so3 import Array, frozen
 from freefloat.visualization.body_poses import body_poses_at
-from freefloat.visualization.robot_shapes import bounding_box
-from freefloat.visualization.visuals import look_of
+from freefloat.visualization.visuals import bounding_box, robot_visuals
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +55,7 @@ def spacecraft_box(model: FreeFloatingModel) -> Array:
 
     Where its visuals have no box, of the box around the largest other shape.
     """
-    visuals = [visual for visual in look_of(model).visuals if visual.body == 0]
+    visuals = [visual for visual in robot_visuals(model).shapes if visual.body == 0]
     boxes = [visual for visual in visuals if isinstance(visual.shape, Box)]
     return max(map(bounding_box, boxes or visuals), key=_volume)
 

@@ -29,9 +29,8 @@ from freefloat.visualization.overlays import (
     draw_trail,
     thickness,
 )
-from freefloat.visualization.robot_shapes import draw_robot, spacecraft_corners
 from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, node
-from freefloat.visualization.visuals import Look, look_of
+from freefloat.visualization.visuals import RobotVisuals, bounding_box, robot_visuals
 from freefloat.workspace.margin_curves import Workspace
 from freefloat.workspace.regions import exact_workspace
 
@@ -59,9 +58,9 @@ def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Sce
     if len(set(nodes)) < len(nodes):
         raise InputError("motions", f"names alike: {', '.join(motions)}", "names that differ")
     _refuse_different_margins(motions)
-    looks: dict[str, Look] = {}
+    known: dict[str, RobotVisuals] = {}
     most = _MOST_KEYS // len(motions)
-    sampled = [_Sampled.of(motion, looks, most) for motion in motions.values()]
+    sampled = [_Sampled.of(motion, known, most) for motion in motions.values()]
     colours = MarginColours.over(sampled[0].motion.problem.margin, [one.values for one in sampled])
     builder = SceneBuilder()
     scenes = [
@@ -76,7 +75,7 @@ def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Sce
         "items": [{"name": item, "visible": item != AREAS or planar} for item in (ROBOT, *ITEMS)],
         "scale": colours.to_dict(),
         "view": _view(sampled, planar),
-        "remarks": list(dict.fromkeys(text for one in sampled for text in one.look.missing)),
+        "remarks": list(dict.fromkeys(text for one in sampled for text in one.visuals.problems)),
     })  # fmt: skip
 
 
@@ -118,7 +117,7 @@ class _Sampled:
     """A motion at its key times: body poses, values of the measure, place on the path."""
 
     motion: Motion
-    look: Look
+    visuals: RobotVisuals
     times: Array
     poses: BodyPoses
     values: Array
@@ -126,7 +125,7 @@ class _Sampled:
     areas: Workspace | None
 
     @classmethod
-    def of(cls, motion: Motion, looks: dict[str, Look], most: int) -> _Sampled:
+    def of(cls, motion: Motion, known: dict[str, RobotVisuals], most: int) -> _Sampled:
         problem, times = motion.problem, key_times(motion, most)
         parameters = motion.parameter_at(times)
         ends = [motion.times.min(), motion.times.max()]
@@ -137,8 +136,9 @@ class _Sampled:
         fractions = np.array([problem.path.timing.s(float(t)) for t in times])
         model = problem.model
         key = f"{model.end_effector} {dict(model.held)} {model.description.text}"
-        look = looks.setdefault(key, looks.get(key) or look_of(model))
-        return cls(motion, look, times, poses, values, fractions, exact_workspace(problem))
+        if key not in known:
+            known[key] = robot_visuals(model)
+        return cls(motion, known[key], times, poses, values, fractions, exact_workspace(problem))
 
 
 def _draw(
@@ -148,7 +148,8 @@ def _draw(
     root, motion, problem = f"{ROOT}/{name}", sampled.motion, sampled.motion.problem
     times, poses, areas = sampled.times, sampled.poses, sampled.areas
     bodies = [node(name) for name in problem.model.body_names]
-    draw_robot(builder, f"{root}/{ROBOT}", bodies, sampled.look.visuals)
+    for visual in sampled.visuals.shapes:
+        builder.visual(f"{root}/{ROBOT}/{bodies[visual.body]}/{node(visual.name)}", visual)
     for body, link in enumerate(bodies):
         path = f"{root}/{ROBOT}/{link}"
         builder.move(path, times, poses.positions[:, body], _quaternions(poses.rotations[:, body]))
@@ -193,5 +194,8 @@ def _view(sampled: Sequence[_Sampled], planar: bool) -> dict[str, Any]:
     if planar:
         compass = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
         others += [one.areas.reach[1] * compass for one in sampled if one.areas is not None]
-    corners = [spacecraft_corners(one.look.visuals) for one in sampled]
+    corners = [
+        np.vstack([bounding_box(shape) for shape in one.visuals.shapes if shape.body == 0])
+        for one in sampled
+    ]
     return first_view([one.poses for one in sampled], corners, np.vstack(others), planar)

@@ -17,11 +17,14 @@ from meshcat import geometry as g
 from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
+from freefloat.robot.shapes import Box, Cylinder, Sphere, Visual
 from freefloat.so3 import Array, IntArray, Pose
 
 ROOT = "meshcat"
 """First part of all paths except those of lights, camera and background."""
 _FLOAT32 = 0x17
+_UPRIGHT = Pose(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]))
+"""Rotates MeshCat's cylinder, which stands along y, to z."""
 _BACKGROUND = {"top_color": [0.10, 0.13, 0.20], "bottom_color": [0.02, 0.03, 0.05]}
 
 Colour = Sequence[float]
@@ -113,6 +116,20 @@ class SceneBuilder:
             vertexColors=True, transparent=overlay, reflectivity=0.0, **_overlay(overlay)
         )
         self._put(path, g.Mesh(geometry, material))
+
+    def visual(self, path: str, visual: Visual) -> None:
+        """Add a shape of a robot at its place in the body."""
+        shape, at = visual.shape, visual.placement
+        if isinstance(shape, Box):
+            geometry = g.Box([float(edge) for edge in shape.size])
+        elif isinstance(shape, Sphere):
+            geometry = g.Sphere(float(shape.radius))
+        elif isinstance(shape, Cylinder):
+            geometry, at = g.Cylinder(float(shape.length), float(shape.radius)), at @ _UPRIGHT
+        else:
+            geometry = g.TriangularMeshGeometry(shape.vertices, shape.faces)
+        self.place(path, at)
+        self.mesh(path, geometry, visual.colour)
 
     def points(self, path: str, points: Array, colours: Array, size: float) -> None:
         """Add points (K, 3) with colours (K, 3), of a size in metres."""

@@ -1,95 +1,125 @@
-"""What a robot looks like: the visuals of its URDF, and made shapes where it has none."""
+"""The shapes that are drawn of a robot: its visuals, boxes and rods where it has none."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache, partial
+from itertools import product
+
+import numpy as np
 
 from freefloat.robot.meshes import Part, read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.robot.shapes import Colour, MeshFile, Shape, Visual
-from freefloat.robot.urdf import LinkShape
-from freefloat.visualization.robot_shapes import LINK, SPACECRAFT, default_visuals
+from freefloat.robot.shapes import Box, Colour, Cylinder, Mesh, MeshFile, Shape, Visual, along
+from freefloat.so3 import Array, Pose
+
+_SPACECRAFT: Colour = (0.75, 0.77, 0.80, 1.0)
+_LINK: Colour = (0.93, 0.94, 0.95, 1.0)
+_JOINT: Colour = (0.95, 0.55, 0.15, 1.0)
+_ROD, _HUB = 0.015, 0.026
+"""Radii of rods and of joints as fractions of the arm's length."""
+_SMALLEST, _LARGEST = 0.05, 2.0
+"""Edges of a spacecraft without visuals, likewise."""
+_CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class RobotVisuals:
     """All that is drawn of a robot.
 
     Attributes:
-        visuals: Each fixed to one moving body.
-        missing: What the URDF shows but could not be read, a sentence each.
+        shapes: Each part of one body, named after its link.
+        problems: Visuals of the URDF that cannot be drawn, in words.
     """
 
-    visuals: tuple[Visual, ...]
-    missing: tuple[str, ...]
+    shapes: tuple[Visual, ...]
+    problems: tuple[str, ...]
 
 
-def look_of(model: FreeFloatingModel) -> Look:
-    """What a robot looks like.
+def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
+    """Return what is drawn of a robot: the visuals of all links, one mesh for each colour.
 
-    Bodies without visuals get boxes and rods.
-
-    Args:
-        model: Robot.
-
-    Returns:
-        Visuals of all links, those of held arms too; meshes in one piece for each colour.
+    Bodies of the arm without visuals get rods, a spacecraft whose heaviest link has none a box.
     """
-    robot = model.description
-    load = cache(partial(_load, robot.source))
-    visuals: list[Visual] = []
-    missing: list[tuple[str, str]] = []
-    for link in robot.links:
+    load = cache(partial(_load, model.description.source))
+    spacecraft = max(
+        (link for link in model.description.links if model.link_places[link.name][0] == 0),
+        key=lambda link: link.mass,
+    )
+    shapes: list[Visual] = []
+    problems, drawn = [], set[int]()
+    for link in model.description.links:
         body, place = model.link_places[link.name]
-        for number, shown in enumerate(link.visuals, 1):
-            try:
-                shapes = list(_shapes(shown, number, load))
-            except MeshFileError as error:
-                missing.append((link.name, str(error)))
-                continue
-            default = shown.colour or (SPACECRAFT if body == 0 else LINK)
-            at = place @ shown.origin
-            visuals += [Visual(link.name, body, at, shape, own or default) for shape, own in shapes]
-    parts = [link for link, (body, _) in model.link_places.items() if body == 0]
-    heaviest = max(parts, key=lambda link: robot.link[link].mass)
-    drawn = {one.body for one in visuals if one.body > 0 or one.name == heaviest}
-    visuals += default_visuals(model, drawn)
-    problems = tuple(f"link {link}: {problem}; not drawn" for link, problem in missing)
-    return Look(tuple(_named(visuals)), problems)
-
-
-def _shapes(
-    shown: LinkShape, number: int, load: Callable[..., tuple[Part, ...]]
-) -> Iterator[tuple[Shape, Colour | None]]:
-    """Shapes, and the colours that a mesh file has."""
-    geometry = shown.geometry
-    if geometry is None or geometry == MeshFile(""):
-        raise MeshFileError(f"its <visual> {number} cannot be read")
-    if not isinstance(geometry, MeshFile):
-        yield geometry, None
-        return
-    try:
-        parts = load(geometry.filename, *geometry.scale)
-    except MeshFileError as error:
-        raise MeshFileError(f"mesh {geometry.filename}: {error}") from None
-    for part in parts:
-        yield part.mesh, part.colour
+        default = _SPACECRAFT if body == 0 else _LINK
+        found: list[tuple[Pose, Shape, Colour]] = []
+        for number, visual in enumerate(link.visuals, start=1):
+            geometry, colour = visual.geometry, visual.colour or default
+            if geometry is None or geometry == MeshFile(""):
+                problems.append(f"link {link.name}: its <visual> {number} cannot be read")
+            elif not isinstance(geometry, MeshFile):
+                found.append((place @ visual.origin, geometry, colour))
+            else:
+                try:
+                    for part in load(geometry.filename, *geometry.scale):
+                        found.append((place @ visual.origin, part.mesh, part.colour or colour))
+                except MeshFileError as error:
+                    problems.append(f"link {link.name}: mesh {geometry.filename}: {error}")
+        for number, (at, shape, colour) in enumerate(found, start=1):
+            name = link.name if len(found) == 1 else f"{link.name} {number}"
+            shapes.append(Visual(name, body, at, shape, colour))
+        if found and (body > 0 or link is spacecraft):
+            drawn.add(body)
+    shapes += _default_visuals(model, drawn, spacecraft.name)
+    return RobotVisuals(tuple(shapes), tuple(problems))
 
 
 def _load(source: str, name: str, *scale: float) -> tuple[Part, ...]:
-    """The parts of a mesh file; the very same ones wherever the robot shows it again."""
+    """The parts of a mesh file; the very same objects wherever the robot has it again."""
     return read_mesh(find_mesh(name, source), scale)
 
 
-def _named(visuals: Iterable[Visual]) -> Iterator[Visual]:
-    """The same with names that differ: a number follows where there are several."""
-    names = Counter(visual.name for visual in visuals)
-    taken: Counter[str] = Counter()
-    for visual in visuals:
-        taken[visual.name] += 1
-        name = f"{visual.name} {taken[visual.name]}"
-        yield visual if names[visual.name] == 1 else replace(visual, name=name)
+def _default_visuals(
+    model: FreeFloatingModel, drawn: set[int], spacecraft: str
+) -> Iterator[Visual]:
+    """Shapes for bodies without visuals.
+
+    The spacecraft is the box of uniform density with its mass and inertia, a body of the arm a
+    cylinder about its joint and a rod to the next joint.
+    """
+    ends = [*(body.placement.position for body in model.bodies[1:]), model.tool.position]
+    size = float(sum(np.linalg.norm(end) for end in ends[1:])) or 1.0
+    for index, (body, name) in enumerate(zip(model.bodies, model.body_names, strict=True)):
+        if index in drawn:
+            continue
+        if index == 0:
+            moments = np.diag(body.inertia)
+            squares = 6.0 * (moments.sum() - 2.0 * moments) / max(body.mass, 1e-12)
+            edges = np.clip(np.sqrt(np.maximum(squares, 0.0)), _SMALLEST * size, _LARGEST * size)
+            yield Visual(spacecraft, 0, Pose(body.centre, np.eye(3)), Box(edges), _SPACECRAFT)
+            continue
+        hub = Cylinder(_HUB * size, 2.5 * _HUB * size)
+        yield Visual(f"{name} joint", index, along(np.zeros(3), body.axis), hub, _JOINT)
+        length = float(np.linalg.norm(ends[index]))
+        if length > _ROD * size:
+            rod = Cylinder(_ROD * size, length)
+            yield Visual(name, index, along(ends[index] / 2.0, ends[index]), rod, _LINK)
+
+
+def bounding_box(visual: Visual) -> Array:
+    """Return the corners of the box around a shape in its body's frame [m], shape (8, 3).
+
+    z changes fastest, then y.
+    """
+    shape, centre = visual.shape, np.zeros(3)
+    if isinstance(shape, Box):
+        size = shape.size
+    elif isinstance(shape, Mesh):
+        low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
+        size, centre = high - low, (low + high) / 2.0
+    else:
+        width = 2.0 * shape.radius
+        size = np.array([width, width, getattr(shape, "length", width)])
+    at = visual.placement
+    return np.asarray(at.position + (centre + _CORNERS * size) @ at.rotation.T)
