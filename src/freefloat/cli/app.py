@@ -1,19 +1,28 @@
-"""The ``freefloat`` command."""
+"""The ``freefloat`` command: its subcommands, and the exit code of every error."""
 
 from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated, NoReturn
+import traceback
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from freefloat.cli.assemble import assemble
 from freefloat.cli.batch import batch
 from freefloat.cli.check import check
-from freefloat.cli.console import DONE, print_text
+from freefloat.cli.console import (
+    BAD_INPUT,
+    DONE,
+    INTERNAL_ERROR,
+    INTERRUPTED,
+    print_error,
+    print_text,
+    say,
+)
 from freefloat.cli.export import export
-from freefloat.cli.group import CommandGroup, add_command
 from freefloat.cli.info import info
 from freefloat.cli.map import map_
 from freefloat.cli.models import models
@@ -22,37 +31,87 @@ from freefloat.cli.schema import schema
 from freefloat.cli.simulate import simulate
 from freefloat.cli.view import view
 from freefloat.cli.workspace import workspace
+from freefloat.errors import FreeFloatError, InputError
 
-_BEGIN = """\
-freefloat tells from which spacecraft attitudes an arm can follow a path without meeting a dynamic
-singularity, and plans the motion. Begin with
+_FIRST_STEPS = """\
+freefloat finds the spacecraft attitudes from which a free-floating arm can follow a path without
+meeting a dynamic singularity, and plans the motion. First steps:
 
-  freefloat models                                  the robots, scenarios and studies that are here
-  freefloat plan planar_3dof/parabola -o plan.h5    the attitudes that serve, and one motion
-  freefloat view plan.h5                            that motion in a browser
+  freefloat models                                  lists the bundled robots, scenarios and studies
+  freefloat plan planar_3dof/parabola -o plan.h5    finds the feasible attitudes and one motion
+  freefloat view plan.h5                            plays that motion in a browser
 
-All commands: freefloat --help. One of them, with examples: freefloat plan --help.
+All commands: freefloat --help. Options and examples of one: freefloat plan --help.
 """
 
+
+class _Commands(TyperGroup):
+    """Runs a command line and turns every error into one message and an exit code."""
+
+    def main(self, *args: Any, **options: Any) -> NoReturn:
+        words = list(options.get("args") or sys.argv[1:])
+        try:
+            status = super().main(*args, **(options | {"standalone_mode": False}))
+        except (typer.Abort, KeyboardInterrupt):
+            status = INTERRUPTED
+        except Exception as error:  # of any kind: none may reach the user as a traceback
+            status = _report(error, as_json="--json" in words, debug="--debug" in words)
+        if status == INTERRUPTED:
+            say("interrupted")
+        sys.exit(status or DONE)
+
+
+def _report(error: Exception, as_json: bool, debug: bool) -> int:
+    """Print an error; return its exit code."""
+    if isinstance(error, typer.TyperException):
+        print_error(_usage_error(error), as_json)
+        return BAD_INPUT
+    if isinstance(error, FreeFloatError):
+        print_error(error, as_json)
+        return BAD_INPUT
+    if isinstance(error, OSError):
+        name = "output" if error.filename is None else str(error.filename)
+        print_error(InputError(name, error.strerror or str(error), "a usable file"), as_json)
+        return BAD_INPUT
+    if debug:
+        traceback.print_exception(error)
+    problem = f"{type(error).__name__}: {error}".splitlines()[0]
+    remedy = "please report it with the output of freefloat --debug COMMAND ..."
+    print_error(FreeFloatError(f"internal error: {problem}; {remedy}"), as_json)
+    return INTERNAL_ERROR
+
+
+def _usage_error(error: Any) -> InputError:
+    """The error for a command line that typer cannot parse."""
+    parameter, context = getattr(error, "param", None), getattr(error, "ctx", None)
+    key = parameter.opts[-1] if parameter else getattr(error, "option_name", "command")
+    command = context.info_name if context and context.parent else ""
+    return InputError(key, error.format_message(), f"see {' '.join(['freefloat', command])} --help")
+
+
 app = typer.Typer(
-    cls=CommandGroup,
+    cls=_Commands,
     help="Plan end-effector paths for free-floating space manipulators.",
-    add_completion=True,
+    epilog="Exit codes: 0 done; 1 the answer is no (infeasible, singular, discrepancies); 2 the "
+    "input is wrong; 3 internal error, with a traceback after freefloat --debug COMMAND.",
+    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_COMMANDS = (
+for _command in (
     *(models, info, workspace, simulate, plan, map_, view, check, export),
     *(assemble, batch, schema),
-)
-for _command in _COMMANDS:
-    add_command(app, _command)
+):
+    app.command(_command.__name__.rstrip("_"))(_command)
 
 
 @app.callback(invoke_without_command=True)
 def _main(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Print the traceback of an internal error.")
+    ] = False,
 ) -> None:
     if version:
         from importlib.metadata import version as installed
@@ -60,14 +119,17 @@ def _main(
         print_text(f"freefloat {installed('freefloat')}\n")
         raise typer.Exit(DONE)
     if context.invoked_subcommand is None:
-        print_text(_BEGIN)
+        print_text(_FIRST_STEPS)
 
 
-def main() -> NoReturn:
-    """Run the command line.
+def main() -> None:
+    """Run the command line and exit.
 
-    The matrices are tiny: threads for linear algebra would only wait for each other.
+    The matrices are tiny: several threads for linear algebra would only slow it down.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    sys.stderr = sys.stderr or sys.stdout
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="replace")  # type: ignore[union-attr]
     app()
-    sys.exit(DONE)

@@ -1,52 +1,236 @@
-"""``freefloat assemble``: the command with the most options."""
+"""``freefloat assemble``: one URDF of an arm, a spacecraft, a tool, a second arm, a payload."""
 
 from __future__ import annotations
 
-from freefloat.cli import options
-from freefloat.cli.console import answer, answering
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import RenderableType
+
+from freefloat.cli.console import Console, table
+from freefloat.cli.options import Json, Quiet, prepare_outputs, robot_names
+from freefloat.errors import InputError
+
+if TYPE_CHECKING:
+    from freefloat.io.robot_parts import RobotParts
+    from freefloat.robot.parts import Mount
+
+Vector = tuple[float, float, float]
+Placement = tuple[float, float, float, float, float, float]
+_Mass = Annotated[float | None, typer.Option(metavar="KG", help="Mass of the spacecraft.")]
+_Inertia = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y,Z",
+        help="Its inertia about its centre of mass, kg m²: three principal moments, "
+        "ixx,ixy,ixz,iyy,iyz,izz, or nine numbers.",
+    ),
+]
+_Centre = Annotated[
+    Vector | None,
+    typer.Option(metavar="X Y Z", help="Its centre of mass in its frame, m; default the origin."),
+]
+_Size = Annotated[
+    Vector | None, typer.Option(metavar="X Y Z", help="Edges of the box that shows it, m.")
+]
+_Mesh = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="A mesh that shows it instead, in its frame.")
+]
+_Mount = Annotated[
+    Placement | None,
+    typer.Option(metavar="X Y Z R P Y", help="Pose of the arm's root link in its frame, m, rad."),
+]
+_PayloadMass = Annotated[
+    float | None, typer.Option(metavar="KG", help="Mass of a payload, fixed to the end-effector.")
+]
+_PayloadInertia = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="As --inertia.")]
+_PayloadCentre = Annotated[
+    Vector | None,
+    typer.Option(metavar="X Y Z", help="Its centre of mass in the end-effector's frame, m."),
+]
+_Tool = Annotated[
+    str | None,
+    typer.Option(metavar="URDF", help="Fixed to the end-effector; its names start with tool_."),
+]
+_SecondArm = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URDF",
+        help="Fixed to the spacecraft, its joints fixed; its names start with second_. Needs "
+        "--end-effector.",
+    ),
+]
+_Placed = Annotated[
+    Placement | None,
+    typer.Option(metavar="X Y Z R P Y", help="Pose of its root link, m, rad."),
+]
 
 
 def assemble(
-    robot: options.Robot,
-    output: options.UrdfOutput,
-    end_effector: options.EndEffector = None,
-    mass: options.Mass = None,
-    inertia: options.Inertia = None,
-    com: options.Centre = None,
-    size: options.Edges = None,
-    mesh: options.MeshFile = None,
-    mount: options.Mounting = None,
-    payload_mass: options.PayloadMass = None,
-    payload_inertia: options.PayloadInertia = None,
-    payload_com: options.PayloadCentre = None,
-    payload_size: options.PayloadEdges = None,
-    payload_mesh: options.PayloadMesh = None,
-    tool: options.Tool = None,
-    tool_mount: options.Standing = None,
-    second_arm: options.SecondArm = None,
-    second_mount: options.Standing = None,
-    copy_meshes: options.CopyMeshes = False,
-    as_json: options.Json = False,
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT",
+            help="An arm: a URDF, a bundled name or example-robot-data:NAME. Or a scenario, or a "
+            "YAML file with its robot section alone, which has all parts.",
+            autocompletion=robot_names,
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="The URDF to write.")
+    ],
+    end_effector: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="The end-effector; default the only last link."),
+    ] = None,
+    mass: _Mass = None,
+    inertia: _Inertia = None,
+    com: _Centre = None,
+    size: _Size = None,
+    mesh: _Mesh = None,
+    mount: _Mount = None,
+    payload_mass: _PayloadMass = None,
+    payload_inertia: _PayloadInertia = None,
+    payload_com: _PayloadCentre = None,
+    payload_size: _Size = None,
+    payload_mesh: _Mesh = None,
+    tool: _Tool = None,
+    tool_mount: _Placed = None,
+    second_arm: _SecondArm = None,
+    second_mount: _Placed = None,
+    copy_meshes: Annotated[
+        bool,
+        typer.Option(
+            "--copy-meshes",
+            help="Copy mesh files to a folder next to the URDF; default: absolute paths.",
+        ),
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Mount an arm on a spacecraft, give it a tool, a second arm, a payload; write one URDF.
+    """Assemble an arm, a spacecraft, a tool, a second arm and a payload; write one URDF.
 
     Example: freefloat assemble example-robot-data:ur5 -o servicer.urdf
     --end-effector tool0 --mass 200 --inertia 35,35,35 --size 1 1 1 --mount 0 0 0.5 0 0 0
 
     Example: freefloat assemble ur5_servicer/arc -o servicer.urdf
     """
-    with answering(as_json):
-        from freefloat.cli.assembly_tables import assembly_tables
-        from freefloat.io.assembled import Assembled
-        from freefloat.tasks.assembling import Lump, Wishes, robot_parts
+    from freefloat.io.assembled import Assembled
+    from freefloat.io.scenario import load_robot
+    from freefloat.robot.names import bundled_scenarios
+    from freefloat.robot.parts import Payload, Spacecraft
 
-        craft = Lump("spacecraft", mass, inertia, com, size, mesh, mount)
-        held = Lump(
-            "payload", payload_mass, payload_inertia, payload_com, payload_size, payload_mesh
+    spacecraft = {
+        **{"mass": mass, "inertia": inertia, "com": com, "size": size, "mesh": mesh},
+        "mount": mount,
+    }
+    payload = {
+        **{"mass": payload_mass, "inertia": payload_inertia, "com": payload_com},
+        **{"size": payload_size, "mesh": payload_mesh},
+    }
+    additions = {"tool": (tool, tool_mount), "second_arm": (second_arm, second_mount)}
+    if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
+        values = (end_effector, *spacecraft.values(), *payload.values())
+        if any(value is not None for value in (*values, *sum(additions.values(), ()))):
+            accepted = "-o, --copy-meshes and --json"
+            raise InputError("options", "the scenario has all parts of its robot", accepted)
+        parts = load_robot(robot)
+    else:
+        parts = _parts(robot, end_effector, additions)
+        parts = replace(
+            parts,
+            spacecraft=_body("spacecraft", Spacecraft, spacecraft),
+            payload=_body("payload", Payload, payload),
         )
-        wishes = Wishes(end_effector, craft, held, (tool, tool_mount), (second_arm, second_mount))
-        built = Assembled.of(robot_parts(robot, wishes))
-        meshes, missing = built.write(output, copy_meshes)
-        document = {"file": str(output), **built.document(), "meshes": meshes}
-        document["warnings"] += missing
-    answer(document, assembly_tables(document), as_json)
+    assembled = Assembled.of(parts)
+    prepare_outputs(parts.urdf, output=output)
+    meshes, missing = assembled.write(output, copy_meshes)
+    document = {"file": str(output), **assembled.document(), "meshes": meshes}
+    document["warnings"] += missing
+    console = Console(as_json, quiet)
+    console.json(document)
+    console.tables(_tables(document))
+
+
+def _parts(
+    robot: str,
+    end_effector: str | None,
+    additions: dict[str, tuple[str | None, Placement | None]],
+) -> RobotParts:
+    """An arm and the URDFs attached to it."""
+    from freefloat.io.robot_parts import RobotParts
+    from freefloat.robot.assembly import end_effector_link
+    from freefloat.robot.names import find_robot
+    from freefloat.robot.parts import Attachment
+    from freefloat.robot.validation import read_urdf
+
+    urdf, attached = find_robot(robot, Path()), []
+    for key, (name, placement) in additions.items():
+        if name is None:
+            if placement is not None:
+                raise InputError(key, "it is missing, only its pose was given", "a URDF")
+            continue
+        try:
+            file = find_robot(name, Path())
+        except InputError as error:
+            raise InputError(key, error.problem, error.accepted) from None
+        prefix = key.removesuffix("arm") if key == "second_arm" else f"{key}_"
+        link = end_effector_link(read_urdf(urdf), end_effector) if key == "tool" else None
+        attached.append(Attachment(file, link, _mount(f"{prefix}mount", placement), prefix))
+    return RobotParts(urdf, end_effector, attached=tuple(attached))
+
+
+def _body(name: str, kind: type[Any], options: dict[str, Any]) -> Any:
+    """A spacecraft or a payload of the options that were given; None without options."""
+    values = {key: value for key, value in options.items() if value is not None}
+    if not values:
+        return None
+    for key in ("mass", "inertia"):
+        if key not in values:
+            raise InputError(f"{name}.{key}", "it is missing", "mass and inertia of every body")
+    try:
+        values["inertia"] = [float(word) for word in values["inertia"].split(",")]
+    except ValueError:
+        accepted = "three, six or nine numbers separated by commas"
+        raise InputError(f"{name}.inertia", f"{values['inertia']!r} was given", accepted) from None
+    if "mount" in values:
+        values["mount"] = _mount("mount", values["mount"])
+    return kind(**values)
+
+
+def _mount(key: str, placement: Placement | None) -> Mount:
+    from freefloat.robot.parts import Mount
+
+    if placement is None:
+        return Mount()
+    if max(map(abs, placement[3:])) > 2.0 * math.pi:
+        angles = " ".join(f"{angle:g}" for angle in placement[3:])
+        raise InputError(key, f"the angles {angles} were given", "x y z [m], angles in radians")
+    return Mount(placement[:3], placement[3:])
+
+
+def _tables(document: dict[str, Any]) -> Iterator[RenderableType]:
+    """The robot's mass, joints, centre of mass, inertia, meshes and warnings."""
+    yield f"{document['file']}: {document['robot']}, {document['total_mass']:.6g} kg"
+    joints = table("joint", "type", "")
+    for joint in document["joints"]:
+        fixed = joint["held"]
+        joints.add_row(
+            joint["name"], joint["type"], "moves" if fixed is None else f"fixed at {fixed:g}"
+        )
+    yield joints
+    yield f"root {document['root']}, end-effector {document['end_effector']}"
+    yield f"centre of mass {_numbers(document['centre_of_mass'])} m in the root's frame, joints at 0"
+    yield "inertia about it, axes of the root [kg m²]:"
+    yield from (f"  {_numbers(row)}" for row in document["inertia"])
+    if document["meshes"]:
+        yield f"{len(document['meshes'])} mesh files, the first {document['meshes'][0]}"
+    yield from (f"warning: {warning}" for warning in document["warnings"])
+
+
+def _numbers(values: list[float]) -> str:
+    return " ".join(f"{value:.6g}" for value in values)

@@ -1,88 +1,92 @@
-"""How the commands speak: answers on stdout, errors in one line, progress on terminals."""
+"""Output of the commands: results on stdout, messages and progress on stderr, tables in rich."""
 
 from __future__ import annotations
 
 import json
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from threading import Timer
+from typing import Any
 
 import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console as RichConsole
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
 
 from freefloat.errors import FreeFloatError
-from freefloat.robot.diagnostics import Severity, UrdfDiagnostic
 
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-DONE, NO, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-_PATIENCE, _LOOK = 3.0, 0.2
-"""Processor seconds that kernels found on disk never take to load, and seconds between looks."""
+DONE, NO, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
 _PIPE_WIDTH = 120
 """Columns of tables that go to a file or another program."""
-_QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+_PATIENCE = 3.0
+"""Time without progress after which kernels are probably being compiled [s]."""
 
 
-def hush(quiet: bool) -> None:
-    """Tell people nothing but errors from now on, or everything again."""
-    _QUIET.set(quiet)
+@dataclass(frozen=True)
+class Console:
+    """Prints results as tables or, with ``--json``, as one JSON document.
 
+    Attributes:
+        as_json: Print the JSON document instead of tables.
+        quiet: Print neither tables nor progress.
+    """
 
-def say(line: str) -> None:
-    """Tell people something on stderr."""
-    typer.echo(f"freefloat: {line}", err=True)
+    as_json: bool
+    quiet: bool
 
+    def json(self, document: dict[str, Any]) -> None:
+        """Print a JSON document where one is wanted."""
+        if self.as_json:
+            print_json(document)
 
-def _watched() -> bool:
-    """Whether somebody wants to see how work goes on, and sits where it is shown."""
-    return sys.stderr.isatty() and not _QUIET.get()
+    def tables(self, renderables: Iterable[RenderableType]) -> None:
+        """Print tables and lines where they are wanted, in colour on terminals.
 
+        ``FORCE_COLOR`` keeps the colours in a pipe, ``NO_COLOR`` removes them on a terminal.
+        """
+        if self.as_json or self.quiet:
+            return
+        width = None if sys.stdout.isatty() else _PIPE_WIDTH
+        console = RichConsole(highlight=False, markup=False, width=width)
+        for renderable in renderables:
+            line = isinstance(renderable, str | Text)
+            console.print(renderable, soft_wrap=line)
 
-@contextmanager
-def answering(as_json: bool) -> Iterator[None]:
-    """Turn our errors into one message on stderr and exit code 2."""
-    try:
-        yield
-    except FreeFloatError as error:
-        print_error(error, as_json)
-        raise typer.Exit(BAD_INPUT) from None
+    @contextmanager
+    def progress(self, description: str) -> Iterator[Callable[[float], None]]:
+        """Show a progress bar on stderr, on terminals only.
 
+        Yields:
+            A function to be called with the fraction done, in [0, 1].
+        """
+        from rich.progress import Progress
 
-def print_error(error: FreeFloatError, as_json: bool) -> None:
-    """Print an error on stderr and, for machines, as a document on stdout."""
-    if as_json:
-        print_json({"error": _error_document(error)})
-    say(str(error))
+        hidden = self.quiet or not sys.stderr.isatty()
+        with Progress(console=RichConsole(stderr=True), transient=True, disable=hidden) as bar:
+            task = bar.add_task(description, total=None)
+            compiling = f"{description}: compiling kernels (about 20 s, once per machine)"
+            notice = Timer(_PATIENCE, bar.update, (task,), {"description": compiling})
+            notice.daemon = True
 
+            def update(fraction: float) -> None:
+                notice.cancel()
+                bar.update(task, total=1.0, completed=fraction, description=description)
 
-def _error_document(error: FreeFloatError) -> dict[str, Any]:
-    names = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source"}
-    details = {key: getattr(error, name, None) for key, name in (names | {"line": "line"}).items()}
-    return {"message": str(error), **details}
-
-
-def unless_error(diagnostics: Sequence[UrdfDiagnostic], as_json: bool) -> Sequence[UrdfDiagnostic]:
-    """The diagnostics of a URDF; prints them and exits with 2 if one is an error."""
-    errors = [one for one in diagnostics if one.severity is Severity.ERROR]
-    if not errors:
-        return diagnostics
-    if as_json:
-        first = _error_document(errors[0].exception())
-        print_json({"findings": [asdict(one) for one in diagnostics], "error": first})
-    for diagnostic in diagnostics:
-        warning = diagnostic.severity is Severity.WARNING
-        say(f"warning: {diagnostic}" if warning else str(diagnostic.exception()))
-    raise typer.Exit(BAD_INPUT)
+            notice.start()
+            try:
+                yield update
+            finally:
+                notice.cancel()
 
 
 def print_json(document: dict[str, Any]) -> None:
     """Print one JSON document on stdout."""
-    typer.echo(json.dumps(document, indent=2, allow_nan=False))
+    print_text(json.dumps(document, indent=2, allow_nan=False) + "\n")
 
 
 def print_text(text: str) -> None:
@@ -90,51 +94,92 @@ def print_text(text: str) -> None:
     typer.echo(text, nl=False)
 
 
-def answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: bool) -> None:
-    """Print a document for a machine, or its tables for people, in colour on terminals.
+def say(line: str) -> None:
+    """Print a message on stderr."""
+    typer.echo(f"freefloat: {line}", err=True)
 
-    ``FORCE_COLOR`` keeps the colours in a pipe, ``NO_COLOR`` takes them from a terminal.
-    """
+
+def print_error(error: FreeFloatError, as_json: bool) -> None:
+    """Print an error on stderr and, with ``--json``, as a document on stdout."""
     if as_json:
-        print_json(document)
-        return
-    if _QUIET.get():
-        return
-    from rich.console import Console
-    from rich.text import Text
+        print_json({"error": error_document(error)})
+    say(str(error))
 
-    width = None if sys.stdout.isatty() else _PIPE_WIDTH
-    console = Console(highlight=False, markup=False, width=width)
-    for renderable in tables:
-        console.print(renderable, soft_wrap=isinstance(renderable, Text))
+
+def error_document(error: FreeFloatError) -> dict[str, Any]:
+    """Return the JSON document of an error: message, key, problem, accepted values, file, line."""
+    names = {"key": "key", "problem": "problem", "accepted": "accepted", "file": "source",
+             "line": "line"}  # fmt: skip
+    details = {key: getattr(error, name, None) for key, name in names.items()}
+    return {"message": str(error), **details}
+
+
+def table(*columns: str) -> Table:
+    """Return an empty table with the headings of its columns."""
+    empty = Table(box=SIMPLE_HEAD, show_edge=False)
+    for column in columns:
+        empty.add_column(column)
+    return empty
+
+
+def decimals(values: Sequence[float], digits: int = 4) -> str:
+    """Format numbers in a row, with so many decimals."""
+    return " ".join(f"{value:.{digits}f}" for value in values)
 
 
 @contextmanager
-def progress_bar(words: str) -> Iterator[Callable[[float], None]]:
-    """A bar on stderr, on terminals only; until a share is told it shows that work goes on."""
-    from rich.console import Console
-    from rich.progress import Progress
+def answering(as_json: bool) -> Iterator[None]:
+    """Do nothing: errors are handled where the command line is run."""
+    yield
 
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not _watched()) as bar:
-        task = bar.add_task(words, total=None)
-        yield lambda share: bar.update(task, total=1.0, completed=share)
+
+def answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: bool) -> None:
+    """Print a document or its tables."""
+    console = Console(as_json, False)
+    console.json(document)
+    console.tables(tables)
+
+
+def progress_bar(words: str) -> AbstractContextManager[Callable[[float], None]]:
+    """Show a progress bar."""
+    return Console(False, False).progress(words)
 
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Tell people on stderr why the first use of kernels on a machine takes long, if it does."""
-    line = "compiling kernels, once on this machine for this kind of work: about half a minute"
-    begin, done, quiet = time.process_time(), threading.Event(), _QUIET.get()
+    """Do nothing."""
+    yield
 
-    def watch() -> None:
-        while not (quiet or done.wait(_LOOK)):
-            if time.process_time() - begin > _PATIENCE:
-                say(line)
-                return
 
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        yield
-    finally:
-        done.set()
+@contextmanager
+def case_progress(total: int, done: int) -> Iterator[Callable[[bool], None]]:
+    """How a batch goes, on stderr and on terminals only: rate, time left, failures.
+
+    What it yields is called for every case that ends, with whether it failed.
+    """
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    console = RichConsole(stderr=True)
+    begin, count, failures = time.monotonic(), 0, 0
+    columns = (
+        *("running cases", BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")),
+        *(TimeRemainingColumn(elapsed_when_finished=True), TextColumn("{task.fields[failed]}")),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty(),
+                  speed_estimate_period=600.0) as bar:  # fmt: skip
+        task = bar.add_task("", total=total, completed=done, rate="", failed="")
+
+        def tell(failed: bool) -> None:
+            nonlocal count, failures
+            count, failures = count + 1, failures + failed
+            rate = f"{60.0 * count / (time.monotonic() - begin):.1f} a minute"
+            told = f"[red]{failures} failed[/red]" if failures else ""
+            bar.update(task, advance=1, rate=rate, failed=told)
+
+        yield tell

@@ -1,64 +1,121 @@
-"""``freefloat export``: motions for other tools."""
+"""``freefloat export``: motions as files for other tools."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from freefloat.cli.console import answer, answering, print_text
-from freefloat.cli.options import Json
+from freefloat.cli.console import Console, print_text
+from freefloat.cli.options import Json, Quiet, prepare_outputs
+from freefloat.errors import InputError
 
-Motions = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Written with -o by plan or simulate.")
-]
-Kind = Annotated[
-    str | None,
-    typer.Option(
-        "--format",
-        metavar="csv|mat|json|ros2",
-        help="Else told by the name of -o, else csv.",
-    ),
-]
-Target = Annotated[
-    str | None,
-    typer.Option(
-        *("--output", "-o"),
-        metavar="OUT",
-        help="Where to; - for stdout. Else NAME_trajectory.csv (.mat, .json, .yaml) here.",
-    ),
-]
-Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Times a second.")]
-Times = Annotated[
-    int | None, typer.Option(metavar="N", help="So many times, evenly spaced; else 501.")
-]
+if TYPE_CHECKING:
+    from freefloat.io.export import Format
+    from freefloat.motion.motion import Motion
+
+_TIMES = 501
+_STDOUT = "-"
 
 
 def export(
-    file: Motions,
-    format_: Kind = None,
-    output: Target = None,
-    rate: Rate = None,
-    times: Times = None,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A plan or motion file, see -o of plan.")
+    ],
+    format_: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="csv|mat|json|ros2",
+            help="Default: by the name of -o; without -o csv.",
+        ),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            *("--output", "-o"),
+            metavar="OUT",
+            help="Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml).",
+        ),
+    ] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second.")] = None,
+    times: Annotated[
+        int | None, typer.Option(metavar="N", help="Number of samples, evenly spaced; 501.")
+    ] = None,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Write a motion as CSV, for MATLAB (mat), as JSON, or as a ROS 2 JointTrajectory (YAML).
 
-    Time, attitude, base position, their rates, joints, joint rates, accelerations and torques,
-    end-effector pose and the margin's measure; of ros2 the joints alone. Rates and accelerations
-    solve the equations of motion; differences are not taken.
+    Columns: time, attitude, base position, their rates, joints, joint rates, accelerations and
+    torques, end-effector pose and the measure of the margin; ros2 has the joints alone. Rates and
+    accelerations solve the equations of motion; they are not differences.
 
     Example: freefloat export plan.h5 -o plan.csv
 
     Example: freefloat export plan.h5 --format ros2 --rate 20 -o trajectory.yaml
     """
-    with answering(as_json):
-        from freefloat.tasks.exporting import Export, export_tables
+    from freefloat.io.export import save_trajectory, trajectory_text
+    from freefloat.io.trajectory import Trajectory, even_times, times_at_rate
 
-        wanted = Export.of(file, format_, output, rate, times, as_json)
-        document, text = wanted.carry_out()
-    if text is not None:
-        print_text(text)
-    else:
-        answer(document, export_tables(document), as_json)
+    if rate is not None and times is not None:
+        raise InputError("rate", "both --rate and --times were given", "one of the two")
+    if output == _STDOUT and as_json:
+        raise InputError("output", "both -o - and --json were given", "one of the two")
+    kind, target = _format_and_file(file, format_, output)
+    motion = _motion(file)
+    at = even_times(motion, times or _TIMES) if rate is None else times_at_rate(motion, rate)
+    trajectory = Trajectory.of(motion, at)
+    if target is None:
+        print_text(trajectory_text(motion, trajectory, kind))
+        return
+    prepare_outputs(file, output=target)
+    save_trajectory(target, motion, trajectory, kind)
+    console, first, last = Console(as_json, quiet), float(at[0]), float(at[-1])
+    document: dict[str, Any] = {
+        "file": str(target),
+        "format": str(kind),
+        "times": len(at),
+        "from": first,
+        "to": last,
+        "joint_names": list(motion.problem.model.joint_names),
+        "completed": motion.completed,
+    }
+    console.json(document)
+    console.tables([f"{len(at):,} samples from {first:g} to {last:g} s: {target} ({kind})"])
+    if not motion.completed:
+        console.tables(["The motion ends before the path does."])
+
+
+def _format_and_file(
+    source: Path, name: str | None, output: str | None
+) -> tuple[Format, Path | None]:
+    """The format, and the file; None for stdout."""
+    from freefloat.errors import member
+    from freefloat.io.export import Format
+
+    if output == "":
+        raise InputError("output", "the name is empty", "the name of a file")
+    file = None if output in (None, _STDOUT) else Path(str(output))
+    kind = Format.of(file) if name is None else member("format", Format, name)
+    if kind is None and file is not None and file.suffix:
+        suffixes = ", ".join(entry.suffix for entry in Format)
+        raise InputError("output", f"{file} was given", f"a name in {suffixes}; or --format")
+    kind = kind or Format.CSV
+    if output != _STDOUT:
+        return kind, file or Path(f"{source.stem}_trajectory{kind.suffix}")
+    if kind is Format.MAT:
+        raise InputError("output", "- was given for mat, a binary format", "a file")
+    return kind, None
+
+
+def _motion(file: Path) -> Motion:
+    from freefloat.io.plan_file import load_plan
+
+    stored = load_plan(file)
+    motion = stored.motion()
+    if motion is None:
+        problem = f"its plan has no motion: {stored.document.get('reason')}"
+        raise InputError("file", problem, "a plan with a motion, or a motion", str(file))
+    return motion

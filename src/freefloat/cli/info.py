@@ -1,16 +1,28 @@
-"""``freefloat info``: what a robot is, and what is wrong in its file."""
+"""``freefloat info``: what a robot is, and the errors and warnings of its URDF."""
 
 from __future__ import annotations
 
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import RenderableType
+from rich.text import Text
 
-from freefloat.cli.completion import robot_names
-from freefloat.cli.console import answer, answering, unless_error
-from freefloat.cli.options import Json
+from freefloat.cli.console import BAD_INPUT, Console, decimals, error_document, say, table
+from freefloat.cli.options import Json, Quiet, robot_names
 from freefloat.errors import InputError
+
+if TYPE_CHECKING:
+    from freefloat.dynamics.summary import RobotSummary
+    from freefloat.robot.diagnostics import UrdfDiagnostic
+    from freefloat.robot.rigid_bodies import RigidBody
+
+_EXAMPLES = "example-robot-data:"
 
 
 def info(
@@ -26,52 +38,117 @@ def info(
         str | None, typer.Option(help="For a URDF with several last links: which one.")
     ] = None,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Describe a robot: bodies, joints, barycentric lengths, errors and warnings of its URDF.
 
-    Errors and warnings have file, line, link or joint, and a correction. Exit code 2 if the URDF
-    has errors.
+    Errors and warnings have file, line, link or joint, and a correction. Exit code 2: the URDF has
+    errors.
 
     Example: freefloat info ur5_servicer/arc
 
     Example: freefloat info example-robot-data:ur5 --end-effector tool0
     """
-    with answering(as_json):
-        from freefloat.dynamics.summary import summarize
-        from freefloat.io.scenario import load_scenario
-        from freefloat.robot.model import FreeFloatingModel
-        from freefloat.robot.names import (
-            EXAMPLE,
-            bundled_robots,
-            bundled_scenarios,
-            find_robot,
-            is_file,
-            unknown,
-        )
-        from freefloat.robot.validation import examine
+    from freefloat.dynamics.summary import summarize
+    from freefloat.io.scenario import load_scenario
+    from freefloat.robot.model import FreeFloatingModel
+    from freefloat.robot.names import bundled_robots, bundled_scenarios, find_robot, is_file
+    from freefloat.robot.validation import examine
 
-        if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
-            if end_effector is not None:
-                raise InputError("end_effector", "the scenario names it already", "a URDF with it")
-            loaded = load_scenario(robot)
-            mounted = loaded.content.robot.spacecraft is not None
-            diagnostics = unless_error(examine(loaded.urdf(), mounted), as_json)
-            problem = loaded.problem()
-            measure = problem.margin.measure
-            summary = summarize(problem.model, problem.task, measure, diagnostics)
-        elif robot.startswith(EXAMPLE) or robot in bundled_robots() or is_file(Path(robot)):
-            urdf = find_robot(robot, Path())
-            diagnostics = unless_error(examine(urdf), as_json)
-            model = FreeFloatingModel.from_urdf(urdf, end_effector)
-            summary = summarize(model, diagnostics=diagnostics)
-        else:
-            own = [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]
-            if own:
-                told = f"{robot} is no URDF, but put together in scenarios"
-                raise InputError("robot", told, f"one of them: freefloat info {' | '.join(own)}")
-            names = (*bundled_robots(), *bundled_scenarios())
-            raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
-    from freefloat.cli.info_tables import info_tables
+    console = Console(as_json, quiet)
+    if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
+        if end_effector is not None:
+            raise InputError("end_effector", "the scenario names it already", "a URDF with it")
+        loaded = load_scenario(robot)
+        mounted = loaded.content.robot.spacecraft is not None
+        diagnostics = _require_no_error(console, examine(loaded.urdf(), mounted))
+        problem = loaded.problem()
+        summary = summarize(problem.model, problem.task, problem.margin.measure, diagnostics)
+    elif robot.startswith(_EXAMPLES) or robot in bundled_robots() or is_file(Path(robot)):
+        urdf = find_robot(robot, Path())
+        diagnostics = _require_no_error(console, examine(urdf))
+        summary = summarize(FreeFloatingModel.from_urdf(urdf, end_effector), None, None, diagnostics)
+    else:
+        raise _unknown(robot)
+    console.json(summary.to_dict())
+    console.tables(_tables(summary))
 
-    document = summary.to_dict()
-    answer(document, info_tables(document), as_json)
+
+def _unknown(robot: str) -> InputError:
+    from freefloat.robot.names import bundled_robots, bundled_scenarios, unknown
+
+    scenarios = [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]
+    if scenarios:
+        accepted = f"one of them: freefloat info {' | '.join(scenarios)}"
+        return InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)
+    names = (*bundled_robots(), *bundled_scenarios())
+    return unknown("robot", robot, names, "a URDF, a scenario file, or one of")
+
+
+def _require_no_error(
+    console: Console, diagnostics: Sequence[UrdfDiagnostic]
+) -> Sequence[UrdfDiagnostic]:
+    """Return diagnostics; if one is an error, print all of them and exit instead."""
+    from freefloat.robot.diagnostics import Severity
+
+    errors = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
+    if not errors:
+        return diagnostics
+    first = error_document(errors[0].exception())
+    console.json({"findings": [asdict(entry) for entry in diagnostics], "error": first})
+    for entry in diagnostics:
+        say(f"{entry.severity}: {entry}")
+    raise typer.Exit(BAD_INPUT)
+
+
+def _tables(summary: RobotSummary) -> Iterator[RenderableType]:
+    """The bodies, the joints, the reach, and what validation found."""
+    model, measure = summary.model, summary.measure
+    yield f"{model.description.source}: {model.total_mass:.6g} kg"
+    bodies = table(
+        "moved by", "mass [kg]", "range", "centre of mass [m]", "moments of inertia [kg m²]"
+    )
+    for body in model.bodies:
+        bodies.add_row(
+            body.joint, f"{body.mass:.6g}", "" if body.joint is None else _range(body),
+            decimals(body.centre), decimals(body.inertia.diagonal()),
+        )  # fmt: skip
+    yield bodies
+    yield f"end-effector {model.end_effector}, task {summary.task}, {model.dof} joints"
+    yield (
+        f"barycentric lengths {decimals(summary.barycentric_lengths)} m, "
+        f"reach {summary.reach:.4f} m from the centre of mass"
+    )
+    yield (
+        f"{measure.name}: {measure.definition}; over the joint space from {summary.smallest_s:.6g} "
+        f"to {summary.largest_s:.6g} {measure.unit}"
+    )
+    yield from _diagnostic_lines(summary.diagnostics)
+
+
+def _range(body: RigidBody) -> str:
+    if not math.isfinite(body.lower):
+        return "unlimited"
+    if body.prismatic:
+        return f"{body.lower:g} to {body.upper:g} m"
+    return f"{math.degrees(body.lower):.4g}° to {math.degrees(body.upper):.4g}°"
+
+
+def _diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[RenderableType]:
+    """Two lines for each kind of problem, with all links or joints that have it."""
+    alike: dict[tuple[str, str, str, str], list[UrdfDiagnostic]] = {}
+    for entry in diagnostics:
+        kind, _, _ = entry.element.partition(" ")
+        alike.setdefault((entry.severity, kind, entry.problem, entry.remedy), []).append(entry)
+    if diagnostics:
+        counts = Counter(entry.severity for entry in diagnostics)
+        words = (f"{n} {word}{'s' if n > 1 else ''}" for word, n in counts.items())
+        yield f"{diagnostics[0].file}: {', '.join(words)}"
+    for (severity, kind, problem, remedy), entries in alike.items():
+        plural = "s" if len(entries) > 1 else ""
+        lines = ", ".join(str(entry.line) for entry in entries)
+        names = ", ".join(entry.element.removeprefix(kind).strip() for entry in entries)
+        style = "yellow" if severity == "warning" else ""
+        where = f"line{plural} {lines}, {kind}{plural} {names}"
+        yield Text(f"  {severity}, {where}: {problem}", style)
+        yield f"    {remedy}"

@@ -1,65 +1,206 @@
-"""``freefloat map``: how near to a singularity every initial attitude leads."""
+"""``freefloat map``: the minimum margins over all initial attitudes."""
 
 from __future__ import annotations
 
-import typer
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
-from freefloat.cli import options
-from freefloat.cli.console import DONE, NO, answer, answering, progress_bar
-from freefloat.cli.options import Json, Output, Plots, ScenarioName, Threads
+import typer
+from rich.console import RenderableType
+
+from freefloat.cli.console import DONE, NO, Console, decimals, table
+from freefloat.cli.options import (
+    Json,
+    Plots,
+    Quaternion,
+    Quiet,
+    ResultFile,
+    ScenarioName,
+    Threads,
+    prepare_outputs,
+)
+from freefloat.cli.plan import draw
+
+if TYPE_CHECKING:
+    from freefloat.planning.attitude_map import AttitudeMap, Candidate
+    from freefloat.planning.heading_map import HeadingMap
+
+_MAX_REGIONS = 12
+"""Regions listed in the table; --json lists all."""
 
 
 def map_(
     scenario: ScenarioName,
-    samples: options.Samples = None,
-    seed: options.Seed = None,
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            min=8,
+            max=100_000_000,
+            metavar="N",
+            help="Number of attitudes; default search.samples of the scenario, else 36,864 "
+            "(planar tasks: 360 headings).",
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Rotates the grid of attitudes; default search.seed."),
+    ] = None,
     threads: Threads = None,
-    nearest: options.Nearest = None,
-    boundary: options.Boundary = None,
-    touch: options.Touch = None,
-    output: Output = None,
+    nearest: Annotated[
+        Quaternion | None,
+        typer.Option(metavar="X Y Z W", help="Find the feasible attitude nearest to this one."),
+    ] = None,
+    boundary: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Find N attitudes of each arm branch on the boundary of the feasible set.",
+        ),
+    ] = None,
+    touch: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="For arms with an elbow and a spherical wrist: compute N attitudes of the "
+            "boundary from tangency points (the paper's touch points, Section VI) and compare.",
+        ),
+    ] = None,
+    output: ResultFile = None,
     plots: Plots = None,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Tell how near to a singularity every initial attitude leads, arm branch by arm branch.
+    """Compute the minimum margin of every initial attitude and arm branch.
 
-    For planar tasks the attitudes are headings, and only --samples, --plots and -o apply. Exit code
-    0 when some attitude keeps the margin, 1 when none does.
+    For planar tasks the attitudes are headings, and only --samples, --plots and -o apply. Exit
+    code 1: no feasible attitude was found.
 
     Example: freefloat map planar_3dof/parabola --samples 720
 
     Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
     """
-    with answering(as_json):
-        from freefloat.cli.tables import attitude_map_tables, map_tables, plot_lines
-        from freefloat.io.map_file import save_map
-        from freefloat.io.scenario import load_scenario
-        from freefloat.planning.mapping import attitude_map
-        from freefloat.tasks.drawing import draw, refuse_bad_folder
-        from freefloat.tasks.warm_up import warm_up
+    from freefloat.io.map_file import save_map
+    from freefloat.io.scenario import load_scenario
+    from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.mapping import attitude_map
 
-        loaded = load_scenario(scenario)
-        problem, search = loaded.problem(), loaded.search()
-        planar = problem.task.planar
-        refuse_bad_folder(plots)
-        warm_up(problem, threads)
-        with loaded.error_context(), progress_bar("integrating motions") as progress:
-            found = attitude_map(
-                problem,
-                samples or search.samples,
-                seed=search.seed if seed is None else seed,
-                nearest=nearest,
-                boundary=boundary or 0,
-                tangency=touch or 0,
-                threads=threads,
-                progress=progress,
-            )
-        document = found.to_dict()
-        if output is not None:
-            save_map(output, found, loaded)
-        document |= draw(plots, found, threads)
-    tables = (map_tables if planar else attitude_map_tables)(document, scenario)
-    best = None if planar else document["best"]  # which may lie between the samples
-    served = document["feasible_fraction"] > 0.0 or best is not None
-    answer(document, [*tables, *plot_lines(document)], as_json)
-    raise typer.Exit(DONE if served else NO)
+    console, loaded = Console(as_json, quiet), load_scenario(scenario)
+    problem, search = loaded.problem(), loaded.search()
+    prepare_outputs(loaded.source, output=output, folder=plots)
+    with loaded.error_context(), console.progress("integrating motions") as progress:
+        result = attitude_map(
+            problem,
+            samples or search.samples,
+            seed=search.seed if seed is None else seed,
+            nearest=nearest,
+            boundary=boundary or 0,
+            tangency=touch or 0,
+            threads=threads,
+            progress=progress,
+        )
+    document = result.to_dict()
+    if isinstance(result, HeadingMap):
+        console.tables(_heading_tables(scenario, result))
+    else:
+        console.tables(_attitude_tables(scenario, result))
+    if output is not None:
+        save_map(output, result, loaded)
+    if plots is not None:
+        document["plots"] = draw(console, plots, result, threads)
+    console.json(document)
+    # a spatial map may find a feasible attitude between infeasible samples
+    between = not isinstance(result, HeadingMap) and result.best is not None
+    raise typer.Exit(DONE if result.feasible_fraction > 0.0 or between else NO)
+
+
+def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
+    from freefloat.motion.reach import told_reach
+
+    yield f"{name}: feasible headings of {len(result.headings)}"
+    regions = table("branch", "size [deg]", "centre [deg]")
+    for region in result.regions:
+        regions.add_row(str(region.branch), f"{region.size:.3f}", f"{region.centre:.3f}")
+    yield regions
+    yield (
+        f"{result.feasible_fraction:.2%} of the headings are feasible for some arm branch, "
+        f"{result.motion_fraction:.2%} of the {result.motions} motions"
+    )
+    best = result.best
+    if best is not None:
+        yield (
+            f"best: {math.degrees(best.heading):.3f} deg, branch {best.branch}, "
+            f"minimum margin {best.margin:.6g}"
+        )
+    reach = told_reach(result.problem)
+    if reach is not None:
+        yield reach
+    yield f"{result.seconds:.1f} s"
+
+
+def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]:
+    from freefloat.cli.tables import percentage, short_label
+
+    yield f"{name}: {result.samples:,} initial attitudes, every arm branch"
+    branches = table("branch", "exists [%]", "feasible [%]")
+    for branch, label in result.branch_labels().items():
+        feasible, exists = result.branch_fractions(branch)
+        name = f"{_number(branch)} {short_label(label)}"
+        branches.add_row(name, f"{100.0 * exists:.2f}", f"{100.0 * feasible:.2f}")
+    yield branches
+    regions = table("region", "branch", "fraction [%]", "centre x y z w", "depth [deg]")
+    for number, region in enumerate(result.regions[:_MAX_REGIONS], start=1):
+        error = f" ± {100.0 * region.error:.2f}" if region.error > 0.0 else ""
+        regions.add_row(
+            str(number),
+            _number(region.branch),
+            f"{100.0 * region.fraction:.2f}{error}",
+            decimals(region.centre, 5),
+            f"{math.degrees(region.depth):.2f}",
+        )
+    if result.regions:
+        yield regions
+    more = len(result.regions) - _MAX_REGIONS
+    if more > 0:
+        yield f"and {more} smaller regions"
+    margin = result.problem.margin
+    share = percentage(result.feasible_fraction, result.feasible_fraction_error, result.samples)
+    yield (
+        f"{share} of the attitudes keep {margin.measure.name} {margin.threshold:g} with some arm "
+        f"branch, {result.motion_fraction:.2%} of the {int(result.reached.sum()):,} motions do"
+    )
+    yield from _found_lines(result)
+    yield f"{result.seconds:.1f} s"
+
+
+def _found_lines(result: AttitudeMap) -> Iterator[str]:
+    """Lines on what was found between the samples."""
+    from freefloat.motion.reach import told_reach
+
+    best, robust, nearest = result.best, result.robust, result.nearest
+    if best is None:
+        reach = told_reach(result.problem)
+        yield "no feasible attitude was found" + (f": {reach}" if reach else "")
+    else:
+        measure = result.problem.margin.measure.name
+        yield f"best:    {_place(best)}, minimum {measure} {best.score:.6g}"
+    if robust is not None:
+        yield f"robust:  {_place(robust)}, attitude tolerance {math.degrees(robust.score):.6g} deg"
+    if nearest is not None:
+        yield f"nearest: {_place(nearest)}, {math.degrees(nearest.score):.6g} deg away"
+    if result.tangency is not None:
+        gaps = [point.gap for point in result.tangency if point.gap is not None]
+        found = f"; bisection agrees within {math.degrees(max(gaps)):.2g} deg" if gaps else ""
+        yield f"{len(result.tangency)} attitudes of the boundary from tangency points{found}"
+    if result.boundary is not None:
+        yield f"{len(result.boundary)} attitudes of the boundary by bisection, see --json or -o"
+
+
+def _place(candidate: Candidate) -> str:
+    return f"{decimals(candidate.attitude, 5)}, branch {_number(candidate.branch)}"
+
+
+def _number(branch: int | None) -> str:
+    return "any" if branch is None else str(branch)

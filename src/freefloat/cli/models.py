@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
+from rich.console import RenderableType
 
-from freefloat.cli.completion import bundled_names
-from freefloat.cli.console import answer, answering, print_json, print_text
-from freefloat.cli.options import Json
+from freefloat.cli.console import Console, print_text, table
+from freefloat.cli.options import Json, Quiet, bundled_names
+from freefloat.errors import InputError, did_you_mean
 
 
 def models(
@@ -21,26 +26,132 @@ def models(
         ),
     ] = None,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """List the bundled robots, scenarios and studies, and what they are, or print one of them.
+    """List the bundled robots, scenarios and studies, or print the file of one.
 
-    Robots are names for info and assemble, scenarios for all that plans, studies for batch. With a
-    name the file's text is all that is printed: a copy to start from, which can stand in any
-    folder.
+    Robots are arguments of info and assemble, scenarios of simulate, plan and map, studies of
+    batch. A bundled name works wherever a path does. The file of a name is a copy to start from,
+    which can stand in any folder.
 
     Example: freefloat models
 
     Example: freefloat models spatial_6dof/line > mine.yaml
-
-    Example: freefloat info ssrms
     """
-    with answering(as_json):
-        from freefloat.cli.catalogue import bundled_file, catalogue, catalogue_tables
-
-        document = catalogue() if name is None else bundled_file(name)
+    console = Console(as_json, quiet)
     if name is None:
-        answer(document, catalogue_tables(document), as_json)
-    elif as_json:
-        print_json(document)
-    else:
-        print_text(document["text"])
+        groups = catalogue()
+        console.json({kind: [entry.to_dict() for entry in groups[kind]] for kind in groups})
+        console.tables(_tables(groups))
+        return
+    entry = bundled_file(name)
+    console.json({**entry.to_dict(), "text": entry.text})
+    if not as_json:
+        print_text(entry.text)
+
+
+@dataclass(frozen=True)
+class BundledFile:
+    """A file that comes with the package.
+
+    Attributes:
+        name: Its name on the command line.
+        description: What it is, one line.
+        details: Source of a robot; robot and task of a scenario; base and command of a study.
+        file: The file.
+    """
+
+    name: str
+    description: str
+    details: Mapping[str, str]
+    file: Path
+
+    @property
+    def text(self) -> str:
+        """The file's text."""
+        return self.file.read_text(encoding="utf-8")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The entry's JSON document."""
+        return {
+            "name": self.name,
+            "description": self.description,
+            **self.details,
+            "file": str(self.file),
+        }
+
+
+def catalogue() -> dict[str, list[BundledFile]]:
+    """All bundled robots, scenarios and studies."""
+    from freefloat.robot.names import (
+        bundled_robots,
+        bundled_scenarios,
+        bundled_studies,
+        find_robot,
+        find_scenario,
+        find_study,
+    )
+
+    return {
+        "robots": [_robot(name, find_robot(name, Path())) for name in bundled_robots()],
+        "scenarios": [_scenario(name, find_scenario(name)) for name in bundled_scenarios()],
+        "studies": [_study(name, find_study(name)) for name in bundled_studies()],
+    }
+
+
+def bundled_file(name: str) -> BundledFile:
+    """The bundled file with a name.
+
+    Raises:
+        InputError: If there is none.
+    """
+    entries = {entry.name: entry for group in catalogue().values() for entry in group}
+    if name not in entries:
+        problem = f"nothing bundled has this name: {name}{did_you_mean(name, entries)}"
+        raise InputError("name", problem, ", ".join(entries))
+    return entries[name]
+
+
+def _robot(name: str, file: Path) -> BundledFile:
+    """The first line of the URDF's first comment describes it; ``Source:`` follows."""
+    comment = file.read_text(encoding="utf-8").partition("<!--")[2].partition("-->")[0]
+    description, _, rest = comment.strip().partition("\n")
+    source = rest.strip().removeprefix("Source:").partition(".\n")[0]
+    return BundledFile(name, description, {"source": " ".join(source.split())}, file)
+
+
+def _scenario(name: str, file: Path) -> BundledFile:
+    description, content = _read(file)
+    robot = str(content["robot"]["urdf"]).removesuffix(".urdf")
+    return BundledFile(name, description, {"robot": robot, "task": content["task"]}, file)
+
+
+def _study(name: str, file: Path) -> BundledFile:
+    description, content = _read(file)
+    return BundledFile(name, description, {key: content[key] for key in ("base", "task")}, file)
+
+
+def _read(file: Path) -> tuple[str, dict[str, Any]]:
+    """A YAML file's first comment and its content."""
+    from freefloat.io.yaml import parse_yaml
+
+    text = file.read_text(encoding="utf-8")
+    comment = takewhile(lambda line: line.startswith("#"), text.splitlines())
+    words = " ".join(line.removeprefix("#") for line in comment).split()
+    return " ".join(words), parse_yaml(text, file)
+
+
+def _tables(groups: dict[str, list[BundledFile]]) -> Iterator[RenderableType]:
+    for (kind, entries), title, columns in zip(
+        groups.items(), ("robot", "scenario", "study"), ((), ("robot",), ("base",)), strict=True
+    ):
+        listed = table(title, "description", *columns)
+        listed.columns[0].no_wrap = True
+        for entry in entries:
+            details = (entry.details[column] for column in columns)
+            listed.add_row(entry.name, entry.description, *details)
+        yield from (listed, "")
+        if kind == "studies":
+            yield "Sources of the robots:"
+    yield from (f"  {entry.name}: {entry.details['source']}" for entry in groups["robots"])
+    yield "\nArms of example-robot-data have names, too: freefloat info example-robot-data:ur5"

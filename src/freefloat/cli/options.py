@@ -1,15 +1,71 @@
-"""The words of the command line: options of several commands, or of commands with many."""
+"""Options that several commands share, completion of names, and the check of output files."""
 
 from __future__ import annotations
 
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from freefloat.cli.completion import robot_names, scenario_names, study_names
+from freefloat.errors import InputError
 
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout, nothing else.")]
+_YAML, _URDF = (".yaml", ".yml"), (".urdf",)
+
+
+def scenario_names(incomplete: str) -> list[str]:
+    """Complete the name of a bundled scenario or of a YAML file."""
+    from freefloat.robot.names import bundled_scenarios
+
+    return [*_starting(incomplete, bundled_scenarios()), *_files(incomplete, _YAML)]
+
+
+def study_names(incomplete: str) -> list[str]:
+    """Complete the name of a bundled study or of a YAML file."""
+    from freefloat.robot.names import bundled_studies
+
+    return [*_starting(incomplete, bundled_studies()), *_files(incomplete, _YAML)]
+
+
+def robot_names(incomplete: str) -> list[str]:
+    """Complete the name of a bundled robot or scenario, of a URDF or of a YAML file."""
+    from freefloat.robot.names import bundled_robots, bundled_scenarios
+
+    names = (*bundled_robots(), *bundled_scenarios())
+    return [*_starting(incomplete, names), *_files(incomplete, (*_URDF, *_YAML))]
+
+
+def bundled_names(incomplete: str) -> list[str]:
+    """Complete the name of a bundled robot, scenario or study."""
+    from freefloat.robot.names import bundled_robots, bundled_scenarios, bundled_studies
+
+    return _starting(incomplete, (*bundled_robots(), *bundled_scenarios(), *bundled_studies()))
+
+
+def _starting(incomplete: str, names: tuple[str, ...]) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def _files(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
+    folder, slash, start = incomplete.rpartition("/")
+    try:
+        files = sorted(Path(f"{folder}{slash}" or ".").iterdir())
+    except OSError:  # no such folder, or not a readable one
+        return []
+    return [
+        f"{folder}{slash}{file.name}"
+        for file in files
+        if file.name.startswith(start) and file.suffix in suffixes and file.is_file()
+    ]
+
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print errors only; the exit code is the answer.")
+]
 ScenarioName = Annotated[
     str,
     typer.Argument(
@@ -18,84 +74,69 @@ ScenarioName = Annotated[
         autocompletion=scenario_names,
     ),
 ]
-Output = Annotated[
+ResultFile = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
 ]
 Page = Annotated[
     Path | None,
-    typer.Option("--html", metavar="FILE", help="Write a page that plays it, without a network."),
+    typer.Option("--html", metavar="FILE", help="Write a page that plays the motion offline."),
 ]
+Output = ResultFile
 Plots = Annotated[
-    Path | None,
-    typer.Option(metavar="DIR", help="Draw figures into this folder, as PDF and PNG."),
+    Path | None, typer.Option(metavar="DIR", help="Write figures to this folder, as PDF and PNG.")
 ]
-Stretch = Annotated[
-    bool,
-    typer.Option("--stretch", help="Take more time where rates or torques ask for it."),
-]
-Threads = Annotated[
-    int | None, typer.Option(min=1, metavar="T", help="How many cores to use; all when left out.")
-]
+Threads = Annotated[int | None, typer.Option(min=1, metavar="T", help="Number of cores; all.")]
+Quaternion = tuple[float, float, float, float]
 
-# --- simulate -----------------------------------------------------------------------------------
 
-Attitude = Annotated[
-    tuple[float, float, float, float] | None,
-    typer.Option(metavar="X Y Z W", help="Initial spacecraft attitude, a quaternion."),
-]
-Heading = Annotated[
-    float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
-]
-Joints = Annotated[
-    str | None,
-    typer.Option(metavar="Q1,Q2,...", help="Follow the arm branch near these joint values, rad."),
-]
-Branch = Annotated[
-    int | None, typer.Option(metavar="K", help="Follow the arm branch with this number.")
-]
-StopAtMargin = Annotated[
-    bool, typer.Option("--stop-at-margin", help="End where the scenario's margin is used up.")
-]
+def prepare_outputs(*inputs: Path, folder: Path | None = None, **files: Path | None) -> None:
+    """Make the folders of output files before the work whose results they will hold.
 
-# --- map ----------------------------------------------------------------------------------------
+    Args:
+        inputs: Files that the command reads.
+        folder: An output folder, named ``plots`` in errors.
+        files: Output files by option; None where none is wanted.
 
-Samples = Annotated[
-    int | None,
-    typer.Option(
-        min=8,
-        max=100_000_000,
-        metavar="N",
-        help="How many attitudes; else search.samples of the scenario, else 36,864 "
-        "(planar tasks: 360 headings).",
-    ),
-]
-Seed = Annotated[
-    int | None,
-    typer.Option(min=0, help="Turns the grid of attitudes; else search.seed of the scenario."),
-]
-Nearest = Annotated[
-    tuple[float, float, float, float] | None,
-    typer.Option(
-        metavar="X Y Z W", help="Find the attitude nearest to this that keeps the margin."
-    ),
-]
-Boundary = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        metavar="N",
-        help="Find N attitudes for each arm branch where the margin is just kept.",
-    ),
-]
-Touch = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        metavar="N",
-        help="For arms with an elbow and a spherical wrist: carry N points of the boundary "
-        "back from touch points (Section VI) and compare.",
-    ),
-]
+    Raises:
+        InputError: If one cannot be written, or two files are the same.
+    """
+    names = {path.resolve(): "the input" for path in inputs}
+    for option, file in files.items():
+        if file is None:
+            continue
+        make_folder(option, file.parent)
+        with _os_errors(option, file):
+            path = file.resolve()
+            if path.exists() and not path.is_file():
+                raise InputError(option, f"{file} is not a regular file", "the name of a file")
+        if path in names:
+            raise InputError(option, f"{file} is also {names[path]}", "a file of its own")
+        names[path] = f"--{option}"
+    if folder is not None:
+        make_folder("plots", folder)
+
+
+def make_folder(option: str, folder: Path) -> None:
+    """Make a folder and those above it.
+
+    Raises:
+        InputError: If it cannot be made or written to.
+    """
+    with _os_errors(option, folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+@contextmanager
+def _os_errors(option: str, path: Path) -> Iterator[None]:
+    """Raise errors of the file system as those of an option."""
+    try:
+        yield
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null character
+        problem = f"{path}: {getattr(error, 'strerror', None) or error}"
+        raise InputError(option, problem, "a place that can be written to") from None
+
 
 # --- view ---------------------------------------------------------------------------------------
 
@@ -144,88 +185,6 @@ Scene = Annotated[
         metavar="NAME",
         help="Of several, the one that the page opens on and that is in pictures and video: a "
         'file\'s name, of a map an arm branch, or "side by side".',
-    ),
-]
-
-# --- assemble -----------------------------------------------------------------------------------
-
-Robot = Annotated[
-    str,
-    typer.Argument(
-        metavar="ROBOT",
-        help="An arm: a URDF, a bundled name or example-robot-data:NAME. Or a scenario, or a YAML "
-        "file with its robot section alone: all parts are told there.",
-        autocompletion=robot_names,
-    ),
-]
-UrdfOutput = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE", help="The URDF to write.")
-]
-EndEffector = Annotated[
-    str | None,
-    typer.Option(metavar="LINK", help="Follows paths and holds; else the only last link."),
-]
-Mass = Annotated[float | None, typer.Option(metavar="KG", help="The spacecraft's mass.")]
-Inertia = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X,Y,Z",
-        help="Its inertia about its centre of mass, kg m²: three principal moments, "
-        "ixx,ixy,ixz,iyy,iyz,izz, or nine numbers.",
-    ),
-]
-Centre = Annotated[
-    tuple[float, float, float] | None,
-    typer.Option(metavar="X Y Z", help="Its centre of mass in its frame, m; else the origin."),
-]
-Edges = Annotated[
-    tuple[float, float, float] | None,
-    typer.Option(metavar="X Y Z", help="Edges of the box that stands for it, m."),
-]
-MeshFile = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="A mesh that stands for it instead.")
-]
-Mounting = Annotated[
-    tuple[float, float, float, float, float, float] | None,
-    typer.Option(metavar="X Y Z R P Y", help="Where the arm stands on it, m, and how, rad."),
-]
-PayloadMass = Annotated[
-    float | None, typer.Option(metavar="KG", help="Of what the end-effector holds.")
-]
-PayloadInertia = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="As --inertia.")]
-PayloadCentre = Annotated[
-    tuple[float, float, float] | None,
-    typer.Option(metavar="X Y Z", help="Its centre of mass in the end-effector's frame, m."),
-]
-PayloadEdges = Annotated[
-    tuple[float, float, float] | None,
-    typer.Option(metavar="X Y Z", help="Edges of a box about its centre of mass, m."),
-]
-PayloadMesh = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="A mesh in the end-effector's frame instead.")
-]
-Tool = Annotated[
-    str | None,
-    typer.Option(metavar="URDF", help="Fixed to the end-effector; its names get tool_ in front."),
-]
-SecondArm = Annotated[
-    str | None,
-    typer.Option(
-        metavar="URDF",
-        help="Fixed to the spacecraft; its names get second_ in front. Needs "
-        "--end-effector: the other arm is held still.",
-    ),
-]
-Standing = Annotated[
-    tuple[float, float, float, float, float, float] | None,
-    typer.Option(metavar="X Y Z R P Y", help="Where its root link stands, m, and how, rad."),
-]
-CopyMeshes = Annotated[
-    bool,
-    typer.Option(
-        "--copy-meshes",
-        help="Copy mesh files into a folder beside the URDF, to be moved with it; else they are "
-        "named by absolute paths.",
     ),
 ]
 

@@ -1,77 +1,179 @@
-"""``freefloat plan``: the initial attitudes that serve, one of them chosen."""
+"""``freefloat plan``: the feasible initial attitudes, and the motion from the chosen one."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import RenderableType
+from rich.text import Text
 
-from freefloat.cli import options
-from freefloat.cli.console import DONE, NO, answer, answering, progress_bar
-from freefloat.cli.options import Json, Output, Page, Plots, ScenarioName, Threads
+from freefloat.cli.console import DONE, NO, Console, table
+from freefloat.cli.options import (
+    Json,
+    Page,
+    Plots,
+    Quiet,
+    ResultFile,
+    ScenarioName,
+    Threads,
+    prepare_outputs,
+)
 
 if TYPE_CHECKING:
-    from freefloat.motion.problem import Problem
-    from freefloat.planning.options import Search
+    from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.heading_map import HeadingMap
+    from freefloat.planning.plan import Plan
+    from freefloat.planning.planar_ranges import BranchRanges
 
 
 def plan(
     scenario: ScenarioName,
-    output: Output = None,
+    output: ResultFile = None,
     html: Page = None,
     plots: Plots = None,
-    stretch: options.Stretch = False,
+    stretch: Annotated[
+        bool, typer.Option("--stretch", help="Increase the duration until rates and torques fit.")
+    ] = False,
     threads: Threads = None,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Find the initial attitudes from which the path can be followed, choose one, prove it.
+    """Find the feasible initial attitudes of a path, and choose one.
 
-    For planar tasks every initial heading is told; in space a grid over all attitudes is followed
-    (search.samples in the scenario, 4,096 when left out) and the choice refined between its points.
-    The motion keeps the joints' ranges and the scenario's limits, too. Exit code 0 when there is
-    one, 1 when there is none (and no page of --html then).
+    For planar tasks all feasible headings are listed. For spatial tasks the motions from a grid of
+    attitudes are integrated (search.samples in the scenario, default 4,096), and the choice is
+    refined between them. The chosen motion keeps joint ranges and the scenario's limits, too. Exit
+    code 1: no feasible attitude was found; then no page is written.
 
     Example: freefloat plan planar_3dof/parabola -o plan.h5
 
     Example: freefloat plan spatial_6dof/line --json
     """
-    with answering(as_json):
-        from freefloat.cli.tables import plan_tables, plot_lines
-        from freefloat.io.files import refuse_same_files
-        from freefloat.io.plan_file import save_plan
-        from freefloat.io.scenario import load_scenario
-        from freefloat.planning.planner import plan as find_plan
-        from freefloat.tasks.drawing import draw, page_lines, refuse_bad_folder, save_plan_page
-        from freefloat.tasks.warm_up import warm_up
+    from freefloat.io.plan_file import save_plan
+    from freefloat.io.scenario import load_scenario
+    from freefloat.planning.planner import plan as find_plan
 
-        loaded = load_scenario(scenario)
-        refuse_same_files(scenario=loaded.source, output=output, html=html)
-        problem, search = loaded.problem(), loaded.search()
-        refuse_bad_folder(plots)
-        warm_up(problem, threads)
-        limits = loaded.limits(problem.model)
-        with loaded.error_context(), progress_bar(_searching(problem, search)) as progress:
-            found = find_plan(
-                problem, search, limits, stretch=stretch, threads=threads, progress=progress
-            )
-        if found.stretch != 1.0:
-            loaded = loaded.stretched(found.stretch)
-        document = found.to_dict()
-        if output is not None:
-            save_plan(output, found, loaded, document)
-        document |= save_plan_page(html, found, scenario)
-        document |= draw(plots, found, threads)
-    answer(
-        document,
-        [*plan_tables(document, scenario), *page_lines(document), *plot_lines(document)],
-        as_json,
-    )
-    raise typer.Exit(DONE if found.feasible else NO)
+    console, loaded = Console(as_json, quiet), load_scenario(scenario)
+    problem, limits = loaded.problem(), loaded.limits()
+    prepare_outputs(loaded.source, output=output, html=html, folder=plots)
+    with loaded.error_context(), console.progress("integrating motions") as progress:
+        result = find_plan(
+            problem, loaded.search(), limits, stretch=stretch, threads=threads, progress=progress
+        )
+    if result.stretch != 1.0:
+        loaded = loaded.stretched(result.stretch)
+    document = result.to_dict()
+    console.tables(_tables(scenario, result))
+    if output is not None:
+        save_plan(output, result, loaded, document)
+    if html is not None:
+        document["html"] = _save_page(html, scenario, result)
+        console.tables([f"Page: {document['html'] or 'none, there is no motion to show'}"])
+    if plots is not None:
+        document["plots"] = draw(console, plots, result, threads)
+    console.json(document)
+    raise typer.Exit(DONE if result.feasible else NO)
 
 
-def _searching(problem: Problem, search: Search) -> str:
-    if problem.task.planar:
-        return "searching headings"
-    from freefloat.planning.options import PLAN_ATTITUDES
+def _save_page(file: Path, title: str, plan: Plan) -> str | None:
+    """Write the page of a plan's motion; return the file, or None where there is no motion."""
+    if plan.chosen is None:
+        return None
+    from freefloat.visualization.playback import play
 
-    return f"following {search.samples or PLAN_ATTITUDES:,} attitudes"
+    play({f"{title}, {plan.chosen.branch.label}": plan.chosen.motion}, title).save(file)
+    return str(file)
+
+
+def draw(
+    console: Console, folder: Path, result: Plan | AttitudeMap | HeadingMap, threads: int | None
+) -> list[str]:
+    """Draw the figures of a result into a folder; print and return their files."""
+    from freefloat.planning.plan import Plan
+    from freefloat.tasks.drawing import draw_map, draw_plan
+
+    if isinstance(result, Plan):
+        files = draw_plan(folder, result, threads)["plots"]
+    else:
+        files = draw_map(folder, result, threads)["plots"]
+    names = ", ".join(dict.fromkeys(Path(file).stem for file in files))
+    console.tables([f"Figures in {folder}, as PDF and PNG: {names}"])
+    return list(files)
+
+
+def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
+    """The feasible attitudes, the chosen one, its tolerances, motion and limits."""
+    from freefloat.cli.tables import limit_tables, motion_lines, percentage
+
+    if plan.map is None:
+        yield from _heading_ranges(name, plan)
+    else:
+        fraction, samples = plan.map.feasible_fraction, plan.map.samples
+        share = percentage(fraction, plan.map.feasible_fraction_error, samples)
+        yield f"{name}: {share} of {samples:,} initial attitudes are feasible"
+    for sentence in plan.disagreements:
+        yield Text(f"not confirmed: {sentence}", "yellow")
+    if plan.chosen is None:
+        yield Text(f"Not feasible: {plan.reason}.", "red")
+    else:
+        heading = "" if plan.heading is None else f"heading {math.degrees(plan.heading):.4f} deg, "
+        yield f"Chosen: {heading}{plan.reason}."
+        yield from (f"  {line}" for line in _chosen_lines(plan))
+        yield from _segment_lines(plan)
+        yield from motion_lines(plan.chosen)
+    yield from limit_tables(plan.limit_results)
+
+
+def _chosen_lines(plan: Plan) -> Iterator[str]:
+    if plan.stretch != 1.0:
+        yield f"Duration stretched by {plan.stretch:.6g} to {plan.problem.path.duration:.6g} s."
+    if plan.deviation is not None:
+        yield f"Deviation from the present attitude: {math.degrees(plan.deviation):.4f} deg."
+    scope = " for the margin alone" if plan.limit_results else ""
+    if plan.robust_radius is not None:
+        yield f"Attitude tolerance{scope}: {math.degrees(plan.robust_radius):.4f} deg."
+    tolerance = plan.tolerance
+    if tolerance is not None:
+        more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""
+        yield (
+            f"Momentum tolerance{scope}: {tolerance.momentum:.4g} N m s{more} in any direction."
+        )
+        yield (
+            f"Feasible durations{scope}: {tolerance.shortest:.5g} to {tolerance.longest:.5g} s."
+        )
+    if plan.excluded:
+        counts = ", ".join(f"{limit} {count}" for limit, count in plan.excluded.items())
+        yield f"Better candidates that violate a limit: {counts}."
+
+
+def _segment_lines(plan: Plan) -> Iterator[str]:
+    from freefloat.cli.tables import short_label
+
+    for segment in plan.segments:
+        yield f"  Feasible headings at the end of the segment from {segment.span[0]:g} to "\
+              f"{segment.span[1]:g} s:"
+        for scope, branches in (
+            ("this segment alone", segment.at_end),
+            ("to the end of the path", segment.joined_at_end),
+        ):
+            for entry in branches:
+                yield f"    {scope}, {short_label(entry.label)}: {_ranges(entry)} deg"
+
+
+def _heading_ranges(name: str, plan: Plan) -> Iterator[RenderableType]:
+    from freefloat.cli.tables import ANY, short_label
+
+    yield f"{name}: feasible initial headings"
+    ranges = table("branch", "ranges [deg]")
+    for entry in plan.ranges:
+        number = ANY if entry.label == ANY else f"{entry.branch} {short_label(entry.label)}"
+        ranges.add_row(number, _ranges(entry))
+    yield ranges
+
+
+def _ranges(entry: BranchRanges) -> str:
+    return "  ".join(f"[{low:.3f}, {high:.3f}]" for low, high in entry.degrees) or "none"

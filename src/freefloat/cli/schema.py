@@ -1,26 +1,23 @@
-"""``freefloat schema``: what the files may hold, for editors and checkers.
-
-Example: freefloat schema > freefloat.schema.json
-"""
+"""``freefloat schema``: JSON schemas of the input files."""
 
 from __future__ import annotations
 
-from freefloat.cli.console import answering, print_json
-from freefloat.cli.options import Json
+from freefloat.cli.console import print_json
+from freefloat.cli.options import Json, Quiet
 
 
-def schema(as_json: Json = False) -> None:
+def schema(as_json: Json = False, quiet: Quiet = False) -> None:
     """Print the JSON schemas of scenario and study files, for editors and checkers.
 
     Example: freefloat schema > freefloat.schema.json
     """
-    with answering(as_json):
-        from freefloat.io.schema import ScenarioFile
-        from freefloat.studies.schema import StudyFile
+    from freefloat.io.schema import ScenarioFile
+    from freefloat.studies.schema import StudyFile
 
-        schemas = {
-            "scenario": ScenarioFile.model_json_schema(),
-            "study": StudyFile.model_json_schema(),
+    schemas = {"scenario": ScenarioFile, "study": StudyFile}
+    print_json(
+        {
+            name: {"$id": f"urn:freefloat:{name}", **model.model_json_schema()}
+            for name, model in schemas.items()
         }
-        document = {name: {"$id": f"urn:freefloat:{name}", **one} for name, one in schemas.items()}
-    print_json(document)
+    )

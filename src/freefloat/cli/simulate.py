@@ -1,64 +1,167 @@
-"""``freefloat simulate``: the path followed from one attitude."""
+"""``freefloat simulate``: the motions from one initial attitude."""
 
 from __future__ import annotations
 
-import typer
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated
 
-from freefloat.cli import options
-from freefloat.cli.console import DONE, NO, answer, answering
-from freefloat.cli.options import Json, Output, Page, ScenarioName
+import typer
+from rich.console import RenderableType
+from rich.text import Text
+
+from freefloat.cli.console import DONE, NO, Console, decimals, table
+from freefloat.cli.options import (
+    Json,
+    Page,
+    Quaternion,
+    Quiet,
+    ResultFile,
+    ScenarioName,
+    prepare_outputs,
+)
+from freefloat.errors import InputError
+
+if TYPE_CHECKING:
+    from freefloat.limits.limits import LimitResult
+    from freefloat.motion.problem import Problem
+    from freefloat.motion.simulation import SimulatedBranch, Simulation
 
 
 def simulate(
     scenario: ScenarioName,
-    attitude: options.Attitude = None,
-    heading: options.Heading = None,
-    joints: options.Joints = None,
-    branch: options.Branch = None,
-    stop_at_margin: options.StopAtMargin = False,
-    output: Output = None,
+    attitude: Annotated[
+        Quaternion | None,
+        typer.Option(metavar="X Y Z W", help="Initial spacecraft attitude, a quaternion."),
+    ] = None,
+    heading: Annotated[
+        float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
+    ] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(metavar="Q1,Q2,...", help="Choose the arm branch near these joints, rad."),
+    ] = None,
+    branch: Annotated[
+        int | None, typer.Option(metavar="K", help="Choose the arm branch with this number.")
+    ] = None,
+    stop_at_margin: Annotated[
+        bool, typer.Option("--stop-at-margin", help="End motions where they reach the margin.")
+    ] = False,
+    output: ResultFile = None,
     html: Page = None,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Follow the path from one attitude; tell where it becomes singular if it does.
+    """Integrate the motions of all arm branches from one initial attitude.
 
-    What the motion asks for is held against the joints' ranges and the scenario's limits.
-    The file of -o holds the branch that was followed, the page of --html all of them. Exit code 0
-    when the whole path was followed, 1 when not.
+    Joint ranges and the scenario's limits are checked along the chosen motion. The file of -o
+    contains that motion, the page of --html those of all branches. Exit code 1: the chosen motion
+    ends before the path does.
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
-    with answering(as_json):
-        from freefloat.cli.tables import simulation_tables
-        from freefloat.io.files import refuse_same_files
-        from freefloat.io.plan_file import save_motion
-        from freefloat.io.scenario import load_scenario
-        from freefloat.limits.check import LimitChecker
-        from freefloat.motion.simulation import simulate as run
-        from freefloat.planning.documents import simulation_document
-        from freefloat.tasks.simulating import joint_values, save_page, start_attitude
-        from freefloat.tasks.warm_up import warm_up_branches
+    from freefloat.io.plan_file import save_motion
+    from freefloat.io.scenario import load_scenario
+    from freefloat.limits.check import LimitChecker
+    from freefloat.motion.simulation import simulate as simulate_branches
+    from freefloat.planning.documents import simulation_document
 
-        loaded = load_scenario(scenario)
-        refuse_same_files(scenario=loaded.source, output=output, html=html)
-        problem = loaded.problem()
-        with loaded.error_context():
-            checker = LimitChecker(problem, loaded.limits(problem.model))
-        start = start_attitude(problem, attitude, heading)
-        warm_up_branches(problem)
-        with loaded.error_context(only="path"):
-            simulation = run(
-                problem,
-                start,
-                branch=branch,
-                joints=joint_values(joints),
-                stop_at_margin=stop_at_margin,
-            )
-        motion = simulation.chosen.motion
-        document = simulation_document(simulation, checker.findings(motion))
-        if output is not None:
-            save_motion(output, motion, loaded, document)
-        if html is not None:
-            save_page(html, simulation, scenario)
-    answer(document, simulation_tables(document, scenario), as_json)
-    raise typer.Exit(DONE if document["completed"] else NO)
+    console, loaded = Console(as_json, quiet), load_scenario(scenario)
+    problem = loaded.problem()
+    with loaded.error_context():
+        checker = LimitChecker(problem, loaded.limits())
+    start = _start_attitude(problem, attitude, heading)
+    prepare_outputs(loaded.source, output=output, html=html)
+    with loaded.error_context(only="path"), console.progress("integrating motions"):
+        simulation = simulate_branches(
+            problem,
+            start,
+            branch=branch,
+            joints=_joint_values(joints),
+            stop_at_margin=stop_at_margin,
+        )
+        results = checker.findings(simulation.chosen.motion)
+    document = simulation_document(simulation, results)
+    console.tables(_tables(scenario, simulation, results))
+    if output is not None:
+        save_motion(output, simulation.chosen.motion, loaded, document)
+    if html is not None:
+        from freefloat.visualization.playback import play
+
+        play(simulation, scenario).save(html)
+    console.json(document)
+    raise typer.Exit(DONE if simulation.chosen.motion.completed else NO)
+
+
+def _start_attitude(
+    problem: Problem, attitude: Quaternion | None, heading: float | None
+) -> Sequence[float]:
+    """The initial attitude of either option."""
+    accepted = "--heading DEG" if problem.task.planar else "--attitude X Y Z W"
+    if attitude is not None and heading is not None:
+        raise InputError("attitude", "both --attitude and --heading were given", accepted)
+    if attitude is not None:
+        return attitude
+    if heading is None:
+        raise InputError("attitude", "neither --attitude nor --heading was given", accepted)
+    if not problem.task.planar:
+        raise InputError("heading", f"task {problem.task} is not planar", accepted)
+    if not math.isfinite(heading):
+        raise InputError("heading", f"{heading} was given", "a finite number of degrees")
+    from freefloat.so3 import heading_quaternion
+
+    return list(heading_quaternion(math.radians(heading)))
+
+
+def _joint_values(text: str | None) -> list[float] | None:
+    try:
+        return None if text is None else [float(word) for word in text.split(",")]
+    except ValueError:
+        raise InputError("joints", f"{text!r} was given", "numbers separated by commas") from None
+
+
+def _tables(
+    name: str, simulation: Simulation, results: Iterable[LimitResult]
+) -> Iterator[RenderableType]:
+    """The branches, the chosen motion, and its limits."""
+    from freefloat.cli.tables import limit_tables, motion_lines, short_label
+    from freefloat.motion.reach import told_reach
+
+    problem = simulation.chosen.motion.problem
+    redundant = problem.redundant
+    yield f"{name}: arm {'configurations' if redundant else 'branches'} at this attitude"
+    branches = table(
+        "start" if redundant else "branch",
+        "initial joints [rad, m]",
+        f"minimum {problem.margin.measure.name}",
+        "verdict",
+    )
+    for entry in simulation.branches:
+        number = f"{entry.branch.index}{'*' if entry is simulation.chosen else ''}"
+        closest = entry.closest_approach
+        branches.add_row(
+            f"{number} {short_label(entry.branch.label)}",
+            decimals(entry.branch.joints, 3),
+            f"{closest.sign * closest.value:.4g}",
+            _verdict(entry),
+        )
+    yield branches
+    yield from motion_lines(simulation.chosen, " (*)")
+    reach = told_reach(problem)
+    if reach is not None:
+        yield Text(f"  {reach}", "red")
+    yield from limit_tables(results)
+
+
+def _verdict(entry: SimulatedBranch) -> Text:
+    from freefloat.cli.tables import keeps_margin
+    from freefloat.motion.motion import Ending
+
+    motion = entry.motion
+    if motion.ending is Ending.SINGULAR:
+        return Text(f"singular at {motion.final.time:.4f} s", "red")
+    if not motion.completed:
+        return Text(f"reaches the margin at {motion.final.time:.4f} s", "yellow")
+    if not keeps_margin(entry):
+        return Text(f"completes, below {motion.problem.margin.threshold:g}", "yellow")
+    return Text("keeps the margin", "green")

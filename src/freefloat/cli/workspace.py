@@ -1,22 +1,62 @@
-"""``freefloat workspace``: an arm's reach and its areas."""
+"""``freefloat workspace``: the reach of an arm and the regions where it can become singular."""
 
 from __future__ import annotations
 
-from freefloat.cli.console import answer, answering
-from freefloat.cli.options import Json, ScenarioName
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from rich.console import RenderableType
+
+from freefloat.cli.console import Console, table
+from freefloat.cli.options import Json, Quiet, ScenarioName
+
+if TYPE_CHECKING:
+    from freefloat.workspace.margin_curves import Workspace
 
 
-def workspace(scenario: ScenarioName, as_json: Json = False) -> None:
-    """Tell an arm's reach and where in it the arm can become singular.
+def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = False) -> None:
+    """Show the reach of an arm, and the path-dependent and path-independent regions.
 
     Example: freefloat workspace planar_3dof/parabola
     """
-    with answering(as_json):
-        from freefloat.cli.tables import workspace_tables
-        from freefloat.io.scenario import load_scenario
-        from freefloat.workspace.regions import workspace as find_workspace
+    from freefloat.io.scenario import load_scenario
+    from freefloat.workspace.regions import workspace as find_workspace
 
-        loaded = load_scenario(scenario)
-        with loaded.error_context():
-            document = find_workspace(loaded.problem()).to_dict()
-    answer(document, workspace_tables(document, scenario), as_json)
+    console, loaded = Console(as_json, quiet), load_scenario(scenario)
+    with loaded.error_context(), console.progress("searching the joint space"):
+        result = find_workspace(loaded.problem())
+    console.json(result.to_dict())
+    console.tables(_tables(scenario, result))
+
+
+def _tables(name: str, result: Workspace) -> Iterator[RenderableType]:
+    yield f"{name}: distance of the {result.point} from the centre of mass"
+    regions = table("region", "from [m]", "to [m]")
+    rows = [("reach", result.reach)]
+    rows += [("path-dependent", interval) for interval in result.path_dependent or ()]
+    rows += [("path-independent", interval) for interval in result.path_independent or ()]
+    for region, (low, high) in rows:
+        regions.add_row(region, f"{low:.5f}", f"{high:.5f}")
+    yield regions
+    yield (
+        f"S ({result.measure}) from {result.smallest_s:.6g} to {result.largest_s:.6g} "
+        "over the joint space"
+    )
+    if result.path_dependent is None:
+        yield "Regions: unknown, the arm is redundant"
+        return
+    parts = "; ".join(
+        f"{low:.3f} to {high:.3f} {'inside' if inside else 'outside'}"
+        for (low, high), inside in result.path
+    )
+    yield f"The path, by s, and the path-dependent regions: {parts}"
+    if result.measure == "arm":
+        yield (
+            "The regions are those of the measure arm; shoulder and wrist can become singular at "
+            "about any distance"
+        )
+    if not result.exact:
+        yield (
+            "Found by sampling: S vanishes in the path-dependent regions; elsewhere no place was "
+            "found where it does"
+        )

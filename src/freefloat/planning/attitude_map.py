@@ -212,12 +212,13 @@ class AttitudeMap:
             }
         return document
 
-    def _branch_dict(self, branch: int | None, label: str) -> dict[str, Any]:
+    def branch_fractions(self, branch: int | None) -> tuple[float, float]:
         """Fractions of the attitudes where an arm branch keeps the margin, and where it exists."""
         columns = slice(None) if branch is None else [branch]
-        return {
-            "branch": branch,
-            "label": label,
-            "fraction": float(self.feasible[:, columns].any(axis=1).mean()),
-            "reached_fraction": float(self.reached[:, columns].any(axis=1).mean()),
-        }
+        feasible, reached = self.feasible[:, columns], self.reached[:, columns]
+        return float(feasible.any(axis=1).mean()), float(reached.any(axis=1).mean())
+
+    def _branch_dict(self, branch: int | None, label: str) -> dict[str, Any]:
+        feasible, reached = self.branch_fractions(branch)
+        return {"branch": branch, "label": label, "fraction": feasible,
+                "reached_fraction": reached}  # fmt: skip
