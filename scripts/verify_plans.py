@@ -10,8 +10,6 @@ import tempfile
 import time
 from pathlib import Path
 
-from freefloat.tasks.planning import search_plan
-
 import freefloat as ff
 from freefloat.io.plan_file import save_plan
 from freefloat.robot.names import bundled_scenarios
@@ -22,8 +20,9 @@ def planned(name: str, folder: Path) -> Path:
     """The plan's file of a bundled scenario, made as ``freefloat plan`` makes it."""
     path = folder / (name.replace("/", "_") + ".h5")
     if not path.exists():
-        loaded, found = search_plan(ff.load_scenario(name), lambda _: None, None, False)
-        save_plan(path, found, loaded, found.to_dict())
+        scenario = ff.load_scenario(name)
+        plan = ff.plan(scenario.problem(), scenario.search(), scenario.limits())
+        save_plan(path, plan, scenario, plan.to_dict())
     return path
 
 

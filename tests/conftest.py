@@ -13,11 +13,12 @@ import pytest
 from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, sync_playwright
 
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
-from freefloat.tasks.warm_up import warm_up
+from freefloat.so3 import attitude_grid, heading_quaternion
 from freefloat.visualization.pictures import find_browser
 from tests.browser import FLAGS
 from tests.motions import bundled
@@ -51,10 +52,13 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
 
 @pytest.fixture(scope="session")
 def kernels() -> None:
-    """Kernels compiled before anyone listens to stderr, where their compilation is announced."""
+    """Compiled kernels: tests that measure time or interrupt commands start with them."""
     kinds = ("planar_3dof/parabola", "spatial_6dof/line", "ur5_servicer/arc", "panda_servicer/line")
     for name in kinds:
-        warm_up(load_scenario(name).problem())
+        problem = load_scenario(name).problem()
+        planar = np.array([heading_quaternion(heading) for heading in range(6)])
+        attitudes = planar if problem.task.planar else attitude_grid(8)
+        FeasibilityEvaluator(problem).prospects(attitudes)
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ import yaml
 from typer.testing import CliRunner
 
 from freefloat.cli.app import app
-from freefloat.cli.catalogue import bundled_file
+from freefloat.cli.models import bundled_file
 from freefloat.io.scenario import load_scenario
 from freefloat.io.schema import (
     AttitudeSection,
@@ -100,7 +100,7 @@ def test_a_line_of_yaml_in_a_table_makes_a_problem(line: str, in_folder: Path) -
     (in_folder / "path.csv").write_text(samples)
     wish = yaml.safe_load(line)
     ((key, _),) = wish.items()
-    document = yaml.safe_load(bundled_file("spatial_6dof/line")["text"])
+    document = yaml.safe_load(bundled_file("spatial_6dof/line").text)
     if key in ("timing", "margin"):
         document |= wish
     elif key == "attitude":
@@ -119,7 +119,7 @@ def test_the_samples_shown_do_without_their_quaternions(in_folder: Path) -> None
     (samples,) = blocks("csv")
     rows = [row.split(",")[:3] for row in samples.splitlines()]
     (in_folder / "path.csv").write_text("\n".join(map(",".join, rows)))
-    document = yaml.safe_load(bundled_file("spatial_6dof/line")["text"])
+    document = yaml.safe_load(bundled_file("spatial_6dof/line").text)
     line, document["path"]["samples"] = document["path"].pop("line"), "path.csv"
     curve = loaded(document).path.path.curve
     np.testing.assert_allclose(curve(0.5), (np.array(line["from"]) + line["to"]) / 2, atol=1e-12)

@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 
 import freefloat as ff
 from freefloat.cli.app import app
-from freefloat.cli.tables import workspace_tables
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem
@@ -181,4 +180,3 @@ def test_the_workspace_command_tells_what_it_does_not_know():
     told = json.loads(workspace_command("panda_servicer/line", "--json"))
     assert (told["pdw"], told["piw"], told["path"]) == (None, None, [])
     assert told["reach"][1] == pytest.approx(1.5721, abs=1e-3)
-    assert "unknown" in workspace_tables(told, "panda")[-1].plain

@@ -85,8 +85,8 @@ def _usage_error(error: Any) -> InputError:
     """The error for a command line that typer cannot parse."""
     parameter, context = getattr(error, "param", None), getattr(error, "ctx", None)
     key = parameter.opts[-1] if parameter else getattr(error, "option_name", "command")
-    command = context.info_name if context and context.parent else ""
-    return InputError(key, error.format_message(), f"see {' '.join(['freefloat', command])} --help")
+    command = f" {context.info_name}" if context and context.parent else ""
+    return InputError(key, error.format_message(), f"see freefloat{command} --help")
 
 
 app = typer.Typer(

@@ -203,6 +203,8 @@ def _body(name: str, kind: type[Any], options: dict[str, Any]) -> Any:
 
 
 def _mount(key: str, placement: Placement | None) -> Mount:
+    import numpy as np
+
     from freefloat.robot.parts import Mount
 
     if placement is None:
@@ -210,7 +212,7 @@ def _mount(key: str, placement: Placement | None) -> Mount:
     if max(map(abs, placement[3:])) > 2.0 * math.pi:
         angles = " ".join(f"{angle:g}" for angle in placement[3:])
         raise InputError(key, f"the angles {angles} were given", "x y z [m], angles in radians")
-    return Mount(placement[:3], placement[3:])
+    return Mount(np.array(placement[:3]), np.array(placement[3:]))
 
 
 def _tables(document: dict[str, Any]) -> Iterator[RenderableType]:
@@ -224,7 +226,7 @@ def _tables(document: dict[str, Any]) -> Iterator[RenderableType]:
         )
     yield joints
     yield f"root {document['root']}, end-effector {document['end_effector']}"
-    yield f"centre of mass {_numbers(document['centre_of_mass'])} m in the root's frame, joints at 0"
+    yield f"centre of mass {_numbers(document['centre_of_mass'])} m, root's frame, joints at 0"
     yield "inertia about it, axes of the root [kg m²]:"
     yield from (f"  {_numbers(row)}" for row in document["inertia"])
     if document["meshes"]:

@@ -3,58 +3,161 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.console import RenderableType
+from rich.text import Text
 
-from freefloat.cli import options
-from freefloat.cli.console import DONE, NO, answer, answering, progress_bar, say
+from freefloat.cli.console import DONE, NO, Console, say, table
+from freefloat.cli.options import Json, Quiet, make_folder, study_names
 from freefloat.errors import InputError
+
+if TYPE_CHECKING:
+    from freefloat.studies.runner import StudyEstimate
+    from freefloat.studies.summary import StudyResult
+
+_MAX_ROWS = 20
+"""Runs listed by a dry run; --json lists all."""
 
 
 def batch(
-    study: options.StudyName,
-    output: options.StudyOutput = None,
-    workers: options.Workers = None,
-    scheduler: options.Scheduler = None,
-    dry_run: options.DryRun = False,
-    report: options.Report = False,
-    as_json: options.Json = False,
+    study: Annotated[
+        str,
+        typer.Argument(
+            metavar="STUDY",
+            help="A file or a bundled name: spatial_6dof/montecarlo",
+            autocompletion=study_names,
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            *("--output", "-o"),
+            metavar="DIR",
+            help="Folder of the results; a folder of the same study is continued.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Number of processes; default one per core."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Use the workers of a Dask scheduler: tcp://host:8786"
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="List the runs and estimate the time; time two runs.")
+    ] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="Write report.html, a page with figure and runs.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run a scenario many times, with lists, grids and random values of any of its keys.
 
     Every finished run is on disk at once; the same command continues a study that was interrupted.
-    Exit code 0 when no run ended in an error, be it infeasible, and 1 otherwise.
+    Exit code 1: some runs ended in an error; infeasible ones have not.
 
     Example: freefloat batch spatial_6dof/montecarlo --dry-run
 
     Example: freefloat batch spatial_6dof/montecarlo -o montecarlo --workers 2 --report
     """
-    with answering(as_json):
-        from freefloat.cli.batch_tables import batch_tables, dry_run_tables
-        from freefloat.studies.runner import estimate_study, run_study
-        from freefloat.studies.study import load_study
+    from freefloat.studies.runner import estimate_study, run_study
+    from freefloat.studies.study import load_study
 
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
-        loaded = load_study(study)
-        if dry_run:
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
+    console, loaded = Console(as_json, quiet), load_study(study)
+    if dry_run:
+        with console.progress("timing two runs"):
             estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler)
-            answer(estimate.to_dict(), dry_run_tables(estimate), as_json)
-            raise typer.Exit(DONE)
-        if output is None:
-            problem = "it is missing"
-            raise InputError("output", problem, "-o DIR, a folder for the results; or --dry-run")
-        try:
-            with progress_bar(f"{loaded.count:,} runs") as progress:
-                result = run_study(
-                    loaded, output, workers=workers, scheduler=scheduler, report=report,
-                    progress=progress,
-                )  # fmt: skip
-        except KeyboardInterrupt:
-            say("the same command continues the study")
-            raise
-    answer(result.to_dict(), batch_tables(result), as_json)
-    if not result.errors:
-        raise typer.Exit(DONE)
-    first, count = result.errors[0], result.verdicts["error"]
-    say(f"{count} of {loaded.count} runs ended in an error; run {first.number}: {first.error}")
-    raise typer.Exit(NO)
+        console.json(estimate.to_dict())
+        console.tables(_estimate_tables(estimate))
+        return
+    if output is None:
+        accepted = "-o DIR, a folder for the results; or --dry-run"
+        raise InputError("output", "it is missing", accepted)
+    make_folder("output", output)
+    try:
+        with console.progress(f"{loaded.count:,} runs") as progress:
+            result = run_study(
+                loaded, output, workers=workers, scheduler=scheduler, report=report,
+                progress=progress,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        say("the same command continues the study")
+        raise
+    console.json(result.to_dict())
+    console.tables(_result_lines(result))
+    if result.errors:
+        count, first = result.verdicts["error"], result.errors[0]
+        say(f"{count} of {loaded.count} runs ended in an error; run {first.number}: {first.error}")
+    raise typer.Exit(NO if result.errors else DONE)
+
+
+def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
+    """The runs, and how long they will take."""
+    study = estimate.study
+    yield f"{study.source}: {_runs(study.count)}, command {study.content.command}"
+    runs = table("case", *study.content.vary)
+    for number in range(min(study.count, _MAX_ROWS)):
+        cells = [Text(_short(value)) for value in study.parameters(number).values()]
+        runs.add_row(f"{number} done" if number in estimate.finished else str(number), *cells)
+    yield runs
+    if study.count > _MAX_ROWS:
+        yield f"and {study.count - _MAX_ROWS:,} more"
+    if estimate.run_seconds is not None and estimate.seconds is not None:
+        workers = "one worker" if estimate.workers in (None, 1) else f"{estimate.workers} workers"
+        yield (
+            f"{estimate.missing:,} to run, about {_duration(estimate.run_seconds)} each "
+            f"({estimate.timed}): {_duration(estimate.seconds)} on {workers}"
+        )
+    elif estimate.missing:
+        yield f"{estimate.missing:,} to run; no estimate: {estimate.timed}"
+
+
+def _result_lines(result: StudyResult) -> Iterator[str]:
+    """Counts, margins, errors and files of a study."""
+    study, errors = result.study, result.errors
+    counts = ", ".join(f"{count:,} {verdict}" for verdict, count in result.verdicts.items())
+    yield f"{study.source}: {_runs(len(result.rows))} of command {study.content.command}: {counts}"
+    fraction, deviation = result.feasible_fraction, result.feasible_fraction_error
+    if fraction is not None:
+        uncertainty = "" if deviation is None else f" ± {deviation:.2%}"
+        yield f"feasible: {fraction:.2%}{uncertainty} of the runs without error"
+    for reason, count in result.reasons.items():
+        yield f"  {count:,} infeasible: {reason}"
+    if result.margins is not None:
+        words = zip(("smallest", "median", "largest"), result.margins.values(), strict=True)
+        yield "minimum margin: " + ", ".join(f"{word} {value:.6g}" for word, value in words)
+    yield from (f"  run {row.number}: {row.error}" for row in errors)
+    if result.verdicts["error"] > len(errors):
+        yield f"  and {result.verdicts['error'] - len(errors):,} more errors"
+    yield (
+        f"{_runs(result.computed)} computed, {len(result.rows) - result.computed:,} reused, in "
+        f"{_duration(result.seconds)}; total time of the runs {_duration(result.run_seconds)}"
+    )
+    names = (result.files.get(key) for key in ("csv", "parquet", "figure", "report"))
+    yield f"written: {', '.join(str(name) for name in names if name)}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.2g} s" if seconds < 10.0 else f"{seconds:.0f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def _runs(count: int) -> str:
+    return f"{count:,} run{'' if count == 1 else 's'}"
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list):
+        return " ".join(map(_short, value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Timer
 from typing import Any
@@ -122,64 +121,6 @@ def table(*columns: str) -> Table:
     return empty
 
 
-def decimals(values: Sequence[float], digits: int = 4) -> str:
+def decimals(values: Iterable[float], digits: int = 4) -> str:
     """Format numbers in a row, with so many decimals."""
     return " ".join(f"{value:.{digits}f}" for value in values)
-
-
-@contextmanager
-def answering(as_json: bool) -> Iterator[None]:
-    """Do nothing: errors are handled where the command line is run."""
-    yield
-
-
-def answer(document: dict[str, Any], tables: Sequence[RenderableType], as_json: bool) -> None:
-    """Print a document or its tables."""
-    console = Console(as_json, False)
-    console.json(document)
-    console.tables(tables)
-
-
-def progress_bar(words: str) -> AbstractContextManager[Callable[[float], None]]:
-    """Show a progress bar."""
-    return Console(False, False).progress(words)
-
-
-@contextmanager
-def compiling() -> Iterator[None]:
-    """Do nothing."""
-    yield
-
-
-@contextmanager
-def case_progress(total: int, done: int) -> Iterator[Callable[[bool], None]]:
-    """How a batch goes, on stderr and on terminals only: rate, time left, failures.
-
-    What it yields is called for every case that ends, with whether it failed.
-    """
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    console = RichConsole(stderr=True)
-    begin, count, failures = time.monotonic(), 0, 0
-    columns = (
-        *("running cases", BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]}")),
-        *(TimeRemainingColumn(elapsed_when_finished=True), TextColumn("{task.fields[failed]}")),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not sys.stderr.isatty(),
-                  speed_estimate_period=600.0) as bar:  # fmt: skip
-        task = bar.add_task("", total=total, completed=done, rate="", failed="")
-
-        def tell(failed: bool) -> None:
-            nonlocal count, failures
-            count, failures = count + 1, failures + failed
-            rate = f"{60.0 * count / (time.monotonic() - begin):.1f} a minute"
-            told = f"[red]{failures} failed[/red]" if failures else ""
-            bar.update(task, advance=1, rate=rate, failed=told)
-
-        yield tell

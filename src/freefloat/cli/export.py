@@ -9,11 +9,11 @@ import typer
 
 from freefloat.cli.console import Console, print_text
 from freefloat.cli.options import Json, Quiet, prepare_outputs
+from freefloat.cli.view import load_motion
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.io.export import Format
-    from freefloat.motion.motion import Motion
 
 _TIMES = 501
 _STDOUT = "-"
@@ -64,7 +64,7 @@ def export(
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
-    motion = _motion(file)
+    motion = load_motion(file)
     at = even_times(motion, times or _TIMES) if rate is None else times_at_rate(motion, rate)
     trajectory = Trajectory.of(motion, at)
     if target is None:
@@ -108,14 +108,3 @@ def _format_and_file(
     if kind is Format.MAT:
         raise InputError("output", "- was given for mat, a binary format", "a file")
     return kind, None
-
-
-def _motion(file: Path) -> Motion:
-    from freefloat.io.plan_file import load_plan
-
-    stored = load_plan(file)
-    motion = stored.motion()
-    if motion is None:
-        problem = f"its plan has no motion: {stored.document.get('reason')}"
-        raise InputError("file", problem, "a plan with a motion, or a motion", str(file))
-    return motion

@@ -67,7 +67,9 @@ def info(
     elif robot.startswith(_EXAMPLES) or robot in bundled_robots() or is_file(Path(robot)):
         urdf = find_robot(robot, Path())
         diagnostics = _require_no_error(console, examine(urdf))
-        summary = summarize(FreeFloatingModel.from_urdf(urdf, end_effector), None, None, diagnostics)
+        summary = summarize(
+            FreeFloatingModel.from_urdf(urdf, end_effector), None, None, diagnostics
+        )
     else:
         raise _unknown(robot)
     console.json(summary.to_dict())
@@ -110,7 +112,7 @@ def _tables(summary: RobotSummary) -> Iterator[RenderableType]:
     )
     for body in model.bodies:
         bodies.add_row(
-            body.joint, f"{body.mass:.6g}", "" if body.joint is None else _range(body),
+            body.joint, f"{body.mass:.6g}", _range(body) if body in model.bodies[1:] else "",
             decimals(body.centre), decimals(body.inertia.diagonal()),
         )  # fmt: skip
     yield bodies

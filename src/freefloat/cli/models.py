@@ -128,7 +128,9 @@ def _scenario(name: str, file: Path) -> BundledFile:
 
 def _study(name: str, file: Path) -> BundledFile:
     description, content = _read(file)
-    return BundledFile(name, description, {key: content[key] for key in ("base", "task")}, file)
+    return BundledFile(
+        name, description, {"base": content["base"], "task": content["command"]}, file
+    )
 
 
 def _read(file: Path) -> tuple[str, dict[str, Any]]:

@@ -81,7 +81,6 @@ Page = Annotated[
     Path | None,
     typer.Option("--html", metavar="FILE", help="Write a page that plays the motion offline."),
 ]
-Output = ResultFile
 Plots = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Write figures to this folder, as PDF and PNG.")
 ]
@@ -136,92 +135,3 @@ def _os_errors(option: str, path: Path) -> Iterator[None]:
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null character
         problem = f"{path}: {getattr(error, 'strerror', None) or error}"
         raise InputError(option, problem, "a place that can be written to") from None
-
-
-# --- view ---------------------------------------------------------------------------------------
-
-Files = Annotated[
-    list[Path],
-    typer.Argument(metavar="FILE", help="Written with -o by plan, simulate or map; one page."),
-]
-Port = Annotated[
-    int, typer.Option(min=0, max=65535, metavar="P", help="When taken, the next free one.")
-]
-NoOpen = Annotated[bool, typer.Option("--no-open", help="Open no browser; so it is with --json.")]
-Snapshots = Annotated[
-    int | None,
-    typer.Option(min=1, max=1000, metavar="N", help="Take N pictures from start to end."),
-]
-Folder = Annotated[
-    Path | None,
-    typer.Option(
-        *("--output", "-o"),
-        metavar="DIR",
-        help="Where the pictures go; else NAME_snapshots here, NAME being that of the file.",
-    ),
-]
-Video = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Write a .gif, or a .mp4 where ffmpeg is installed."),
-]
-Rate = Annotated[
-    float | None, typer.Option(metavar="F", help="Pictures a second of the video; else 20.")
-]
-Speed = Annotated[
-    float | None,
-    typer.Option(
-        metavar="X",
-        help="How many times faster than the motion the video is; else 1, or a round number that "
-        "makes it last a quarter of a minute at most.",
-    ),
-]
-Size = Annotated[
-    str | None,
-    typer.Option(metavar="WxH", help="Of pictures and video; else 1280x720, GIF 800x450."),
-]
-Scene = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="Of several, the one that the page opens on and that is in pictures and video: a "
-        'file\'s name, of a map an arm branch, or "side by side".',
-    ),
-]
-
-# --- batch --------------------------------------------------------------------------------------
-
-StudyName = Annotated[
-    str,
-    typer.Argument(
-        metavar="STUDY",
-        help="A file or a bundled name: spatial_6dof/montecarlo",
-        autocompletion=study_names,
-    ),
-]
-StudyOutput = Annotated[
-    Path | None,
-    typer.Option(
-        *("--output", "-o"),
-        metavar="DIR",
-        help="Where results go; in a folder of the same study the rest of it is done.",
-    ),
-]
-Workers = Annotated[
-    int | None,
-    typer.Option(
-        min=1, metavar="N", help="Processes to start, a core each; all cores when left out."
-    ),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ADDRESS", help="Use the workers of this Dask scheduler instead: tcp://host:8786"
-    ),
-]
-DryRun = Annotated[
-    bool,
-    typer.Option("--dry-run", help="List the cases and estimate the time, run no more than two."),
-]
-Report = Annotated[
-    bool, typer.Option("--report", help="Also write report.html, one page with figure and cases.")
-]

@@ -83,9 +83,9 @@ def _save_page(file: Path, title: str, plan: Plan) -> str | None:
     """Write the page of a plan's motion; return the file, or None where there is no motion."""
     if plan.chosen is None:
         return None
-    from freefloat.visualization.playback import play
+    from freefloat.visualization.playback import playback
 
-    play({f"{title}, {plan.chosen.branch.label}": plan.chosen.motion}, title).save(file)
+    playback({f"{title}, {plan.chosen.branch.label}": plan.chosen.motion}, title).save(file)
     return str(file)
 
 
@@ -93,16 +93,14 @@ def draw(
     console: Console, folder: Path, result: Plan | AttitudeMap | HeadingMap, threads: int | None
 ) -> list[str]:
     """Draw the figures of a result into a folder; print and return their files."""
-    from freefloat.planning.plan import Plan
-    from freefloat.tasks.drawing import draw_map, draw_plan
+    from freefloat.visualization.figure_style import save_figures
+    from freefloat.visualization.figures import figures
 
-    if isinstance(result, Plan):
-        files = draw_plan(folder, result, threads)["plots"]
-    else:
-        files = draw_map(folder, result, threads)["plots"]
-    names = ", ".join(dict.fromkeys(Path(file).stem for file in files))
+    with console.progress("drawing") as progress:
+        files = save_figures(folder, figures(result, threads=threads, progress=progress))
+    names = ", ".join(dict.fromkeys(file.stem for file in files))
     console.tables([f"Figures in {folder}, as PDF and PNG: {names}"])
-    return list(files)
+    return [str(file) for file in files]
 
 
 def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
@@ -139,12 +137,8 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
     tolerance = plan.tolerance
     if tolerance is not None:
         more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""
-        yield (
-            f"Momentum tolerance{scope}: {tolerance.momentum:.4g} N m s{more} in any direction."
-        )
-        yield (
-            f"Feasible durations{scope}: {tolerance.shortest:.5g} to {tolerance.longest:.5g} s."
-        )
+        yield (f"Momentum tolerance{scope}: {tolerance.momentum:.4g} N m s{more} in any direction.")
+        yield (f"Feasible durations{scope}: {tolerance.shortest:.5g} to {tolerance.longest:.5g} s.")
     if plan.excluded:
         counts = ", ".join(f"{limit} {count}" for limit, count in plan.excluded.items())
         yield f"Better candidates that violate a limit: {counts}."
@@ -154,8 +148,10 @@ def _segment_lines(plan: Plan) -> Iterator[str]:
     from freefloat.cli.tables import short_label
 
     for segment in plan.segments:
-        yield f"  Feasible headings at the end of the segment from {segment.span[0]:g} to "\
-              f"{segment.span[1]:g} s:"
+        yield (
+            f"  Feasible headings at the end of the segment from {segment.span[0]:g} to "
+            f"{segment.span[1]:g} s:"
+        )
         for scope, branches in (
             ("this segment alone", segment.at_end),
             ("to the end of the path", segment.joined_at_end),

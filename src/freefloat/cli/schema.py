@@ -14,10 +14,8 @@ def schema(as_json: Json = False, quiet: Quiet = False) -> None:
     from freefloat.io.schema import ScenarioFile
     from freefloat.studies.schema import StudyFile
 
-    schemas = {"scenario": ScenarioFile, "study": StudyFile}
-    print_json(
-        {
-            name: {"$id": f"urn:freefloat:{name}", **model.model_json_schema()}
-            for name, model in schemas.items()
-        }
-    )
+    schemas = {
+        "scenario": ScenarioFile.model_json_schema(),
+        "study": StudyFile.model_json_schema(),
+    }
+    print_json({name: {"$id": f"urn:freefloat:{name}", **one} for name, one in schemas.items()})

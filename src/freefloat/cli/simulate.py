@@ -86,9 +86,9 @@ def simulate(
     if output is not None:
         save_motion(output, simulation.chosen.motion, loaded, document)
     if html is not None:
-        from freefloat.visualization.playback import play
+        from freefloat.visualization.playback import playback
 
-        play(simulation, scenario).save(html)
+        playback(simulation, scenario).save(html)
     console.json(document)
     raise typer.Exit(DONE if simulation.chosen.motion.completed else NO)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 from rich.console import RenderableType
 from rich.text import Text
@@ -13,7 +12,6 @@ from freefloat.limits.limits import LimitResult
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.simulation import SimulatedBranch
 
-Document = dict[str, Any]
 ANY = "any"
 """Label of all starting configurations of a redundant arm."""
 _LIMITS = {
@@ -76,7 +74,8 @@ def _place(motion: Motion) -> str:
 
 def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:
     """A table of limits, each at the place where it is closest to being violated."""
-    limits, lines = table("limit", "worst", "allowed", "at [s]", "where", "verdict"), []
+    lines: list[str] = []
+    limits = table("limit", "worst", "allowed", "at [s]", "where", "verdict")
     for result in results:
         limits.add_row(
             Text(_LIMITS[result.limit]),
@@ -90,7 +89,8 @@ def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:
         if result.base_wrench is not None:
             lines.append(f"  base wrench of inverse dynamics: {result.base_wrench:.1e} (relative)")
     if limits.row_count:
-        yield from (limits, *lines)
+        yield limits
+        yield from lines
 
 
 def _number(value: float) -> str:
@@ -117,20 +117,3 @@ def percentage(fraction: float, error: float | None, samples: int) -> str:
     if fraction <= 0.0:
         return f"{fraction:.2%} (at most {bound:.2%} {confidence})"
     return f"{fraction:.2%} ± {error:.2%}"
-
-
-def view_tables(document: Document) -> list[RenderableType]:
-    """Where a page, pictures or a video are."""
-    lines = [f"remark: {words}" for words in document["remarks"]]
-    if document["address"] is not None:
-        lines.append(f"{document['address']}  (for this machine alone; Ctrl-C ends)")
-    if document["html"] is not None:
-        lines.append(f"page: {document['html']}")
-    if document["snapshots"]:
-        first, last = document["snapshots"][0], document["snapshots"][-1]
-        lines.append(f"pictures: {first}" + (f" to {last}" if last != first else ""))
-    if document["video"] is not None:
-        video = document["video"]
-        pace = "" if video["speed"] == 1.0 else f", {video['speed']:g} times as fast as the motion"
-        lines.append(f"video: {video['file']}, {video['duration']:.1f} s{pace}")
-    return [Text(line) for line in lines]

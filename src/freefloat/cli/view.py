@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from freefloat.cli import options
-from freefloat.cli.console import answer, answering, progress_bar
-from freefloat.cli.options import Json, Page
+import typer
+
+from freefloat.cli.console import Console
+from freefloat.cli.options import Json, Page, Quiet, make_folder, prepare_outputs
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,18 +21,57 @@ _ACCEPTED = "plans and motions, several together, or one attitude map (others: m
 
 
 def view(
-    files: options.Files,
-    port: options.Port = 7007,
-    no_open: options.NoOpen = False,
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE", help="Files of plan, simulate or map; shown on one page."),
+    ],
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="P", help="When taken, the next free one.")
+    ] = 7007,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Open no browser; implied by --json.")
+    ] = False,
     html: Page = None,
-    snapshots: options.Snapshots = None,
-    output: options.Folder = None,
-    video: options.Video = None,
-    fps: options.Rate = None,
-    speed: options.Speed = None,
-    size: options.Size = None,
-    scene: options.Scene = None,
+    snapshots: Annotated[
+        int | None,
+        typer.Option(min=1, max=1000, metavar="N", help="Take N pictures from start to end."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            *("--output", "-o"),
+            metavar="DIR",
+            help="Folder of the pictures; default NAME_snapshots, NAME being that of the file.",
+        ),
+    ] = None,
+    video: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a .gif, or a .mp4 (needs ffmpeg).")
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(metavar="F", help="Frames per second of the video; 20.")
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            metavar="X",
+            help="Speed of the video; default 1. Longer motions are sped up; the factor is "
+            "printed.",
+        ),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(metavar="WxH", help="Of pictures and video; default 1280x720, GIF 800x450."),
+    ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Of several, the one that the page opens and that pictures and video show: the "
+            'name of a file, the arm branch of a map, or "side by side".',
+        ),
+    ] = None,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Play motions or show a map in a browser until Ctrl-C; or write the page, pictures, a video.
 
@@ -42,43 +82,51 @@ def view(
 
     Example: freefloat view good.h5 bad.h5 --html both.html --video bad.gif --scene bad
     """
-    with answering(as_json):
-        from freefloat.cli.tables import view_tables
-        from freefloat.io.files import refuse_same_files
-
-        needs: dict[str, tuple[Any, dict[str, Any]]] = {
-            "fps": (fps, {"--video": video}),
-            "speed": (speed, {"--video": video}),
-            "output": (output, {"--snapshots": snapshots}),
-            "size": (size, {"--snapshots": snapshots, "--video": video}),
-            "scene": (scene, {"--html": html, "--snapshots": snapshots, "--video": video}),
-        }
-        for key, (value, outputs) in needs.items():
-            if value is not None and all(wanted is None for wanted in outputs.values()):
-                problem = "it has no effect without a file to write"
-                raise InputError(key, problem, f"together with {' or '.join(outputs)}")
-        pixels = None if size is None else _pixels(size)
-        for file in files:
-            refuse_same_files(file=file, html=html, video=video)
-        playback = _playback(files)
-        document: dict[str, Any] = {
-            "address": None, "html": None, "snapshots": [], "video": None,
-            "scenes": list(playback.titles), "remarks": list(playback.remarks),
-        }  # fmt: skip
-        if html is None and snapshots is None and video is None:
-            _serve(playback, document, port, not (no_open or as_json), as_json)
-            return
-        _refuse_still(playback, scene, snapshots, video)
+    _require_outputs(
+        fps=(fps, {"--video": video}),
+        speed=(speed, {"--video": video}),
+        output=(output, {"--snapshots": snapshots}),
+        size=(size, {"--snapshots": snapshots, "--video": video}),
+        scene=(scene, {"--html": html, "--snapshots": snapshots, "--video": video}),
+    )
+    pixels, console, playback = _pixels(size), Console(as_json, quiet), _playback(files)
+    document: dict[str, Any] = {
+        "address": None, "html": None, "snapshots": [], "video": None,
+        "scenes": list(playback.titles), "remarks": list(playback.remarks),
+    }  # fmt: skip
+    if html is None and snapshots is None and video is None:
+        _serve(console, playback, document, port, not (no_open or as_json))
+        return
+    if playback.scene_duration(scene) == 0.0 and (video or (snapshots or 1) > 1):
+        key = "snapshots" if video is None else "video"
+        raise InputError(key, "nothing moves there", "--snapshots 1 or --html")
+    prepare_outputs(*files, html=html, video=video)
+    if snapshots is not None:
         name = scene if scene and len(files) > 1 else files[0].stem
-        document |= _save_pictures(playback, name, scene, pixels, snapshots, output)
-        document |= _save_video(playback, scene, pixels, video, fps, speed)
-        if html is not None:
-            document["html"] = str(playback.save(html, scene))
-        answer(document, view_tables(document), as_json)
+        folder = output or Path(re.sub(r"[^\w.+-]+", "_", name) + "_snapshots")
+        document["snapshots"] = _save_pictures(
+            console, playback, snapshots, folder, name, pixels, scene
+        )
+    if video is not None:
+        document["video"] = _save_video(console, playback, video, pixels, scene, fps, speed)
+    if html is not None:
+        document["html"] = str(playback.save(html, scene))
+    console.json(document)
+    console.tables(_lines(document))
 
 
-def _pixels(text: str) -> tuple[int, int]:
+def _require_outputs(**options: tuple[Any, dict[str, Any]]) -> None:
+    """Raise where an option was given, but none of the outputs that it concerns."""
+    for key, (value, outputs) in options.items():
+        if value is not None and all(wanted is None for wanted in outputs.values()):
+            accepted = f"together with {' or '.join(outputs)}"
+            raise InputError(key, "it has no effect without a file to write", accepted)
+
+
+def _pixels(text: str | None) -> tuple[int, int] | None:
     """Width and height from ``1280x720``."""
+    if text is None:
+        return None
     numbers = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", text)
     if numbers is None:
         raise InputError("size", f"{text!r} was given", "width and height in pixels: 1280x720")
@@ -105,12 +153,17 @@ def _playback(files: Sequence[Path]) -> Playback:
         if kind not in (PLAN, MOTION):
             raise InputError("file", f"it holds {kind!r}", _ACCEPTED, str(file))
         numbered = (f"{file.stem} ({number})" for number in range(2, len(files) + 1))
-        name = next(one for one in (file.stem, *numbered) if one not in motions)
-        motions[name] = _motion(file)
+        name = next(name for name in (file.stem, *numbered) if name not in motions)
+        motions[name] = load_motion(file)
     return playback(motions, " · ".join(motions))
 
 
-def _motion(file: Path) -> Motion:
+def load_motion(file: Path) -> Motion:
+    """The motion of a plan or motion file.
+
+    Raises:
+        InputError: If it cannot be read or has no motion.
+    """
     from freefloat.io.plan_file import load_plan
 
     stored = load_plan(file)
@@ -122,65 +175,68 @@ def _motion(file: Path) -> Motion:
 
 
 def _serve(
-    playback: Playback, document: dict[str, Any], port: int, opens: bool, as_json: bool
+    console: Console, playback: Playback, document: dict[str, Any], port: int, opens: bool
 ) -> None:
-    from freefloat.cli.tables import view_tables
     from freefloat.visualization.server import open_browser, serve
 
     def ready(address: str) -> None:
         shown = {**document, "address": address}
-        answer(shown, view_tables(shown), as_json)
+        console.json(shown)
+        console.tables(_lines(shown))
         if opens:
             open_browser(address)
 
     serve(playback.html(), port, ready)
 
 
-def _refuse_still(
-    playback: Playback, scene: str | None, snapshots: int | None, video: Path | None
-) -> None:
-    still = playback.scene_duration(scene) == 0.0
-    if still and (video is not None or (snapshots or 1) > 1):
-        key = "snapshots" if video is None else "video"
-        raise InputError(key, "nothing moves there", "--snapshots 1 or --html")
-
-
 def _save_pictures(
+    console: Console,
     playback: Playback,
+    count: int,
+    folder: Path,
     name: str,
-    scene: str | None,
     size: tuple[int, int] | None,
-    count: int | None,
-    folder: Path | None,
-) -> dict[str, Any]:
-    if count is None:
-        return {}
+    scene: str | None,
+) -> list[str]:
     from freefloat.visualization.video import SIZE, save_snapshots
 
-    folder = folder or Path(re.sub(r"[^\w.+-]+", "_", name) + "_snapshots")
-    with progress_bar(f"taking {count} pictures") as progress:
+    make_folder("output", folder)
+    with console.progress(f"taking {count} pictures") as progress:
         files = save_snapshots(
             playback, count, folder, name, size=size or SIZE, scene=scene, progress=progress
         )
-    return {"snapshots": [str(file) for file in files]}
+    return [str(file) for file in files]
 
 
 def _save_video(
+    console: Console,
     playback: Playback,
-    scene: str | None,
+    file: Path,
     size: tuple[int, int] | None,
-    file: Path | None,
+    scene: str | None,
     rate: float | None,
     speed: float | None,
 ) -> dict[str, Any]:
-    if file is None:
-        return {}
     from freefloat.visualization.video import frame_times, save_video
 
     frames = frame_times(file, playback.scene_duration(scene), rate, speed)
-    with progress_bar(f"taking {len(frames.times)} pictures") as progress:
+    with console.progress(f"taking {len(frames.times)} pictures") as progress:
         save_video(playback, file, frames, size=size, scene=scene, progress=progress)
-    return {"video": {
-        "file": str(file), "pictures": len(frames.times), "fps": frames.rate,
-        "speed": frames.speed, "duration": frames.duration,
-    }}  # fmt: skip
+    return {"file": str(file), "pictures": len(frames.times), "fps": frames.rate,
+            "speed": frames.speed, "duration": frames.duration}  # fmt: skip
+
+
+def _lines(document: dict[str, Any]) -> Iterator[str]:
+    """Where the page, the pictures or the video are."""
+    yield from (f"remark: {remark}" for remark in document["remarks"])
+    if document["address"] is not None:
+        yield f"{document['address']}  (for this machine alone; Ctrl-C ends)"
+    if document["html"] is not None:
+        yield f"page: {document['html']}"
+    if document["snapshots"]:
+        first, last = document["snapshots"][0], document["snapshots"][-1]
+        yield f"pictures: {first}" + (f" to {last}" if last != first else "")
+    if document["video"] is not None:
+        video = document["video"]
+        speed = "" if video["speed"] == 1.0 else f", {video['speed']:g} times the motion's speed"
+        yield f"video: {video['file']}, {video['duration']:.1f} s{speed}"

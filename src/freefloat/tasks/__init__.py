@@ -1,1 +1,0 @@
-"""The work of one command each, and how it speaks meanwhile."""
