@@ -20,7 +20,7 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     from freefloat.dynamics.summary import RobotSummary
     from freefloat.robot.diagnostics import UrdfDiagnostic
-    from freefloat.robot.rigid_bodies import RigidBody
+    from freefloat.robot.rigid_bodies import Body
 
 _EXAMPLES = "example-robot-data:"
 
@@ -128,7 +128,7 @@ def _tables(summary: RobotSummary) -> Iterator[RenderableType]:
     yield from _diagnostic_lines(summary.diagnostics)
 
 
-def _range(body: RigidBody) -> str:
+def _range(body: Body) -> str:
     if not math.isfinite(body.lower):
         return "unlimited"
     if body.prismatic:
