@@ -17,27 +17,28 @@ plan = ff.plan(problem, limits=limits)
 print(f"chosen for {plan.reason}")
 
 
-def tell(findings: tuple[ff.LimitResult, ...]) -> None:
-    """Every limit where it is nearest to being broken."""
-    for one in findings:
-        verdict = "kept" if one.kept else "broken"
+def show(results: tuple[ff.LimitResult, ...]) -> None:
+    """Print every limit where it is most used up."""
+    for result in results:
+        verdict = "kept" if result.kept else "violated"
         print(
-            f"  {one.limit:12} {one.ratio:7.2%} used at {one.time:7.3f} s, {one.where}: {verdict}"
+            f"  {result.limit:12} {result.ratio:7.2%} used at {result.time:7.3f} s, "
+            f"{result.where}: {verdict}"
         )
 
 
-tell(plan.limit_results)
+show(plan.limit_results)
 
-# Any motion can be held against any limits, such as joints that are a tenth as fast:
+# Any motion can be checked against any limits, such as a tenth of the joint rates:
 slow = replace(limits, joint_rate=limits.joint_rate / 10.0)
-findings = ff.LimitChecker(problem, slow).findings(plan.chosen.motion)
+results = ff.check_limits(plan.chosen.motion, slow)
 print("with slow joints")
-tell(findings)
+show(results)
 
-# Without momentum the same motion in more time is slower by as much, joint for joint.
-longer = scenario.stretched(needed_stretch(findings)).problem()
+# Without momentum a longer duration scales all joint rates alike.
+longer = scenario.stretched(needed_stretch(results)).problem()
 start = plan.chosen.motion.initial
 motion = ff.simulate(longer, start.attitude, joints=start.joints).chosen.motion
 print("with slow joints and more time")
-tell(ff.LimitChecker(longer, slow).findings(motion))
+show(ff.check_limits(motion, slow))
 print(f"duration: {longer.path.duration:.3f} s instead of {problem.path.duration:g} s")

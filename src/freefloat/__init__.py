@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from freefloat.io.saving import save_plan as save_plan
     from freefloat.io.scenario import Scenario as Scenario
     from freefloat.io.scenario import load_scenario as load_scenario
-    from freefloat.limits.check import LimitChecker as LimitChecker
+    from freefloat.limits.check import check_limits as check_limits
     from freefloat.limits.limits import LimitResult as LimitResult
     from freefloat.limits.limits import Limits as Limits
     from freefloat.motion.closest_approach import ClosestApproach as ClosestApproach
@@ -125,7 +125,7 @@ _ROOMS = {
     # its limits
     "Limits": "limits.limits",
     "LimitResult": "limits.limits",
-    "LimitChecker": "limits.check",
+    "check_limits": "limits.check",
     # a plan
     "plan": "planning.planner",
     "Plan": "planning.plan",

@@ -162,14 +162,14 @@ def test_each_limit_broken_in_turn():
     motion = planar_motion(load_scenario("planar_3dof/parabola").problem())
     just = all_limits(motion)
     checker = LimitChecker(motion.problem, just)
-    assert [one.kept for one in checker.findings(motion)] == [True] * 4
+    assert [one.kept for one in checker.results(motion)] == [True] * 4
     assert all(one.kept for one in checker.in_turn(motion))
     for name, factor in (("joint_rate", 0.99), ("joint_torque", 0.99), ("base_rate", 0.99),
                          ("clearance", 1.01)):  # fmt: skip
         tighter = LimitChecker(
             motion.problem, replace(just, **{name: getattr(just, name) * factor})
         )
-        broken = [one.limit for one in tighter.findings(motion) if not one.kept]
+        broken = [one.limit for one in tighter.results(motion) if not one.kept]
         assert broken == [name]
         assert next(one.limit for one in tighter.in_turn(motion) if not one.kept) == name
 
@@ -193,7 +193,7 @@ def test_the_stretched_motion_just_keeps_the_limit(name):
     limits = {"joint_rate": np.array([0.1, 0.02, 0.05]), "base_rate": 0.01,
               "joint_torque": np.array([0.2, 0.01, 0.003])}  # fmt: skip
     checker = LimitChecker(problem, Limits(**{name: limits[name]}))
-    factor = needed_stretch(checker.findings(motion))
+    factor = needed_stretch(checker.results(motion))
     assert factor > 1.2
     longer = replace(problem, path=TimedPath(problem.path.path, Timing(100.0 * factor)))
     (found,) = check_limits(planar_motion(longer), Limits(**{name: limits[name]}))
@@ -231,7 +231,7 @@ def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
     still = Motion(motion.problem, Ending.SINGULAR, motion.times[:1], motion.attitudes[:1],
                    motion.joints[:1])  # fmt: skip
     checker = LimitChecker(motion.problem, Limits(np.ones(6), np.ones(6), 1.0, 0.0))
-    found = {one.limit: one for one in checker.findings(still)}
+    found = {one.limit: one for one in checker.results(still)}
     for kind in (LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE):
         assert found[kind].worst == np.inf
         assert not found[kind].kept

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from freefloat.io.scenario import Scenario, parse_scenario
-from freefloat.limits.check import LimitChecker
+from freefloat.limits.check import check_limits
 from freefloat.planning.limited_planner import keep_limits
 from freefloat.planning.plan import Plan
 from freefloat.planning.spatial_planner import plan_in_space
@@ -82,7 +82,7 @@ def test_another_robot_gets_another_plan_that_holds(
     assert found.problem.margin.is_kept(found.chosen.closest_approach.value)
     limits = scenario.limits()
     assert limits is not None
-    findings = LimitChecker(found.problem, limits).findings(motion)
+    findings = check_limits(motion, limits)
     assert len(findings) == 5
     assert all(one.kept for one in findings)
     wrench = findings[-1].base_wrench

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from freefloat.io.scenario import load_scenario, parse_scenario
-from freefloat.limits.check import LimitChecker
+from freefloat.limits.check import LimitChecker, check_limits
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.limited_planner import keep_limits
@@ -56,7 +56,7 @@ def looked_at(found: Plan, limits: Limits) -> Plan:
     assert found.feasible, found.reason
     assert found.chosen is not None
     assert found.problem.margin.is_kept(found.chosen.closest_approach.value)
-    again = LimitChecker(found.problem, limits).findings(found.chosen.motion)
+    again = check_limits(found.chosen.motion, limits)
     assert all(one.kept for one in again)
     assert [one.limit for one in again] == [one.limit for one in found.limit_results]
     return found
@@ -65,7 +65,7 @@ def looked_at(found: Plan, limits: Limits) -> Plan:
 def test_a_limit_that_the_best_breaks_leads_to_another_that_keeps_it(attitudes: Plan) -> None:
     assert attitudes.chosen is not None
     wide = LimitChecker(attitudes.problem, Limits(joint_rate=np.ones(6)))
-    (fastest,) = wide.findings(attitudes.chosen.motion)
+    (fastest,) = wide.results(attitudes.chosen.motion)
     limits = Limits(joint_rate=np.full(6, 0.9 * abs(fastest.worst)))
     found = looked_at(with_robustness(keep_limits(attitudes, limits)), limits)
     assert found.excluded[LimitKind.JOINT_RATE] > 0
@@ -145,7 +145,7 @@ def test_the_nearest_is_drawn_toward_the_present_attitude(planar: Problem) -> No
     limits = Limits(base_rate=0.08)
     found = kept(planar, limits, search)
     assert found.chosen is not None
-    base = LimitChecker(planar, limits).findings(found.chosen.motion)[-1]
+    base = check_limits(found.chosen.motion, limits)[-1]
     assert base.ratio > 0.98  # on the limit: nearer would break it
     assert found.deviation is not None
     assert np.degrees(found.deviation) == pytest.approx(19.6, abs=1.5)

@@ -16,7 +16,7 @@ from freefloat.errors import InputError
 from freefloat.io.digest import seal
 from freefloat.io.plan_file import load_plan, save_motion, save_plan
 from freefloat.io.scenario import parse_scenario
-from freefloat.limits.check import LimitChecker
+from freefloat.limits.check import check_limits
 from freefloat.planning.documents import simulation_document
 from freefloat.so3 import angle_between
 from freefloat.verification import robust_checks
@@ -426,7 +426,7 @@ def simulated(tmp_path_factory):
     simulation = ff.simulate(problem, [0, 0, np.sin(turn), np.cos(turn)], branch=0)
     motion = simulation.chosen.motion
     assert motion.ending is ff.Ending.SINGULAR
-    findings = LimitChecker(problem, scenario.limits(problem.model)).findings(motion)
+    findings = check_limits(motion, scenario.limits(problem.model))
     path = tmp_path_factory.mktemp("simulated") / "bad.h5"
     save_motion(path, motion, scenario, simulation_document(simulation, findings))
     return path

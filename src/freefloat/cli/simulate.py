@@ -80,7 +80,7 @@ def simulate(
             joints=_joint_values(joints),
             stop_at_margin=stop_at_margin,
         )
-        results = checker.findings(simulation.chosen.motion)
+        results = checker.results(simulation.chosen.motion)
     document = simulation_document(simulation, results)
     console.tables(_tables(scenario, simulation, results))
     if output is not None:

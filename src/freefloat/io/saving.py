@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from freefloat.errors import InputError, require_type
 from freefloat.io import map_file, plan_file
 from freefloat.io.scenario import Scenario, scenario_of
-from freefloat.limits.check import LimitChecker
+from freefloat.limits.check import check_limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
@@ -41,7 +41,7 @@ def save_plan(path: str | Path, plan: Plan, scenario: Scenario | None = None) ->
     scenario = _scenario(scenario, plan.problem, plan.search)
     if plan.chosen is not None:
         limits = scenario.limits(plan.problem.model)
-        found = LimitChecker(plan.problem, limits).findings(plan.chosen.motion)
+        found = check_limits(plan.chosen.motion, limits)
         unsaid = {str(one.limit) for one in plan.limit_results} - {str(one.limit) for one in found}
         if unsaid:
             told = f"none is stated for what the plan was to keep: {', '.join(sorted(unsaid))}"

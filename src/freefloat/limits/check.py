@@ -1,4 +1,4 @@
-"""Limits along a motion: each at the place where it is nearest to being broken, or worst so."""
+"""Limits along a motion, each at the instant at which it is most used up."""
 
 from __future__ import annotations
 
@@ -11,221 +11,203 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from freefloat.errors import InputError
-from freefloat.limits.limits import LimitKind, LimitResult, Limits
-from freefloat.limits.torques import Effort, InverseDynamics
+from freefloat.limits.limits import ROUNDING, LimitKind, LimitResult, Limits
+from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.extrema import Largest, Quantities, at_nodes, largest
 from freefloat.motion.joint_extents import joint_extents, joint_ranges
 from freefloat.motion.motion import DEGREE, Motion
-from freefloat.motion.problem import TOLERANCE, Problem
+from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:
-    from freefloat.limits.collision_pairs import CollisionPairs
+    from freefloat.limits.collision import CollisionPairs
+
+_State = tuple[float, Array, Array, int]
+"""Time, attitude, joints, segment of the time law."""
 
 
 def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
-    """What a motion does to every limit that is asked for, joint ranges first.
-
-    To look at several motions of one problem make a :class:`LimitChecker` and keep it.
+    """The results of all limits along a motion, joint ranges first.
 
     Args:
-        motion: Its joints count as they are; see :func:`freefloat.motion.joint_extents.unwrapped`.
-        limits: What is allowed.
+        motion: Its joints are compared with their ranges as they are; see
+            :func:`freefloat.motion.joint_extents.unwrapped`.
+        limits: The limits in addition to the joint ranges.
+
+    Raises:
+        InputError: If there are not as many limits as joints.
+        ModelError: If a clearance is required and the robot's shapes cannot be used.
     """
-    return LimitChecker(motion.problem, limits).findings(motion)
+    return LimitChecker(motion.problem, limits).results(motion)
 
 
 class LimitChecker:
-    """Limits of one problem, prepared for many motions."""
+    """The limits of a problem, prepared for many motions."""
 
     def __init__(self, problem: Problem, limits: Limits) -> None:
-        """Prepare the limits.
-
-        Args:
-            problem: Whose motions are looked at.
-            limits: What is allowed.
-
-        Raises:
-            InputError: If there are not as many limits as joints.
-            ModelError: If a clearance is asked for and the robot's shapes are of no use.
-        """
+        """Prepare the limits; raises as :func:`check_limits`."""
+        names = problem.model.joint_names
         for key in ("joint_rate", "joint_torque"):
-            given = getattr(limits, key)
-            if given is not None and given.shape != (problem.model.dof,):
-                names = ", ".join(problem.model.joint_names)
-                raise InputError(f"limits.{key}", f"shape {given.shape} was given", f"for {names}")
-        self._limits = limits
-        self._names = problem.model.joint_names
+            values = getattr(limits, key)
+            if values is not None and values.shape != (len(names),):
+                accepted = f"for {', '.join(names)}"
+                raise InputError(f"limits.{key}", f"shape {values.shape} was given", accepted)
+        self._problem, self._limits, self._names = problem, limits, names
         self._dynamics = InverseDynamics(problem)
         self._equation = problem.resolved_rate_solver()
-        self._lower, self._upper = joint_ranges(problem.model)
-        self._problem = problem
         if limits.clearance is not None:
             _ = self.pairs
 
     @cached_property
     def pairs(self) -> CollisionPairs:
-        """The pairs of shapes that are kept apart."""
-        from freefloat.limits.collision_pairs import CollisionPairs  # coal and trimesh take a while
+        """The pairs of shapes that may collide."""
+        from freefloat.limits.collision import CollisionPairs  # coal and trimesh import slowly
 
         return CollisionPairs(self._problem.model, self._limits.clearance or 0.0)
 
-    def findings(self, motion: Motion) -> tuple[LimitResult, ...]:
-        """What a motion does to every limit that is asked for, the cheapest to find out first."""
+    def results(self, motion: Motion) -> tuple[LimitResult, ...]:
+        """The results of all limits."""
         return tuple(check(motion) for check in self._checks())
 
     def in_turn(self, motion: Motion) -> Iterator[LimitResult]:
-        """The findings one by one, so that whoever has seen a broken one may leave the rest.
+        """The results one by one, the cheapest first.
 
-        Cheaper than :meth:`findings` also in that the clearance is not the smallest, but any that
-        tells whether it is kept; see :meth:`settled`.
+        A clearance is not the smallest, but decides whether the limit is kept; see :meth:`settled`.
         """
-        return (check(motion) for check in self._checks(hasty=True))
+        return (check(motion) for check in self._checks(decide_only=True))
 
-    def settled(self, findings: Sequence[LimitResult], motion: Motion) -> tuple[LimitResult, ...]:
-        """Findings of :meth:`in_turn` with the smallest clearance in place of any."""
+    def settled(self, results: Sequence[LimitResult], motion: Motion) -> tuple[LimitResult, ...]:
+        """Results of :meth:`in_turn` with the smallest clearance."""
         return tuple(
-            self._clearance(one.allowed, False, motion) if one.limit is LimitKind.CLEARANCE else one
-            for one in findings
+            self._clearance(result.allowed, False, motion)
+            if result.limit is LimitKind.CLEARANCE
+            else result
+            for result in results
         )
 
-    def _checks(self, hasty: bool = False) -> Iterator[Callable[[Motion], LimitResult]]:
+    def _checks(self, decide_only: bool = False) -> Iterator[Callable[[Motion], LimitResult]]:
         limits = self._limits
-        if np.isfinite(self._lower).any() or np.isfinite(self._upper).any():
-            yield self._range
+        if np.isfinite(joint_ranges(self._problem.model)).any():
+            yield self._joint_range
         if limits.joint_rate is not None:
             yield partial(self._joint_rate, limits.joint_rate)
         if limits.base_rate is not None:
             yield partial(self._base_rate, limits.base_rate)
         if limits.clearance is not None:
-            yield partial(self._clearance, limits.clearance, hasty)
+            yield partial(self._clearance, limits.clearance, decide_only)
         if limits.joint_torque is not None:
             yield partial(self._joint_torque, limits.joint_torque)
 
-    def _range(self, motion: Motion) -> LimitResult:
+    def _joint_range(self, motion: Motion) -> LimitResult:
         """The joint that is farthest out of its range, or nearest to an end of it."""
-        spans, lower, upper = joint_extents(motion), self._lower, self._upper
+        extents, (lower, upper) = joint_extents(motion), joint_ranges(self._problem.model)
         bounded = np.isfinite(lower) & np.isfinite(upper)
         half = np.where(bounded, (upper - lower) / 2.0, 1.0)
-        below, above = ((lower - spans.low) / half + 1.0, (spans.high - upper) / half + 1.0)
+        below, above = (lower - extents.low) / half + 1.0, (extents.high - upper) / half + 1.0
         joint = int(np.maximum(below, above).argmax())
-        high = above[joint] >= below[joint]
-        ratio = float(max(below[joint], above[joint]))
-        place = (spans.high_places if high else spans.low_places)[joint]
-        return LimitResult(
-            LimitKind.JOINT_RANGE,
-            worst=float((spans.high if high else spans.low)[joint]),
-            allowed=float((upper if high else lower)[joint]),
-            time=_time(motion, float(place)),
-            where=self._names[joint],
-            kept=ratio <= 1.0 + TOLERANCE,
-            ratio=ratio,
-        )
+        if above[joint] >= below[joint]:
+            ratio, worst, allowed, places = above, extents.high, upper, extents.high_places
+        else:
+            ratio, worst, allowed, places = below, extents.low, lower, extents.low_places
+        return _result(LimitKind.JOINT_RANGE, worst[joint], allowed[joint], ratio[joint],
+                       _time(motion, float(places[joint])), self._names[joint])  # fmt: skip
 
     def _joint_rate(self, allowed: Array, motion: Motion) -> LimitResult:
-        def shares(panel: int, x: float) -> Array:
-            share = self._rates(motion, panel, x)[1] / allowed
-            return np.concatenate([share, -share])
+        def rates(panel: int, x: float) -> Array:
+            return self._rates(motion, panel, x)[1]
 
-        found = _largest(motion, shares)
-        worst = np.inf
-        if motion.panels:
-            rates = self._rates(motion, found.panel, found.x)[1]
-            worst = rates[found.index % len(allowed)]
-        return self._of_joint(LimitKind.JOINT_RATE, motion, allowed, found, worst)
+        return self._of_joint(LimitKind.JOINT_RATE, motion, allowed, rates)
 
     def _base_rate(self, allowed: float, motion: Motion) -> LimitResult:
-        def square(panel: int, x: float) -> Array:
-            """Smooth also where the rate passes through zero."""
+        def squared(panel: int, x: float) -> Array:
+            """The squared ratio, smooth also where the rate passes through zero."""
             omega = self._rates(motion, panel, x)[0] / allowed
             return np.array([omega @ omega])
 
-        found = _largest(motion, square)
-        ratio = float(np.sqrt(found.value))
-        return LimitResult(
-            LimitKind.BASE_RATE,
-            worst=ratio * allowed,
-            allowed=allowed,
-            time=_time(motion, found.panel + (found.x + 1.0) / 2.0),
-            where="spacecraft",
-            kept=ratio <= 1.0 + TOLERANCE,
-            ratio=ratio,
-        )
+        maximum = largest(motion, squared) if motion.panels else _SINGULAR
+        ratio = float(np.sqrt(maximum.value))
+        time = _time(motion, maximum.panel + (maximum.x + 1.0) / 2.0)
+        return _result(LimitKind.BASE_RATE, ratio * allowed, allowed, ratio, time, "spacecraft")
 
     def _joint_torque(self, allowed: Array, motion: Motion) -> LimitResult:
-        def shares(panel: int, x: float) -> Array:
-            share = self._effort(motion, panel, x).joint_torques / allowed
-            return np.concatenate([share, -share])
-
         def forces(panel: int, x: float) -> Array:
-            effort = self._effort(motion, panel, x)
+            effort = self._dynamics.effort(*_state(motion, panel, x))
             return np.concatenate([effort.base_wrench, effort.joint_torques])
 
+        def torques(panel: int, x: float) -> Array:
+            return forces(panel, x)[6:]
+
         if not motion.panels:
-            return self._of_joint(LimitKind.JOINT_TORQUE, motion, allowed, _UNBOUNDED, np.inf)
-        wrenches, torques = np.split(at_nodes(motion, forces), [6], axis=2)
-        used = torques / allowed
-        found = largest(motion, shares, np.concatenate([used, -used], axis=2))
-        joint = found.index % len(allowed)
-        worst = self._effort(motion, found.panel, found.x).joint_torques[joint]
-        told = self._of_joint(LimitKind.JOINT_TORQUE, motion, allowed, found, worst)
-        most = float(np.nanmax(np.abs(torques), initial=0.0))
-        wrench = float(np.nanmax(np.abs(wrenches), initial=0.0))
-        return replace(told, base_wrench=wrench / most if most else wrench)
+            return self._of_joint(LimitKind.JOINT_TORQUE, motion, allowed, torques)
+        base, joints = np.split(at_nodes(motion, forces), [6], axis=2)
+        result = self._of_joint(LimitKind.JOINT_TORQUE, motion, allowed, torques, joints)
+        wrench, torque = (float(np.nanmax(np.abs(x), initial=0.0)) for x in (base, joints))
+        return replace(result, base_wrench=wrench / torque if torque else wrench)
 
     def _of_joint(
-        self, limit: LimitKind, motion: Motion, allowed: Array, found: Largest, worst: float
-    ) -> LimitResult:
-        joint = found.index % len(allowed)
-        return LimitResult(
-            limit,
-            worst=float(worst) if np.isfinite(found.value) else np.inf,
-            allowed=float(allowed[joint]),
-            time=_time(motion, found.panel + (found.x + 1.0) / 2.0),
-            where=self._names[joint],
-            kept=found.value <= 1.0 + TOLERANCE,
-            ratio=found.value,
-        )
+        self, limit: LimitKind, motion: Motion, allowed: Array, values: Quantities,
+        nodes: Array | None = None,
+    ) -> LimitResult:  # fmt: skip
+        """The result of a joint limit where the ratio of any joint is largest.
 
-    def _clearance(self, allowed: float, hasty: bool, motion: Motion) -> LimitResult:
-        from freefloat.limits.clearance import nearest
+        Args:
+            limit: The kind of limit.
+            motion: The motion.
+            allowed: Magnitudes, shape (n,).
+            values: The limited values, shape (n,).
+            nodes: Values at the nodes of the motion, where they are known, (panels, nodes, n).
+        """
 
-        enough = allowed * (1.0 - TOLERANCE)
-        found = nearest(motion, self.pairs, enough if hasty else None)
-        ratio = np.inf if found.distance <= 0.0 else allowed / found.distance
-        return LimitResult(
-            LimitKind.CLEARANCE, found.distance, allowed, found.time, self.pairs.name(found.pair),
-            kept=found.distance > 0.0 and found.distance >= enough, ratio=float(ratio),
-            notes=self.pairs.left_out,
-        )  # fmt: skip
+        def ratios(panel: int, x: float) -> Array:
+            ratio = values(panel, x) / allowed
+            return np.concatenate([ratio, -ratio])
+
+        if nodes is not None:
+            nodes = np.concatenate([nodes / allowed, -nodes / allowed], axis=2)
+        maximum = largest(motion, ratios, nodes) if motion.panels else _SINGULAR
+        joint, worst = maximum.index % len(allowed), np.inf
+        if np.isfinite(maximum.value):
+            worst = values(maximum.panel, maximum.x)[joint]
+        time = _time(motion, maximum.panel + (maximum.x + 1.0) / 2.0)
+        return _result(limit, worst, allowed[joint], maximum.value, time, self._names[joint])
+
+    def _clearance(self, allowed: float, decide_only: bool, motion: Motion) -> LimitResult:
+        from freefloat.limits.clearance import clearance
+
+        threshold = allowed * (1.0 - ROUNDING)
+        nearest = clearance(motion, self.pairs, threshold if decide_only else None)
+        ratio = np.inf if nearest.distance <= 0.0 else allowed / nearest.distance
+        name = self.pairs.name(nearest.pair)
+        result = _result(LimitKind.CLEARANCE, nearest.distance, allowed, ratio, nearest.time, name)
+        kept = nearest.distance > 0.0 and nearest.distance >= threshold
+        return replace(result, kept=kept, notes=self.pairs.left_out)
 
     def _rates(self, motion: Motion, panel: int, x: float) -> tuple[Array, Array]:
-        t, attitude, joints, piece = _state(motion, panel, x)
-        wish = self._problem.path.twist_and_speed(t, piece)
-        return self._equation.rates(attitude, joints, *wish)
-
-    def _effort(self, motion: Motion, panel: int, x: float) -> Effort:
-        t, attitude, joints, piece = _state(motion, panel, x)
-        return self._dynamics.effort(t, attitude, joints, piece)
+        t, attitude, joints, segment = _state(motion, panel, x)
+        twist, speed = self._problem.path.twist_and_speed(t, segment)
+        return self._equation.rates(attitude, joints, twist, speed)
 
 
-_UNBOUNDED = Largest(np.inf, 0, 0, -1.0)
-"""What is told of a motion that ends where it begins: it is singular there."""
+_SINGULAR = Largest(np.inf, 0, 0, -1.0)
+"""The maximum along a motion that is singular at its start and ends there."""
 
 
-def _largest(motion: Motion, of: Quantities) -> Largest:
-    return largest(motion, of) if motion.panels else _UNBOUNDED
+def _result(
+    limit: LimitKind, worst: float, allowed: float, ratio: float, time: float, where: str
+) -> LimitResult:
+    kept = bool(ratio <= 1.0 + ROUNDING)
+    return LimitResult(limit, float(worst), float(allowed), time, where, kept, float(ratio))
 
 
-def _state(motion: Motion, panel: int, x: float) -> tuple[float, Array, Array, int]:
-    """Time, attitude, joints, and the piece of the time law that holds in a panel."""
+def _state(motion: Motion, panel: int, x: float) -> _State:
+    """The state at a parameter of a panel, with the segment of the time law of that panel."""
     row = chebyshev.chebval(x, motion.coefficients[panel])
-    nodes = motion.times[[DEGREE * panel, DEGREE * (panel + 1)]]
-    piece = motion.problem.path.timing.piece_at(float(nodes.mean()))
-    return float(row[0]), row[1:5] / np.linalg.norm(row[1:5]), row[5:], piece
+    ends = motion.times[[DEGREE * panel, DEGREE * (panel + 1)]]
+    segment = motion.problem.path.timing.piece_at(float(ends.mean()))
+    return float(row[0]), row[1:5] / np.linalg.norm(row[1:5]), row[5:], segment
 
 
 def _time(motion: Motion, place: float) -> float:
-    """At a panel coordinate, never outside the motion [s]."""
+    """The time at a panel coordinate, within the motion [s]."""
     time = motion.evaluate(place)[0][0]
     return float(np.clip(time, motion.times.min(), motion.times.max()))

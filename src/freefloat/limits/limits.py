@@ -1,17 +1,20 @@
-"""What a motion may ask of joints, spacecraft and space; what it does ask."""
+"""Limits of a motion, and how far a motion uses them up."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
-from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.so3 import Array, frozen
+
+ROUNDING = 1e-6
+"""Relative excess up to which a limit counts as kept."""
 
 
 class LimitKind(StrEnum):
@@ -26,18 +29,17 @@ class LimitKind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What is allowed beside the joint ranges of the URDF, which always count.
-
-    None stands for what is not asked.
+    """Limits in addition to the joint ranges of the URDF; None for those that do not apply.
 
     Attributes:
         joint_rate: Magnitudes [rad/s or m/s], shape (n,); infinite for joints without a limit.
-        joint_torque: Magnitudes [N m or N], shape (n,); infinite likewise.
+        joint_torque: Magnitudes [N m or N], shape (n,); infinite for joints without a limit.
         base_rate: Magnitude of the spacecraft's angular velocity [rad/s].
-        clearance: Smallest distance [m] between bodies that may not touch; 0: no contact.
-    """
+        clearance: Smallest distance [m] between bodies that no joint connects; 0: no contact.
 
-    __repr__ = brief
+    Raises:
+        InputError: If a limit is not positive, or the clearance is negative.
+    """
 
     joint_rate: Array | None = None
     joint_torque: Array | None = None
@@ -46,10 +48,10 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("joint_rate", "joint_torque", "base_rate"):
-            given = getattr(self, name)
-            if given is None:
+            limit = getattr(self, name)
+            if limit is None:
                 continue
-            values = np.asarray(given, dtype=float)
+            values = np.asarray(limit, dtype=float)
             if not (values > 0.0).all():
                 raise InputError(f"limits.{name}", f"{values.tolist()} was given", "above zero")
             if name != "base_rate":
@@ -61,21 +63,20 @@ class Limits:
 
 @dataclass(frozen=True)
 class LimitResult:
-    """One limit along one motion, at the place where it is nearest to being broken or worst so.
+    """A limit along a motion, at the instant at which it is most used up.
 
     Attributes:
-        limit: Which one.
-        worst: The value there, signed [unit of the limit; rad or m for a joint's range].
-        allowed: What the limit allows there; of a range the bound that is nearer.
-        time: When [s].
+        limit: The kind of limit.
+        worst: Value at that instant, signed [unit of the limit; rad or m for a joint range].
+        allowed: Limit of that value; of a range the nearer end.
+        time: The instant [s].
         where: The joint, the pair of links as ``"a - b"``, or ``"spacecraft"``.
-        kept: Whether the motion keeps the limit, but for rounding.
-        ratio: How much of it is used up, 1 where it is just kept: worst over allowed; of a range
-            the distance from its middle over half of it; of a clearance allowed over worst.
-        base_wrench: With joint torques: the largest component of force [N] and moment [N m] that
-            inverse dynamics asks of the base, over the largest torque. Nothing pushes a drifting
-            spacecraft: it must vanish.
-        notes: What was left out, a sentence each.
+        kept: Whether the motion keeps the limit.
+        ratio: 1 where the limit is just kept: worst over allowed; of a range the distance from its
+            middle over half its width; of a clearance allowed over worst.
+        base_wrench: With joint torques: the largest component of force [N] and moment [N m] on the
+            base by inverse dynamics, over the largest torque; zero but for numerical errors.
+        notes: Pairs of links that were left out.
     """
 
     limit: LimitKind
@@ -88,21 +89,28 @@ class LimitResult:
     base_wrench: float | None = None
     notes: tuple[str, ...] = ()
 
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document; null for values without bound."""
+        values = asdict(self) | {"limit": str(self.limit), "notes": list(self.notes)}
+        return {
+            key: None if isinstance(value, float) and not math.isfinite(value) else value
+            for key, value in values.items()
+        }
+
 
 _POWERS = {LimitKind.JOINT_RATE: 1.0, LimitKind.BASE_RATE: 1.0, LimitKind.JOINT_TORQUE: 2.0}
-"""How the ratios fall with the duration when the system has no momentum."""
+"""Exponents with which ratios fall with the duration, without momentum."""
 
 
-def needed_stretch(findings: Iterable[LimitResult]) -> float:
-    """Factor on the duration with which rates and torques just keep their limits.
+def needed_stretch(results: Iterable[LimitResult]) -> float:
+    """Factor on the duration, 1 or more, with which rates and torques just keep their limits.
 
-    Exact without momentum: then the motion in joint space stays as it is, rates fall with the
-    duration and torques with its square. Stops must be stretched with the duration.
-
-    Returns:
-        1 where nothing is too fast; infinite where rates have no bound.
+    Exact without momentum: the path in joint space remains, rates are inversely proportional to the
+    duration, torques to its square. Infinite where rates have no bound.
     """
     factors = [
-        float(one.ratio ** (1.0 / _POWERS[one.limit])) for one in findings if one.limit in _POWERS
+        float(result.ratio ** (1.0 / _POWERS[result.limit]))
+        for result in results
+        if result.limit in _POWERS
     ]
     return max([1.0, *factors])

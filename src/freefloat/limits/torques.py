@@ -1,8 +1,8 @@
-"""Inverse dynamics of a planned motion: accelerations, joint torques, the wrench on the base.
+"""Inverse dynamics of a motion: accelerations, joint torques, the wrench on the base.
 
-Rates solve equation (4); accelerations solve its derivative by time. Where an arm has more joints
-than the task has rows, its joint rates are differentiated along the motion, by differences of
-sixth order: whatever rule chooses among the rates, the accelerations are those of that choice.
+Rates solve equation (4); accelerations solve its time derivative. The joint rates of a redundant
+arm are differentiated along the motion by central differences of sixth order, which holds for every
+redundancy resolution.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from freefloat.so3 import Array
 
 _STEPS = np.array([1.0, 2.0, 3.0])
 _WEIGHTS = np.array([45.0, -9.0, 1.0]) / 60.0
-"""Of central differences: their error is of sixth order."""
+"""Weights of central differences of sixth order."""
 _EXCURSION = 1e-3
-"""By how much attitude and joints move in a step of differences [rad, m]."""
+"""Displacement of attitude and joints in a step of the differences [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """What a motion asks for at an instant.
+    """Rates, accelerations and forces at an instant.
 
     Base components are linear before angular, in the spacecraft frame at its root link's origin.
 
     Attributes:
         rates: Base twist and joint rates, shape (6 + n,).
-        accelerations: Their derivatives by time, shape (6 + n,).
-        base_wrench: Force [N] and moment [N m] on the spacecraft; zero but for rounding, shape
-            (6,).
+        accelerations: Their time derivatives, shape (6 + n,).
+        base_wrench: Force [N] and moment [N m] on the spacecraft, shape (6,); zero but for
+            numerical errors.
         joint_torques: [N m or N], shape (n,).
     """
 
@@ -45,7 +45,7 @@ class Effort:
 
 
 class InverseDynamics:
-    """The efforts of a problem's motions, without gravity."""
+    """Inverse dynamics of the motions of a problem, without gravity."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
@@ -56,16 +56,16 @@ class InverseDynamics:
         self._rows = problem.task.rows
 
     def effort(self, t: float, attitude: Array, joints: Array, piece: int | None = None) -> Effort:
-        """The effort at a state of a motion.
+        """Forces at a state of a motion.
 
         Args:
             t: Time [s].
             attitude: Unit quaternion x, y, z, w.
             joints: Joint values, shape (n,).
-            piece: Of the time law, see :meth:`freefloat.paths.timing.Timing.s`.
+            piece: Segment of the time law, see :meth:`freefloat.paths.timing.Timing.s`.
 
         Returns:
-            Everything nan where the arm is exactly singular: rates have no bound there.
+            NaN where the arm is exactly singular.
         """
         path = self._problem.path
         twist, speed = path.twist_and_speed(t, piece)
@@ -76,42 +76,47 @@ class InverseDynamics:
             unknown = np.full(count, np.nan)
             return Effort(unknown, unknown, unknown[:6], unknown[6:])
         A = momentum_map(self._problem.model, joints, attitude)
-        turning = np.concatenate([omega, joint_rates])
-        v = np.concatenate([-np.linalg.solve(A[:3, :3], A[:3, 3:] @ turning), turning])
+        rates = np.concatenate([omega, joint_rates])
+        v = np.concatenate([-np.linalg.solve(A[:3, :3], A[:3, 3:] @ rates), rates])
         q = np.concatenate([np.zeros(3), attitude, joints])
         model, scratch = self._weightless, self._scratch
         drift = pin.computeCentroidalMomentumTimeVariation(model, scratch, q, v, np.zeros(count))
         bias = pin.getFrameClassicalAcceleration(
             model, scratch, self._problem.model.frame_id, pin.LOCAL_WORLD_ALIGNED
         ).vector[self._rows]
-        if len(self._rows) == len(joints):
+        if not self._problem.redundant:
             J = end_effector_jacobian(self._problem.model, joints, attitude)[self._rows]
             right = np.concatenate([-drift.vector, change[self._rows] - bias])
             a = np.linalg.solve(np.vstack([A, J]), right)
         else:
-            wish = np.append(twist, speed), np.append(change, path.timing.s(t, 2, piece))
-            bend = self._differenced(attitude, joints, turning, *wish)
-            base = -np.linalg.solve(A[:, :6], drift.vector + A[:, 6:] @ bend)
-            a = np.concatenate([base, bend])
+            prescribed = np.append(twist, speed), np.append(change, path.timing.s(t, 2, piece))
+            accelerations = self._differentiated(attitude, joints, rates, *prescribed)
+            base = -np.linalg.solve(A[:, :6], drift.vector + A[:, 6:] @ accelerations)
+            a = np.concatenate([base, accelerations])
         forces = np.array(pin.rnea(model, scratch, q, v, a))
         return Effort(v, a, forces[:6], forces[6:])
 
-    def _differenced(
-        self, attitude: Array, joints: Array, turning: Array, wish: Array, change: Array
+    def _differentiated(
+        self, attitude: Array, joints: Array, rates: Array, prescribed: Array, change: Array
     ) -> Array:
         """Joint accelerations: joint rates differentiated along the tangent of the motion.
 
-        ``wish`` is the twist and ds/dt, ``change`` their derivatives by time, shape (7,) each.
+        Args:
+            attitude: Unit quaternion x, y, z, w.
+            joints: Joint values, shape (n,).
+            rates: Angular velocity of the base and joint rates, shape (3 + n,).
+            prescribed: Twist of the end-effector and ds/dt, shape (7,).
+            change: Its time derivative, shape (7,).
         """
-        pace = max(float(np.abs(turning).max()), _EXCURSION / self._problem.path.duration)
-        step, now = _EXCURSION / pace, Rotation.from_quat(attitude)
+        largest = max(float(np.abs(rates).max()), _EXCURSION / self._problem.path.duration)
+        step, now = _EXCURSION / largest, Rotation.from_quat(attitude)
         total = np.zeros(len(joints))
         for side in (1.0, -1.0):
             for ahead, weight in zip(side * step * _STEPS, side * _WEIGHTS, strict=True):
-                turned = now * Rotation.from_rotvec(ahead * turning[:3])
-                soon = wish + ahead * change
-                rates = self._equation.rates(
-                    turned.as_quat(), joints + ahead * turning[3:], soon[:6], float(soon[6])
-                )[1]
-                total += weight * rates
+                rotated = (now * Rotation.from_rotvec(ahead * rates[:3])).as_quat()
+                later = prescribed + ahead * change
+                solved = self._equation.rates(
+                    rotated, joints + ahead * rates[3:], later[:6], float(later[6])
+                )
+                total += weight * solved[1]
         return np.asarray(total / step)

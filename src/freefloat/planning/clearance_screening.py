@@ -11,7 +11,7 @@ import itertools
 import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.collision_pairs import CollisionPairs
+from freefloat.limits.collision import CollisionPairs
 from freefloat.so3 import Array, IntArray
 
 _INSTANTS = 16

@@ -6,8 +6,6 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.closest_approach import ClosestApproach
@@ -63,16 +61,8 @@ def _redundancy_document(problem: Problem) -> Document | None:
 
 
 def limits_document(findings: Iterable[LimitResult]) -> list[Document]:
-    """Limits along a motion; null stands for what has no bound."""
-    return [
-        {key: _bounded(value) for key, value in asdict(one).items()}
-        | {"limit": str(one.limit), "notes": list(one.notes)}
-        for one in findings
-    ]  # fmt: skip
-
-
-def _bounded(value: Any) -> Any:
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    """Limits along a motion; null for values without bound."""
+    return [result.to_dict() for result in findings]
 
 
 def _summary(one: SimulatedBranch) -> Document:

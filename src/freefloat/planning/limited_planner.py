@@ -279,7 +279,7 @@ def _refused(found: Plan, search: _Search) -> Plan:
     told = f"attitudes keep the margin, but every candidate breaks a limit: {counted}"
     findings = search.nearest
     if search.nearest_motion is not None:
-        findings = search.checker.findings(search.nearest_motion)  # the worst places, not the first
+        findings = search.checker.results(search.nearest_motion)  # the worst places, not the first
     broken = [one for one in findings if not one.kept]
     if broken:
         worst = max(broken, key=lambda one: one.ratio)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.collision_pairs import CollisionPairs
+from freefloat.limits.collision import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.joint_extents import joint_ranges
 from freefloat.motion.problem import is_kept

@@ -198,7 +198,7 @@ def _simulate(run: Run, scenario: Scenario, problem: Problem, file: Path | None)
         checker = LimitChecker(problem, scenario.limits(problem.model))
     simulation = simulate(problem, _attitude(problem, run.start), branch=run.start.get("branch"))
     chosen = simulation.chosen
-    limits = checker.findings(chosen.motion)
+    limits = checker.results(chosen.motion)
     if file is not None:
         save_motion(file, chosen.motion, scenario, simulation_document(simulation, limits))
     violated = [str(result.limit) for result in limits if not result.kept]

@@ -14,7 +14,7 @@ from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.plan_file import StoredPlan, load_plan
 from freefloat.io.result_file import MOTION, PLAN, opened_result
 from freefloat.io.scenario import Scenario
-from freefloat.limits.check import LimitChecker
+from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitKind, LimitResult
 from freefloat.motion.certificate import Certificate, certify
 from freefloat.motion.motion import Motion
@@ -168,7 +168,7 @@ def _verdict(
     def look_at_limits() -> list[Check]:
         nonlocal limits
         problem = motion.problem
-        limits = LimitChecker(problem, wish.limits(problem.model)).findings(motion)
+        limits = check_limits(motion, wish.limits(problem.model))
         return _limits(limits, stored)
 
     guarded("certificate", prove)
