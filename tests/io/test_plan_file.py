@@ -70,7 +70,7 @@ def rebuilt(stored, motion):
         assert np.array_equal(getattr(again, name), getattr(motion, name)), name
     assert again.residuals() == motion.residuals()
     margin, wanted = again.problem.margin, motion.problem.margin
-    assert margin.threshold == wanted.value
+    assert margin.threshold == wanted.threshold
     assert ff.closest_approach(again, margin.measure) == ff.closest_approach(motion, wanted.measure)
     assert np.array_equal(again.problem.momentum, motion.problem.momentum)
     return again

@@ -71,7 +71,7 @@ def test_the_minimum_between_nodes_is_found(motions, of, name):
         name = "system"
     measured = singularity_measure(motion.problem.model, motion.problem.task, name)
     found = closest_approach(motion, measured)
-    value, time = brute_force(motion, measured.value)
+    value, time = brute_force(motion, measured)
     assert found.measure == name
     assert found.value == pytest.approx(value, rel=1e-7)
     assert found.value <= value * (1.0 + 1e-12)
