@@ -125,7 +125,7 @@ def compare(scenario: str, seed: int, count: int, numbers: range) -> list[Compar
         if not branches:
             continue
         joints = np.array([branch.joints for branch in branches])
-        roll = roller.follow(np.tile(attitudes[number], (len(joints), 1)), joints)
+        roll = roller.integrate(np.tile(attitudes[number], (len(joints), 1)), joints)
         for k, branch in enumerate(branches):
             start = time.perf_counter()
             ending, closest, end, turn = precise(problem, attitudes[number], joints[k],
@@ -134,7 +134,7 @@ def compare(scenario: str, seed: int, count: int, numbers: range) -> list[Compar
             found.append(
                 Comparison(
                     scenario, number, tuple(attitudes[number].tolist()), branch.index,
-                    (int(roll.endings[k]), ending), (float(roll.least[k]), closest),
+                    (int(roll.endings[k]), ending), (float(roll.minimum[k]), closest),
                     (float(roll.ended_at[k]), end), turn if both else 0.0,
                     time.perf_counter() - start,
                 )

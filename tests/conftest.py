@@ -58,7 +58,7 @@ def kernels() -> None:
         problem = load_scenario(name).problem()
         planar = np.array([heading_quaternion(heading) for heading in range(6)])
         attitudes = planar if problem.task.planar else attitude_grid(8)
-        FeasibilityEvaluator(problem).prospects(attitudes)
+        FeasibilityEvaluator(problem).evaluate(attitudes)
 
 
 @pytest.fixture(scope="session")

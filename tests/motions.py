@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.ensemble.ensemble import Ensemble, EnsembleIntegrator
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.kernels.integration import EnsembleResult
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
@@ -47,10 +48,10 @@ def followed(problem: Problem, attitude: object, branch: int, **options: object)
     return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
 
 
-def rolled(motion: Motion, **options: object) -> Ensemble:
+def rolled(motion: Motion, **options: object) -> EnsembleResult:
     """The same motion by the compiled kernels."""
     first = motion.initial
-    return EnsembleIntegrator(motion.problem, 1).follow(
+    return EnsembleIntegrator(motion.problem, 1).integrate(
         first.attitude[None], first.joints[None], **options
     )
 

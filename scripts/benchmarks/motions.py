@@ -101,7 +101,8 @@ def maps(quick: bool) -> list[Result]:
             plain.least(starts[k], joints[k])
 
     whole, each, sample = race(
-        lambda: sample_attitudes(outlook, samples), lambda: outlook.roller.follow(starts, joints),
+        lambda: sample_attitudes(outlook, samples),
+        lambda: outlook.integrator.integrate(starts, joints),
         loop, rounds=1 if quick else 4,
     )  # fmt: skip
     motion = sample / picks

@@ -59,9 +59,9 @@ def with_joints(quick: bool) -> list[Result]:
         roller = EnsembleIntegrator(problem)
         starts, attitudes = rng.uniform(-1.5, 1.5, (count, joints)), attitude_grid(count)
         usual = np.median(np.abs([problem.margin.measure(q) for q in starts]))
-        roller.follow(attitudes[:1], starts[:1])
+        roller.integrate(attitudes[:1], starts[:1])
         runs.append(
-            lambda r=roller, a=attitudes, s=starts, m=0.01 * usual: r.follow(a, s, stop_below=m)
+            lambda r=roller, a=attitudes, s=starts, m=0.01 * usual: r.integrate(a, s, stop_below=m)
         )
         rows = 6 if joints >= POSE else 3
         names.append(f"a motion of many, {joints} joints, {rows} rates prescribed")
@@ -78,7 +78,7 @@ def with_cores(quick: bool) -> list[Result]:
     starts, joints = attitudes[where], branches.joints[branches.found]
     rollers = [EnsembleIntegrator(problem, threads) for threads in (cores, 1)]
     all_, one = race(
-        *(lambda roller=roller: roller.follow(starts, joints) for roller in rollers),
+        *(lambda roller=roller: roller.integrate(starts, joints) for roller in rollers),
         rounds=1 if quick else 5,
     )
     return [Result(f"{len(joints):,} motions on {cores} cores", all_, "on one core", one)]

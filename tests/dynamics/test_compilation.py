@@ -101,13 +101,13 @@ def test_whole_numbers_and_those_that_nobody_may_change_take_the_same_machine_co
     determinant = arc_flow(whole, 1.0).determinant
     assert determinant is not None
     assert determinant(motion.joints[0]) != 0.0
-    assert before["freefloat.ensemble.kernels.integration.follow_many"] > 0
+    assert before["freefloat.ensemble.kernels.integration.integrate_many"] > 0
     assert machine_code() == before
 
 
 def used(problem: Problem) -> Motion:
     """Its first motion, after many branches were found and followed."""
     attitude = np.array([0.0, 0.0, 0.0, 1.0])
-    found = FeasibilityEvaluator(problem, 1).prospects(attitude[None], stop_at_margin=True)
+    found = FeasibilityEvaluator(problem, 1).evaluate(attitude[None], stop_at_margin=True)
     assert (found.endings >= 0).any()
     return simulate(problem, attitude).chosen.motion

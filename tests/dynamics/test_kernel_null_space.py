@@ -8,7 +8,7 @@ import pytest
 from freefloat.dynamics.kernels.right_side import flow
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels.integration import COMPLETED, make_room
+from freefloat.ensemble.kernels.integration import COMPLETED, make_buffers
 from freefloat.motion.integration import integrate_motion
 from freefloat.so3 import angle_between
 from tests.ensemble.test_ensemble import both
@@ -21,7 +21,7 @@ def compiled_rates(problem, attitude, joints, t):
     """Joint rates and turn rate of the spacecraft as quaternion rate, both per second."""
     roller = EnsembleIntegrator(problem, 1)
     robot, n = roller._robot, problem.model.dof
-    room, T = make_room(n, len(problem.task.rows)), problem.path.duration
+    room, T = make_buffers(n, len(problem.task.rows)), problem.path.duration
     q, rates, demand = room.vectors[0, :n], room.vectors[1, :n], room.vectors[3]
     out = np.zeros(4 + n)
     piece = int(np.searchsorted(robot.ends, t))
@@ -66,9 +66,11 @@ def test_compiled_motions_retrace(number):
     structure, task = ARMS[0]
     start = redundant(structure, task, choices(structure, task)[number])
     roller, end = EnsembleIntegrator(start.problem, 1), np.array([20.0])
-    there = roller.follow(start.attitude[None], start.joints[None], tolerance=1e-9)
+    there = roller.integrate(start.attitude[None], start.joints[None], tolerance=1e-9)
     assert there.endings[0] == COMPLETED
-    back = roller.follow(there.attitudes, there.joints, starts=end, ends=0.0 * end, tolerance=1e-9)
+    back = roller.integrate(
+        there.attitudes, there.joints, starts=end, ends=0.0 * end, tolerance=1e-9
+    )
     np.testing.assert_allclose(back.joints[0], start.joints, rtol=0, atol=1e-5)
     assert angle_between(back.attitudes[0], start.attitude) < 1e-5
 
@@ -78,7 +80,7 @@ def test_the_plain_choice_is_the_default():
     start = redundant(*ARMS[0], None)
     plain = replace(start.problem, redundancy=Redundancy())
     one, other = (
-        EnsembleIntegrator(problem, 1).follow(start.attitude[None], start.joints[None])
+        EnsembleIntegrator(problem, 1).integrate(start.attitude[None], start.joints[None])
         for problem in (start.problem, plain)
     )
     np.testing.assert_array_equal(one.joints, other.joints)

@@ -13,8 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import ResolvedRateSolver, Task, generalized_determinant
-from freefloat.ensemble.ensemble import Ensemble, EnsembleIntegrator, run_chunks
-from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, MARGIN, SINGULAR
+from freefloat.ensemble.ensemble import EnsembleIntegrator, run_chunks
+from freefloat.ensemble.kernels.integration import (
+    COMPLETED,
+    FAILED,
+    MARGIN,
+    SINGULAR,
+    EnsembleResult,
+)
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.closest_approach import closest_approach, first_place_below
@@ -113,8 +119,8 @@ class Case:
     """Three accounts of the same motion: precise, quick, and quick at a fine tolerance."""
 
     motion: Motion
-    rollout: Ensemble
-    fine: Ensemble
+    rollout: EnsembleResult
+    fine: EnsembleResult
     k: int
 
     def assert_same(self) -> None:
@@ -131,16 +137,16 @@ class Case:
             late = abs(roll.ended_at[k] - motion.final.time) / motion.problem.path.duration
             if motion.ending is Ending.SINGULAR:
                 assert late < (1e-4 if roll is self.rollout else 2e-6)
-                assert roll.least[k] == 0.0
-                assert roll.least_at[k] == roll.ended_at[k]
+                assert roll.minimum[k] == 0.0
+                assert roll.minimum_at[k] == roll.ended_at[k]
                 continue
             assert late == 0.0
-            assert roll.least[k] == pytest.approx(
+            assert roll.minimum[k] == pytest.approx(
                 wanted.value, rel=max(10 * exact, 2e-4), abs=exact * first
             )
             assert angle_between(roll.attitudes[k], motion.final.attitude) < exact
             np.testing.assert_allclose(roll.joints[k], motion.final.joints, rtol=0, atol=2 * exact)
-            there = motion.sample([roll.least_at[k]])[0].joints
+            there = motion.sample([roll.minimum_at[k]])[0].joints
             assert abs(of(there)) == pytest.approx(wanted.value, rel=2e-3, abs=exact * first)
 
     def assert_same_extent(self) -> None:
@@ -161,7 +167,7 @@ class Case:
 def both(problem: Problem, attitudes: np.ndarray, joints: np.ndarray) -> list[Case]:
     """Follow every state in all ways."""
     quick, fine = (
-        EnsembleIntegrator(problem, 1).follow(attitudes, joints, tolerance=tolerance)
+        EnsembleIntegrator(problem, 1).integrate(attitudes, joints, tolerance=tolerance)
         for tolerance in (1e-6, FINE)
     )
     motions = [integrate_motion(problem, *state) for state in zip(attitudes, joints, strict=True)]
@@ -344,18 +350,18 @@ def test_the_least_is_found_between_the_steps(spatial: Problem, planar: Problem)
         (spatial, random_attitudes(4, 21)), (planar, headings(*range(0, 360, 18)))
     ):  # fmt: skip
         attitudes, joints = states(problem, attitudes)
-        roll = EnsembleIntegrator(problem, 1).follow(attitudes, joints, tolerance=FINE)
+        roll = EnsembleIntegrator(problem, 1).integrate(attitudes, joints, tolerance=FINE)
         of = problem.margin.measure
         for k in np.flatnonzero(roll.endings == COMPLETED):
             motion = integrate_motion(problem, attitudes[k], joints[k])
             lowest = densest_least(motion)
-            assert roll.least[k] == pytest.approx(lowest, rel=1e-3)
-            assert roll.least[k] <= lowest * (1.0 + 1e-4)
-            inside = 0.0 < roll.least_at[k] < problem.path.duration
-            if inside and roll.least[k] < 0.9 * abs(of(joints[k])):
+            assert roll.minimum[k] == pytest.approx(lowest, rel=1e-3)
+            assert roll.minimum[k] <= lowest * (1.0 + 1e-4)
+            inside = 0.0 < roll.minimum_at[k] < problem.path.duration
+            if inside and roll.minimum[k] < 0.9 * abs(of(joints[k])):
                 ends = np.linspace(0.0, problem.path.duration, 30)
                 nodes = [abs(of(state.joints)) for state in motion.sample(ends)]
-                shallow += min(nodes) > 1.01 * roll.least[k]
+                shallow += min(nodes) > 1.01 * roll.minimum[k]
     assert shallow > 10
 
 
@@ -364,20 +370,20 @@ def test_the_least_does_not_depend_on_where_steps_end(spatial: Problem, toleranc
     """The same dips with steps of four different lengths, in both directions of time."""
     attitudes, joints = states(spatial, random_attitudes(10, 22))
     roller = EnsembleIntegrator(spatial, 1)
-    fine = roller.follow(attitudes, joints, tolerance=1e-10)
+    fine = roller.integrate(attitudes, joints, tolerance=1e-10)
     done = fine.endings == COMPLETED
     assert done.sum() > 60
-    rough = roller.follow(attitudes, joints, tolerance=tolerance)
+    rough = roller.integrate(attitudes, joints, tolerance=tolerance)
     np.testing.assert_array_equal(rough.endings, fine.endings)
     np.testing.assert_allclose(
-        rough.least, fine.least, rtol=1e-4, atol=30.0 * tolerance * fine.least.max()
+        rough.minimum, fine.minimum, rtol=1e-4, atol=30.0 * tolerance * fine.minimum.max()
     )
     ends, zeros = np.full(done.sum(), spatial.path.duration), np.zeros(done.sum())
-    back = roller.follow(
+    back = roller.integrate(
         fine.attitudes[done], fine.joints[done], starts=ends, ends=zeros, tolerance=tolerance
     )
     np.testing.assert_allclose(
-        back.least, fine.least[done], rtol=1e-4, atol=30.0 * tolerance * fine.least.max()
+        back.minimum, fine.minimum[done], rtol=1e-4, atol=30.0 * tolerance * fine.minimum.max()
     )
 
 
@@ -393,10 +399,10 @@ def test_a_skewed_dip_between_nodes_is_found() -> None:
         [-0.5258695578591587, -0.774324080597602, -0.1540999826222065, -0.3164437101279262]
     )
     start = next(one.joints for one in problem.branches(attitude) if one.index == 2)
-    found = EnsembleIntegrator(problem, 1).follow(attitude[None], start[None])
+    found = EnsembleIntegrator(problem, 1).integrate(attitude[None], start[None])
     precise = closest_approach(integrate_motion(problem, attitude, start), problem.margin.measure)
-    assert found.least[0] == pytest.approx(precise.value, rel=2e-5)
-    assert found.least_at[0] == pytest.approx(precise.time, abs=0.1)
+    assert found.minimum[0] == pytest.approx(precise.value, rel=2e-5)
+    assert found.minimum_at[0] == pytest.approx(precise.time, abs=0.1)
 
 
 @pytest.mark.parametrize("end", ["first", "last"])
@@ -407,21 +413,21 @@ def test_a_dip_beside_an_end_is_found(spatial: Problem, end: str) -> None:
     """
     attitudes, joints = states(spatial, random_attitudes(10, 22))
     roller, duration = EnsembleIntegrator(spatial, 1), spatial.path.duration
-    whole = roller.follow(attitudes, joints, tolerance=FINE)
-    inner = (whole.endings == COMPLETED) & (abs(whole.least_at - 50.0) < 30.0)
+    whole = roller.integrate(attitudes, joints, tolerance=FINE)
+    inner = (whole.endings == COMPLETED) & (abs(whole.minimum_at - 50.0) < 30.0)
     assert inner.sum() > 10
-    attitudes, joints, when = attitudes[inner], joints[inner], whole.least_at[inner]
+    attitudes, joints, when = attitudes[inner], joints[inner], whole.minimum_at[inner]
     for gap, hidden in ((0.1, 2e-4), (0.6, 4e-3), (1.0, 2e-3), (3.0, 1e-4), (8.0, 1e-4)):
         if end == "last":
-            part = roller.follow(attitudes, joints, ends=when + gap)
+            part = roller.integrate(attitudes, joints, ends=when + gap)
         else:
-            before = roller.follow(attitudes, joints, ends=when - gap, tolerance=FINE)
-            part = roller.follow(
+            before = roller.integrate(attitudes, joints, ends=when - gap, tolerance=FINE)
+            part = roller.integrate(
                 before.attitudes, before.joints, starts=when - gap,
                 ends=np.full(len(when), duration),
             )  # fmt: skip
-        np.testing.assert_allclose(part.least, whole.least[inner], rtol=hidden)
-        assert (part.least > whole.least[inner] * (1.0 - 1e-4)).all()
+        np.testing.assert_allclose(part.minimum, whole.minimum[inner], rtol=hidden)
+        assert (part.minimum > whole.minimum[inner] * (1.0 - 1e-4)).all()
 
 
 def test_a_wrist_that_just_straightens_is_told_from_one_that_does_not(spatial: Problem) -> None:
@@ -441,7 +447,7 @@ def test_a_wrist_that_just_straightens_is_told_from_one_that_does_not(spatial: P
         else:
             late = case.rollout.ended_at[0] - case.motion.final.time
             assert abs(late) < 1e-2 * problem.path.duration
-            assert case.rollout.least[0] == 0.0
+            assert case.rollout.minimum[0] == 0.0
         endings.append(case.motion.ending)
     assert endings[0] is Ending.COMPLETED
     assert endings[-1] is Ending.SINGULAR
@@ -475,11 +481,11 @@ def test_there_and_back(name: str, attitude: object) -> None:
     problem = bundled(name)
     attitudes, joints = states(problem, problem.attitude("attitude", attitude))
     roller, T = EnsembleIntegrator(problem, 1), problem.path.duration
-    there = roller.follow(attitudes, joints, tolerance=FINE)
+    there = roller.integrate(attitudes, joints, tolerance=FINE)
     done = there.endings == COMPLETED
     assert done.any()
     count = int(done.sum())
-    back = roller.follow(
+    back = roller.integrate(
         there.attitudes[done], there.joints[done], starts=np.full(count, T), ends=np.zeros(count),
         tolerance=FINE,
     )  # fmt: skip
@@ -487,7 +493,7 @@ def test_there_and_back(name: str, attitude: object) -> None:
     np.testing.assert_array_equal(back.ended_at, 0.0)
     np.testing.assert_allclose(back.joints, joints[done], rtol=0, atol=2e-5)
     assert angle_between(back.attitudes, attitudes[done]).max() < 1e-5
-    np.testing.assert_allclose(back.least, there.least[done], rtol=2e-4)
+    np.testing.assert_allclose(back.minimum, there.minimum[done], rtol=2e-4)
     np.testing.assert_allclose(back.lower, there.lower[done], rtol=0, atol=0.02)
     np.testing.assert_allclose(back.upper, there.upper[done], rtol=0, atol=0.02)
 
@@ -506,7 +512,7 @@ def test_a_motion_may_begin_and_end_anywhere(name: str, attitude: object, branch
              (80.0, 20.0), (20.0, 80.0), (45.0, 45.0), (100.0, 100.0), (69.73, 69.73)]  # fmt: skip
     starts, ends = np.array(spans).T
     first, last = motion.sample(starts), motion.sample(ends)
-    roll = EnsembleIntegrator(problem, 1).follow(
+    roll = EnsembleIntegrator(problem, 1).integrate(
         np.array([one.attitude for one in first]), np.array([one.joints for one in first]),
         starts=starts, ends=ends, tolerance=FINE,
     )  # fmt: skip
@@ -519,8 +525,8 @@ def test_a_motion_may_begin_and_end_anywhere(name: str, attitude: object, branch
         times = np.linspace(low, high, 2000)
         _, _, between = motion.evaluate(motion.parameter_at(times))
         values = np.abs([of(q) for q in between])
-        assert roll.least[k] == pytest.approx(values.min(), rel=1e-3)
-        assert min(low, high) <= roll.least_at[k] <= max(low, high)
+        assert roll.minimum[k] == pytest.approx(values.min(), rel=1e-3)
+        assert min(low, high) <= roll.minimum_at[k] <= max(low, high)
 
 
 @pytest.mark.parametrize("when", [0.0, 35.0])
@@ -532,12 +538,12 @@ def test_rates_at_the_start_count(spatial: Problem, when: float) -> None:
     momenta = 200.0 * spatial.momentum if when == 0.0 else spatial.momentum
     equation = ResolvedRateSolver(spatial.model, spatial.task, momenta)
     first = equation.rates(state.attitude, state.joints, spatial.path.twist(when))[1]
-    roll = EnsembleIntegrator(spatial, 1).follow(
+    roll = EnsembleIntegrator(spatial, 1).integrate(
         state.attitude[None], state.joints[None], momenta=momenta, starts=np.array([when]),
         ends=np.array([when + 1e-3]),
     )  # fmt: skip
     np.testing.assert_allclose(roll.rates[0], np.abs(first), rtol=1e-2)
-    later = EnsembleIntegrator(spatial, 1).follow(
+    later = EnsembleIntegrator(spatial, 1).integrate(
         state.attitude[None], state.joints[None], momenta=momenta, starts=np.array([when])
     )
     assert (later.rates[0] >= np.abs(first) * (1.0 - 1e-9)).all()
@@ -549,16 +555,16 @@ def test_momenta_are_those_of_problems_with_them(spatial: Problem) -> None:
     start = spatial.attitude("attitude", GOOD)
     attitudes, joints = np.tile(start, (4, 1)), np.tile(spatial.branches(start)[2].joints, (4, 1))
     roller = EnsembleIntegrator(spatial, 1)
-    mixed = roller.follow(attitudes, joints, momenta=momenta)
+    mixed = roller.integrate(attitudes, joints, momenta=momenta)
     for k, momentum in enumerate(momenta):
         alone = replace(spatial, momentum=momentum)
-        own = EnsembleIntegrator(alone, 1).follow(attitudes[k : k + 1], joints[k : k + 1])
+        own = EnsembleIntegrator(alone, 1).integrate(attitudes[k : k + 1], joints[k : k + 1])
         np.testing.assert_array_equal(mixed.joints[k], own.joints[0])
-        assert mixed.least[k] == own.least[0]
+        assert mixed.minimum[k] == own.minimum[0]
         (case,) = both(alone, attitudes[k : k + 1], joints[k : k + 1])
         case.assert_same()
     assert np.abs(mixed.joints[1] - mixed.joints[0]).max() > 0.01
-    everyone = roller.follow(attitudes, joints, momenta=momenta[2])
+    everyone = roller.integrate(attitudes, joints, momenta=momenta[2])
     np.testing.assert_array_equal(everyone.joints, np.tile(mixed.joints[2], (4, 1)))
 
 
@@ -566,16 +572,16 @@ def test_stop_below_gives_up_early_and_touches_nothing_else(spatial: Problem) ->
     """Motions that pass the value end soon after they do; the others are the same to the bit."""
     attitudes, joints = states(spatial, random_attitudes(12, 31))
     roller, of = EnsembleIntegrator(spatial, 1), spatial.margin.measure
-    whole = roller.follow(attitudes, joints)
-    level = float(np.quantile(whole.least, 0.4))
-    stopping = roller.follow(attitudes, joints, stop_below=level)
-    below = whole.least < level
+    whole = roller.integrate(attitudes, joints)
+    level = float(np.quantile(whole.minimum, 0.4))
+    stopping = roller.integrate(attitudes, joints, stop_below=level)
+    below = whole.minimum < level
     assert 20 < below.sum() < len(below) - 20
     np.testing.assert_array_equal(stopping.endings[below], MARGIN)
-    assert (stopping.least[below] < level).all()
+    assert (stopping.minimum[below] < level).all()
     assert (stopping.ended_at[below] <= whole.ended_at[below]).all()
     assert stopping.evaluations[below].sum() < 0.9 * whole.evaluations[below].sum()
-    for name in ("endings", "ended_at", "least", "joints", "attitudes", "evaluations"):
+    for name in ("endings", "ended_at", "minimum", "joints", "attitudes", "evaluations"):
         np.testing.assert_array_equal(
             getattr(stopping, name)[~below], getattr(whole, name)[~below], err_msg=name
         )
@@ -594,19 +600,19 @@ def test_a_singular_motion_that_breaks_the_margin_first_says_so(spatial: Problem
     attitudes, joints = states(spatial, spatial.attitude("attitude", BAD))
     roller = EnsembleIntegrator(spatial, 1)
     plain, stopped = (
-        roller.follow(attitudes, joints),
-        roller.follow(attitudes, joints, stop_below=5),
+        roller.integrate(attitudes, joints),
+        roller.integrate(attitudes, joints, stop_below=5),
     )
     singular = plain.endings == SINGULAR
     assert singular.sum() == 4
     np.testing.assert_array_equal(stopped.endings[singular], MARGIN)
     assert (stopped.ended_at[singular] < plain.ended_at[singular]).all()
-    at_once = roller.follow(attitudes, joints, stop_below=1e6)
+    at_once = roller.integrate(attitudes, joints, stop_below=1e6)
     np.testing.assert_array_equal(at_once.endings, MARGIN)
     np.testing.assert_array_equal(at_once.ended_at, 0.0)
     np.testing.assert_array_equal(at_once.joints, joints)
     first = np.abs([spatial.margin.measure(q) for q in joints])
-    np.testing.assert_allclose(at_once.least, first, rtol=1e-10)
+    np.testing.assert_allclose(at_once.minimum, first, rtol=1e-10)
 
 
 @pytest.mark.parametrize("wrist", [0.0, 1e-15, -1e-12])
@@ -617,11 +623,11 @@ def test_a_straight_wrist_at_the_start_is_singular(spatial: Problem, wrist: floa
     joints[4] = wrist
     p, R = start_of(spatial.model, attitude, joints)
     problem = asked(spatial.model, *line_and_slerp(p, R), Timing(20.0), momentum=(0.3, 0.1, 0.2))
-    roll = EnsembleIntegrator(problem, 1).follow(attitude[None], joints[None])
+    roll = EnsembleIntegrator(problem, 1).integrate(attitude[None], joints[None])
     assert integrate_motion(problem, attitude, joints).ending is Ending.SINGULAR
     assert roll.endings[0] == SINGULAR
     assert roll.ended_at[0] == pytest.approx(0.0, abs=1e-3)
-    assert roll.least[0] == 0.0
+    assert roll.minimum[0] == 0.0
     np.testing.assert_allclose(roll.joints[0], joints, rtol=0, atol=0.05)
 
 
@@ -634,10 +640,10 @@ def test_a_stretched_redundant_arm_at_the_start_is_singular() -> None:
     line = PolynomialCurve.line(p, p + np.array([-0.5, 0.1, 0.0]))
     problem = asked(model, line, FixedOrientation(R), Timing(20.0), Task.PLANAR_POSITION)
     assert integrate_motion(problem, attitude[0], q[0]).ending is Ending.SINGULAR
-    roll = EnsembleIntegrator(problem, 1).follow(attitude, q)
+    roll = EnsembleIntegrator(problem, 1).integrate(attitude, q)
     assert roll.endings[0] == SINGULAR
     assert roll.ended_at[0] < 1e-2
-    assert roll.least[0] == 0.0
+    assert roll.minimum[0] == 0.0
 
 
 # ------------------------------------------------------------------------------- many at once
@@ -652,12 +658,14 @@ def test_threads_do_not_matter(planar: Problem) -> None:
     """To the last bit, in any number, whatever the order in which the work is done."""
     attitudes, joints = many(planar)
     assert len(joints) > 500
-    one, two, three = (EnsembleIntegrator(planar, k).follow(attitudes, joints) for k in (1, 2, 3))
-    for name in Ensemble.__dataclass_fields__:
+    one, two, three = (
+        EnsembleIntegrator(planar, k).integrate(attitudes, joints) for k in (1, 2, 3)
+    )
+    for name in EnsembleResult._fields:
         for other in (two, three):
             np.testing.assert_array_equal(getattr(other, name), getattr(one, name), err_msg=name)
     again = np.arange(len(joints))[::-1]
-    turned = EnsembleIntegrator(planar, 2).follow(attitudes[again], joints[again])
+    turned = EnsembleIntegrator(planar, 2).integrate(attitudes[again], joints[again])
     np.testing.assert_array_equal(turned.joints[again], one.joints)
     assert set(one.endings) == {COMPLETED, SINGULAR}
     assert FAILED not in one.endings
@@ -667,7 +675,7 @@ def test_threads_do_not_matter(planar: Problem) -> None:
 def test_progress_rises_to_one(planar: Problem, threads: int) -> None:
     shares: list[float] = []
     attitudes, joints = many(planar)
-    EnsembleIntegrator(planar, threads).follow(attitudes, joints, progress=shares.append)
+    EnsembleIntegrator(planar, threads).integrate(attitudes, joints, progress=shares.append)
     assert len(shares) >= 3
     assert shares == sorted(set(shares))
     assert shares[0] > 0.0
@@ -686,7 +694,7 @@ def test_an_interruption_ends_everything(planar: Problem, threads: int) -> None:
 
     before = threading.active_count()
     with pytest.raises(KeyboardInterrupt):
-        EnsembleIntegrator(planar, threads).follow(attitudes, joints, progress=interrupt)
+        EnsembleIntegrator(planar, threads).integrate(attitudes, joints, progress=interrupt)
     assert len(calls) == 1
     assert threading.active_count() == before
 
@@ -740,10 +748,10 @@ def test_results_are_frozen_and_inputs_left_alone(planar: Problem) -> None:
     before = joints.copy()
     for array in (attitudes, joints):
         array.setflags(write=False)
-    roll = EnsembleIntegrator(planar, 1).follow(attitudes, joints)
-    strided = EnsembleIntegrator(planar, 1).follow(np.asfortranarray(attitudes), wide)
+    roll = EnsembleIntegrator(planar, 1).integrate(attitudes, joints)
+    strided = EnsembleIntegrator(planar, 1).integrate(np.asfortranarray(attitudes), wide)
     np.testing.assert_array_equal(joints, before)
-    for name in Ensemble.__dataclass_fields__:
+    for name in EnsembleResult._fields:
         values = getattr(roll, name)
         np.testing.assert_array_equal(values, getattr(strided, name))
         assert len(values) == len(joints)
@@ -752,7 +760,7 @@ def test_results_are_frozen_and_inputs_left_alone(planar: Problem) -> None:
 
 
 def test_no_motions_are_followed_at_once(planar: Problem) -> None:
-    roll = EnsembleIntegrator(planar, 2).follow(np.zeros((0, 4)), np.zeros((0, 3)))
+    roll = EnsembleIntegrator(planar, 2).integrate(np.zeros((0, 4)), np.zeros((0, 3)))
     assert roll.joints.shape == (0, 3)
     assert roll.keeps(1.0).shape == (0,)
 
@@ -760,11 +768,11 @@ def test_no_motions_are_followed_at_once(planar: Problem) -> None:
 def test_the_length_of_a_quaternion_does_not_matter(spatial: Problem) -> None:
     """Nor its sign: last attitudes are of unit length and turn the same way."""
     attitudes, joints = states(spatial, spatial.attitude("attitude", GOOD))
-    one = EnsembleIntegrator(spatial, 1).follow(attitudes, joints)
-    other = EnsembleIntegrator(spatial, 1).follow(-attitudes, joints)
+    one = EnsembleIntegrator(spatial, 1).integrate(attitudes, joints)
+    other = EnsembleIntegrator(spatial, 1).integrate(-attitudes, joints)
     np.testing.assert_allclose(np.linalg.norm(one.attitudes, axis=1), 1.0, rtol=1e-14)
     np.testing.assert_allclose(other.attitudes, -one.attitudes, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(other.least, one.least, rtol=1e-12)
+    np.testing.assert_allclose(other.minimum, one.minimum, rtol=1e-12)
 
 
 def test_kept_margins_allow_for_rounding_and_not_for_zero() -> None:
@@ -776,7 +784,7 @@ def test_kept_margins_allow_for_rounding_and_not_for_zero() -> None:
 def test_clearances_compare_determinants_along_the_way(spatial: Problem) -> None:
     """Smallest over largest magnitude of det S*, as far as steps see them; zero where singular."""
     attitudes, joints = states(spatial, spatial.attitude("attitude", BAD))
-    roll = EnsembleIntegrator(spatial, 1).follow(attitudes, joints, tolerance=FINE)
+    roll = EnsembleIntegrator(spatial, 1).integrate(attitudes, joints, tolerance=FINE)
     np.testing.assert_array_equal(roll.determinant_ratios[roll.endings == SINGULAR], 0.0)
     for k in np.flatnonzero(roll.endings == COMPLETED):
         way = dense(integrate_motion(spatial, attitudes[k], joints[k]), 500)[2]
@@ -786,8 +794,8 @@ def test_clearances_compare_determinants_along_the_way(spatial: Problem) -> None
 
 def test_only_completed_motions_keep_a_margin(spatial: Problem) -> None:
     attitudes, joints = states(spatial, spatial.attitude("attitude", BAD))
-    roll = EnsembleIntegrator(spatial, 1).follow(attitudes, joints)
+    roll = EnsembleIntegrator(spatial, 1).integrate(attitudes, joints)
     np.testing.assert_array_equal(roll.keeps(0.0), roll.endings == COMPLETED)
-    half = EnsembleIntegrator(spatial, 1).follow(attitudes, joints, stop_below=1e6)
-    assert (half.least > 5.0).any()
+    half = EnsembleIntegrator(spatial, 1).integrate(attitudes, joints, stop_below=1e6)
+    assert (half.minimum > 5.0).any()
     assert not half.keeps(5.0).any()

@@ -11,12 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.ensemble.feasibility import (
-    UNREACHED,
-    BranchOutcomes,
+    BranchResults,
     FeasibilityEvaluator,
     has_wrist_flipped_branches,
 )
-from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR
+from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR, UNREACHED
 from freefloat.errors import UnreachableError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.motion import Ending
@@ -51,18 +50,18 @@ CASES = [("spatial_6dof/line", 7), ("planar_3dof/parabola", 15), ("ur5_servicer/
 
 
 @cache
-def seen(name: str, count: int) -> tuple[Problem, np.ndarray, BranchOutcomes]:
+def seen(name: str, count: int) -> tuple[Problem, np.ndarray, BranchResults]:
     problem, attitudes = bundled(name), attitudes_for(name, count)
-    return problem, attitudes, FeasibilityEvaluator(problem, 1).prospects(attitudes)
+    return problem, attitudes, FeasibilityEvaluator(problem, 1).evaluate(attitudes)
 
 
 @pytest.mark.parametrize(("name", "count"), CASES)
-def test_prospects_are_those_of_simulations(name: str, count: int) -> None:
+def test_results_are_those_of_simulations(name: str, count: int) -> None:
     """The same branches under the same numbers, endings, margins and last states."""
-    problem, attitudes, prospects = seen(name, count)
-    last = prospects.spread(prospects.rollout.joints)
+    problem, attitudes, results = seen(name, count)
+    last = results.motions.joints
     for k, attitude in enumerate(attitudes):
-        numbers = np.flatnonzero(prospects.endings[k] != UNREACHED)
+        numbers = np.flatnonzero(results.motions.endings[k] != UNREACHED)
         try:
             simulation = simulate(problem, attitude)
         except UnreachableError:
@@ -70,73 +69,73 @@ def test_prospects_are_those_of_simulations(name: str, count: int) -> None:
             continue
         assert [one.branch.index for one in simulation.branches] == numbers.tolist()
         for one, b in zip(simulation.branches, numbers, strict=True):
-            np.testing.assert_allclose(prospects.joints[k, b], one.branch.joints, atol=1e-9)
-            assert prospects.endings[k, b] == CODES[one.motion.ending]
+            np.testing.assert_allclose(results.joints[k, b], one.branch.joints, atol=1e-9)
+            assert results.motions.endings[k, b] == CODES[one.motion.ending]
             if one.motion.completed:
-                assert prospects.least[k, b] == pytest.approx(one.closest_approach.value, rel=3e-3)
-                assert prospects.margins[k, b] == prospects.least[k, b]
+                assert results.motions.minimum[k, b] == pytest.approx(
+                    one.closest_approach.value, rel=3e-3
+                )
+                assert results.margins[k, b] == results.motions.minimum[k, b]
                 np.testing.assert_allclose(last[k, b], one.motion.final.joints, atol=1e-3)
             else:
-                assert prospects.least[k, b] == prospects.margins[k, b] == 0.0
-    assert (prospects.endings == COMPLETED).any()
+                assert results.motions.minimum[k, b] == results.margins[k, b] == 0.0
+    assert (results.motions.endings == COMPLETED).any()
 
 
 def test_example_2_is_singular_in_four_branches_of_eight() -> None:
-    problem, _, prospects = seen("spatial_6dof/line", 7)
-    assert prospects.endings.shape[1] == 8
-    assert prospects.endings[0].tolist().count(SINGULAR) == 4
-    assert prospects.endings[0].tolist().count(COMPLETED) == 4
+    problem, _, results = seen("spatial_6dof/line", 7)
+    assert results.motions.endings.shape[1] == 8
+    assert results.motions.endings[0].tolist().count(SINGULAR) == 4
+    assert results.motions.endings[0].tolist().count(COMPLETED) == 4
     assert problem.margin.threshold == 5.0
 
 
 @pytest.mark.parametrize(("name", "count"), CASES)
 def test_where_there_is_no_branch_there_is_nothing(name: str, count: int) -> None:
     """NaN joints, ending -1, margin zero; quantities are spread with blanks there."""
-    _, attitudes, prospects = seen(name, count)
-    none = prospects.endings == UNREACHED
+    _, attitudes, results = seen(name, count)
+    none = results.motions.endings == UNREACHED
     found = ~none
-    assert prospects.attitudes is attitudes
-    assert np.isnan(prospects.joints[none]).all()
-    assert np.isfinite(prospects.joints[found]).all()
-    assert (prospects.least[none] == 0.0).all()
-    assert len(prospects.rollout.least) == found.sum()
-    spread = prospects.spread(prospects.rollout.least, -7.0)
-    np.testing.assert_array_equal(spread[found], prospects.least[found])
-    assert (spread[none] == -7.0).all()
-    lower = prospects.spread(prospects.rollout.lower)
-    assert lower.shape == prospects.joints.shape
-    assert (lower[found] <= prospects.joints[found] + 1e-12).all()
+    assert results.attitudes is attitudes
+    assert np.isnan(results.joints[none]).all()
+    assert np.isfinite(results.joints[found]).all()
+    assert (results.motions.minimum[none] == 0.0).all()
+    lower = results.motions.lower
+    assert lower.shape == results.joints.shape
+    assert (lower[found] <= results.joints[found] + 1e-12).all()
     assert np.isnan(lower[none]).all()
-    whole = prospects.spread(prospects.rollout.evaluations, 0)
+    whole = results.motions.evaluations
     assert whole.dtype == np.int64
-    assert whole.sum() == prospects.rollout.evaluations.sum()
+    assert (whole[none] == 0).all()
 
 
 @pytest.mark.parametrize(("name", "count"), CASES)
 def test_one_branch_alone_is_that_column_of_all(name: str, count: int) -> None:
-    """To the bit, but for twins; a number no attitude has gives an empty table."""
-    problem, attitudes, prospects = seen(name, count)
-    outlook = FeasibilityEvaluator(problem, 1)
-    for branch in range(prospects.endings.shape[1]):
-        alone = outlook.prospects(attitudes, branch)
+    """To the bit, but for wrist_flipped_branches; a number no attitude has gives an empty table."""
+    problem, attitudes, results = seen(name, count)
+    evaluator = FeasibilityEvaluator(problem, 1)
+    for branch in range(results.motions.endings.shape[1]):
+        alone = evaluator.evaluate(attitudes, branch)
         column = slice(branch, branch + 1)
-        np.testing.assert_array_equal(alone.endings, prospects.endings[:, column])
-        rounding = ROUNDING if outlook.twins else 0.0
-        np.testing.assert_allclose(alone.least, prospects.least[:, column], rtol=rounding)
-        np.testing.assert_array_equal(alone.joints, prospects.joints[:, column])
-        margins = outlook.margins(attitudes, branch)
+        np.testing.assert_array_equal(alone.motions.endings, results.motions.endings[:, column])
+        rounding = ROUNDING if evaluator.wrist_flipped else 0.0
+        np.testing.assert_allclose(
+            alone.motions.minimum, results.motions.minimum[:, column], rtol=rounding
+        )
+        np.testing.assert_array_equal(alone.joints, results.joints[:, column])
+        margins = evaluator.margins(attitudes, branch)
         np.testing.assert_array_equal(margins, alone.margins[:, 0])
-    beyond = outlook.prospects(attitudes, 100)
-    assert beyond.endings.size == 0
-    np.testing.assert_array_equal(outlook.margins(attitudes, 100), np.zeros(len(attitudes)))
-    assert not outlook.keeps(attitudes, 100).any()
+    beyond = evaluator.evaluate(attitudes, 100)
+    assert beyond.motions.endings.size == 0
+    np.testing.assert_array_equal(evaluator.margins(attitudes, 100), np.zeros(len(attitudes)))
+    assert not evaluator.keeps(attitudes, 100).any()
 
 
 @pytest.mark.parametrize(("name", "count"), CASES)
 def test_the_best_branch_counts_where_none_is_named(name: str, count: int) -> None:
-    problem, attitudes, prospects = seen(name, count)
+    problem, attitudes, results = seen(name, count)
     best = FeasibilityEvaluator(problem, 1).margins(attitudes, None)
-    np.testing.assert_array_equal(best, prospects.margins.max(axis=1, initial=0.0))
+    np.testing.assert_array_equal(best, results.margins.max(axis=1, initial=0.0))
     for k in np.flatnonzero(best > 0.0)[:4]:
         simulation = simulate(problem, attitudes[k])
         assert best[k] == pytest.approx(simulation.chosen.closest_approach.value, rel=3e-3)
@@ -145,87 +144,86 @@ def test_the_best_branch_counts_where_none_is_named(name: str, count: int) -> No
 @pytest.mark.parametrize(("name", "count"), CASES)
 def test_keeping_the_margin_is_having_it(name: str, count: int) -> None:
     """Motions are given up early, verdicts are the same; simulations stopped there agree."""
-    problem, attitudes, prospects = seen(name, count)
-    kept_most = np.sort(prospects.margins[prospects.margins > 0.0])
+    problem, attitudes, results = seen(name, count)
+    kept_most = np.sort(results.margins[results.margins > 0.0])
     level = float(kept_most[len(kept_most) // 2 : len(kept_most) // 2 + 2].mean())
     strict = replace(problem, margin=Margin(problem.margin.measure, level))
-    outlook = FeasibilityEvaluator(strict, 1)
-    stopped = outlook.prospects(attitudes, stop_at_margin=True)
-    keeps = (prospects.endings == COMPLETED) & (prospects.least >= level)
-    np.testing.assert_array_equal(stopped.endings == COMPLETED, keeps)
-    np.testing.assert_array_equal(stopped.margins[keeps], prospects.margins[keeps])
+    evaluator = FeasibilityEvaluator(strict, 1)
+    stopped = evaluator.evaluate(attitudes, stop_at_margin=True)
+    keeps = (results.motions.endings == COMPLETED) & (results.motions.minimum >= level)
+    np.testing.assert_array_equal(stopped.motions.endings == COMPLETED, keeps)
+    np.testing.assert_array_equal(stopped.margins[keeps], results.margins[keeps])
     assert (stopped.margins[~keeps] == 0.0).all()
-    np.testing.assert_array_equal(outlook.keeps(attitudes, None), keeps.any(axis=1))
+    np.testing.assert_array_equal(evaluator.keeps(attitudes, None), keeps.any(axis=1))
     assert keeps.any()
     assert not keeps.all()
-    sure = np.abs(prospects.least / level - 1.0) > ROUNDING
+    sure = np.abs(results.motions.minimum / level - 1.0) > ROUNDING
     for branch in range(keeps.shape[1]):
-        clear = sure[:, branch] if outlook.twins else np.full(len(attitudes), True)
-        alone = outlook.keeps(attitudes, branch)
+        clear = sure[:, branch] if evaluator.wrist_flipped else np.full(len(attitudes), True)
+        alone = evaluator.keeps(attitudes, branch)
         np.testing.assert_array_equal(alone[clear], keeps[clear, branch])
-    for k in np.flatnonzero((prospects.endings != UNREACHED).any(axis=1))[:4]:
+    for k in np.flatnonzero((results.motions.endings != UNREACHED).any(axis=1))[:4]:
         for one in simulate(strict, attitudes[k], stop_at_margin=True).branches:
-            nearly = abs(prospects.least[k, one.branch.index] / level - 1.0) < 3e-3
+            nearly = abs(results.motions.minimum[k, one.branch.index] / level - 1.0) < 3e-3
             assert nearly or one.motion.completed == keeps[k, one.branch.index]
 
 
 def test_a_margin_that_is_just_kept_is_kept() -> None:
     """The margin a motion has is one it keeps, though it was found by other steps."""
-    problem, attitudes, prospects = seen("spatial_6dof/line", 7)
-    own = float(prospects.margins.max(axis=1)[1])
+    problem, attitudes, results = seen("spatial_6dof/line", 7)
+    own = float(results.margins.max(axis=1)[1])
     just = replace(problem, margin=Margin(problem.margin.measure, own))
     more = replace(problem, margin=Margin(problem.margin.measure, own * 1.001))
     assert FeasibilityEvaluator(just, 1).keeps(attitudes[1:2], None)[0]
     assert not FeasibilityEvaluator(more, 1).keeps(attitudes[1:2], None)[0]
 
 
-def test_attitudes_out_of_reach_have_no_prospects() -> None:
+def test_attitudes_out_of_reach_have_no_results() -> None:
     """A UR5 whose path begins on the far side of its spacecraft: no branch, no margin."""
     problem = bundled("ur5_servicer/arc")
     turned_away = Rotation.from_rotvec([[np.pi, 0.0, 0.0], [0.0, 3.0, 0.0]]).as_quat()
     for attitude in turned_away:
         with pytest.raises(UnreachableError):
             simulate(problem, attitude)
-    outlook = FeasibilityEvaluator(problem, 1)
-    prospects = outlook.prospects(turned_away)
-    assert (prospects.endings == UNREACHED).all()
-    assert (prospects.margins == 0.0).all()
-    assert len(prospects.rollout.least) == 0
-    np.testing.assert_array_equal(outlook.margins(turned_away, None), [0.0, 0.0])
-    np.testing.assert_array_equal(outlook.keeps(turned_away, None), [False, False])
+    evaluator = FeasibilityEvaluator(problem, 1)
+    results = evaluator.evaluate(turned_away)
+    assert (results.motions.endings == UNREACHED).all()
+    assert (results.margins == 0.0).all()
+    np.testing.assert_array_equal(evaluator.margins(turned_away, None), [0.0, 0.0])
+    np.testing.assert_array_equal(evaluator.keeps(turned_away, None), [False, False])
 
 
 def test_reached_and_unreached_attitudes_stand_side_by_side() -> None:
     """Each row is its own attitude's, whatever stands beside it."""
     problem = bundled("ur5_servicer/arc")
     attitudes = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
-    prospects = FeasibilityEvaluator(problem, 1).prospects(attitudes)
-    reached = (prospects.endings != UNREACHED).any(axis=1)
+    results = FeasibilityEvaluator(problem, 1).evaluate(attitudes)
+    reached = (results.motions.endings != UNREACHED).any(axis=1)
     assert reached.tolist() == [False, True, False]
-    alone = FeasibilityEvaluator(problem, 1).prospects(attitudes[1:2])
-    width = alone.endings.shape[1]
-    np.testing.assert_array_equal(prospects.endings[1, :width], alone.endings[0])
-    np.testing.assert_array_equal(prospects.least[1, :width], alone.least[0])
+    alone = FeasibilityEvaluator(problem, 1).evaluate(attitudes[1:2])
+    width = alone.motions.endings.shape[1]
+    np.testing.assert_array_equal(results.motions.endings[1, :width], alone.motions.endings[0])
+    np.testing.assert_array_equal(results.motions.minimum[1, :width], alone.motions.minimum[0])
 
 
 def test_threads_and_company_do_not_matter() -> None:
     """Attitudes one by one, backwards, and on two threads."""
-    problem, attitudes, prospects = seen("planar_3dof/parabola", 15)
+    problem, attitudes, results = seen("planar_3dof/parabola", 15)
     for threads in (1, 2):
-        other = FeasibilityEvaluator(problem, threads).prospects(attitudes[::-1])
-        np.testing.assert_array_equal(other.endings[::-1], prospects.endings)
-        np.testing.assert_array_equal(other.least[::-1], prospects.least)
+        other = FeasibilityEvaluator(problem, threads).evaluate(attitudes[::-1])
+        np.testing.assert_array_equal(other.motions.endings[::-1], results.motions.endings)
+        np.testing.assert_array_equal(other.motions.minimum[::-1], results.motions.minimum)
     one = [
-        FeasibilityEvaluator(problem, 1).prospects(attitude[None]).least[0]
+        FeasibilityEvaluator(problem, 1).evaluate(attitude[None]).motions.minimum[0]
         for attitude in attitudes
     ]
-    np.testing.assert_array_equal(np.array(one), prospects.least)
+    np.testing.assert_array_equal(np.array(one), results.motions.minimum)
 
 
 def test_progress_is_told() -> None:
     problem, attitudes, _ = seen("planar_3dof/parabola", 15)
     shares: list[float] = []
-    FeasibilityEvaluator(problem, 1).prospects(np.tile(attitudes, (20, 1)), progress=shares.append)
+    FeasibilityEvaluator(problem, 1).evaluate(np.tile(attitudes, (20, 1)), progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
@@ -233,17 +231,17 @@ def test_progress_is_told() -> None:
 def test_branches_of_a_redundant_arm_are_followed_as_they_are() -> None:
     """They are a spread-out set."""
     problem = bundled("panda_servicer/line")
-    outlook = FeasibilityEvaluator(problem, 1)
+    evaluator = FeasibilityEvaluator(problem, 1)
     attitude = np.array([[0.0, 0.0, 0.0, 1.0]])
-    prospects = outlook.prospects(attitude)
-    numbers = np.flatnonzero(prospects.endings[0] != UNREACHED)
+    results = evaluator.evaluate(attitude)
+    numbers = np.flatnonzero(results.motions.endings[0] != UNREACHED)
     assert len(numbers) > 3
     for branch in numbers[:3]:
-        simulation = simulate(problem, attitude[0], joints=prospects.joints[0, branch])
+        simulation = simulate(problem, attitude[0], joints=results.joints[0, branch])
         motion = simulation.chosen.motion
-        assert prospects.endings[0, branch] == CODES[motion.ending]
+        assert results.motions.endings[0, branch] == CODES[motion.ending]
         if motion.completed:
-            assert prospects.least[0, branch] == pytest.approx(
+            assert results.motions.minimum[0, branch] == pytest.approx(
                 simulation.chosen.closest_approach.value, rel=1e-3
             )
 
@@ -261,50 +259,49 @@ def heavy_wrist() -> Problem:
     return Problem(model, light.path, light.task, light.momentum, margin)
 
 
-def test_branches_are_twins_where_the_wrist_is_square_and_weightless() -> None:
+def test_branches_are_wrist_flipped_branches_where_the_wrist_is_square_and_weightless() -> None:
     assert has_wrist_flipped_branches(bundled("spatial_6dof/line"))
     for name in ("ur5_servicer/arc", "panda_servicer/line", "planar_3dof/parabola"):
         assert not has_wrist_flipped_branches(bundled(name))
-        assert not FeasibilityEvaluator(bundled(name), 1).twins
+        assert not FeasibilityEvaluator(bundled(name), 1).wrist_flipped
     assert not has_wrist_flipped_branches(heavy_wrist())
 
 
 @pytest.mark.parametrize("link", ["link_4", "link_5"])
-def test_any_mass_inside_the_wrist_parts_twins(link: str) -> None:
+def test_any_mass_inside_the_wrist_parts_wrist_flipped_branches(link: str) -> None:
     light = bundled("spatial_6dof/line")
     urdf = models_folder() / "spatial_6dof" / "spatial_6dof.urdf"
-    for factor, twins in ((10.0, True), (1e3, False)):
+    for factor, wrist_flipped_branches in ((10.0, True), (1e3, False)):
         model = FreeFloatingModel.from_urdf(urdf, "end_effector", scale_mass={link: factor})
         margin = Margin(singularity_measure(model, light.task, "gjm"), 0.0)
         problem = Problem(model, light.path, light.task, light.momentum, margin)
-        assert has_wrist_flipped_branches(problem) is twins, (link, factor)
+        assert has_wrist_flipped_branches(problem) is wrist_flipped_branches, (link, factor)
 
 
-def test_twins_go_the_way_they_would_go_alone() -> None:
+def test_wrist_flipped_branches_go_the_way_they_would_go_alone() -> None:
     """Joints, rates, ranges, last attitude and smallest margin, to the integrator's tolerance."""
     problem, attitudes = bundled("spatial_6dof/line"), attitude_grid(48, 3)
-    outlook = FeasibilityEvaluator(problem, 1)
-    together = outlook.prospects(attitudes)
-    rollout = together.rollout
-    assert outlook.twins
+    evaluator = FeasibilityEvaluator(problem, 1)
+    together = evaluator.evaluate(attitudes)
+    assert evaluator.wrist_flipped
     done = 0
     for branch in (1, 3, 5, 7):
-        found = together.endings[:, branch] != UNREACHED
-        own = outlook.roller.follow(attitudes[found], together.joints[found, branch])
+        found = together.motions.endings[:, branch] != UNREACHED
+        own = evaluator.integrator.integrate(attitudes[found], together.joints[found, branch])
         mine = {
-            name: together.spread(getattr(rollout, name))[found, branch]
-            for name in ("ended_at", "least_at", "attitudes", "joints", "rates", "lower", "upper")
+            name: getattr(together.motions, name)[found, branch]
+            for name in ("ended_at", "minimum_at", "attitudes", "joints", "rates", "lower", "upper")
         }
-        endings = together.endings[found, branch]
+        endings = together.motions.endings[found, branch]
         np.testing.assert_array_equal(endings, own.endings)
         singular = endings == SINGULAR
         np.testing.assert_allclose(mine["ended_at"], own.ended_at, atol=1e-2)
-        complete = (endings == COMPLETED) & (own.least > 1.0)
+        complete = (endings == COMPLETED) & (own.minimum > 1.0)
         done += complete.sum()
-        assert (complete | singular | (own.least <= 1.0)).all()
-        least = together.least[found, branch]
-        np.testing.assert_allclose(least[complete], own.least[complete], rtol=ROUNDING)
-        np.testing.assert_allclose(mine["least_at"][complete], own.least_at[complete], atol=0.1)
+        assert (complete | singular | (own.minimum <= 1.0)).all()
+        least = together.motions.minimum[found, branch]
+        np.testing.assert_allclose(least[complete], own.minimum[complete], rtol=ROUNDING)
+        np.testing.assert_allclose(mine["minimum_at"][complete], own.minimum_at[complete], atol=0.1)
         turns = angle_between(mine["attitudes"][complete], own.attitudes[complete])
         assert turns.max() < 1e-4
         for name in ("joints", "rates", "lower", "upper"):
@@ -315,26 +312,28 @@ def test_twins_go_the_way_they_would_go_alone() -> None:
     assert done > 100
 
 
-def test_twins_stand_behind_one_another() -> None:
+def test_wrist_flipped_branches_stand_behind_one_another() -> None:
     """Branch 2 k + 1 begins with the wrist of 2 k turned half about, bent the other way."""
-    together = FeasibilityEvaluator(bundled("spatial_6dof/line"), 1).prospects(attitude_grid(16, 1))
+    together = FeasibilityEvaluator(bundled("spatial_6dof/line"), 1).evaluate(attitude_grid(16, 1))
     one, other = together.joints[:, ::2], together.joints[:, 1::2]
     np.testing.assert_allclose(one[..., :3], other[..., :3], atol=1e-9)
     np.testing.assert_allclose(one[..., 4], -other[..., 4], atol=1e-9)
     for joint in (3, 5):
         turn = np.abs(one[..., joint] - other[..., joint])
         np.testing.assert_allclose(turn, np.pi, atol=1e-9)
-    np.testing.assert_array_equal(together.endings[:, ::2], together.endings[:, 1::2])
+    np.testing.assert_array_equal(
+        together.motions.endings[:, ::2], together.motions.endings[:, 1::2]
+    )
 
 
 def test_a_heavy_wrist_makes_every_branch_its_own() -> None:
-    """Taken for twins, they would be told a wrong margin."""
+    """Taken for wrist_flipped_branches, they would be told a wrong margin."""
     problem, attitudes = heavy_wrist(), attitude_grid(6, 2)
-    prospects = FeasibilityEvaluator(problem, 1).prospects(attitudes)
-    apart = np.abs(prospects.margins[:, ::2] - prospects.margins[:, 1::2])
-    assert apart.max() > 1e-3 * prospects.margins.max()
+    results = FeasibilityEvaluator(problem, 1).evaluate(attitudes)
+    apart = np.abs(results.margins[:, ::2] - results.margins[:, 1::2])
+    assert apart.max() > 1e-3 * results.margins.max()
     for one in simulate(problem, attitudes[0]).branches:
         b = one.branch.index
-        assert prospects.margins[0, b] == pytest.approx(
+        assert results.margins[0, b] == pytest.approx(
             one.closest_approach.value if one.motion.completed else 0.0, rel=1e-3
         )

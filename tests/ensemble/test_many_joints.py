@@ -17,7 +17,7 @@ from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.ensemble import ensemble
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR, make_room
+from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR, make_buffers
 from freefloat.errors import InputError
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
@@ -69,7 +69,7 @@ def assert_precise(case):
     np.testing.assert_allclose(fine.joints[k], motion.final.joints, rtol=0, atol=1e-5)
     assert angle_between(fine.attitudes[k], motion.final.attitude) < 1e-5
     wanted, first = closest_approach(motion, of).value, abs(of(motion.joints[0]))
-    assert fine.least[k] == pytest.approx(wanted, rel=0, abs=1e-5 * first)
+    assert fine.minimum[k] == pytest.approx(wanted, rel=0, abs=1e-5 * first)
 
 
 def follow_starts_of(start, count):
@@ -126,13 +126,13 @@ def test_arms_pulled_out_of_reach_end_alike(structure, task):
     level = 0.3 * problem.margin.measure(start.joints)
     asked = replace(problem, margin=Margin(problem.margin.measure, level))
     exact = integrate_motion(asked, start.attitude, start.joints, stop_at_margin=True)
-    stopped = EnsembleIntegrator(problem, 1).follow(
+    stopped = EnsembleIntegrator(problem, 1).integrate(
         start.attitude[None], start.joints[None], stop_below=level
     )
     assert exact.ending is Ending.MARGIN
     assert stopped.endings[0] == MARGIN
     assert 0.0 <= stopped.ended_at[0] - exact.final.time < 0.5  # at the end of a step
-    assert stopped.least[0] < level
+    assert stopped.minimum[0] < level
 
 
 def every_arm():
@@ -143,15 +143,15 @@ def every_arm():
             start = redundant(structure, task, option, 1)
             for name in ("gjm", "sigma") if option is None else ("gjm",):
                 problem = with_measure(start.problem, name)
-                EnsembleIntegrator(problem, 1).follow(start.attitude[None], start.joints[None])
+                EnsembleIntegrator(problem, 1).integrate(start.attitude[None], start.joints[None])
 
 
 def room_for_nine_joints():
     """What is too little for ten has to be noticed."""
     start = redundant(*TEN[-1], None, 1)
-    ensemble.make_room = lambda n, m: make_room(n, m)._replace(vectors=np.zeros((4, 9)))
+    ensemble.make_buffers = lambda n, m: make_buffers(n, m)._replace(vectors=np.zeros((4, 9)))
     with pytest.raises(IndexError):
-        EnsembleIntegrator(start.problem, 1).follow(start.attitude[None], start.joints[None])
+        EnsembleIntegrator(start.problem, 1).integrate(start.attitude[None], start.joints[None])
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
@@ -61,10 +61,10 @@ def drawn(
 def test_a_map_is_a_grid_and_its_prospects(
     found: AttitudeMap, outlook: FeasibilityEvaluator
 ) -> None:
-    prospects = outlook.prospects(attitude_grid(SAMPLES))
+    prospects = outlook.evaluate(attitude_grid(SAMPLES))
     np.testing.assert_array_equal(found.attitudes, prospects.attitudes)
-    np.testing.assert_array_equal(found.minimum_margins, prospects.least)
-    np.testing.assert_array_equal(found.endings, prospects.endings)
+    np.testing.assert_array_equal(found.minimum_margins, prospects.motions.minimum)
+    np.testing.assert_array_equal(found.endings, prospects.motions.endings)
     np.testing.assert_array_equal(found.margins, prospects.margins)
     for values in (found.attitudes, found.minimum_margins, found.endings):
         assert not values.flags.writeable
@@ -90,7 +90,7 @@ def test_shares_are_those_of_attitudes_drawn_at_random(
     """Within four standard errors of both, for any branch and for all motions."""
     count = 2000
     drawn_at_random = Rotation.random(count, rng=np.random.default_rng(12)).as_quat()
-    prospects = outlook.prospects(drawn_at_random)
+    prospects = outlook.evaluate(drawn_at_random)
     keeps = prospects.margins >= 30.0
     share = keeps.any(axis=1).mean()
     error = np.hypot(found.feasible_fraction_error, np.sqrt(share * (1.0 - share) / count))

@@ -358,6 +358,6 @@ def test_the_safe_radius_is_that_of_the_nearest_failure(
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     for share in (0.3, 0.6, 0.8, 0.9, 0.95, 1.0):
         within = turned(best.attitude, share * radius * directions)
-        assert outlook.safe(within, best.branch).all(), share
+        assert outlook.regular(within, best.branch).all(), share
     beyond = turned(best.attitude, 1.1 * radius * directions)
-    assert not outlook.safe(beyond, best.branch).all()
+    assert not outlook.regular(beyond, best.branch).all()

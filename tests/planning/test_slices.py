@@ -89,7 +89,7 @@ def test_what_the_arm_cannot_reach_is_told_from_what_breaks_the_margin():
 
 def test_slices_are_coarser_where_arm_branches_have_to_be_searched_for():
     outlook = FeasibilityEvaluator(ff.load_scenario("panda_servicer/line").problem())
-    assert outlook.thrift > 1
+    assert outlook.sample_reduction > 1
     assert len(map_slices(outlook, [], side=7)[0].ticks) < 7
 
 

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem, is_kept
 from freefloat.motion.simulation import SimulatedBranch, simulate
@@ -141,7 +142,7 @@ def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Pl
     assert robust.chosen is not None
     attitude, branch = robust.chosen.motion.initial.attitude, robust.chosen.branch.index
     beyond = attitudes_within(attitude, 1.05 * robust.robust_radius, 4000, 5)
-    assert not FeasibilityEvaluator(robust.problem, 1).safe(beyond, branch).all()
+    assert not FeasibilityEvaluator(robust.problem, 1).regular(beyond, branch).all()
 
 
 def test_a_feasible_present_attitude_stays() -> None:

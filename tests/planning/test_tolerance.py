@@ -44,13 +44,13 @@ class Case:
         assert problem.margin.is_kept(chosen.closest_approach.value)
         self.least = chosen.closest_approach.value
         self.attitude, self.joints = chosen.motion.initial.attitude, chosen.branch.joints
-        self.roller = EnsembleIntegrator(problem, 1)
-        self.bears: Tolerance = tolerance(self.roller, self.attitude, self.joints)
+        self.integrator = EnsembleIntegrator(problem, 1)
+        self.bears: Tolerance = tolerance(self.integrator, self.attitude, self.joints)
 
     def keeps(self, momenta: np.ndarray) -> np.ndarray:
         """Whether compiled motions with other momenta keep the margin, shape (K,)."""
         K = len(momenta)
-        rollout = self.roller.follow(
+        rollout = self.integrator.integrate(
             np.tile(self.attitude, (K, 1)), np.tile(self.joints, (K, 1)), momenta=momenta
         )
         return rollout.keeps(self.problem.margin.threshold)
@@ -149,12 +149,12 @@ def test_a_shortest_duration_is_found_too() -> None:
     scale = np.exp(np.linspace(np.log(0.1), 0.0, K))
     for momentum in directions(12, 9) * 1.0:
         changed = replace(problem, momentum=momentum)
-        rollout = EnsembleIntegrator(changed, 1).follow(
+        rollout = EnsembleIntegrator(changed, 1).integrate(
             np.tile(base.motion.initial.attitude, (K, 1)), np.tile(base.branch.joints, (K, 1)),
             momenta=scale[:, None] * momentum,
         )  # fmt: skip
-        value = float(0.98 * rollout.least[-1])
-        if rollout.least.min() < 0.95 * value and rollout.endings[-1] == 0:
+        value = float(0.98 * rollout.minimum[-1])
+        if rollout.minimum.min() < 0.95 * value and rollout.endings[-1] == 0:
             break
     else:
         pytest.fail("no momentum helps")

@@ -45,13 +45,13 @@ def test_random_ranges_agree_with_brute_force(verify, number):
 def test_a_map_agrees_with_precise_motions():
     """Endings, and the least S beside its first value, of every fifth motion of a small map."""
     problem = bundled("spatial_6dof/line")
-    found = FeasibilityEvaluator(problem, 1).prospects(attitude_grid(10))
-    for at, branch in np.argwhere(found.endings >= 0)[::5]:
+    found = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(10))
+    for at, branch in np.argwhere(found.motions.endings >= 0)[::5]:
         joints = found.joints[at, branch]
         motion = integrate_motion(problem, found.attitudes[at], joints)
-        assert motion.completed == (found.endings[at, branch] == COMPLETED)
+        assert motion.completed == (found.motions.endings[at, branch] == COMPLETED)
         lowest = closest_approach(motion, problem.margin.measure)
-        off = abs(lowest.value - found.least[at, branch])
+        off = abs(lowest.value - found.motions.minimum[at, branch])
         agrees(
             "test_a_map_agrees_with_precise_motions",
             off / abs(problem.margin.measure(joints)),

@@ -161,7 +161,7 @@ def test_a_margin_grazed_to_a_billionth_is_told(planar, above):
     assert margin.is_kept(lowest.value)
     assert not is_kept(lowest.value, lowest.value * (1.0 + 2e-6))
     fine = rolled(motion, tolerance=1e-11)
-    assert fine.least[0] == pytest.approx(lowest.value, abs=1e-7)
+    assert fine.minimum[0] == pytest.approx(lowest.value, abs=1e-7)
 
 
 def test_a_motion_that_grazes_zero_is_told_from_one_that_does_not(planar):
@@ -419,8 +419,8 @@ def test_a_planar_hand_passes_through_the_centre_of_mass():
 def test_a_spatial_hand_passes_through_the_centre_of_mass(spatial):
     """Expected: from some attitude the line is completed, and the hand is there to 1e-8 m."""
     problem = along(spatial.model, Task.POSE, [1, 0, 0], [-1, 0, 0], LEVEL)
-    found = FeasibilityEvaluator(problem, 1).prospects(attitude_grid(16))
-    completed = np.argwhere(found.endings == COMPLETED)
+    found = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(16))
+    completed = np.argwhere(found.motions.endings == COMPLETED)
     assert len(completed)
     at, branch = completed[0]
     motion = integrate_motion(problem, found.attitudes[at], found.joints[at, branch])
@@ -439,8 +439,8 @@ def test_a_wrist_that_passes_through_the_centre_of_mass_promises_nothing(spatial
     margin = Margin(ff.singularity_measure(spatial.model, Task.POSE, "arm"), 0.5)
     problem = ff.Problem(line.model, line.path, line.task, line.momentum, margin)
     outlook = FeasibilityEvaluator(problem, 1)
-    found = outlook.prospects(attitude_grid(64))
-    assert (found.determinant_ratios < 1e-2).all()
+    found = outlook.evaluate(attitude_grid(64))
+    assert (found.motions.determinant_ratios < 1e-2).all()
     at, branch = np.unravel_index(int(np.argmax(found.margins)), found.margins.shape)
     assert found.margins[at, branch] > 0.5
     assert safe_radius(outlook, found.attitudes[at], int(branch), 0.5) == 0.0
@@ -468,10 +468,10 @@ def test_both_signs_of_a_quaternion_are_one_start(spatial, attitude):
     """Expected: same joints, same endings, same least S to the last digits; also at half turns."""
     outlook = FeasibilityEvaluator(spatial, 1)
     unit = spatial.attitude("attitude", attitude)
-    one, other = (outlook.prospects(sign * unit[None]) for sign in (1.0, -1.0))
-    assert (one.endings == other.endings).all()
+    one, other = (outlook.evaluate(sign * unit[None]) for sign in (1.0, -1.0))
+    assert (one.motions.endings == other.motions.endings).all()
     assert_close(one.joints, other.joints, atol=1e-12)
-    assert_close(one.least, other.least, atol=1e-9)
+    assert_close(one.minimum, other.minimum, atol=1e-9)
     motions = [integrate_motion(spatial, sign * unit, one.joints[0, 0]) for sign in (1.0, -1.0)]
     assert_close(motions[0].final.joints, motions[1].final.joints, atol=1e-12)
     assert_close(motions[0].final.attitude, -motions[1].final.attitude, atol=1e-12)
@@ -483,14 +483,18 @@ def test_half_a_turn_from_the_grids_first_attitude_is_nothing_special(spatial):
     turns = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), -np.eye(3)]))
     away = (Rotation.from_quat(pole) * turns).as_quat()
     assert_close(angle_between(away, pole), np.pi, atol=1e-7)
-    found = FeasibilityEvaluator(spatial, 1).prospects(away)
-    assert (found.endings[:3] == found.endings[3:]).all()  # half a turn either way is one
-    assert_close(found.least[:3], found.least[3:], atol=1e-9)
+    found = FeasibilityEvaluator(spatial, 1).evaluate(away)
+    assert (
+        found.motions.endings[:3] == found.motions.endings[3:]
+    ).all()  # half a turn either way is one
+    assert_close(found.motions.minimum[:3], found.motions.minimum[3:], atol=1e-9)
     for k in range(3):
         motion = integrate_motion(spatial, away[k], found.joints[k, 0])
-        assert motion.completed == (found.endings[k, 0] == COMPLETED)
+        assert motion.completed == (found.motions.endings[k, 0] == COMPLETED)
         assert_close(
-            closest_approach(motion, spatial.margin.measure).value, found.least[k, 0], atol=1e-3
+            closest_approach(motion, spatial.margin.measure).value,
+            found.motions.minimum[k, 0],
+            atol=1e-3,
         )
 
 

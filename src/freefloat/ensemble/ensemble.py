@@ -9,12 +9,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from freefloat.dynamics.kernels.equation import LEVEL, METRIC, MIDDLE, WEIGHT
@@ -25,13 +23,12 @@ from freefloat.dynamics.measures import NAMES, arm_axes
 from freefloat.dynamics.null_space import middles, weights
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.ensemble.kernels.integration import (
-    COMPLETED,
-    Outcomes,
-    follow_many,
-    make_room,
+    EnsembleResult,
+    integrate_many,
+    make_buffers,
 )
 from freefloat.ensemble.kernels.steps import TABLEAU
-from freefloat.motion.problem import Problem, is_kept
+from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, whole_number
@@ -50,45 +47,8 @@ Progress = Callable[[float], None]
 """Called with the fraction done, in [0, 1], during a long computation."""
 
 
-@dataclass(frozen=True, eq=False)
-class Ensemble:
-    """What became of K motions.
-
-    Attributes:
-        endings: Codes of :mod:`freefloat.ensemble.kernels.integration`: 0 completed, 1 singular, 2
-            margin used up, 3 given up, shape (K,).
-        ended_at: [s], shape (K,).
-        least: Smallest magnitude of the problem's measure, zero where it is singular, shape (K,).
-        least_at: When [s], shape (K,).
-        attitudes: Last, quaternions x, y, z, w, shape (K, 4).
-        joints: Last, shape (K, n).
-        rates: Largest magnitudes of the joint rates, at the integrator's steps, shape (K, n).
-        lower: Smallest joint values, at the integrator's steps, shape (K, n).
-        upper: Largest ones, shape (K, n).
-        determinant_ratios: Smallest over largest magnitude of det S* at the steps: near zero
-            beside any singularity, also one that the measure does not see, shape (K,).
-        evaluations: Of (4), shape (K,).
-    """
-
-    endings: npt.NDArray[np.int8]
-    ended_at: Array
-    least: Array
-    least_at: Array
-    attitudes: Array
-    joints: Array
-    rates: Array
-    lower: Array
-    upper: Array
-    determinant_ratios: Array
-    evaluations: npt.NDArray[np.int64]
-
-    def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
-        """Which motions complete and keep a margin, shape (K,)."""
-        return np.asarray((self.endings == COMPLETED) & is_kept(self.least, margin))
-
-
 class EnsembleIntegrator:
-    """Follows many motions of one problem."""
+    """Integrates many motions of one problem."""
 
     def __init__(self, problem: Problem, threads: int | None = None) -> None:
         """Prepare the numbers of a problem.
@@ -102,7 +62,7 @@ class EnsembleIntegrator:
         self.problem = problem
         self._robot = _robot(problem)
 
-    def follow(
+    def integrate(
         self,
         attitudes: Array,
         joints: Array,
@@ -113,8 +73,8 @@ class EnsembleIntegrator:
         stop_below: float = 0.0,
         tolerance: float = TOLERANCE,
         progress: Progress | None = None,
-    ) -> Ensemble:
-        """Follow the path from many states.
+    ) -> EnsembleResult:
+        """Integrate the motions along the path from many states.
 
         Args:
             attitudes: First ones, unit quaternions x, y, z, w, shape (K, 4).
@@ -129,7 +89,7 @@ class EnsembleIntegrator:
         """
         K, n = joints.shape
         duration = self.problem.path.duration
-        given = (
+        states = (
             np.array(attitudes, dtype=float, order="C"),  # copies, for kernels are compiled for
             np.array(joints, dtype=float, order="C"),  # arrays that may be written to
             np.array(
@@ -140,17 +100,16 @@ class EnsembleIntegrator:
             np.zeros(K) if starts is None else np.array(starts, dtype=float),
             np.full(K, duration) if ends is None else np.array(ends, dtype=float),
         )
-        out = _room(K, n)
+        result = EnsembleResult.empty((K,), n)
 
-        def follow_chunk(first: int) -> None:
-            beyond = min(first + _CHUNK, K)
-            room = make_room(n, len(self._robot.rows))
-            follow_many(
-                TABLEAU, self._robot, *given, stop_below, tolerance, first, beyond, room, out
-            )
+        def integrate_chunk(first: int) -> None:
+            integrate_many(
+                TABLEAU, self._robot, *states, stop_below, tolerance, first, min(first + _CHUNK, K),
+                make_buffers(n, len(self._robot.rows)), result,
+            )  # fmt: skip
 
-        run_chunks(follow_chunk, range(0, K, _CHUNK), self.threads, progress)
-        return Ensemble(*(_frozen(values) for values in out))
+        run_chunks(integrate_chunk, range(0, K, _CHUNK), self.threads, progress)
+        return EnsembleResult(*(_frozen(values) for values in result))
 
 
 def run_chunks(
@@ -178,15 +137,6 @@ def run_chunks(
 def _frozen(values: Any) -> Any:
     values.setflags(write=False)
     return values
-
-
-def _room(K: int, n: int) -> Outcomes:
-    return Outcomes(
-        ending=np.zeros(K, np.int8), ended_at=np.zeros(K), least=np.zeros(K), least_at=np.zeros(K),
-        attitude=np.zeros((K, 4)), joints=np.zeros((K, n)), rates=np.zeros((K, n)),
-        lower=np.zeros((K, n)), upper=np.zeros((K, n)), clearance=np.zeros(K),
-        evaluations=np.zeros(K, np.int64),
-    )  # fmt: skip
 
 
 def _robot(problem: Problem) -> Robot:

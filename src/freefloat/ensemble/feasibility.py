@@ -1,64 +1,55 @@
-"""What initial attitudes lead to: every arm branch found and followed, many at once."""
+"""Feasibility of many initial attitudes at once, arm branch by arm branch."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.ensemble import TOLERANCE, Ensemble, EnsembleIntegrator, Progress
-from freefloat.ensemble.kernels.integration import COMPLETED
+from freefloat.ensemble.ensemble import TOLERANCE, EnsembleIntegrator, Progress
+from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED, EnsembleResult
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array
 
-_THRIFT = 4
-UNREACHED = -1
-"""Ending of an arm branch that does not exist at an attitude."""
+_REDUCTION = 4
+"""Of the number of attitudes in searches whose arm branches have no closed form."""
 
 
 @dataclass(frozen=True, eq=False)
-class BranchOutcomes:
-    """What becomes of the arm branches at some attitudes.
+class BranchResults:
+    """Results of the motions from K attitudes along B arm branches each.
 
     Attributes:
-        attitudes: Quaternions x, y, z, w, shape (K, 4).
-        joints: Of each branch at the start, NaN where there is none, shape (K, B, n).
-        endings: Codes as in :class:`~freefloat.ensemble.ensemble.Ensemble`, -1 where there is no
-            branch, shape (K, B).
-        determinant_ratios: Smallest over largest magnitude of det S*; zero where singular or no
-            branch, shape (K, B).
-        least: Smallest magnitude of the measure; zero where singular or no branch, shape (K, B).
-        rollout: The motions, in the order of the branches that exist.
+        attitudes: Initial attitudes, quaternions x, y, z, w, shape (K, 4).
+        joints: Initial joint values of each arm branch, NaN where it does not exist, (K, B, n).
+        motions: Results of their motions, arrays of leading shape (K, B).
     """
 
-    attitudes: Array
-    joints: Array
-    endings: npt.NDArray[np.int8]
-    determinant_ratios: Array
-    least: Array
-    rollout: Ensemble
+    attitudes: Array = field(repr=False)
+    joints: Array = field(repr=False)
+    motions: EnsembleResult = field(repr=False)
+
+    @property
+    def exist(self) -> npt.NDArray[np.bool_]:
+        """Where an arm branch exists, shape (K, B)."""
+        return np.asarray(self.motions.endings != UNREACHED)
 
     @property
     def margins(self) -> Array:
-        """``least``, and zero for motions that do not complete, shape (K, B)."""
-        return np.where(self.endings == COMPLETED, self.least, 0.0)
-
-    def spread(self, values: Array, blank: float = np.nan) -> Array:
-        """A quantity of the rollout's motions put where their branches are, shape (K, B, ...)."""
-        found = self.endings != UNREACHED
-        table = np.full((*found.shape, *values.shape[1:]), blank, dtype=values.dtype)
-        table[found] = values
-        return table
+        """Minimum magnitudes of the measure, zero for motions that do not complete, (K, B)."""
+        return np.where(self.motions.endings == COMPLETED, self.motions.minimum, 0.0)
 
 
 class FeasibilityEvaluator:
-    """Answers, attitude by attitude and branch by branch, whether a path can be followed.
+    """Evaluates, by attitude and arm branch, whether a path can be followed.
 
-    Where branches have no closed form, finding them takes a millisecond an attitude, far longer
-    than following them; ``thrift`` then tells searches to ask for so many times fewer.
+    Where arm branches have no closed form, finding them takes a millisecond for each attitude, far
+    longer than integrating the motions; searches then divide their numbers of attitudes by
+    ``sample_reduction``.
     """
 
     def __init__(
@@ -68,149 +59,151 @@ class FeasibilityEvaluator:
 
         Args:
             problem: Robot, path, momentum and margin.
-            threads: How many cores to use; all this process may when left out.
-            tolerance: Of the motions, relative and absolute, per step.
+            threads: Number of threads; one for each core of this process when left out.
+            tolerance: Relative and absolute tolerance of the integration steps.
 
         Raises:
-            InputError: If it is no problem.
+            InputError: If ``problem`` is not a Problem.
         """
         require_problem(problem)
         self.problem = problem
         self.tolerance = tolerance
-        self.roller = EnsembleIntegrator(problem, threads)
-        self.twins = has_wrist_flipped_branches(problem)
-        self.thrift = 1 if has_closed_form(problem) else _THRIFT
+        self.integrator = EnsembleIntegrator(problem, threads)
+        self.wrist_flipped = has_wrist_flipped_branches(problem)
+        self.sample_reduction = 1 if has_closed_form(problem) else _REDUCTION
 
-    def prospects(
+    def evaluate(
         self,
         attitudes: Array,
         branch: int | None = None,
         *,
         stop_at_margin: bool = False,
         progress: Progress | None = None,
-    ) -> BranchOutcomes:
-        """Follow the path from many attitudes.
+    ) -> BranchResults:
+        """Integrate the motions along the path from many attitudes.
+
+        Wrist-flipped branches 2 k and 2 k + 1 share their motion: where both exist, that of 2 k is
+        integrated and the other derived from it.
 
         Args:
             attitudes: Unit quaternions x, y, z, w, shape (K, 4).
-            branch: Follow the arm branch with this number alone; all when left out.
-            stop_at_margin: Give up motions that break the margin.
-            progress: Called with the share done, in [0, 1].
+            branch: Only the arm branch with this number; all when left out.
+            stop_at_margin: Stop motions that violate the margin.
+            progress: Called with the fraction done, in [0, 1].
         """
-        branches = self.problem.many_branches(attitudes, threads=self.roller.threads)
-        joints, found = branches.joints, branches.found
-        twins = self.twins and bool((found[:, ::2] == found[:, 1::2]).all())
-        first, beyond = (0, joints.shape[1]) if branch is None else (branch, branch + 1)
-        leaders = slice(first - first % 2, beyond, 2) if twins else slice(first, beyond)
-        followed = found[:, leaders]
-        where, _ = np.nonzero(followed)
-        own = joints[:, leaders][followed]
-        rollout = self.roller.follow(
-            attitudes[where], own,
+        branches = self.problem.many_branches(attitudes, threads=self.integrator.threads)
+        joints, exist = branches.joints, branches.found
+        columns = np.arange(joints.shape[1])
+        columns = columns if branch is None else columns[branch : branch + 1]
+        flipped = self.wrist_flipped and bool((exist[:, ::2] == exist[:, 1::2]).all())
+        sources = columns - columns % 2 if flipped else columns
+        integrated = np.unique(sources)
+        chosen = exist[:, integrated]
+        result = self.integrator.integrate(
+            attitudes[np.nonzero(chosen)[0]], joints[:, integrated][chosen],
             stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
             tolerance=self.tolerance, progress=progress,
         )  # fmt: skip
-        joints, found = joints[:, first:beyond], found[:, first:beyond]
-        if twins and branch is None:
-            rollout = _interleaved(rollout, _mirrored(rollout, own, joints[:, 1::2][followed]))
-        elif twins and first % 2:
-            rollout = _mirrored(rollout, own, joints[followed])
-        endings = np.full(found.shape, UNREACHED, dtype=np.int8)
-        least = np.zeros(found.shape)
-        determinant_ratios = np.zeros(found.shape)
-        endings[found], least[found] = rollout.endings, rollout.least
-        determinant_ratios[found] = rollout.determinant_ratios
-        return BranchOutcomes(attitudes, joints, endings, determinant_ratios, least, rollout)
+        table = _tabulated(result, chosen, np.searchsorted(integrated, sources))
+        if flipped:
+            _flip_wrists(table, columns % 2 == 1, joints[:, sources], joints[:, columns])
+        for values in table:
+            values.setflags(write=False)
+        return BranchResults(attitudes, joints[:, columns], table)
 
     def margins(self, attitudes: Array, branch: int | None) -> Array:
         """Margin that a branch, or the best of all, keeps from attitudes (K, 4); shape (K,)."""
-        return np.asarray(self.prospects(attitudes, branch).margins.max(axis=1, initial=0.0))
+        return np.asarray(self.evaluate(attitudes, branch).margins.max(axis=1, initial=0.0))
 
     def keeps(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any, keeps the problem's margin from attitudes (K, 4); (K,)."""
-        found = self.prospects(attitudes, branch, stop_at_margin=True)
-        return np.asarray(self.problem.margin.is_kept(found.margins).any(axis=1))
+        motions = self.evaluate(attitudes, branch, stop_at_margin=True).motions
+        return np.asarray(motions.keeps(self.problem.margin.threshold).any(axis=1))
 
-    def safe(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
+    def regular(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
         """Whether they keep it and stay :func:`clear` of all singularities; (K,)."""
-        found = self.prospects(attitudes, branch, stop_at_margin=True)
-        good = self.problem.margin.is_kept(found.margins) & clear(found.determinant_ratios)
-        return np.asarray(good.any(axis=1))
+        motions = self.evaluate(attitudes, branch, stop_at_margin=True).motions
+        regular = motions.keeps(self.problem.margin.threshold) & clear(motions.determinant_ratios)
+        return np.asarray(regular.any(axis=1))
 
 
 _CLEAR = 0.01
 
 
 def clear(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
-    """Where motions stay clear of singularities, also of those that their measure does not see.
+    """Where motions stay clear of every singularity, also of those the measure does not see.
 
-    A motion may pass such a one at any distance. The attitudes from which it is met form surfaces
-    that no sampling hits; near them det S* gets small, and that is seen from afar: it is asked to
-    stay above a hundredth of its largest magnitude on the way.
+    A motion may pass such a singularity at any distance. The attitudes whose motions meet it form
+    surfaces that no sampling hits, but near them det S* becomes small: it is required to stay above
+    a hundredth of its largest magnitude along the motion.
     """
     return np.asarray(determinant_ratios > _CLEAR)
 
 
 _NEGLIGIBLE = 1e-7
-"""Share of the system's mass and inertia below which a body has none."""
-_BENT = 4
-"""The joint of a spherical wrist that its twin bends the other way."""
+"""Fraction of the system's mass and inertia below which a body counts as massless."""
+_FLIPPED_JOINT = 4
+"""The joint of a spherical wrist whose sign differs between wrist-flipped branches."""
 
 
 def has_closed_form(problem: Problem) -> bool:
-    """Whether arm branches in space come from a formula, see ``arm_branches``."""
+    """Whether the arm branches have a closed form, see :mod:`freefloat.ik.branches`."""
     virtual = VirtualManipulator.of(problem.model)
     formula = virtual.has_elbow_and_spherical_wrist or virtual.has_three_parallel_axes
     return problem.task is Task.POSE and formula
 
 
 def has_wrist_flipped_branches(problem: Problem) -> bool:
-    """Whether branches that differ by the wrist alone share their motion.
+    """Whether branches that differ by the wrist flip alone have the same motion.
 
-    So they do when the wrist is square and the bodies inside it have no mass: turned half about
-    the first of its axes, bent the other way and turned back it carries the hand alike, and what
-    moves differently is weightless. Branch 2 k + 1 then is the twin of branch 2 k.
+    They do when adjacent wrist axes are perpendicular and the bodies between them are massless: a
+    half turn about the fourth and sixth joints with the fifth reversed gives the same end-effector
+    pose and moves no mass. Branch 2 k + 1 is then the wrist-flipped branch of branch 2 k.
     """
     virtual, model = VirtualManipulator.of(problem.model), problem.model
     if problem.task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:
         return False
     h4, h5, h6 = virtual.axes_at(np.zeros(6))[3:]
-    inner = model.bodies[4:6]
     heaviest = max(np.abs(body.inertia).max() for body in model.bodies)
-    weightless = all(
+    massless = all(
         body.mass < _NEGLIGIBLE * model.total_mass
         and np.abs(body.inertia).max() < _NEGLIGIBLE * heaviest
-        for body in inner
+        for body in model.bodies[4:6]
     )
-    return weightless and bool(max(abs(h4 @ h5), abs(h5 @ h6)) < _NEGLIGIBLE)
+    return massless and bool(max(abs(h4 @ h5), abs(h5 @ h6)) < _NEGLIGIBLE)
 
 
-def _mirrored(rollout: Ensemble, own: Array, twin: Array) -> Ensemble:
-    """The rollout of the twins of branches.
+def _tabulated(
+    result: EnsembleResult, exist: npt.NDArray[np.bool_], columns: npt.NDArray[np.intp]
+) -> EnsembleResult:
+    """Results of motions put where their arm branches exist (K, B), and columns of that table."""
+
+    def placed(table: Any, values: Any) -> Any:
+        table[exist] = values
+        return table[:, columns]
+
+    empty = EnsembleResult.empty(exist.shape, result.joints.shape[1])
+    return EnsembleResult._make(map(placed, empty, result))
+
+
+def _flip_wrists(
+    table: EnsembleResult, odd: npt.NDArray[np.bool_], integrated: Array, flipped: Array
+) -> None:
+    """Turn results of branches 2 k into those of their wrist-flipped branches, in place.
 
     Args:
-        rollout: Of K motions.
-        own: Their joints at the start, shape (K, 6).
-        twin: Joints of their twins at the start, shape (K, 6).
+        table: Results, arrays of leading shape (K, B).
+        odd: The columns to change, shape (B,).
+        integrated: Initial joint values of the integrated branches, shape (K, B, 6).
+        flipped: Those of the branches of the columns, shape (K, B, 6).
     """
     sign = np.ones(6)
-    sign[_BENT] = -1.0
-    low = twin + sign * (rollout.lower - own)
-    high = twin + sign * (rollout.upper - own)
-    return replace(
-        rollout,
-        joints=frozen(twin + sign * (rollout.joints - own)),
-        lower=frozen(np.minimum(low, high)),
-        upper=frozen(np.maximum(low, high)),
-        evaluations=np.zeros_like(rollout.evaluations),
+    sign[_FLIPPED_JOINT] = -1.0
+    start, offset = integrated[:, odd], flipped[:, odd]
+    final, low, high = (
+        offset + sign * (values[:, odd] - start)
+        for values in (table.joints, table.lower, table.upper)
     )
-
-
-def _interleaved(even: Ensemble, odd: Ensemble) -> Ensemble:
-    """Motions of two rollouts in turns: the first of one, the first of the other, and so on."""
-    pairs = {}
-    for field in fields(even):
-        values = np.stack([getattr(even, field.name), getattr(odd, field.name)], axis=1)
-        pairs[field.name] = values.reshape(-1, *values.shape[2:])
-        pairs[field.name].setflags(write=False)
-    return Ensemble(**pairs)
+    table.joints[:, odd] = final
+    table.lower[:, odd], table.upper[:, odd] = np.minimum(low, high), np.maximum(low, high)
+    table.evaluations[:, odd] = 0

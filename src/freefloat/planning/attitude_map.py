@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.feasibility import UNREACHED, clear, has_wrist_flipped_branches
-from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR
+from freefloat.ensemble.feasibility import clear, has_wrist_flipped_branches
+from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
 from freefloat.motion.problem import Problem, is_kept
 from freefloat.motion.reach import told_reach
 from freefloat.planning.regions import Region
@@ -78,8 +78,7 @@ class AttitudeMap:
         minimum_margins: Smallest magnitude of the measure, zero where the motion becomes singular
             or there is no such arm branch, shape (N, B).
         determinant_ratios: Smallest over largest magnitude of det S* on the way, shape (N, B).
-        endings: Codes as in :class:`~freefloat.ensemble.ensemble.Ensemble`; -1 where there is no
-            such arm branch, shape (N, B).
+        endings: Codes as in ``EnsembleResult``; -1 where there is no such arm branch, shape (N, B).
         details: Further quantities of the motions by name: ``joints`` at the start [rad or m] and
             ``largest_rates``, ``joint_lower``, ``joint_upper`` over the motion, (N, B, n),
             ``ended_at`` and ``least_at`` (when the margin is smallest) [s], (N, B), and

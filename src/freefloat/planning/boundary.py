@@ -136,7 +136,7 @@ def tangent_boundary(
                 continue
             branches = problem.branches(start.attitude)
             branch = problem.branch_near(start.attitude, start.joints, branches).index
-            if outlook.twins and branch % 2:
+            if outlook.wrist_flipped and branch % 2:
                 continue  # its twin tells the same
             gap = _gap(outlook, start.attitude, branch)
             points.append(BoundaryPoint(start.attitude, branch, gap))

@@ -57,7 +57,7 @@ def shortfalls(
     states, places = attitudes[left], joints[left]
     times = np.linspace(0.0, outlook.problem.path.duration, _INSTANTS + 2)
     for start, end in itertools.pairwise(times[:-1]):
-        rollout = outlook.roller.follow(
+        rollout = outlook.integrator.integrate(
             states, places, tolerance=outlook.tolerance,
             starts=np.full(len(left), start), ends=np.full(len(left), end),
         )  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.ensemble import TOLERANCE, Progress
-from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem, is_kept
 from freefloat.motion.reach import told_reach
 from freefloat.planning.planar_ranges import (
@@ -196,11 +196,11 @@ def sample_headings(
         threads: Number of cores to use; all available ones when left out.
     """
     headings = _even(samples)
-    outcomes = evaluator_for(problem, threads).prospects(attitudes_at(headings), progress=progress)
-    exists = outcomes.endings != UNREACHED
+    outcomes = evaluator_for(problem, threads).evaluate(attitudes_at(headings), progress=progress)
+    exists = outcomes.exist
     branches = np.flatnonzero(exists.any(axis=0))
     margins = np.where(exists, outcomes.margins, np.nan)[:, branches].T
-    ended_at = outcomes.spread(outcomes.rollout.ended_at)[:, branches].T
+    ended_at = outcomes.motions.ended_at[:, branches].T
     return HeadingMap(
         problem, headings, tuple(branches.tolist()), frozen(margins), frozen(ended_at)
     )
@@ -297,11 +297,11 @@ def _verdicts(
 
     All branches of a redundant arm are one: a heading is good when any of them is.
     """
-    found = outlook.prospects(attitudes_at(headings), stop_at_margin=True, progress=progress)
+    found = outlook.evaluate(attitudes_at(headings), stop_at_margin=True, progress=progress)
     good = is_kept(found.margins, outlook.problem.margin.threshold)
     if outlook.problem.redundant:
         good = np.asarray(good.any(axis=1, keepdims=True))
-    return good, (found.endings != UNREACHED).any(axis=0)
+    return good, np.asarray(found.exist.any(axis=0))
 
 
 def _bisected(

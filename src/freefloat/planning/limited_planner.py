@@ -196,7 +196,7 @@ def _samples(found: Plan, outlook: FeasibilityEvaluator) -> tuple[Array, Array]:
     if found.map is not None:
         return found.map.attitudes, found.map.margins
     attitudes = attitudes_at(np.arange(_HEADINGS) * (2.0 * np.pi / _HEADINGS))
-    return attitudes, outlook.prospects(attitudes).margins
+    return attitudes, outlook.evaluate(attitudes).margins
 
 
 def _precisely(problem: Problem, attitude: Array, branch: int) -> SimulatedBranch:

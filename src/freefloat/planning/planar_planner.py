@@ -183,14 +183,14 @@ def _nearest_miss(outlook: FeasibilityEvaluator) -> str:
     """The best of some headings, for the reason why none serves."""
     problem = outlook.problem
     attitudes = attitudes_at(np.arange(_TRIED) * (TURN / _TRIED))
-    found = outlook.prospects(attitudes)
-    tried = np.argwhere(np.isin(found.endings, (COMPLETED, SINGULAR)))
+    found = outlook.evaluate(attitudes)
+    tried = np.argwhere(np.isin(found.motions.endings, (COMPLETED, SINGULAR)))
     beyond = told_reach(problem)
     if beyond is not None:
         return beyond
     if not len(tried):
         return f"from no heading does {unreached_start(problem)}"
-    ended, least = found.spread(found.rollout.ended_at), found.least
+    ended, least = found.motions.ended_at, found.motions.minimum
     n, branch = max(tried, key=lambda place: (ended[tuple(place)], least[tuple(place)]))
     one = simulate(problem, attitudes[n], branch=int(branch)).chosen
     time = one.closest_approach.time

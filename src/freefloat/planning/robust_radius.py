@@ -66,16 +66,16 @@ def _limits(
     """
 
     def outside(attitudes: Array) -> npt.NDArray[np.bool_]:
-        return ~outlook.safe(attitudes, branch)
+        return ~outlook.regular(attitudes, branch)
 
     radius, limits = reach, np.empty((0, 4))
     while not len(limits) and radius < 2.0 * np.pi:
-        cloud = attitudes_within(attitude, min(radius, np.pi), _WIDE // outlook.thrift)
+        cloud = attitudes_within(attitude, min(radius, np.pi), _WIDE // outlook.sample_reduction)
         limits, radius = cloud[outside(cloud)], 2.0 * radius
     if not len(limits):
         return float(np.pi), limits
     limits = limits[np.argsort(angle_between(limits, attitude))]
-    apart = _spread(limits, _WAYS // outlook.thrift)
+    apart = _spread(limits, _WAYS // outlook.sample_reduction)
     nearest = closest(outside, attitude, apart, spacing / 2.0, _COARSE_CLOUD)
     return float(angle_between(nearest, attitude).min()), nearest
 
@@ -116,7 +116,7 @@ def deepest(
         if best is not None and deep < best.score + _PROMISING * spacing:
             break
         limits = edge(
-            partial(outlook.safe, branch=branch),
+            partial(outlook.regular, branch=branch),
             found.attitudes, inside, _EDGE, ROUGH,
         )  # fmt: skip
         touched = [one.attitude for one in known if one.branch == branch]
@@ -142,11 +142,11 @@ def _settled(
     The ball around the start, an attitude inside, is the first; then come the roomiest.
     """
     centers, best = attitude_grid(_CENTERS), Candidate(start, branch, 0.0)
-    for turn in range(_ROUNDS // outlook.thrift):
+    for turn in range(_ROUNDS // outlook.sample_reduction):
         center, room = (start, np.pi) if turn == 0 else _roomiest(centers, outside)
         if max(best.score, least) > _SETTLED * room:
             break
-        if not outlook.safe(center[None], branch)[0]:
+        if not outlook.regular(center[None], branch)[0]:
             outside = np.vstack([outside, center])
             continue
         reach = spacing if turn == 0 else 1.1 * room
@@ -165,13 +165,13 @@ def _found_outside(
     outlook: FeasibilityEvaluator, center: Array, branch: int | None, radius: float
 ) -> Array:
     """Attitudes outside that many spread in a ball come upon, each drawn to the boundary."""
-    cloud = attitudes_within(center, radius, _SURE // outlook.thrift)
-    bad = cloud[~outlook.safe(cloud, branch)]
+    cloud = attitudes_within(center, radius, _SURE // outlook.sample_reduction)
+    bad = cloud[~outlook.regular(cloud, branch)]
     bad = bad[np.argsort(angle_between(bad, center))[:_LIMITS]]
     if not len(bad):
         return bad
     centers = np.broadcast_to(center, bad.shape)
-    return bisected(lambda some: ~outlook.safe(some, branch), bad, centers, ROUGH)
+    return bisected(lambda some: ~outlook.regular(some, branch), bad, centers, ROUGH)
 
 
 def _roomiest(centers: Array, outside: Array) -> tuple[Array, float]:
@@ -202,7 +202,7 @@ def _confirmed(outlook: FeasibilityEvaluator, ball: Candidate) -> Candidate:
     radius, seed = _PRUDENT * ball.score, 1
     while radius > _LEAST:
         cloud = attitudes_within(ball.attitude, radius, _SURE, seed)
-        bad = ~outlook.safe(cloud, ball.branch)
+        bad = ~outlook.regular(cloud, ball.branch)
         if not bad.any():
             return Candidate(ball.attitude, ball.branch, radius)
         radius = _PRUDENT * float(angle_between(cloud[bad], ball.attitude).min())

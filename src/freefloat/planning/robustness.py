@@ -26,5 +26,5 @@ def with_robustness(outlook: FeasibilityEvaluator, found: Plan) -> Plan:
         redundant = found.problem.redundant
         own = None if redundant else branch.index  # its branches do not vary with the attitude
         radius = safe_radius(outlook, attitude, own, grid_spacing(len(found.map.attitudes)))
-    bears = tolerance(outlook.roller, attitude, branch.joints)
+    bears = tolerance(outlook.integrator, attitude, branch.joints)
     return replace(found, robust_radius=radius, tolerance=bears)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.ensemble import Progress
-from freefloat.ensemble.feasibility import BranchOutcomes, FeasibilityEvaluator
+from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array, attitude_grid, frozen, whole_number
@@ -49,7 +49,7 @@ def sample_attitudes(
             if progress is not None:
                 progress((first + done * count) / samples)
 
-        blocks.append(_tables(evaluator.prospects(block, progress=report)))
+        blocks.append(_tables(evaluator.evaluate(block, progress=report)))
     tables = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     for values in tables.values():
         values.setflags(write=False)
@@ -59,22 +59,22 @@ def sample_attitudes(
     )  # fmt: skip
 
 
-def _tables(outcomes: BranchOutcomes) -> dict[str, npt.NDArray[Any]]:
+def _tables(results: BranchResults) -> dict[str, npt.NDArray[Any]]:
     """Quantities of motions by attitude and branch; those for the record alone in float32."""
-    ensemble, spread = outcomes.rollout, outcomes.spread
+    motions = results.motions
 
     def single(values: Array) -> npt.NDArray[np.float32]:
         return values.astype(np.float32)
 
     return {
-        "endings": outcomes.endings,
-        "minimum_margins": outcomes.least,
-        "determinant_ratios": outcomes.determinant_ratios,
-        "joints": single(outcomes.joints),
-        "ended_at": spread(ensemble.ended_at),
-        "least_at": spread(ensemble.least_at),
-        "final_attitude": single(spread(ensemble.attitudes)),
-        "largest_rates": single(spread(ensemble.rates)),
-        "joint_lower": single(spread(ensemble.lower)),
-        "joint_upper": single(spread(ensemble.upper)),
+        "endings": motions.endings,
+        "minimum_margins": motions.minimum,
+        "determinant_ratios": motions.determinant_ratios,
+        "joints": single(results.joints),
+        "ended_at": motions.ended_at,
+        "least_at": motions.minimum_at,
+        "final_attitude": single(motions.attitudes),
+        "largest_rates": single(motions.rates),
+        "joint_lower": single(motions.lower),
+        "joint_upper": single(motions.upper),
     }

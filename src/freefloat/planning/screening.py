@@ -94,15 +94,13 @@ def _looked_at(
 ) -> list[tuple[LimitKind | None, float, float]]:
     """What each of some candidates breaks, its haste and what its clearance lacks."""
     own, inverse = np.unique(attitudes, axis=0, return_inverse=True)
-    found = outlook.prospects(own)
-    rollout, rows = found.rollout, (inverse.ravel(), branches)
-    low, high, ends = (
-        found.spread(values)[rows] for values in (rollout.lower, rollout.upper, rollout.joints)
-    )
+    found = outlook.evaluate(own)
+    motions, rows = found.motions, (inverse.ravel(), branches)
+    low, high, ends = (values[rows] for values in (motions.lower, motions.upper, motions.joints))
     outside = _out_of_range(outlook, low, high)
     haste, shortfall = np.zeros((2, len(attitudes)))
     if limits.joint_rate is not None:
-        haste = (found.spread(rollout.rates)[rows] / limits.joint_rate).max(axis=1)
+        haste = (motions.rates[rows] / limits.joint_rate).max(axis=1)
     fast = haste > 1.0 + _SLACK
     if limits.clearance is not None and pairs is not None:
         left = np.flatnonzero(~outside & ~fast)

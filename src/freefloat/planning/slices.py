@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.ensemble import Progress
-from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array, frozen
 
@@ -100,7 +100,7 @@ def map_slices(
         progress: Called with the share done, in [0, 1].
         side: Attitudes along a diameter of the ball; fewer where arm branches have no closed form.
     """
-    side = round(side / np.sqrt(outlook.thrift)) // 2 * 2 + 1
+    side = round(side / np.sqrt(outlook.sample_reduction)) // 2 * 2 + 1
     planes = [*_planes(marks)]
     slices = []
     for number, (mark, normal, offset) in enumerate(planes):
@@ -127,10 +127,10 @@ def _cut(
     vectors[..., right], vectors[..., up] = np.meshgrid(ticks, ticks)
     inside = np.linalg.norm(vectors, axis=2) <= np.pi + ticks[1] - ticks[0]
     attitudes = Rotation.from_rotvec(vectors[inside]).as_quat()
-    found = outlook.prospects(attitudes, stop_at_margin=True)
+    found = outlook.evaluate(attitudes, stop_at_margin=True)
     keeps = outlook.problem.margin.is_kept(found.margins)
     least, reached = np.full(inside.shape, np.nan), np.zeros(inside.shape, dtype=bool)
     least[inside] = np.where(keeps, found.margins, 0.0).max(axis=1, initial=0.0)
-    reached[inside] = (found.endings != UNREACHED).any(axis=1)
+    reached[inside] = found.exist.any(axis=1)
     reached.setflags(write=False)
     return Slice(mark, normal, offset, frozen(ticks), frozen(least), reached)

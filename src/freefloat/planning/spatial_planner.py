@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from freefloat.ensemble.ensemble import Progress
-from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import told_reach, unreached_start
 from freefloat.motion.simulation import SimulatedBranch, simulate
@@ -152,6 +153,6 @@ def _arm(outlook: FeasibilityEvaluator, candidate: Candidate) -> str:
 
 def _best_start(outlook: FeasibilityEvaluator, candidate: Candidate) -> tuple[int, Array]:
     """Of the configurations tried at an attitude the one of the largest margin, and its joints."""
-    found = outlook.prospects(candidate.attitude[None])
+    found = outlook.evaluate(candidate.attitude[None])
     best = int(np.argmax(found.margins[0]))
     return best, found.joints[0, best]

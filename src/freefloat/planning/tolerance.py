@@ -60,7 +60,7 @@ def tolerance(roller: EnsembleIntegrator, attitude: Array, joints: Array) -> Tol
     def keeps(momenta: Array) -> npt.NDArray[np.bool_]:
         K = len(momenta)
         states = np.broadcast_to(attitude, (K, 4)), np.broadcast_to(joints, (K, len(joints)))
-        return roller.follow(*states, momenta=momenta, stop_below=margin).keeps(margin)
+        return roller.integrate(*states, momenta=momenta, stop_below=margin).keeps(margin)
 
     D, _ = inertia_matrices(problem.model, joints)
     limit = float(np.trace(D)) / 3.0 * 2.0 * np.pi / duration

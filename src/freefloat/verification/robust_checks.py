@@ -108,9 +108,9 @@ def _all_round(stored: StoredPlan, problem: Problem) -> Check | None:
     Kernels try them; what they find otherwise is tried once more, precisely.
     """
     outlook = FeasibilityEvaluator(problem)
-    headings = np.linspace(0.0, TURN, _ROUND // outlook.thrift, endpoint=False)
+    headings = np.linspace(0.0, TURN, _ROUND // outlook.sample_reduction, endpoint=False)
     attitudes = np.array([heading_quaternion(heading) for heading in headings.tolist()])
-    found = outlook.prospects(attitudes, stop_at_margin=True)
+    found = outlook.evaluate(attitudes, stop_at_margin=True)
     serve = is_kept(found.margins, problem.margin.threshold)
     if problem.redundant:
         serve = np.array(serve.any(axis=1, keepdims=True))
@@ -169,9 +169,9 @@ def _ball(stored: StoredPlan, motion: Motion, told: float) -> Check:
     problem, branch = motion.problem, stored.document.get("branch")
     outlook = FeasibilityEvaluator(problem)
     spare = problem.redundant
-    radius, count = np.radians(told), _TRIED // outlook.thrift
+    radius, count = np.radians(told), _TRIED // outlook.sample_reduction
     cloud = attitudes_within(motion.initial.attitude, min(radius, np.pi), count, _SEED)
-    bad = int((~outlook.safe(cloud, None if spare else branch)).sum())
+    bad = int((~outlook.regular(cloud, None if spare else branch)).sum())
     allowed = int(_MAY_FAIL * count)
     passed = bad <= allowed
     words = f"{count - bad} of {count} attitudes within {told:.4g} deg serve"
@@ -193,8 +193,8 @@ def _bearing(stored: StoredPlan, motion: Motion) -> Check:
     ways = np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
     momenta = problem.momentum + _INSIDE * told["momentum"] * ways
     states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
-    found = EnsembleIntegrator(problem).follow(*states, momenta=momenta)
-    closest = [*momenta[np.argsort(found.least)[:_PRECISELY]]]
+    found = EnsembleIntegrator(problem).integrate(*states, momenta=momenta)
+    closest = [*momenta[np.argsort(found.minimum)[:_PRECISELY]]]
     if problem.momentum.any():
         paces = told["shortest"] / _INSIDE / T, told["longest"] * _INSIDE / T
         closest += [problem.momentum * pace for pace in paces]

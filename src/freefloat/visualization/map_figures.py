@@ -10,8 +10,8 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
-from freefloat.ensemble.feasibility import UNREACHED, has_wrist_flipped_branches
-from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
+from freefloat.ensemble.feasibility import has_wrist_flipped_branches
+from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
 from freefloat.motion.problem import is_kept
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.slices import Slice, rotation_vectors

@@ -19,10 +19,13 @@ from freefloat.dynamics.kernels.equation import DEMAND, WORK_COLUMNS, form_jacob
 from freefloat.dynamics.kernels.right_side import Robot, flow
 from freefloat.ensemble.kernels.measures import ARM, GJM, SIGMA, measure_at
 from freefloat.ensemble.kernels.steps import dip, error_of, inside, make_stages, may_dip
+from freefloat.motion.problem import is_kept
 from freefloat.so3 import Array, IntArray
 
 COMPLETED, SINGULAR, MARGIN, FAILED = 0, 1, 2, 3
 """Codes of endings."""
+UNREACHED = -1
+"""Ending of an arm branch that does not exist at an attitude."""
 
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-11
 _SINGULAR_STEP = 1e-7
@@ -32,8 +35,8 @@ _TOO_FAST = 2e4
 _SMALL, _STRICTER, _UNDECIDED = 0.15, 0.01, 0.9
 
 
-class Room(NamedTuple):
-    """Where one motion after another is worked out; kept by the caller, see ``borrowed``."""
+class Buffers(NamedTuple):
+    """Workspace of one thread; kept by the caller, see ``borrowed``."""
 
     last: Array  # (4 + n,)
     extent: Array  # (3, n)
@@ -45,30 +48,62 @@ class Room(NamedTuple):
     vectors: Array  # (4, max(n, DEMAND)): joints, their rates, room for a measure, a demand
 
 
-def make_room(n: int, m: int) -> Room:
-    """Room for a robot of n joints and a task of m rows."""
+def make_buffers(n: int, m: int) -> Buffers:
+    """Workspace for a robot of n joints and a task of m rows."""
     equations = (m, m + 1) if n == m else (n + m, n + m + 2)  # with the choice of a redundant arm
-    return Room(
+    return Buffers(
         last=np.zeros(4 + n), extent=np.zeros((3, n)), w=np.zeros((n + 1, WORK_COLUMNS)),
         S=np.zeros((m, n)), L=np.zeros(equations), stages=np.zeros((2, 7, 4 + n)),
         states=np.zeros((3, 4 + n)), vectors=np.zeros((4, max(n, DEMAND))),
     )  # fmt: skip
 
 
-class Outcomes(NamedTuple):
-    """What became of each motion."""
+class EnsembleResult(NamedTuple):
+    """Results of K motions; in tables of arm branches the leading shape is (K, B) instead.
 
-    ending: npt.NDArray[np.int8]  # (K,)
-    ended_at: Array  # (K,) [s]
-    least: Array  # (K,), smallest magnitude of the measure, zero where it changes sign
-    least_at: Array  # (K,) [s]
-    attitude: Array  # (K, 4), the last
-    joints: Array  # (K, n), the last
-    rates: Array  # (K, n), largest magnitudes of the joint rates
-    lower: Array  # (K, n), of the joints on the way
-    upper: Array  # (K, n)
-    clearance: Array  # (K,), smallest over largest magnitude of det S at the steps
-    evaluations: IntArray  # (K,), of (4)
+    Attributes:
+        endings: 0 completed, 1 singular, 2 margin violated, 3 given up, shape (K,); in tables -1
+            where there is no such arm branch.
+        ended_at: Final times [s], shape (K,).
+        minimum: Smallest magnitude of the measure, zero where it changes sign, shape (K,).
+        minimum_at: When [s], shape (K,).
+        attitudes: Final attitudes, quaternions x, y, z, w, shape (K, 4).
+        joints: Final joint values [rad or m], shape (K, n).
+        rates: Largest magnitudes of the joint rates at the integrator's steps, shape (K, n).
+        lower: Smallest joint values at the steps, shape (K, n).
+        upper: Largest joint values at the steps, shape (K, n).
+        determinant_ratios: Smallest over largest magnitude of det S* at the steps; small near any
+            singularity, also one at which the measure does not vanish, shape (K,).
+        evaluations: Number of evaluations of (4), shape (K,).
+    """
+
+    endings: npt.NDArray[np.int8]
+    ended_at: Array
+    minimum: Array
+    minimum_at: Array
+    attitudes: Array
+    joints: Array
+    rates: Array
+    lower: Array
+    upper: Array
+    determinant_ratios: Array
+    evaluations: IntArray
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], n: int) -> EnsembleResult:
+        """Arrays for motions of n joints where there is no motion yet."""
+        times, minimum_at = np.full((2, *shape), np.nan)
+        minimum, determinant_ratios = np.zeros((2, *shape))
+        joints, rates, lower, upper = np.full((4, *shape, n), np.nan)
+        return cls(
+            np.full(shape, UNREACHED, np.int8), times, minimum, minimum_at,
+            np.full((*shape, 4), np.nan), joints, rates, lower, upper, determinant_ratios,
+            np.zeros(shape, np.int64),
+        )  # fmt: skip
+
+    def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
+        """Which motions complete and keep a margin, shape (K,)."""
+        return np.asarray((self.endings == COMPLETED) & is_kept(self.minimum, margin))
 
 
 @compiled
@@ -97,7 +132,7 @@ def _advance(K: Array, before: Array, y: Array, old: Array, at: Array) -> None:
 
 
 @compiled
-def follow_one(
+def integrate_one(
     tableau: Array, bodies: Array, facts: Array, rows: IntArray, measure: int, ends: Array,
     origins: Array, spans: Array, law: Array, tangents: Array, duration: float, attitude: Array,
     joints: Array, h: Array, start: float, goal: float, stop_below: float, tolerance: float,
@@ -109,7 +144,7 @@ def follow_one(
     The arguments up to ``duration`` are those of :class:`Robot`; from ``attitude`` to ``tolerance``
     those of ``EnsembleIntegrator.follow``, for one motion. ``last`` receives
     the last state, attitude first, and ``extent`` the largest rates, lowest and highest joints, a
-    row each; they and what follows them are a :class:`Room`.
+    row each; they and what follows them are a :class:`Buffers`.
 
     Returns:
         Ending, when, least magnitude of the measure, when, largest magnitude, smallest over largest
@@ -224,55 +259,55 @@ def follow_one(
 
 
 @compiled
-def follow_many(
+def integrate_many(
     tableau: Array, robot: Robot, attitudes: Array, joints: Array, momenta: Array, starts: Array,
-    goals: Array, stop_below: float, tolerance: float, first: int, beyond: int, room: Room,
-    out: Outcomes,
+    goals: Array, stop_below: float, tolerance: float, first: int, beyond: int, buffers: Buffers,
+    out: EnsembleResult,
 ) -> None:  # fmt: skip
-    """Follow motions ``first`` to ``beyond`` and write what became of them.
+    """Integrate motions ``first`` to ``beyond`` and write their results.
 
     Where the measure gets small beside its largest value on the way, an error that hardly changes
     the motion changes the measure's share of it much: such motions are followed again, stricter.
     """
-    _follow_many(
+    _integrate_many(
         borrowed(tableau), borrowed(robot.bodies), borrowed(robot.facts), borrowed(robot.rows),
         robot.measure, borrowed(robot.ends), borrowed(robot.origins), borrowed(robot.spans),
         borrowed(robot.law), borrowed(robot.tangents), robot.duration, borrowed(attitudes),
         borrowed(joints), borrowed(momenta), borrowed(starts), borrowed(goals), stop_below,
-        tolerance, first, beyond, borrowed(room.last), borrowed(room.extent), borrowed(room.w),
-        borrowed(room.S), borrowed(room.L), borrowed(room.stages), borrowed(room.states),
-        borrowed(room.vectors), out,
+        tolerance, first, beyond, borrowed(buffers.last), borrowed(buffers.extent),
+        borrowed(buffers.w), borrowed(buffers.S), borrowed(buffers.L), borrowed(buffers.stages),
+        borrowed(buffers.states), borrowed(buffers.vectors), out,
     )  # fmt: skip
 
 
 @compiled
-def _follow_many(
+def _integrate_many(
     tableau: Array, bodies: Array, facts: Array, rows: IntArray, measure: int, ends: Array,
     origins: Array, spans: Array, law: Array, tangents: Array, duration: float, attitudes: Array,
     joints: Array, momenta: Array, starts: Array, goals: Array, stop_below: float,
     tolerance: float, first: int, beyond: int, last: Array, extent: Array, w: Array, S: Array,
-    L: Array, stages: Array, states: Array, room: Array, out: Outcomes,
+    L: Array, stages: Array, states: Array, room: Array, out: EnsembleResult,
 ) -> None:  # fmt: skip
     n = joints.shape[1]
     for k in range(first, beyond):
-        ending, when, least, least_at, most, clearance, evaluations = follow_one(
+        ending, when, least, least_at, most, clearance, evaluations = integrate_one(
             tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents, duration,
             attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below, tolerance,
             last, extent, w, S, L, stages, states, room,
         )  # fmt: skip
         undecided = ending == COMPLETED or (ending == MARGIN and least > _UNDECIDED * stop_below)
         if undecided and least < _SMALL * most:
-            ending, when, least, least_at, most, clearance, more = follow_one(
+            ending, when, least, least_at, most, clearance, more = integrate_one(
                 tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents,
                 duration, attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below,
                 _STRICTER * tolerance, last, extent, w, S, L, stages, states, room,
             )  # fmt: skip
             evaluations += more
-        out.ending[k], out.ended_at[k] = ending, when
-        out.least[k], out.least_at[k] = least, least_at
-        out.clearance[k], out.evaluations[k] = clearance, evaluations
+        out.endings[k], out.ended_at[k] = ending, when
+        out.minimum[k], out.minimum_at[k] = least, least_at
+        out.determinant_ratios[k], out.evaluations[k] = clearance, evaluations
         for j in range(4):
-            out.attitude[k, j] = last[j]
+            out.attitudes[k, j] = last[j]
         for j in range(n):
             out.joints[k, j] = last[4 + j]
             out.rates[k, j] = extent[0, j]
