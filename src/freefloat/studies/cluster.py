@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import signal
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import dask
-from distributed import Client, KilledWorker, LocalCluster, as_completed
+from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, as_completed
 
 from freefloat.errors import InputError
 from freefloat.studies.run import Run, RunResult, error_result, execute
@@ -75,6 +76,13 @@ def _result(run: Run, future: Any) -> RunResult:
     return result
 
 
+class _IgnoreInterrupts(WorkerPlugin):
+    """Leaves Ctrl-C, which a terminal sends to all processes, to this process."""
+
+    def setup(self, worker: Any) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 @contextmanager
 def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
     if scheduler is None:
@@ -86,6 +94,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
             ) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):  # fmt: skip
+            client.register_plugin(_IgnoreInterrupts())
             yield client
         return
     accepted = "the address of a running Dask scheduler with workers, such as tcp://host:8786"

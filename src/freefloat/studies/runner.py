@@ -91,10 +91,7 @@ def _execute_missing(
 
 def _export(result: StudyResult, *, figures: bool, report: bool) -> dict[str, Path | None]:
     """Write the tables and figures of a study; return the files by kind."""
-    from freefloat.studies.report import save_report
     from freefloat.studies.table import parameter_columns, save_table, study_table
-    from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.study_figure import study_figure
 
     table = study_table(result.rows)
     parquet, csv = save_table(result.folder, table)
@@ -102,6 +99,10 @@ def _export(result: StudyResult, *, figures: bool, report: bool) -> dict[str, Pa
     files |= {"parquet": parquet, "csv": csv}
     if not figures:
         return files
+    from freefloat.studies.report import save_report
+    from freefloat.visualization.figure_style import save_figures
+    from freefloat.visualization.study_figure import study_figure
+
     columns = parameter_columns(table, result.study.content.vary)
     figure = study_figure(table, columns)
     drawing, picture = save_figures(result.folder, {"summary": figure})

@@ -241,7 +241,11 @@ def _check_keys(study: Study) -> None:
             return
         except InputError as error:
             first = first or error
-    if first is not None and any(f"{first.key}.".startswith(f"{k}.") for k in study.content.vary):
-        raise InputError(f"vary.{first.key}", f"run 0: {first.problem}", first.accepted)
-    if first is not None:
-        raise first
+    if first is None:
+        return
+    for key in study.content.vary:
+        if f"{first.key}.".startswith(f"{key}."):
+            raise InputError(f"vary.{first.key}", f"run 0: {first.problem}", first.accepted)
+        if first.key == key.partition(".")[0] not in study.base:
+            raise InputError(f"vary.{key}", first.problem, first.accepted)
+    raise first

@@ -1,0 +1,281 @@
+"""Studies as a whole: run, continued after any process is killed, interrupted, estimated."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pyarrow.parquet
+import pytest
+from typer.testing import CliRunner
+
+from freefloat.cli.app import app
+from freefloat.errors import InputError
+from freefloat.io.plan_file import load_plan
+from freefloat.robot.names import bundled_studies
+from freefloat.studies.cluster import execute_all
+from freefloat.studies.run import Row, Run, execute
+from freefloat.studies.runner import estimate_study, run_study
+from freefloat.studies.study import load_study
+from tests.example_studies import HEADINGS, SHORT, a_study, write_study
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+RANDOM = {"momentum.2": {"uniform": [-1, 1]}}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A working folder; the command changes the handler of SIGTERM."""
+    monkeypatch.chdir(tmp_path)
+    before = signal.getsignal(signal.SIGTERM)
+    yield tmp_path
+    signal.signal(signal.SIGTERM, before)
+
+
+def run(*words: str) -> Any:
+    return CliRunner().invoke(app, ["batch", *words])
+
+
+def table(folder: Path) -> dict[str, list[Any]]:
+    return dict(pyarrow.parquet.read_table(folder / "cases.parquet").to_pydict())
+
+
+def without_times(row: Row) -> Row:
+    return replace(row, seconds=None, began=None, file=None, bytes=None)
+
+
+def test_a_study_has_the_rows_of_its_runs_and_is_not_repeated(folder: Path) -> None:
+    study = a_study(folder, HEADINGS, branch=0)
+    fractions: list[float] = []
+    result = run_study(study, folder / "out", workers=2, progress=fractions.append)
+    assert fractions == pytest.approx([1 / 3, 2 / 3, 1.0])
+    assert result.verdicts == {"feasible": 2, "infeasible": 1, "error": 0}
+    for number in range(3):
+        row = result.rows[number]
+        assert without_times(row) == without_times(execute(Run.of(study, number)).row)
+        stored = load_plan(folder / "out" / str(row.file))
+        assert stored.document["min_margin"]["value"] == row.margin
+    written = {path.name for path in (folder / "out").iterdir()}
+    tables = {"study.sqlite", "cases", "cases.csv", "cases.parquet"}
+    assert written == tables | {"report.html", "summary.pdf", "summary.png"}
+    again = run_study(study, folder / "out", report=False)
+    assert (again.computed, again.files["report"]) == (0, None)
+    assert again.rows == result.rows
+
+
+def test_one_run_in_ten_that_fails_stops_no_other(folder: Path) -> None:
+    """Runs with a path out of reach, a broken robot, a number that is none, or a missing file."""
+    (folder / "bad.urdf").write_text("<robot><link")
+    good: dict[str, Any] = {"momentum.2": 0.1, "x": 2, "robot.urdf": "planar_3dof"}
+    bad = [{"x": 9}, {"robot.urdf": "bad.urdf"}, {"momentum.2": float("nan")},
+           {"robot.urdf": "none"}]  # fmt: skip
+    runs = [good | bad[k // 10 % 4] if k % 10 == 3 else good for k in range(80)]
+    names = {"momentum.2": "momentum.2", "x": "path.polynomial.x.0", "robot.urdf": "robot.urdf"}
+    vary = {key: {"list": [values[name] for values in runs]} for name, key in names.items()}
+    write_study(folder, vary, base=SHORT, combine="zipped", files=False)
+    result = run("study.yaml", "-o", "out", "--workers", "2")
+    assert result.exit_code == 1
+    assert len(result.stderr.splitlines()) == 1
+    rows = table(folder / "out")
+    failed = [number for number, error in enumerate(rows["error"]) if error is not None]
+    assert failed == list(range(3, 80, 10))
+    assert rows["verdict"].count("feasible") == 72
+
+
+def started(*words: str) -> subprocess.Popen[str]:
+    """The command as the leader of a process group, as in a terminal."""
+    command = [sys.executable, "-m", "freefloat", "batch", *words]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+def files(folder: Path) -> list[str]:
+    """Result files of the finished runs."""
+    return sorted(path.name for path in folder.glob("cases/*.h5"))
+
+
+def wait_until(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+    begin = time.monotonic()
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() - begin < 180.0
+        time.sleep(0.01)
+
+
+def workers(process: subprocess.Popen[str]) -> list[psutil.Process]:
+    found = []
+    for child in psutil.Process(process.pid).children(recursive=True):
+        try:
+            found += [child] if any("spawn_main" in word for word in child.cmdline()) else []
+        except psutil.Error:
+            continue
+    return found
+
+
+def test_no_finished_run_is_lost_or_repeated_whatever_process_is_killed(folder: Path) -> None:
+    count, out = 40, folder / "out"
+    write_study(folder, RANDOM, base=SHORT, cases=count)
+    coordinator = started("study.yaml", "-o", "out", "--workers", "1")
+    wait_until(lambda: len(files(out)) >= 5, coordinator)
+    processes = workers(coordinator)
+    coordinator.kill()
+    coordinator.communicate()
+    _, alive = psutil.wait_procs(processes, timeout=30)
+    assert alive == []
+    finished = files(out)[:-1]  # the last one may have no row yet
+    times = {name: (out / "cases" / name).stat().st_mtime_ns for name in finished}
+    again = started("study.yaml", "-o", "out", "--workers", "2", "--json")
+    wait_until(lambda: len(files(out)) >= len(finished) + 5, again)
+    workers(again)[0].kill()
+    document, errors = again.communicate(timeout=300)
+    assert (again.returncode, errors) == (0, "")
+    assert json.loads(document)["reused"] >= len(finished)
+    rows = table(out)
+    assert rows["case"] == list(range(count))
+    assert set(rows["verdict"]) == {"feasible"}
+    assert len(files(out)) == count
+    for name, modified in times.items():
+        assert (out / "cases" / name).stat().st_mtime_ns == modified
+
+
+@pytest.mark.parametrize("finished", [0, 3])
+def test_an_interruption_ends_all_processes_and_keeps_rows(finished: int, folder: Path) -> None:
+    """Ctrl-C in a terminal reaches the workers too, before and after the first runs."""
+    write_study(folder, RANDOM, base=SHORT, cases=500)
+    process = started("study.yaml", "-o", "out", "--workers", "1")
+    wait_until(lambda: len(files(folder / "out")) >= finished and bool(workers(process)), process)
+    processes, begin = workers(process), time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)
+    output, errors = process.communicate(timeout=60)
+    assert time.monotonic() - begin < 20.0
+    assert (process.returncode, output) == (130, "")
+    assert errors.splitlines()[-1] == "freefloat: interrupted"
+    _, alive = psutil.wait_procs(processes, timeout=20)
+    assert alive == []
+    rows = table(folder / "out")["case"]
+    assert finished - 1 <= len(rows) < 500  # the last file may have no row yet
+    estimate = estimate_study(load_study("study.yaml"), folder / "out")
+    assert sorted(estimate.finished) == rows
+
+
+class Deadly:
+    """Ends the worker that unpickles it."""
+
+    def __reduce__(self) -> Any:
+        worker = "__import__('multiprocessing').parent_process()"
+        return eval, (f"{worker} and __import__('os')._exit(1)",)
+
+
+def test_a_run_that_kills_its_workers_becomes_an_error(folder: Path) -> None:
+    study = a_study(folder, RANDOM, base=SHORT, cases=3, files=False)
+    runs = [Run.of(study, number) for number in range(3)]
+    runs[1] = replace(runs[1], document={"robot": Deadly()})
+    rows = {result.row.number: result.row for result in execute_all(runs)}
+    assert [rows[number].verdict for number in range(3)] == ["feasible", "error", "feasible"]
+
+
+@pytest.fixture
+def scheduler() -> Iterator[str]:
+    """Address of a scheduler with two workers, three processes."""
+    dask = [sys.executable, "-m", "dask"]
+    options: Any = {"stderr": subprocess.PIPE, "text": True}
+    address = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
+    main = subprocess.Popen([*dask, "scheduler", *address], **options)
+    assert main.stderr is not None
+    found = (re.search(r"Scheduler at: +(tcp://\S+)", line) for line in main.stderr)
+    url = next(match[1] for match in found if match)
+    worker = [*dask, "worker", url, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
+    processes = [subprocess.Popen(worker, **options) for _ in range(2)]
+    yield url
+    for process in (*processes, main):
+        process.kill()
+        process.communicate()
+
+
+def test_workers_of_a_scheduler_get_the_same_rows(folder: Path, scheduler: str) -> None:
+    study = a_study(folder, RANDOM, base=SHORT, cases=4)
+    result = run_study(study, folder / "out", scheduler=scheduler, report=False)
+    for number, row in result.rows.items():
+        assert without_times(row) == without_times(execute(Run.of(study, number)).row)
+    assert len(files(folder / "out")) == 4
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://a"])
+def test_a_scheduler_that_does_not_answer_is_an_error(
+    address: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("freefloat.studies.cluster._TIMEOUT", 1.0)
+    with pytest.raises(InputError) as caught:
+        run_study(a_study(folder), folder / "out", scheduler=address)
+    assert caught.value.key == "scheduler"
+
+
+def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
+    write_study(folder, RANDOM | {"timing.duration": {"list": [5, 6]}}, base=SHORT, cases=30)
+    before = sorted(folder.iterdir())
+    result = run("study.yaml", "--dry-run", "--workers", "3", "--json")
+    assert result.exit_code == 0
+    document = json.loads(result.stdout)
+    assert [case["case"] for case in document["cases"]] == list(range(60))
+    assert document["cases"][59]["parameters"]["timing.duration"] == 6
+    parallel = min(3, len(os.sched_getaffinity(0)))
+    whole = document["start_up_seconds"] + document["seconds_each"] * 60 / parallel
+    assert document["seconds"] == pytest.approx(whole)
+    assert "60 to run" in run("study.yaml", "--dry-run").stdout
+    assert sorted(folder.iterdir()) == before
+
+
+def test_an_estimate_of_runs_that_all_fail_has_no_time(folder: Path) -> None:
+    study = a_study(folder, {"path.polynomial.x.0": {"list": [9, 10]}}, base=SHORT)
+    assert estimate_study(study).seconds is None
+
+
+@pytest.mark.parametrize("name", bundled_studies())
+def test_bundled_studies_have_an_estimate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("freefloat.studies.runner.execute", lambda run: execute_nothing(run))
+    document = estimate_study(load_study(name)).to_dict()
+    assert document["count"] == len(document["cases"]) > 1
+
+
+def execute_nothing(run: Run) -> Any:
+    from freefloat.studies.run import RunResult
+
+    return RunResult(Row(run.number, "feasible", run.parameters, seconds=1.0))
+
+
+@pytest.mark.parametrize(
+    ("words", "key"),
+    [
+        (["study.yaml"], "output"),
+        (["nothing.yaml", "-o", "out"], "study"),
+        (["study.yaml", "-o", "base.yaml"], "output"),
+        (["study.yaml", "-o", "out", "--workers", "2", "--scheduler", "tcp://a:1"], "workers"),
+        (["broken.yaml", "-o", "out"], "vary.momentun.2"),
+        (["odd.yaml", "-o", "out"], "urdf"),
+    ],
+)
+def test_invalid_input_is_exit_code_2_with_the_key(
+    words: list[str], key: str, folder: Path
+) -> None:
+    text = write_study(folder, RANDOM, base=SHORT, cases=3).read_text()
+    (folder / "broken.yaml").write_text(text.replace("momentum", "momentun"))
+    (folder / "odd.yaml").write_text(text.replace("base.yaml", "far.yaml"))
+    base = (folder / "base.yaml").read_text()
+    (folder / "far.yaml").write_text(base.replace("planar_3dof.urdf", "bad.urdf"))
+    (folder / "bad.urdf").write_text("<robot><link")
+    result = run(*words, "--json")
+    assert result.exit_code == 2
+    assert len(result.stderr.splitlines()) == 1
+    assert json.loads(result.stdout)["error"]["key"] == key
