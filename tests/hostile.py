@@ -30,7 +30,7 @@ from freefloat.io.scenario import load_scenario
 from freefloat.io.schema import ScenarioFile
 from freefloat.io.validation import validated
 from freefloat.limits.collision import collision_shapes
-from freefloat.paths.path import read_samples
+from freefloat.paths.samples import read_samples
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError

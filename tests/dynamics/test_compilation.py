@@ -98,7 +98,7 @@ def test_whole_numbers_and_those_that_nobody_may_change_take_the_same_machine_co
     margin = Margin(problem.margin.measure, round(problem.margin.threshold))
     whole = Problem(problem.model, path, problem.task, (0, 0, 1), margin)
     used(whole)
-    determinant = arc_flow(whole, 1.0).determinant
+    determinant = arc_flow(whole).determinant
     assert determinant is not None
     assert determinant(motion.joints[0]) != 0.0
     assert before["freefloat.ensemble.kernels.integration.integrate_many"] > 0

@@ -23,7 +23,7 @@ from freefloat.ensemble.kernels.integration import (
 )
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import closest_approach, first_place_below
+from freefloat.motion.closest_approach import closest_approach, first_crossing
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Margin, Problem, is_kept
@@ -587,7 +587,7 @@ def test_stop_below_gives_up_early_and_touches_nothing_else(spatial: Problem) ->
         )
     for k in np.flatnonzero(below)[::6]:
         motion = integrate_motion(spatial, attitudes[k], joints[k])
-        place = first_place_below(motion, of, level)
+        place = first_crossing(motion, of, level)
         assert place is not None
         crossing = motion.evaluate(place)[0][0]
         assert crossing - 1e-3 <= stopping.ended_at[k] <= crossing + 15.0

@@ -22,44 +22,51 @@ def solved(problem: Problem, t: float, attitude: np.ndarray, joints: np.ndarray)
     return np.concatenate([[1.0], turn, rates])
 
 
+def forward(problem: Problem) -> np.ndarray:
+    """The direction of time among (time, attitude, joints)."""
+    return np.eye(5 + problem.model.dof)[0]
+
+
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_the_tangent_solves_the_drift_equation(name: str, rng: np.random.Generator) -> None:
     problem = ff.load_scenario(name).problem()
-    flow = arc_flow(problem, 1.0)
+    flow = arc_flow(problem)
     grid = attitude_grid(20, seed=3)
     if problem.task.planar:
         grid = np.array([heading_quaternion(turn) for turn in rng.uniform(0.0, 6.0, 20)])
     for attitude in grid:
         t = float(rng.uniform(0.05, 0.95) * problem.path.duration)
-        flow.piece = problem.path.timing.piece_at(t)
+        leg = problem.path.leg(t, t)
         joints = rng.uniform(-2.5, 2.5, problem.model.dof)
         expected = solved(problem, t, attitude, joints)
         expected[0] /= flow.unit
-        found = flow(0.0, np.concatenate([[t / flow.unit], 1.7 * attitude, joints]))
+        y = np.concatenate([[t / flow.unit], 1.7 * attitude, joints])
+        found = flow(y, leg, forward(problem))
         assert np.linalg.norm(found) == pytest.approx(1.0, abs=1e-14)
         assert found == pytest.approx(expected / np.linalg.norm(expected), abs=1e-11)
 
 
 def test_the_tangent_keeps_to_the_side_of_the_last_one(rng: np.random.Generator) -> None:
     problem = ff.load_scenario("spatial_6dof/line").problem()
-    flow = arc_flow(problem, 1.0)
+    flow = arc_flow(problem)
     y = np.concatenate([[5.0, 0.0, 0.0, 0.0, 1.0], rng.uniform(0.5, 1.0, 6)])
-    ahead = flow(0.0, y)
-    flow.reference = -ahead
-    assert (flow(0.0, y) == -ahead).all()
+    leg = problem.path.leg(0.0, problem.path.duration)
+    ahead = flow(y, leg, forward(problem))
+    assert (flow(y, leg, -ahead) == -ahead).all()
 
 
 def test_where_there_are_no_rates_time_stands_still() -> None:
     problem = ff.load_scenario("spatial_6dof/line").problem()
-    flow = arc_flow(problem, 1.0)
-    tangent = flow(0.0, np.array([5.0, 0.0, 0.0, 0.0, 1.0, np.nan, 1.0, 1.0, 1.0, 1.0, 1.0]))
+    flow = arc_flow(problem)
+    y = np.array([5.0, 0.0, 0.0, 0.0, 1.0, np.nan, 1.0, 1.0, 1.0, 1.0, 1.0])
+    tangent = flow(y, problem.path.leg(0.0, problem.path.duration), forward(problem))
     assert (tangent == 0.0).all()
 
 
 def test_the_determinant_is_that_of_the_generalized_jacobian(rng: np.random.Generator) -> None:
     for name in SCENARIOS:
         problem = ff.load_scenario(name).problem()
-        determinant = arc_flow(problem, 1.0).determinant
+        determinant = arc_flow(problem).determinant
         assert determinant is not None
         for joints in rng.uniform(-3.0, 3.0, (20, problem.model.dof)):
             expected = generalized_determinant(problem.model, joints, problem.task)

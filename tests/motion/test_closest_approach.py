@@ -7,7 +7,7 @@ import pytest
 
 from freefloat.dynamics.measures import NAMES, SingularityMeasure, singularity_measure
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import closest_approach, first_place_below
+from freefloat.motion.closest_approach import closest_approach, first_crossing
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin
@@ -266,6 +266,6 @@ def test_the_first_place_is_where_the_magnitude_is_reached(near):
     of = near.problem.margin.measure
     smallest = closest_approach(near, near.problem.margin.measure).value
     for value in (5.03, 6.0, 8.0, abs(of(near.joints[0])) * 0.999):
-        place = first_place_below(near, of, value)
+        place = first_crossing(near, of, value)
         assert abs(of(near.evaluate(place)[2][0])) == pytest.approx(value, rel=1e-11)
-    assert first_place_below(near, of, smallest * (1 - 1e-9)) is None
+    assert first_crossing(near, of, smallest * (1 - 1e-9)) is None

@@ -5,10 +5,14 @@ from functools import partial
 import numpy as np
 import pytest
 
-from freefloat.motion.extrema import at_nodes, largest
+from freefloat.motion.extrema import at_nodes, maximum
 from tests.sliding import sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
+
+
+def _largest(motion, f):
+    return maximum(at_nodes(motion, f), f)
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +23,7 @@ def motion():
 @pytest.mark.parametrize("peak", [0.3, 1.0, 1.77, 2.45])
 def test_peaks_between_nodes_are_found(motion, peak):
     """Of a bell beside a lower, flat quantity."""
-    found = largest(motion, lambda panel, x: np.array([
+    found = _largest(motion, lambda panel, x: np.array([
         0.9, np.exp(-((panel + (x + 1.0) / 2.0 - peak) ** 2))
     ]))  # fmt: skip
     assert found.index == 1
@@ -28,19 +32,19 @@ def test_peaks_between_nodes_are_found(motion, peak):
 
 
 def test_the_ends_count(motion):
-    rising = largest(motion, lambda panel, x: np.array([panel + x]))
+    rising = _largest(motion, lambda panel, x: np.array([panel + x]))
     assert (rising.value, rising.panel, rising.x) == (motion.panels, motion.panels - 1, 1.0)
-    falling = largest(motion, lambda panel, x: np.array([-panel - x]))
+    falling = _largest(motion, lambda panel, x: np.array([-panel - x]))
     assert (falling.value, falling.panel, falling.x) == (1.0, 0, -1.0)
 
 
 def test_jumps_between_panels_count_on_their_higher_side(motion):
-    found = largest(motion, lambda panel, x: np.array([x if panel == 1 else -5.0]))
+    found = _largest(motion, lambda panel, x: np.array([x if panel == 1 else -5.0]))
     assert (found.value, found.panel, found.x) == (1.0, 1, 1.0)
 
 
 def test_what_has_no_bound_is_infinite(motion):
-    found = largest(motion, lambda panel, x: np.array([1.0, np.nan if panel == 1 else 0.0]))
+    found = _largest(motion, lambda panel, x: np.array([1.0, np.nan if panel == 1 else 0.0]))
     assert found.value == np.inf
     assert (found.index, found.panel) == (1, 1)
 
@@ -49,4 +53,4 @@ def test_known_values_are_used(motion):
     def of(panel, x):
         return np.array([1.0 - x * x])
 
-    assert largest(motion, of, at_nodes(motion, of)).value == pytest.approx(1.0)
+    assert maximum(at_nodes(motion, of), of).value == pytest.approx(1.0)

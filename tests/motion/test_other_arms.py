@@ -234,21 +234,20 @@ def test_a_result_file_remembers_what_was_held(slide: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("held", "key", "accepted"),
+    ("held", "key"),
     [
-        ("{flap: 1}", "robot.held.flap", "hinge"),
-        ("{hing: 1}", "robot.held.hing", "hinge"),
-        ("{hinge: up}", "robot.held.hinge", "a number"),
-        ("[1]", "robot.held", "keys and values"),
+        ("{flap: 1}", "robot.held.flap"),
+        ("{hing: 1}", "robot.held.hing"),
+        ("{hinge: up}", "robot.held.hinge"),
+        ("[1]", "robot.held"),
     ],
 )
-def test_what_cannot_be_held_is_told(slide: Path, held: str, key: str, accepted: str) -> None:
+def test_what_cannot_be_held_is_refused(slide: Path, held: str, key: str) -> None:
     slide.write_text(SLIDE_SCENARIO.replace("{hinge: 0.9}", held))
     with pytest.raises(InputError) as caught:
         load_scenario(slide).problem()
     assert caught.value.key == key
     assert caught.value.source == str(slide)
-    assert accepted in caught.value.accepted
 
 
 # --------------------------------------------------------------------------------------- in space

@@ -13,7 +13,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import UnreachableError
 from freefloat.io.scenario import parse_scenario
 from freefloat.motion.problem import Problem
-from freefloat.motion.reach import light_spacecraft, out_of_reach, told_reach
+from freefloat.motion.reach import light_spacecraft, out_of_reach, reach_message
 from freefloat.paths.curves import PolynomialCurve
 from tests.scenarios import EASY
 
@@ -39,12 +39,14 @@ def test_the_place_where_a_path_leaves_the_reach_lies_on_the_reach() -> None:
 
 def test_a_start_beyond_it_is_told_with_the_unit_where_it_is_absurd() -> None:
     told = "the path begins out of reach: [10.0, 0.0, 0.0] m is 10 m from the centre of mass, "
-    assert told_reach(along([10.0, 0.0, 0.0], [1.0, 0.0, 0.0])) == told + "the arm reaches 2.635 m"
-    assert "in metres" in str(told_reach(along([1000.0, 0.0, 0.0], [-500.0, 800.0, 330.0])))
+    assert (
+        reach_message(along([10.0, 0.0, 0.0], [1.0, 0.0, 0.0])) == told + "the arm reaches 2.635 m"
+    )
+    assert "in metres" in str(reach_message(along([1000.0, 0.0, 0.0], [-500.0, 800.0, 330.0])))
 
 
 def test_a_path_within_reach_is_left_alone() -> None:
-    assert told_reach(ff.load_scenario("spatial_6dof/line").problem()) is None
+    assert reach_message(ff.load_scenario("spatial_6dof/line").problem()) is None
 
 
 def test_a_simulation_tells_it_of_the_start_and_of_the_end() -> None:

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
-from freefloat.paths.path import EndEffectorPath, read_samples
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.samples import read_samples
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

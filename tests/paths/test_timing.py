@@ -158,7 +158,7 @@ def test_pieces_are_found_by_time():
     """A piece holds from its start to just before its end; the last one to the very end."""
     timing = Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.5, 40.0),))
     assert timing.ends == pytest.approx((10.0, 30.0, 40.0, 55.0, 85.0, 100.0))
-    assert [timing.piece_at(t) for t in (0.0, 9.9, 10.0, 35.0, 40.0, 99.0, 100.0)] == [
+    assert [timing.segment_at(t) for t in (0.0, 9.9, 10.0, 35.0, 40.0, 99.0, 100.0)] == [
         0, 0, 1, 2, 3, 5, 5,
     ]  # fmt: skip
 

@@ -117,7 +117,7 @@ def map_(
 
 
 def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
-    from freefloat.motion.reach import told_reach
+    from freefloat.motion.reach import reach_message
 
     yield f"{name}: feasible headings of {len(result.headings)}"
     regions = table("branch", "size [deg]", "centre [deg]")
@@ -134,7 +134,7 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
             f"best: {math.degrees(best.heading):.3f} deg, branch {best.branch}, "
             f"minimum margin {best.margin:.6g}"
         )
-    reach = told_reach(result.problem)
+    reach = reach_message(result.problem)
     if reach is not None:
         yield reach
     yield f"{result.seconds:.1f} s"
@@ -177,11 +177,11 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
 
 def _found_lines(result: AttitudeMap) -> Iterator[str]:
     """Lines on what was found between the samples."""
-    from freefloat.motion.reach import told_reach
+    from freefloat.motion.reach import reach_message
 
     best, robust, nearest = result.best, result.robust, result.nearest
     if best is None:
-        reach = told_reach(result.problem)
+        reach = reach_message(result.problem)
         yield "no feasible attitude was found" + (f": {reach}" if reach else "")
     else:
         measure = result.problem.margin.measure.name

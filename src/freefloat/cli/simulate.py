@@ -125,7 +125,7 @@ def _tables(
 ) -> Iterator[RenderableType]:
     """The branches, the chosen motion, and its limits."""
     from freefloat.cli.tables import limit_tables, motion_lines, short_label
-    from freefloat.motion.reach import told_reach
+    from freefloat.motion.reach import reach_message
 
     problem = simulation.chosen.motion.problem
     redundant = problem.redundant
@@ -147,7 +147,7 @@ def _tables(
         )
     yield branches
     yield from motion_lines(simulation.chosen, " (*)")
-    reach = told_reach(problem)
+    reach = reach_message(problem)
     if reach is not None:
         yield Text(f"  {reach}", "red")
     yield from limit_tables(results)

@@ -149,7 +149,7 @@ def _robot(problem: Problem) -> Robot:
     if problem.redundancy is not None and not problem.redundancy.plain:
         _choose(problem.redundancy, model, bodies, facts)
     ends = np.append(path.breaks, path.duration)
-    pieces = [path.timing.pieces[path.timing.piece_at(t)] for t in _middles(ends)]
+    pieces = [path.timing.segments[path.timing.segment_at(t)] for t in _middles(ends)]
     law = np.zeros((len(pieces), 2, max(len(piece.orders[0]) for piece in pieces)))
     for number, piece in enumerate(pieces):
         for order in (0, 1):

@@ -18,12 +18,13 @@ from freefloat.paths.orientation import (
     DirectedOrientation,
     FixedOrientation,
     FreeOrientation,
+    LineOfSight,
     OrientationLaw,
-    Sight,
     SlerpOrientation,
 )
 from freefloat.paths.orientation_spline import OrientationSpline
-from freefloat.paths.path import EndEffectorPath, parse_samples
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.samples import parse_samples
 from freefloat.so3 import Array, axes_rotation, rotation_matrix, unit_quaternion
 
 SAMPLES = "samples.csv"
@@ -134,7 +135,7 @@ def _csv_text(curve: SplineCurve, law: OrientationSpline | None) -> str:
 
 
 def _curve_section(curve: Curve) -> dict[str, Any]:
-    if isinstance(curve, PolynomialCurve) and curve.origin == 0.0:
+    if isinstance(curve, PolynomialCurve):
         return {"polynomial": dict(zip("xyz", curve.coefficients.T.tolist(), strict=True))}
     if isinstance(curve, ArcCurve):
         vectors = {"center": curve.centre, "normal": curve.normal, "from": curve.start}
@@ -153,7 +154,7 @@ def _attitude_section(law: OrientationLaw) -> dict[str, Any]:
         content = {"fixed": _quaternion(law.axes)}
     elif isinstance(law, SlerpOrientation):
         content = {"slerp": {"from": _quaternion(law.start), "to": _quaternion(law.end)}}
-    elif isinstance(law, DirectedOrientation) and isinstance(law.direction, Sight):
+    elif isinstance(law, DirectedOrientation) and isinstance(law.direction, LineOfSight):
         content = {"point_at": {"target": law.direction.point.tolist(), "axis": law.axis}}
     elif isinstance(law, DirectedOrientation):
         content = {"follow": {"axis": law.axis, "normal": law.reference.tolist()}}

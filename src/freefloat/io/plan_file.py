@@ -27,7 +27,8 @@ from freefloat.io.result_file import (
     write_document,
 )
 from freefloat.io.scenario import Scenario
-from freefloat.motion.motion import DEGREE, Ending, Motion
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.panels import DEGREE
 from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
 from freefloat.so3 import Array, frozen, without_jumps

@@ -8,14 +8,13 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from freefloat.errors import InputError
 from freefloat.limits.limits import ROUNDING, LimitKind, LimitResult, Limits
 from freefloat.limits.torques import InverseDynamics
-from freefloat.motion.extrema import Largest, Quantities, at_nodes, largest
+from freefloat.motion.extrema import Extremum, Function, at_nodes, maximum
 from freefloat.motion.joint_extents import joint_extents, joint_ranges
-from freefloat.motion.motion import DEGREE, Motion
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
 
@@ -124,9 +123,8 @@ class LimitChecker:
             omega = self._rates(motion, panel, x)[0] / allowed
             return np.array([omega @ omega])
 
-        maximum = largest(motion, squared) if motion.panels else _SINGULAR
-        ratio = float(np.sqrt(maximum.value))
-        time = _time(motion, maximum.panel + (maximum.x + 1.0) / 2.0)
+        peak = maximum(at_nodes(motion, squared), squared) if motion.panels else _SINGULAR
+        ratio, time = float(np.sqrt(peak.value)), _time(motion, peak.u)
         return _result(LimitKind.BASE_RATE, ratio * allowed, allowed, ratio, time, "spacecraft")
 
     def _joint_torque(self, allowed: Array, motion: Motion) -> LimitResult:
@@ -145,7 +143,7 @@ class LimitChecker:
         return replace(result, base_wrench=wrench / torque if torque else wrench)
 
     def _of_joint(
-        self, limit: LimitKind, motion: Motion, allowed: Array, values: Quantities,
+        self, limit: LimitKind, motion: Motion, allowed: Array, values: Function,
         nodes: Array | None = None,
     ) -> LimitResult:  # fmt: skip
         """The result of a joint limit where the ratio of any joint is largest.
@@ -162,14 +160,15 @@ class LimitChecker:
             ratio = values(panel, x) / allowed
             return np.concatenate([ratio, -ratio])
 
-        if nodes is not None:
-            nodes = np.concatenate([nodes / allowed, -nodes / allowed], axis=2)
-        maximum = largest(motion, ratios, nodes) if motion.panels else _SINGULAR
-        joint, worst = maximum.index % len(allowed), np.inf
-        if np.isfinite(maximum.value):
-            worst = values(maximum.panel, maximum.x)[joint]
-        time = _time(motion, maximum.panel + (maximum.x + 1.0) / 2.0)
-        return _result(limit, worst, allowed[joint], maximum.value, time, self._names[joint])
+        peak = _SINGULAR
+        if motion.panels:
+            nodes = at_nodes(motion, values) if nodes is None else nodes
+            peak = maximum(np.concatenate([nodes / allowed, -nodes / allowed], axis=2), ratios)
+        joint, worst = peak.index % len(allowed), np.inf
+        if np.isfinite(peak.value):
+            worst = values(peak.panel, peak.x)[joint]
+        time = _time(motion, peak.u)
+        return _result(limit, worst, allowed[joint], peak.value, time, self._names[joint])
 
     def _clearance(self, allowed: float, decide_only: bool, motion: Motion) -> LimitResult:
         from freefloat.limits.clearance import clearance
@@ -188,7 +187,7 @@ class LimitChecker:
         return self._equation.rates(attitude, joints, twist, speed)
 
 
-_SINGULAR = Largest(np.inf, 0, 0, -1.0)
+_SINGULAR = Extremum(np.inf, 0, 0, -1.0)
 """The maximum along a motion that is singular at its start and ends there."""
 
 
@@ -201,10 +200,7 @@ def _result(
 
 def _state(motion: Motion, panel: int, x: float) -> _State:
     """The state at a parameter of a panel, with the segment of the time law of that panel."""
-    row = chebyshev.chebval(x, motion.coefficients[panel])
-    ends = motion.times[[DEGREE * panel, DEGREE * (panel + 1)]]
-    segment = motion.problem.path.timing.piece_at(float(ends.mean()))
-    return float(row[0]), row[1:5] / np.linalg.norm(row[1:5]), row[5:], segment
+    return *motion.at(panel, x), motion.timing_segment(panel)
 
 
 def _time(motion: Motion, place: float) -> float:

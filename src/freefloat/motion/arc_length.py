@@ -1,4 +1,4 @@
-"""The flow of (8) as a curve: its unit tangent in (time, attitude, joints).
+"""The right-hand side of (8) by arc length: the unit tangent of (time, attitude, joints).
 
 Near a dynamic singularity the rates grow without bound as functions of time, yet the curve stays
 smooth: there it turns back in time.
@@ -13,53 +13,48 @@ from typing import Protocol
 import numpy as np
 
 from freefloat.motion.problem import Problem
+from freefloat.paths.timing import Leg
 from freefloat.so3 import Array
 
 _TIME_UNITS = 10.0
-"""The duration counts as this much arc length beside the joints' radians and metres."""
+"""Arc length of the duration, beside the joints' radians and metres."""
 _STALLED = 5e-5
-"""A redundant arm may creep along a singularity instead of turning back in time there. When time
-passes slower than this per arc length, it stands still: rates have no bound."""
+"""Pace of time per arc length below which time stands still: a redundant arm may creep along a
+singularity instead of turning back in time there."""
 
 
 class ArcFlow(Protocol):
     """The unit tangent of the curve (time, attitude, joints) along which (8) moves the system.
 
-    The tangent keeps to the side of ``reference``, the tangent last accepted: so it stays
-    continuous across a singularity, where time turns back.
-
     Attributes:
-        unit: In which the curve counts time [s].
-        stalled: Time that passes slower than this per arc length stands still.
-        piece: Of the time law, which holds a little beyond its ends, too.
-        tangent: Of the path, as a function of s.
-        reference: Shape (5 + n,).
-        determinant: Det S* at joint values, where it is square.
+        unit: Unit in which the curve counts time [s].
+        stalled: Pace of time per arc length at or below which rates have no bound.
     """
 
     unit: float
     stalled: float
-    piece: int
-    tangent: Callable[[float], Array]
-    reference: Array
-    determinant: Callable[[Array], float] | None
 
-    def __call__(self, along: float, y: Array, /) -> Array:
-        """The tangent at a point of the curve, as integrators ask for it, shape (5 + n,)."""
+    def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
+        """The tangent at a point of the curve.
 
+        Args:
+            y: (time, attitude, joints), shape (5 + n,); the attitude of any length.
+            leg: Part of the path and of its time law.
+            reference: The last tangent, shape (5 + n,). The tangent keeps to its side, and so stays
+                continuous across a singularity, where time turns back.
+        """
 
-def arc_flow(problem: Problem, direction: float) -> ArcFlow:
-    """The flow of a problem, forward in time where ``direction`` is 1, backward where it is -1."""
-    reference = np.zeros(5 + problem.model.dof)
-    reference[0] = direction
-    return (
-        _RedundantFlow(problem, reference)
-        if problem.redundant
-        else _CompiledFlow(problem, reference)
-    )
+    @property
+    def determinant(self) -> Callable[[Array], float] | None:
+        """Det S* as a function of joint values (n,); None where the arm is redundant."""
 
 
-def _standing_still_in_time(reference: Array) -> Array:
+def arc_flow(problem: Problem) -> ArcFlow:
+    """The flow of a problem."""
+    return _RedundantFlow(problem) if problem.redundant else _CompiledFlow(problem)
+
+
+def _without_time(reference: Array) -> Array:
     """The tangent where (4) is singular to the last digit: in the limit no time passes."""
     tangent = reference.copy()
     tangent[0] = 0.0
@@ -67,9 +62,14 @@ def _standing_still_in_time(reference: Array) -> Array:
 
 
 class _CompiledFlow:
-    """Of an arm with as many joints as its task has rows; only the path is asked in Python."""
+    """Flow of an arm with as many joints as its task has rows.
 
-    def __init__(self, problem: Problem, reference: Array) -> None:
+    The kernel takes a timed path; it is called with one of constant twist, that of the moment.
+    """
+
+    stalled = 0.0
+
+    def __init__(self, problem: Problem) -> None:
         # compiled code takes half a second to import: not before it is needed
         from freefloat.dynamics.kernels import tangent as kernels
         from freefloat.dynamics.kernels.equation import DEMAND, WORK_COLUMNS
@@ -77,55 +77,52 @@ class _CompiledFlow:
 
         model, task, n = problem.model, problem.task, problem.model.dof
         self.unit = problem.path.duration / _TIME_UNITS
-        self.stalled = 0.0
-        self.piece = 0
-        self.reference = reference
-        self.tangent: Callable[[float], Array] = problem.path.path.tangent
         self._timing = problem.path.timing
-        self._law, self._tangents = np.zeros((1, 2, 1)), np.zeros((1, 6, 4))
-        robot = robot_rows(model), robot_facts(model, task), np.array(task.rows, dtype=np.int64)
-        room = np.zeros((n + 1, WORK_COLUMNS)), np.zeros((n, n)), np.zeros((n, n + 1))
-        self._given = (
-            *robot, np.array([[0.0], [1.0]]), self._law, self._tangents, problem.path.duration,
-            np.array(problem.momentum),
-        )  # fmt: skip
-        self._room = (*room, np.zeros((3, max(n, DEMAND))))
-        self._tangent_at = kernels.tangent_at
-        # joints are copied: kernels are compiled for arrays that may be written to
-        self.determinant: Callable[[Array], float] | None = lambda joints: kernels.determinant_at(
-            *robot, np.array(joints), *room
-        )
+        self._kernels = kernels
+        self._robot = robot_rows(model), robot_facts(model, task), np.array(task.rows, np.int64)
+        self._speed, self._twist = np.zeros((1, 2, 1)), np.zeros((1, 6, 4))
+        self._clock = np.array([[0.0], [1.0]])
+        self._duration, self._momentum = problem.path.duration, np.array(problem.momentum)
+        self._buffers = np.zeros((n + 1, WORK_COLUMNS)), np.zeros((n, n)), np.zeros((n, n + 1))
+        self._vectors = np.zeros((3, max(n, DEMAND)))
 
-    def __call__(self, _: float, y: Array) -> Array:
+    def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
         t = float(y[0]) * self.unit
-        s = self._timing.s(t, 0, self.piece)
-        self._law[0, 1, 0] = self._timing.s(t, 1, self.piece)
-        self._tangents[0, :, 3] = self.tangent(s)
+        self._speed[0, 1, 0] = self._timing.s(t, 1, leg.segment)
+        self._twist[0, :, 3] = leg.tangent(self._timing.s(t, 0, leg.segment))
         tangent = np.empty(len(y))
         tangent[0] = _TIME_UNITS
-        if self._tangent_at(*self._given, y, self.reference, tangent, *self._room):
-            return tangent
-        return _standing_still_in_time(self.reference)
+        regular = self._kernels.tangent_at(
+            *self._robot, self._clock, self._speed, self._twist, self._duration, self._momentum,
+            y, reference, tangent, *self._buffers, self._vectors,
+        )  # fmt: skip
+        return tangent if regular else _without_time(reference)
+
+    @property
+    def determinant(self) -> Callable[[Array], float]:
+        return self._determinant
+
+    def _determinant(self, joints: Array) -> float:
+        # joints are copied: kernels are compiled for arrays that may be written to
+        return float(self._kernels.determinant_at(*self._robot, np.array(joints), *self._buffers))
 
 
 class _RedundantFlow:
-    """Of an arm with joints to spare."""
+    """Flow of a redundant arm."""
 
-    def __init__(self, problem: Problem, reference: Array) -> None:
+    stalled = _STALLED
+    determinant = None
+
+    def __init__(self, problem: Problem) -> None:
         self.unit = problem.path.duration / _TIME_UNITS
-        self.stalled = _STALLED
-        self.piece = 0
-        self.reference = reference
-        self.determinant: Callable[[Array], float] | None = None
-        self.tangent: Callable[[float], Array] = problem.path.path.tangent
         self._timing = problem.path.timing
         self._equation = problem.resolved_rate_solver()
 
-    def __call__(self, _: float, y: Array) -> Array:
+    def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
         attitude = y[1:5] / math.sqrt(y[1:5] @ y[1:5])
         t = y[0] * self.unit
-        speed = self._timing.s(t, 1, self.piece)
-        twist = self.tangent(self._timing.s(t, 0, self.piece)) * speed
+        speed = self._timing.s(t, 1, leg.segment)
+        twist = leg.tangent(self._timing.s(t, 0, leg.segment)) * speed
         omega, rates = self._equation.rates(attitude, y[5:], twist, speed)
         tangent = np.empty_like(y)
         tangent[0] = 1.0 / self.unit
@@ -133,9 +130,9 @@ class _RedundantFlow:
         tangent[5:] = rates
         square = tangent @ tangent
         if not math.isfinite(square):
-            return _standing_still_in_time(self.reference)
+            return _without_time(reference)
         tangent /= math.sqrt(square)
-        return tangent if tangent @ self.reference >= 0.0 else -tangent
+        return tangent if tangent @ reference >= 0.0 else -tangent
 
 
 def _quaternion_rate(attitude: Array, omega: Array) -> tuple[float, float, float, float]:

@@ -12,7 +12,8 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.bounds import METHOD, lower_bounds
 from freefloat.motion.closest_approach import closest_approach
-from freefloat.motion.motion import NODES, Ending, Motion
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.panels import NODES
 from freefloat.motion.second_integration import NAME, Comparison, follow_again
 from freefloat.so3 import Array, rotation_vector_between
 
@@ -155,7 +156,7 @@ def _rate_errors(motion: Motion) -> tuple[Worst, float]:
         for x in NODES[paces > _NEARLY_STILL * paces.max()]:
             value, change = chebyshev.chebval(x, c), chebyshev.chebval(x, slope)
             attitude = value[1:5] / np.linalg.norm(value[1:5])
-            piece = problem.path.timing.piece_at(float(chebyshev.chebval(0.0, c[:, 0])))
+            piece = problem.path.timing.segment_at(float(chebyshev.chebval(0.0, c[:, 0])))
             wish = problem.path.twist_and_speed(float(value[0]), piece)
             rates = change[5:] / change[0]
             right = equation.rates(attitude, value[5:], *wish)[1]

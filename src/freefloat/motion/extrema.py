@@ -1,40 +1,43 @@
-"""Where quantities of a motion are largest: found between its nodes, not on them."""
+"""Extrema of functions along a motion, located between its nodes.
+
+Inside a panel a smooth function is close to the polynomial through its values at the panel's nodes.
+The stationary points of that polynomial are candidates, which are refined on the function itself.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
-from freefloat.motion.motion import DEGREE, NODES, Motion
+from freefloat.motion.motion import Motion
+from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
 from freefloat.so3 import Array
 
-_GRID = np.linspace(-1.0, 1.0, 65)
-_TO_GRID = chebyshev.chebvander(_GRID, DEGREE) @ np.linalg.inv(
-    chebyshev.chebvander(NODES, DEGREE)
-)  # from values at a panel's nodes
-_SLACK = 0.02
-"""Share of the largest value by which polynomials through a panel's nodes may misjudge a peak."""
-_SEARCHED = 8
-"""Peaks that are searched on the motion itself, the highest first."""
+_GRID = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)
+_LAST = 3
+"""Number of last Chebyshev coefficients from which the interpolation error is estimated."""
+_MOST_REFINED = 8
+_XATOL = 1e-9
+"""Of refined places; a minimum is flat, so that its value is exact to rounding."""
 
-Quantities = Callable[[int, float], Array]
-"""Values, shape (c,), in a panel at its parameter from -1 to 1. Panels are told apart because
-accelerations may jump from one to the next."""
+Function = Callable[[int, float], Array]
+"""Values of c functions, shape (c,), in a panel at its parameter x in [-1, 1]. Functions are smooth
+inside panels and may jump from one to the next, as accelerations do."""
 
 
 @dataclass(frozen=True)
-class Largest:
-    """The largest of several quantities along a motion.
+class Extremum:
+    """An extremum of one of several functions along a motion.
 
     Attributes:
-        value: How large; infinite where it has no bound.
-        index: Which one.
-        panel: Where: in this panel,
-        x: at this parameter from -1 to 1.
+        value: The extreme value; infinite where a function is not finite.
+        index: Index of the function.
+        panel: Panel in which it lies.
+        x: Parameter inside the panel, -1 to 1.
     """
 
     value: float
@@ -42,46 +45,113 @@ class Largest:
     panel: int
     x: float
 
+    @property
+    def u(self) -> float:
+        """Panel coordinate, see :meth:`freefloat.motion.motion.Motion.evaluate`."""
+        return self.panel + (self.x + 1.0) / 2.0
 
-def at_nodes(motion: Motion, of: Quantities) -> Array:
-    """Values at the nodes of every panel, shape (panels, 9, c)."""
-    return np.array([[of(k, float(x)) for x in NODES] for k in range(motion.panels)])
+
+def at_nodes(motion: Motion, f: Function) -> Array:
+    """Values of functions at the nodes of every panel, shape (panels, 9, c)."""
+    return np.array([[f(k, float(x)) for x in NODES] for k in range(motion.panels)])
 
 
-def largest(motion: Motion, of: Quantities, values: Array | None = None) -> Largest:
-    """The largest value that any of several quantities takes along a motion.
+def minimum(values: Array, f: Function | None = None) -> Extremum:
+    """The smallest value that any of several functions takes along a motion.
 
     Args:
-        motion: The motion, of one panel or more.
-        of: The quantities, smooth inside every panel.
-        values: Those at the nodes where they are known, see :func:`at_nodes`.
+        values: Their values at the nodes of every panel, see :func:`at_nodes`, at least of one.
+        f: The functions; left out where they are the polynomials through ``values``.
     """
-    values = at_nodes(motion, of) if values is None else values
     if not np.isfinite(values).all():
         k, i, c = np.argwhere(~np.isfinite(values))[0]
-        return Largest(np.inf, int(c), int(k), float(NODES[i]))
-    k, i, c = np.unravel_index(int(values.argmax()), values.shape)
-    best = Largest(float(values[k, i, c]), int(c), int(k), float(NODES[i]))
-    curves = np.einsum("gn,knc->kgc", _TO_GRID, values)
-    floor = best.value - _SLACK * float(np.abs(values).max())
-    peaks = np.argwhere(_peaks(curves) & (curves[:, 1:-1] >= floor))
-    heights = curves[:, 1:-1][tuple(peaks.T)]
-    for panel, place, index in peaks[np.argsort(-heights)][:_SEARCHED]:
-        found = _searched(of, int(panel), int(place) + 1, int(index))
-        best = max(best, found, key=lambda one: one.value)
+        return Extremum(-np.inf, int(c), int(k), float(NODES[i]))
+    k, i, c = np.unravel_index(int(values.argmin()), values.shape)
+    best = Extremum(float(values[k, i, c]), int(c), int(k), float(NODES[i]))
+    candidates = sorted(_stationary(values, best.value), key=lambda entry: entry[0].value)
+    for candidate, error in candidates[:_MOST_REFINED]:
+        if candidate.value - error <= best.value:
+            refined = candidate if f is None else _refined(f, candidate)
+            best = min(best, refined, key=lambda extremum: extremum.value)
     return best
 
 
-def _peaks(curves: Array) -> Array:
-    inner = curves[:, 1:-1]
-    return np.asarray((inner >= curves[:, :-2]) & (inner >= curves[:, 2:]))
+def maximum(values: Array, f: Function | None = None) -> Extremum:
+    """The largest value that any of several functions takes along a motion; see :func:`minimum`."""
+    lowest = minimum(-values, None if f is None else lambda panel, x: -f(panel, x))
+    return replace(lowest, value=-lowest.value)
 
 
-def _searched(of: Quantities, panel: int, place: int, index: int) -> Largest:
-    found = minimize_scalar(
-        lambda x: -of(panel, float(x))[index],
-        bounds=(_GRID[place - 1], _GRID[place + 1]),
-        method="bounded",
-        options={"xatol": 1e-7},  # a peak is flat: its height is off by the square of this
-    )
-    return Largest(-float(found.fun), index, panel, float(found.x))
+def first_below(values: Array, f: Function, level: float) -> float | None:
+    """Panel coordinate at which one function first falls below a level.
+
+    Args:
+        values: Its values at the nodes of every panel, shape (panels, 9, 1).
+        f: The function, continuous along the whole motion.
+        level: The level.
+
+    Returns:
+        None where it stays at the level or above.
+    """
+    if values[0, 0, 0] < level:
+        return 0.0
+    low = (len(values), -1.0)  # panel and parameter of the first known place below the level
+    below = np.argwhere(values[:, :, 0] < level)
+    if len(below):
+        low = int(below[0, 0]), float(NODES[below[0, 1]])
+    dips = sorted(_stationary(values, level), key=lambda entry: entry[0].u)
+    for dip, _ in dips:
+        if (dip.panel, dip.x) < low and (refined := _refined(f, dip)).value < level:
+            low = min(low, (refined.panel, refined.x))
+            break
+    panel, x = low
+    if panel == len(values):
+        return None
+    inner = values[panel, :, 0]
+    before = float(NODES[(x > NODES) & (inner >= level)][-1])
+
+    def excess(x: float) -> float:
+        return float(f(panel, x)[0]) - level
+
+    if excess(x) < 0.0 <= excess(before):  # else the two differ by rounding alone
+        x = float(brentq(excess, before, x, xtol=1e-13))
+    return panel + (x + 1.0) / 2.0
+
+
+def _stationary(values: Array, level: float) -> list[tuple[Extremum, float]]:
+    """Minima inside panels that may lie below a level, each with its error.
+
+    They are those of the polynomials through the values at the nodes (panels, 9, c); their error is
+    estimated from their last coefficients.
+    """
+    coefficients = np.einsum("in,knc->kic", TO_COEFFICIENTS, values)
+    lowest = np.einsum("gi,kic->kgc", _GRID, coefficients).min(axis=1)
+    errors = 4.0 * np.abs(coefficients[:, -_LAST:]).sum(axis=1)
+    slack = errors + 0.01 * np.ptp(values, axis=1)  # the second: of the grid
+    found = []
+    for panel, index in np.argwhere(lowest - slack <= level):
+        c = coefficients[panel, :, index]
+        slope = chebyshev.chebder(c)
+        if not slope[1:].any():
+            continue
+        roots = chebyshev.chebroots(slope)
+        inside = (np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)
+        x = roots.real[inside]
+        x = x[chebyshev.chebval(x, chebyshev.chebder(c, 2)) >= 0.0]
+        for place, height in zip(x.tolist(), chebyshev.chebval(x, c).tolist(), strict=True):
+            error = float(errors[panel, index])
+            if height - error <= level:
+                found.append((Extremum(height, int(index), int(panel), place), error))
+    return found
+
+
+def _refined(f: Function, candidate: Extremum) -> Extremum:
+    """The minimum of the function itself between the nodes around a candidate."""
+    panel, index = candidate.panel, candidate.index
+    nearest = int(np.abs(NODES - candidate.x).argmin())
+    bounds = NODES[max(nearest - 1, 0)], NODES[min(nearest + 1, DEGREE)]
+    search = minimize_scalar(
+        lambda x: float(f(panel, float(x))[index]),
+        bounds=bounds, method="bounded", options={"xatol": _XATOL},
+    )  # fmt: skip
+    return Extremum(float(search.fun), index, panel, float(search.x))

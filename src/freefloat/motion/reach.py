@@ -1,4 +1,4 @@
-"""Paths that no configuration of the arm can follow: they lead beyond its reach."""
+"""Paths that lead beyond the reach of the arm, whatever the attitude."""
 
 from __future__ import annotations
 
@@ -11,94 +11,83 @@ from scipy.optimize import brentq
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
 
-_LOOKS = 401
-"""Places of a path that are looked at."""
+_SAMPLES = 401
 _OTHER_UNITS = 50.0
-"""A start so many times farther than the reach was hardly written in metres."""
+"""A start this many times farther than the reach was hardly written in metres."""
 
 
 @dataclass(frozen=True)
 class OutOfReach:
-    """The first place of a path that lies beyond the arm's reach.
+    """The first point of a path that lies beyond the arm's reach.
 
     Attributes:
         s: Where the path leaves the reach, 0 where it begins outside.
-        position: That place, from the centre of mass of the whole system, inertial axes [m].
-        reach: No configuration takes the end-effector farther from there [m].
+        position: That point, from the centre of mass of the system, inertial axes [m].
+        reach: Largest distance of the end-effector from there [m].
+        hint: Likely cause, or nothing; see :func:`light_spacecraft`.
     """
 
     s: float
     position: tuple[float, float, float]
     reach: float
+    hint: str = ""
 
     def __str__(self) -> str:
         if self.s > 0.0:
-            return f"the path leaves the reach of {self.reach:.4g} m at s = {self.s:.3g}"
-        place, distance = [round(x, 6) for x in self.position], math.hypot(*self.position)
-        told = (
-            f"the path begins out of reach: {place} m is {distance:.4g} m from the centre of mass, "
-            f"the arm reaches {self.reach:.4g} m"
+            return f"the path leaves the reach of {self.reach:.4g} m at s = {self.s:.3g}{self.hint}"
+        start, distance = [round(x, 6) for x in self.position], math.hypot(*self.position)
+        units = "; lengths are in metres" if distance > _OTHER_UNITS * self.reach else ""
+        return (
+            f"the path begins out of reach: {start} m is {distance:.4g} m from the centre of mass, "
+            f"the arm reaches {self.reach:.4g} m{units}{self.hint}"
         )
-        if distance > _OTHER_UNITS * self.reach:
-            told += "; lengths are in metres"
-        return told
 
 
 def out_of_reach(problem: Problem) -> OutOfReach | None:
-    """The first place of the path that the end-effector cannot be at, whatever the attitude.
+    """The first point of the path that the end-effector cannot reach, whatever the attitude.
 
-    Places too near to the centre of mass, or that joint ranges or the hand's attitude keep the arm
-    from, are not found.
-
-    Args:
-        problem: Robot and path.
+    Points that are too near to the centre of mass, or that joint ranges or the end-effector's
+    orientation exclude, are not found.
 
     Returns:
         None where the whole path lies within the reach.
     """
-    reach, path = VirtualManipulator.of(problem.model).reach, problem.path.path
+    reach, curve = VirtualManipulator.of(problem.model).reach, problem.path.path.curve
 
-    def beyond(s: float) -> float:
-        return float(np.linalg.norm(path.curve(s))) - reach
+    def excess(s: float) -> float:
+        return float(np.linalg.norm(curve(s))) - reach
 
-    def found(s: float) -> OutOfReach:
-        x, y, z = path.curve(s).tolist()
-        return OutOfReach(s, (x, y, z), reach)
-
-    if beyond(0.0) > 0.0:
-        return found(0.0)
-    places = np.linspace(0.0, 1.0, _LOOKS).tolist()
-    outside = next((k for k, s in enumerate(places) if beyond(s) > 0.0), None)
+    samples = np.linspace(0.0, 1.0, _SAMPLES).tolist()
+    outside = next((k for k, s in enumerate(samples) if excess(s) > 0.0), None)
     if outside is None:
         return None
-    return found(float(brentq(beyond, places[outside - 1], places[outside])))
+    s = float(brentq(excess, *samples[outside - 1 : outside + 1])) if outside else 0.0
+    x, y, z = curve(s).tolist()
+    return OutOfReach(s, (x, y, z), reach, light_spacecraft(problem))
 
 
-def told_reach(problem: Problem) -> str | None:
-    """Where the path leads out of reach, in words; None where it does not."""
+def reach_message(problem: Problem) -> str | None:
+    """Where the path leads out of reach, as a sentence; None where it does not."""
     beyond = out_of_reach(problem)
-    return None if beyond is None else f"{beyond}{light_spacecraft(problem)}"
+    return None if beyond is None else str(beyond)
 
 
 def unreached_start(problem: Problem) -> str:
-    """``the arm reach the start ...``: where the path begins, and how far the arm could get."""
-    place = problem.path.pose(0.0).position
+    """The clause ``the arm reach the start of the path ...`` of messages, with the distances."""
+    start = problem.path.pose(0.0).position
     return (
-        f"the arm reach the start of the path, {np.round(place, 6).tolist()} m, which is "
-        f"{np.linalg.norm(place):.4g} m from the centre of mass (no configuration gets farther "
+        f"the arm reach the start of the path, {np.round(start, 6).tolist()} m, which is "
+        f"{np.linalg.norm(start):.4g} m from the centre of mass (no configuration gets farther "
         f"than {VirtualManipulator.of(problem.model).reach:.4g} m){light_spacecraft(problem)}"
     )
 
 
 def light_spacecraft(problem: Problem) -> str:
-    """What is told of a spacecraft lighter than its arm, which may have been forgotten; or nothing.
+    """Hint at a spacecraft that may be missing, where it is lighter than its arm; else nothing.
 
-    The lighter it is, the nearer the arm's reach ends to the centre of mass.
+    The lighter the spacecraft, the nearer the arm's reach ends to the centre of mass.
     """
     base, total = problem.model.bodies[0].mass, problem.model.total_mass
     if base >= 0.5 * total:
         return ""
-    return (
-        f"; the spacecraft has {base:.4g} kg of {total:.4g} kg: was robot.spacecraft in the "
-        "scenario forgotten?"
-    )
+    return f"; the spacecraft has {base:.4g} kg of {total:.4g} kg: is robot.spacecraft missing?"

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.motion.motion import DEGREE, Ending, Motion
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.panels import DEGREE
 from freefloat.so3 import Array, angle_between, cross
 
 NAME = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"
@@ -82,7 +83,7 @@ def _followed(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
     attitudes, rows = [attitude], [joints]
     for panel in range(panels):
         nodes = motion.times[DEGREE * panel : DEGREE * (panel + 1) + 1]
-        flow.piece = timing.piece_at(float(nodes.mean()))
+        flow.piece = timing.segment_at(float(nodes.mean()))
         for start, end in zip(nodes[:-1].tolist(), nodes[1:].tolist(), strict=True):
             h = (end - start) / parts
             for part in range(parts):

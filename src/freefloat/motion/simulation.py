@@ -1,71 +1,142 @@
-"""One attitude, every arm branch: each followed along the path, one of them chosen."""
+"""Simulation of one initial attitude: the motion of every arm branch, one of them chosen."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.brief import brief
+from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.motion.closest_approach import ClosestApproach, closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.joint_extents import unwrapped
-from freefloat.motion.motion import Motion
+from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.motion.reach import light_spacecraft, out_of_reach
+from freefloat.motion.reach import light_spacecraft, out_of_reach, reach_message
 from freefloat.so3 import Array
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedBranch:
-    """An arm branch and what became of it.
+    """The motion of one arm branch.
 
     Attributes:
         branch: The arm at the start.
-        motion: How it followed the path.
-        closest_approach: How near it came to a dynamic singularity, by the problem's margin.
+        motion: How it follows the path.
+        closest_approach: To a dynamic singularity, by the problem's measure.
     """
 
-    __repr__ = brief
-
     branch: ArmBranch
-    motion: Motion
+    motion: Motion = field(repr=False)
     closest_approach: ClosestApproach
 
     @property
     def title(self) -> str:
-        """``branch 2 shoulder+ elbow- wrist+``, say; of arms with joints to spare ``start 2``."""
+        """``branch 2 shoulder+ elbow- wrist+``; of redundant arms ``start 2``."""
         number, label = self.branch.index, self.branch.label
-        problem = self.motion.problem
-        kind = "start" if problem.redundant else "branch"
+        kind = "start" if self.motion.problem.redundant else "branch"
         return f"{kind} {number}" + ("" if label == str(number) else f" {label}")
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the motion completes and keeps the problem's margin."""
+        margin = self.motion.problem.margin
+        return self.motion.completed and margin.is_kept(self.closest_approach.value)
+
+    def summary(self) -> dict[str, Any]:
+        """The outcome without the states, as a JSON document."""
+        return {
+            "branch": self.branch.index,
+            "label": self.branch.label,
+            "joints": self.branch.joints.tolist(),
+            "completed": self.motion.completed,
+            "ended_at": self.motion.final.time,
+            "singular": singularity(self.motion),
+            "min_margin": self._margin(),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """The motion as a JSON document."""
+        motion, problem = self.motion, self.motion.problem
+        return {
+            "completed": motion.completed,
+            "ending": motion.ending.value,
+            "singular": singularity(motion),
+            "min_margin": self._margin(),
+            "branch": self.branch.index,
+            "joint_names": list(problem.model.joint_names),
+            "initial": motion.initial.to_dict(),
+            "final": motion.final.to_dict(),
+            "duration": problem.path.duration,
+            "ended_at": motion.final.time,
+            "residuals": motion.residuals().to_dict(),
+            "redundancy": _redundancy(problem),
+        }
+
+    def _margin(self) -> dict[str, Any]:
+        required = self.motion.problem.margin.threshold
+        return {**self.closest_approach.to_dict(), "required": required, "kept": self.feasible}
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What an attitude leads to.
+    """The motions of all arm branches from one attitude.
 
     Attributes:
         branches: Every arm branch that reaches the start of the path.
-        chosen: The one asked for; else the one that completes with the largest margin, or, where
-            none completes, comes nearest to it.
+        chosen: The requested one; else the one that completes with the largest minimum margin, or,
+            where none completes, comes nearest to completing.
     """
 
-    __repr__ = brief
-
     branches: tuple[SimulatedBranch, ...]
-    chosen: SimulatedBranch
+    chosen: SimulatedBranch = field(repr=False)
 
     def named_motions(self) -> dict[str, Motion]:
-        """All motions by arm branch, the chosen one first."""
+        """All motions by the title of their branch, the chosen one first."""
         named: dict[str, Motion] = {}
-        for one in sorted(self.branches, key=lambda one: one is not self.chosen):
-            name = one.title
-            named[name if name not in named else f"{name} ({len(named)})"] = one.motion
+        for branch in sorted(self.branches, key=lambda branch: branch is not self.chosen):
+            title = branch.title
+            named[title if title not in named else f"{title} ({len(named)})"] = branch.motion
         return named
+
+    def to_dict(self) -> dict[str, Any]:
+        """The chosen motion, and every branch in brief, as a JSON document."""
+        return {
+            **self.chosen.to_dict(),
+            "branches": [branch.summary() for branch in self.branches],
+            "out_of_reach": reach_message(self.chosen.motion.problem),
+        }
+
+
+def singularity(motion: Motion) -> dict[str, Any] | None:
+    """Where a motion became singular, as a JSON document; None where it did not."""
+    if motion.ending is not Ending.SINGULAR:
+        return None
+    final, problem = motion.final, motion.problem
+    end_effector = problem.model.end_effector_pose(final.attitude, final.joints).position
+    return {
+        "time": final.time,
+        "s": problem.path.timing.s(final.time),
+        "end_effector": end_effector.tolist(),
+        "joints": final.joints.tolist(),
+    }
+
+
+def _redundancy(problem: Problem) -> dict[str, Any] | None:
+    """How a redundant arm chooses among its motions, as a JSON document; None for other arms."""
+    if not problem.redundant:
+        return None
+    redundancy = problem.redundancy or Redundancy()
+    return {
+        "metric": dict(redundancy.weights) or str(redundancy.metric),
+        "toward": str(redundancy.toward),
+        "gain": redundancy.gain,
+        "bound": redundancy.bound,
+    }
 
 
 def simulate(
@@ -77,9 +148,9 @@ def simulate(
     stop_at_margin: bool = False,
     tolerance: float = 1e-10,
 ) -> Simulation:
-    """Follow the path from one attitude with every arm branch.
+    """Integrate the motion of every arm branch from one attitude.
 
-    Joints are told with the whole turns that keep them inside their ranges, where any do.
+    Joints are shifted by whole turns into their ranges where possible.
 
     Args:
         problem: Robot, path and momentum.
@@ -90,64 +161,66 @@ def simulate(
         tolerance: As for :func:`~freefloat.motion.integration.integrate_motion`.
 
     Raises:
-        UnreachableError: If no branch reaches the start of the path.
-        InputError: If it is no problem, or the branch asked for does not exist.
+        InputError: If a branch or joints are asked for that are none.
+        UnreachableError: If no arm configuration reaches the start of the path.
     """
     require_problem(problem)
     attitude = problem.attitude("attitude", attitude)
+    branches, requested = _branches(problem, attitude, branch, joints)
+    simulated = []
+    for start in branches:
+        motion = unwrapped(integrate_motion(
+            problem, attitude, start.joints, stop_at_margin=stop_at_margin, tolerance=tolerance
+        ))  # fmt: skip
+        approach = closest_approach(motion, problem.margin.measure)
+        start = replace(start, joints=motion.initial.joints)
+        simulated.append(SimulatedBranch(start, motion, approach))
+    best = max(simulated, key=_score)
+    return Simulation(tuple(simulated), best if requested is None else simulated[requested])
+
+
+def _branches(
+    problem: Problem, attitude: Array, branch: int | None, joints: npt.ArrayLike | None
+) -> tuple[list[ArmBranch], int | None]:
+    """The arm branches at the start, and the place of the requested one among them."""
     if branch is not None and joints is not None:
         raise InputError("branch", f"{branch} was given, and joints, too", "branch or joints")
     branches = list(problem.branches(attitude))
     if not branches:
         raise _unreachable(problem, attitude)
-    wanted = None
     if joints is not None:
-        wanted = problem.branch_near(attitude, joints, branches)
-        if wanted not in branches:
-            branches.append(wanted)
-    elif branch is not None:
-        wanted = next((one for one in branches if one.index == branch), None)
-        if wanted is None:
-            numbers = ", ".join(str(one.index) for one in branches)
-            raise InputError("branch", f"there is no branch {branch} here", numbers)
-    followed = []
-    for one in branches:
-        motion = unwrapped(integrate_motion(
-            problem, attitude, one.joints, stop_at_margin=stop_at_margin, tolerance=tolerance
-        ))  # fmt: skip
-        told = replace(one, joints=motion.initial.joints)
-        followed.append(
-            SimulatedBranch(told, motion, closest_approach(motion, problem.margin.measure))
-        )
-    if wanted is not None:
-        chosen = followed[[one is wanted for one in branches].index(True)]
-    else:
-        chosen = max(followed, key=_merit)
-    return Simulation(tuple(followed), chosen)
+        near = problem.branch_near(attitude, joints, branches)
+        if near not in branches:
+            branches.append(near)
+        return branches, branches.index(near)
+    indices = [start.index for start in branches]
+    if branch is not None and branch not in indices:
+        numbers = ", ".join(map(str, indices))
+        raise InputError("branch", f"there is no branch {branch} here", numbers)
+    return branches, None if branch is None else indices.index(branch)
 
 
-def _merit(one: SimulatedBranch) -> tuple[bool, float, float]:
-    """Completed first, then the distance kept from singularities, then how far it came.
+def _score(branch: SimulatedBranch) -> tuple[bool, float, float]:
+    """Completion first, then the minimum margin, then the time reached.
 
-    To six digits: motions of mirrored branches differ by rounding, and the first one is meant.
+    To six digits: the motions of mirrored branches differ by rounding, and the first is preferred.
     """
     return (
-        one.motion.completed,
-        float(f"{one.closest_approach.value:.6g}"),
-        float(f"{one.motion.final.time:.6g}"),
+        branch.motion.completed,
+        float(f"{branch.closest_approach.value:.6g}"),
+        float(f"{branch.motion.final.time:.6g}"),
     )
 
 
 def _unreachable(problem: Problem, attitude: Array) -> UnreachableError:
     beyond = out_of_reach(problem)
     if beyond is not None and beyond.s == 0.0:
-        told = f"{beyond}{light_spacecraft(problem)}"
-        return UnreachableError("path", told, "a path that begins within the reach")
-    where = problem.path.pose(0.0).position
+        return UnreachableError("path", str(beyond), "a path that begins within the reach")
+    start = problem.path.pose(0.0).position
     return UnreachableError(
         "attitude",
         f"from {np.round(attitude, 6).tolist()} no arm configuration puts the end-effector at the "
-        f"start of the path, {np.round(where, 6).tolist()} m from the centre of mass"
+        f"start of the path, {np.round(start, 6).tolist()} m from the centre of mass"
         + light_spacecraft(problem),
         "an attitude from which the arm reaches it, or a path that begins nearer",
     )

@@ -1,4 +1,4 @@
-"""Curves the end-effector can move on: position as a function of s in [0, 1].
+"""Curves of the end-effector: position as a function of s in [0, 1].
 
 ``curve(s, order)`` is the position for order 0, its derivatives by s for orders 1 and 2.
 """
@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol, runtime_checkable
 
@@ -14,13 +14,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from freefloat.brief import brief
 from freefloat.errors import InputError
-from freefloat.paths.piecewise import Pieces, breaks_that_count
+from freefloat.paths.piecewise import breaks_that_count, segments_within
 from freefloat.so3 import Array, finite_number, finite_vector, frozen, unit_vector
 
 _NEGLIGIBLE = 1e-8
-"""Share of its size by which a spline's jumps may move it unnoticed."""
+"""Fraction of its size by which a spline's jumps may move it unnoticed."""
 
 
 @runtime_checkable
@@ -37,13 +36,9 @@ class PolynomialCurve:
 
     Attributes:
         coefficients: Lowest power first [m], shape (degree + 1, 3).
-        origin: From which s counts.
     """
 
-    __repr__ = brief
-
-    coefficients: Array
-    origin: float = 0.0
+    coefficients: Array = field(repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "coefficients", frozen(self.coefficients))
@@ -64,7 +59,7 @@ class PolynomialCurve:
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
-        s, x, y, z = float(s) - self.origin, 0.0, 0.0, 0.0
+        s, x, y, z = float(s), 0.0, 0.0, 0.0
         for a, b, c in self._orders[order]:
             x, y, z = x * s + a, y * s + b, z * s + c
         return np.array([x, y, z])
@@ -76,12 +71,10 @@ class ArcCurve:
 
     Attributes:
         centre: [m], shape (3,).
-        start: Where it begins [m], shape (3,).
-        normal: Unit vector about which it turns, shape (3,).
-        angle: How far [rad].
+        start: First point [m], shape (3,).
+        normal: Unit vector of the axis of rotation, shape (3,).
+        angle: Angle of the arc [rad].
     """
-
-    __repr__ = brief
 
     centre: Array
     start: Array
@@ -94,19 +87,20 @@ class ArcCurve:
         object.__setattr__(self, "normal", frozen(unit_vector("arc.normal", self.normal)))
         angle = finite_number("arc.angle", self.angle, "a finite angle in rad")
         object.__setattr__(self, "angle", angle)
-        arm = self.start - self.centre
-        if abs(arm @ self.normal) > 1e-6 * max(1.0, float(np.linalg.norm(arm))):
+        radius = self.start - self.centre
+        height = float(radius @ self.normal)
+        if abs(height) > 1e-6 * max(1.0, float(np.linalg.norm(radius))):
             raise InputError(
-                "arc.from", f"it lies {arm @ self.normal:.3g} m off the plane of the arc",
+                "arc.from", f"it lies {height:.3g} m off the plane of the arc",
                 "a point in the plane through center, across normal",
             )  # fmt: skip
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
-        arm = self.start - self.centre
+        radius = self.start - self.centre
         phase = self.angle * s + order * np.pi / 2
-        turned = np.cos(phase) * arm + np.sin(phase) * np.cross(self.normal, arm)
-        return np.asarray(self.angle**order * turned + (self.centre if order == 0 else 0.0))
+        rotated = np.cos(phase) * radius + np.sin(phase) * np.cross(self.normal, radius)
+        return np.asarray(self.angle**order * rotated + (self.centre if order == 0 else 0.0))
 
 
 class SplineCurve:
@@ -114,7 +108,7 @@ class SplineCurve:
 
     Attributes:
         points: [m], shape (N, 3).
-        knots: Values of s at which they are passed, shape (N,).
+        knots: Values of s at the points, shape (N,).
         breaks: See :class:`freefloat.paths.piecewise.Piecewise`.
     """
 
@@ -123,40 +117,37 @@ class SplineCurve:
 
         Args:
             points: [m], shape (N, 3), N at least 2.
-            s: Where each is passed, rising from 0 to 1; by chord length when left out.
+            s: Values of s at the points, rising from 0 to 1; by chord length when left out.
 
         Raises:
             InputError: If there are too few points or two neighbours coincide.
         """
         self.points = frozen(points)
         if self.points.ndim != 2 or self.points.shape[1] != 3 or len(self.points) < 2:
-            raise InputError(
-                "waypoints", f"shape {self.points.shape}", "two or more points x, y, z"
-            )
+            shape = self.points.shape
+            raise InputError("waypoints", f"shape {shape}", "two or more points x, y, z")
         if not np.isfinite(self.points).all():
             raise InputError("waypoints", "a coordinate is not finite", "finite numbers")
-        chords = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
         if s is None:
+            chords = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
             if (chords == 0.0).any():
-                at = int(np.argmin(chords))
+                k = int(np.argmin(chords)) + 1
                 raise InputError(
-                    "waypoints", f"points {at + 1} and {at + 2} coincide", "distinct neighbours"
+                    "waypoints", f"points {k} and {k + 1} coincide", "distinct neighbours"
                 )
             s = np.append(0.0, np.cumsum(chords)) / chords.sum()
         self.knots = frozen(s)
-        powers = np.asarray(CubicSpline(self.knots, self.points).c)[::-1].transpose(1, 0, 2)
-        starts = self.knots[:-1].tolist()
-        pieces = tuple(map(PolynomialCurve, powers, starts))
-        self._pieces = Pieces(tuple(self.knots.tolist()), pieces, 0, len(pieces) - 1)
+        self._spline = CubicSpline(self.knots, self.points)
         size = float(np.ptp(self.points, axis=0).max())
-        self.breaks = breaks_that_count(self.knots, 6.0 * powers[:, 3], _NEGLIGIBLE * size)
+        third = 6.0 * self._spline.c[0]
+        self.breaks = breaks_that_count(self.knots, third, _NEGLIGIBLE * size)
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
-        return self._pieces.at(s)(s, order)
+        return np.asarray(self._spline(s, order))
 
     def within(self, low: float, high: float) -> SplineCurve:
         """See :class:`freefloat.paths.piecewise.Piecewise`."""
         part = copy(self)
-        part._pieces = self._pieces.within(low, high)
+        part._spline = segments_within(self._spline, low, high)
         return part

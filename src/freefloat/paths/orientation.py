@@ -1,4 +1,4 @@
-"""How the end-effector stands along its curve: attitude as a function of s in [0, 1].
+"""Orientation of the end-effector along its curve, as a function of s in [0, 1].
 
 A law gives a rotation and the angular velocity per unit of s, which is its exact derivative.
 """
@@ -16,7 +16,6 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from freefloat.brief import brief
 from freefloat.errors import InputError
 from freefloat.paths.curves import Curve
 from freefloat.paths.piecewise import breaks_of, within
@@ -30,13 +29,12 @@ from freefloat.so3 import (
     unit_vector,
 )
 
-_LOOKS = np.linspace(0.0, 1.0, 201)
-"""Where a directed attitude is inspected when it is made."""
+_SAMPLES = np.linspace(0.0, 1.0, 201)
+"""Where a moving direction is inspected when it is made."""
 _DIPS = 5
-"""How many of the lowest places between are searched."""
+"""Number of lowest minima between samples that are searched."""
 _GAP = 1e-6
-"""Share of its usual length below which a direction counts as none."""
-
+"""Fraction of its largest length below which a direction counts as none."""
 
 _Vector = tuple[float, float, float]
 """Integrators ask for rates by the hundred thousand: of three numbers tuples are the fastest."""
@@ -44,7 +42,7 @@ _Vector = tuple[float, float, float]
 
 @runtime_checkable
 class OrientationLaw(Protocol):
-    """An end-effector attitude as a function of s."""
+    """An end-effector orientation as a function of s."""
 
     def rotation(self, s: float) -> Array:
         """End-effector axes in the inertial frame, shape (3, 3)."""
@@ -55,16 +53,14 @@ class OrientationLaw(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class FixedOrientation:
-    """An end-effector that does not turn.
+    """A constant orientation.
 
     Attributes:
-        axes: Its axes in the inertial frame as columns, or a quaternion x, y, z, w; kept as axes,
-            shape (3, 3).
+        axes: End-effector axes in the inertial frame as columns, shape (3, 3), or a quaternion
+            x, y, z, w; kept as axes.
     """
 
-    __repr__ = brief
-
-    axes: Array
+    axes: Array = field(repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axes", attitude_axes("attitude", self.axes))
@@ -80,47 +76,42 @@ class FixedOrientation:
 
 @dataclass(frozen=True, eq=False)
 class FreeOrientation(FixedOrientation):
-    """An attitude that is left to the arm, as position tasks leave it.
+    """An orientation that is left to the arm, as position tasks leave it.
 
     Attributes:
-        axes: The inertial ones: where an attitude must be told or drawn they stand for it.
+        axes: The inertial ones: where an orientation is printed or drawn they stand for it.
     """
 
-    __repr__ = brief
-
-    axes: Array = field(default_factory=lambda: np.eye(3))
+    axes: Array = field(default_factory=lambda: np.eye(3), repr=False)
 
 
 @dataclass(frozen=True, eq=False)
 class SlerpOrientation:
-    """The shortest turn between two attitudes, at a constant rate.
+    """The shortest rotation between two orientations, at a constant rate.
 
     Attributes:
-        start: At s = 0: axes as columns, or a quaternion x, y, z, w; kept as axes, shape (3, 3).
+        start: At s = 0: axes as columns, shape (3, 3), or a quaternion x, y, z, w; kept as axes.
         end: At s = 1, likewise.
     """
 
-    __repr__ = brief
-
-    start: Array
-    end: Array
+    start: Array = field(repr=False)
+    end: Array = field(repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", attitude_axes("attitude", self.start))
         object.__setattr__(self, "end", attitude_axes("attitude", self.end))
 
     @cached_property
-    def _turn(self) -> Array:
+    def _rotation_vector(self) -> Array:
         return frozen(Rotation.from_matrix(self.end @ self.start.T).as_rotvec())
 
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
-        turn = Rotation.from_rotvec(s * self._turn)
-        return np.asarray(turn.as_matrix() @ self.start)
+        return np.asarray(Rotation.from_rotvec(s * self._rotation_vector).as_matrix() @ self.start)
 
     def rate(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
-        return self._turn
+        return self._rotation_vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,43 +126,42 @@ class Travel:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class LineOfSight:
     """The direction from a curve to a point [m], shape (3,)."""
 
     curve: Curve
     point: Array
 
     def __call__(self, s: float) -> tuple[Array, Array]:
-        """As of :class:`Travel`."""
+        """The direction and its derivative by s, not normalized, shape (3,) each."""
         return self.point - self.curve(s), -self.curve(s, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class DirectedOrientation:
-    """One end-effector axis along a moving direction, a second as near as can be to a fixed one.
+    """One end-effector axis along a moving direction, a second as near as possible to a fixed one.
 
     Attributes:
         axis: Letter of the first axis, with a minus sign where it points backwards.
         second: Letter of the second axis.
-        reference: Unit vector that the second axis keeps to, inertial frame, shape (3,).
+        reference: Unit vector for the second axis, inertial frame, shape (3,). The axis is its
+            component orthogonal to the first.
         direction: The moving direction.
     """
-
-    __repr__ = brief
 
     axis: str
     second: str
     reference: Array
-    direction: Travel | Sight
+    direction: Travel | LineOfSight
 
     @classmethod
     def follow(cls, curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedOrientation:
         """An end-effector that looks along its direction of travel, its z axis along a normal.
 
         Args:
-            curve: The curve.
-            axis: ``x``, ``-x``, ``y`` or ``-y``: kept along the direction of travel.
-            normal: Inertial direction that the z axis keeps to, made orthogonal to the travel.
+            curve: The curve of the end-effector.
+            axis: ``x``, ``-x``, ``y`` or ``-y``: along the direction of travel.
+            normal: Inertial direction of the z axis, made orthogonal to the travel.
 
         Raises:
             InputError: If the curve stands still somewhere or runs along the normal.
@@ -180,7 +170,7 @@ class DirectedOrientation:
             raise InputError("attitude.follow.axis", f"{axis!r} was given", "x, -x, y or -y")
         reference = unit_vector("attitude.follow.normal", normal)
         law = cls(axis, "z", frozen(reference), Travel(curve))
-        law.refuse_gaps(
+        law._require_defined(
             "attitude.follow", "the path has no direction of travel", "normal lies along the path",
             "a path that never stands still and a normal across it",
         )  # fmt: skip
@@ -190,8 +180,8 @@ class DirectedOrientation:
     def point_at(cls, curve: Curve, axis: str, target: npt.ArrayLike) -> DirectedOrientation:
         """An end-effector that points one axis at a fixed target.
 
-        Roll about that axis is settled by keeping the next axis (y after x, z after y, x after z)
-        as near as can be to the inertial axis that lies farthest from all directions of sight.
+        The next axis (y after x, z after y, x after z) is as near as possible to the inertial axis
+        that is farthest from all lines of sight.
 
         Args:
             curve: The curve of the end-effector.
@@ -199,19 +189,19 @@ class DirectedOrientation:
             target: Inertial point looked at [m], shape (3,).
 
         Raises:
-            InputError: If the curve passes through the target or roll cannot be settled.
+            InputError: If the curve passes through the target or no inertial axis is far enough
+                from the lines of sight.
         """
         if axis not in ("x", "-x", "y", "-y", "z", "-z"):
-            raise InputError(
-                "attitude.point_at.axis", f"{axis!r} was given", "x, y, z, -x, -y or -z"
-            )
+            accepted = "x, y, z, -x, -y or -z"
+            raise InputError("attitude.point_at.axis", f"{axis!r} was given", accepted)
         point = finite_vector("attitude.point_at.target", target, 3)
-        sights = np.array([point - curve(float(s)) for s in _LOOKS])
+        sights = np.array([point - curve(float(s)) for s in _SAMPLES])
         sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
         reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
         second = "yzx"["xyz".index(axis[-1])]
-        law = cls(axis, second, frozen(reference), Sight(curve, point))
-        law.refuse_gaps(
+        law = cls(axis, second, frozen(reference), LineOfSight(curve, point))
+        law._require_defined(
             "attitude.point_at", "the path passes through the target",
             "no inertial axis stays clear of the directions of sight",
             "a target off the path, seen within less than half a sphere",
@@ -219,7 +209,7 @@ class DirectedOrientation:
         return law
 
     def _axes(self, s: float) -> tuple[_Vector, _Vector, _Vector, _Vector]:
-        """The two named axes, and their derivatives by s."""
+        """The first and the second axis, and their derivatives by s, in the same order."""
         sign = -1.0 if self.axis.startswith("-") else 1.0
         d, d1 = (_scaled(sign, vector.tolist()) for vector in self.direction(s))
         r: _Vector = self.reference.tolist()
@@ -227,7 +217,8 @@ class DirectedOrientation:
         along, along1 = _dot(r, first), _dot(r, first1)
         across = _minus(r, _scaled(along, first))
         across1 = _minus(_scaled(-along1, first), _scaled(along, first1))
-        return first, *_unit_and_rate(across, across1), first1
+        second, second1 = _unit_and_rate(across, across1)
+        return first, second, first1, second1
 
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
@@ -235,12 +226,14 @@ class DirectedOrientation:
         return axes_rotation("attitude", (self.axis[-1], first), (self.second, second))
 
     def rate(self, s: float) -> Array:
-        """See :class:`OrientationLaw`: each component is one axis' drift towards another."""
-        first, second, second1, first1 = self._axes(s)
+        """See :class:`OrientationLaw`.
+
+        With orthonormal axes a, b, c = a x b, the rate is (b'·c) a - (a'·c) b + (a'·b) c.
+        """
+        first, second, first1, second1 = self._axes(s)
         (a, b, c), (x, y, z) = first, second
-        third = (b * z - c * y, c * x - a * z, a * y - b * x)
+        u, v, w = third = (b * z - c * y, c * x - a * z, a * y - b * x)
         p, q, r = _dot(second1, third), _dot(first1, third), _dot(first1, second)
-        u, v, w = third
         return np.array([p * a - q * x + r * u, p * b - q * y + r * v, p * c - q * z + r * w])
 
     @property
@@ -253,22 +246,22 @@ class DirectedOrientation:
         curve = within(self.direction.curve, low, high)
         return replace(self, direction=replace(self.direction, curve=curve))
 
-    def refuse_gaps(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
+    def _require_defined(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""
-        longest = max(self._length(s) for s in _LOOKS)
-        for function, threshold, words in (
+        longest = max(self._length(s) for s in _SAMPLES)
+        for function, threshold, problem in (
             (self._length, _GAP * longest, undefined),
-            (self._slant, _GAP, parallel),
+            (self._sine, _GAP, parallel),
         ):
-            s, value = _smallest(function)
+            value, s = _smallest(function)
             if value <= threshold:
-                raise InputError(key, f"{words} at s = {s:.4g}", accepted)
+                raise InputError(key, f"{problem} at s = {s:.4g}", accepted)
 
     def _length(self, s: float) -> float:
         d, _ = self.direction(float(s))
         return math.sqrt(d @ d)
 
-    def _slant(self, s: float) -> float:
+    def _sine(self, s: float) -> float:
         """Sine of the angle between the direction and the reference."""
         d, _ = self.direction(float(s))
         across = cross(d, self.reference)
@@ -276,16 +269,15 @@ class DirectedOrientation:
 
 
 def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
-    """Where a function on [0, 1] is smallest and how small: samples, the lowest dips searched."""
-    values = np.array([function(float(s)) for s in _LOOKS])
-    best = [(float(values.min()), float(_LOOKS[np.argmin(values)]))]
+    """The smallest value of a function on [0, 1], and where: samples, the lowest dips refined."""
+    values = np.array([function(s) for s in _SAMPLES])
+    best = [(float(values.min()), float(_SAMPLES[np.argmin(values)]))]
     dips = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
     for i in dips[np.argsort(values[dips])][:_DIPS]:
-        bounds = (_LOOKS[i - 1], _LOOKS[i + 1])
-        found = minimize_scalar(function, bounds=bounds, method="bounded", options={"xatol": 1e-12})
-        best.append((float(found.fun), float(found.x)))
-    value, s = min(best)
-    return s, value
+        bounds, options = (_SAMPLES[i - 1], _SAMPLES[i + 1]), {"xatol": 1e-12}
+        refined = minimize_scalar(function, bounds=bounds, method="bounded", options=options)
+        best.append((float(refined.fun), float(refined.x)))
+    return min(best)
 
 
 def _dot(u: _Vector, v: _Vector) -> float:

@@ -1,94 +1,73 @@
-"""An end-effector attitude through given ones."""
+"""Interpolation of orientations."""
 
 from __future__ import annotations
 
 import math
 from copy import copy
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from freefloat.paths.piecewise import Pieces, breaks_that_count
-from freefloat.so3 import Array, cross, frozen
+from freefloat.paths.piecewise import breaks_that_count, segments_within
+from freefloat.so3 import Array, cross
 
 _NEGLIGIBLE = 1e-8
-"""Angle [rad] by which a spline's jumps may turn it unnoticed."""
+"""Angle [rad] by which a spline's jumps may rotate it unnoticed."""
 _SMALL = 1e-3
-"""Rotation vectors shorter than this [rad] are turned by a series."""
+"""Rotation vectors shorter than this [rad] are exponentiated by a series."""
 
 
 class OrientationSpline:
-    """A rotation spline with continuous angular acceleration through given attitudes.
+    """A rotation spline with continuous angular acceleration, as SciPy's ``RotationSpline``.
+
+    On each segment it is the first rotation times the exponential of a cubic rotation vector. Here
+    it can be continued beyond its segments, and gives its rate in the inertial frame.
 
     Attributes:
         breaks: See :class:`freefloat.paths.piecewise.Piecewise`.
     """
 
     def __init__(self, quaternions: npt.ArrayLike, s: npt.ArrayLike) -> None:
-        """Interpolate quaternions x, y, z, w (N, 4) passed at ``s`` (N,)."""
-        knots, starts = np.asarray(s, dtype=float), Rotation.from_quat(quaternions)
-        spline = RotationSpline(knots, starts)
-        powers = np.asarray(spline.interpolator.c)[2::-1].transpose(1, 0, 2)
-        pieces = tuple(
-            _Turning(float(knot), start, *coefficients)
-            for knot, start, coefficients in zip(
-                knots[:-1], starts.as_matrix()[:-1], powers, strict=True
-            )
-        )
-        self._pieces = Pieces(tuple(knots.tolist()), pieces, 0, len(pieces) - 1)
-        self.breaks = breaks_that_count(knots, self._bends(knots), _NEGLIGIBLE)
-
-    def _bends(self, knots: Array) -> Array:
-        """Second derivatives of the rate in the middle of the pieces, shape (N - 1, 3)."""
-        halves = np.diff(knots) / 2.0
-        rates = [
-            [piece.rate(piece.knot + k * half) for k in range(3)]
-            for piece, half in zip(self._pieces.pieces, halves.tolist(), strict=True)
-        ]
-        differences = np.diff(np.array(rates), 2, axis=1)[:, 0]
-        return np.asarray(differences / halves[:, None] ** 2)
-
-    def rotation(self, s: float) -> Array:
-        """See :class:`freefloat.paths.orientation.OrientationLaw`."""
-        return self._pieces.at(s).rotation(s)
-
-    def rate(self, s: float) -> Array:
-        """See :class:`freefloat.paths.orientation.OrientationLaw`."""
-        return self._pieces.at(s).rate(s)
+        """Interpolate quaternions x, y, z, w (N, 4) at ``s`` (N,)."""
+        self._knots, rotations = np.asarray(s, dtype=float), Rotation.from_quat(quaternions)
+        self._starts = rotations.as_matrix()[:-1]
+        self._vectors = RotationSpline(self._knots, rotations).interpolator
+        rates = [[self.within(low, high).rate(low + k * (high - low) / 2.0) for k in range(3)]
+                 for low, high in pairwise(self._knots)]  # fmt: skip
+        seconds = np.diff(np.array(rates), 2, axis=1)[:, 0]
+        seconds /= (np.diff(self._knots)[:, None] / 2.0) ** 2
+        self.breaks = breaks_that_count(self._knots, seconds, _NEGLIGIBLE)
 
     def within(self, low: float, high: float) -> OrientationSpline:
         """See :class:`freefloat.paths.piecewise.Piecewise`."""
         part = copy(self)
-        part._pieces = self._pieces.within(low, high)
+        part._vectors = segments_within(self._vectors, low, high)
         return part
 
-
-class _Turning:
-    """A rotation vector that is cubic in s, without a constant term, turned from a start."""
-
-    def __init__(self, knot: float, start: Array, *coefficients: Array) -> None:
-        self.knot = knot
-        self._start = frozen(start)
-        self._first, self._second, self._third = coefficients
-
-    def _vector(self, s: float) -> tuple[Array, Array]:
-        """The rotation vector and its derivative."""
-        a, b, c, u = self._first, self._second, self._third, s - self.knot
-        return ((c * u + b) * u + a) * u, (3.0 * u * c + 2.0 * b) * u + a
+    def _start(self, s: float) -> Array:
+        """The rotation at the beginning of the segment that holds at s, shape (3, 3)."""
+        knots = self._vectors.x
+        inside = min(max(s, knots[0]), knots[-2])
+        return np.asarray(self._starts[np.searchsorted(self._knots, inside, side="right") - 1])
 
     def rotation(self, s: float) -> Array:
-        vector, _ = self._vector(s)
-        return np.asarray(self._start @ Rotation.from_rotvec(vector).as_matrix())
+        """See :class:`freefloat.paths.orientation.OrientationLaw`."""
+        return np.asarray(self._start(s) @ Rotation.from_rotvec(self._vectors(s)).as_matrix())
 
     def rate(self, s: float) -> Array:
-        """By the derivative of the exponential, in closed form."""
-        vector, slope = self._vector(s)
+        """See :class:`freefloat.paths.orientation.OrientationLaw`.
+
+        It is the rotation vector's derivative times the left Jacobian of SO(3), in closed form.
+        """
+        vector, slope = self._vectors(s), self._vectors(s, 1)
         angle = math.sqrt(vector @ vector)
-        half = 0.5 if angle < _SMALL else math.sin(angle / 2.0) / angle
-        third = 1.0 / 6.0
+        half, third = 0.5, 1.0 / 6.0
         if angle > _SMALL:
+            half = math.sin(angle / 2.0) / angle
             third = (angle - math.sin(angle)) / angle**3
-        bent = cross(vector, slope)
-        around = 2.0 * half**2 * bent + third * cross(vector, bent)
-        return np.asarray(self._start @ (slope + around))
+        once = cross(vector, slope)
+        return np.asarray(
+            self._start(s) @ (slope + 2.0 * half**2 * once + third * cross(vector, once))
+        )

@@ -1,4 +1,4 @@
-"""When the end-effector is where: the law s(t), and a path travelled by it."""
+"""Time laws s(t), and paths travelled by them."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
 from numbers import Real
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
-from freefloat.brief import brief
 from freefloat.errors import InputError, member, require_type
 from freefloat.paths.path import EndEffectorPath
 from freefloat.so3 import Array, Pose, finite_number, frozen
 
 _BLEND = 0.25
-"""Share of a trapezoidal segment spent speeding up, and again slowing down."""
+"""Fraction of a trapezoidal profile spent accelerating, and again decelerating."""
 _SHORTEST, _LONGEST = 1e-6, 1e12
-"""Durations [s] between which rates and their squares stay far from the ends of the numbers."""
+"""Accepted durations [s]: rates and their squares neither overflow nor underflow."""
 _APART = 1e-6
-"""Share of the duration by which breaks must be apart to count as several."""
+"""Fraction of the duration by which breaks must be apart to count as several."""
 _STOPS = "a list of stops, such as [Stop(s=0.5, t=40)], t in seconds"
 _CLOSEST = 1e-9
-"""Shares of the whole by which stops must be apart in s and t."""
+"""Fraction of the whole by which stops must be apart in s and t."""
 
 
 class TimeLaw(StrEnum):
-    """How s rises from 0 to 1 with the dimensionless time of a segment, from rest to rest."""
+    """How s rises from 0 to 1 with the dimensionless time between two rests."""
 
     QUINTIC = "quintic"
     CUBIC = "cubic"
@@ -39,7 +39,7 @@ class TimeLaw(StrEnum):
 
     @property
     def polynomials(self) -> tuple[tuple[float, Polynomial], ...]:
-        """The law in pieces: where each ends, and s as a polynomial of dimensionless time."""
+        """Segments of the law: end and s, a polynomial, both in dimensionless time."""
         if self is TimeLaw.QUINTIC:  # (18b)
             return ((1.0, Polynomial([0, 0, 0, 10, -15, 6])),)
         if self is TimeLaw.CUBIC:
@@ -55,11 +55,11 @@ class TimeLaw(StrEnum):
 
 @dataclass(frozen=True)
 class Stop:
-    """A rest on the way.
+    """A rest along the path.
 
     Attributes:
-        s: Where, in (0, 1).
-        t: When [s].
+        s: Place on the path, in (0, 1).
+        t: Time [s].
     """
 
     s: float
@@ -71,16 +71,23 @@ class Stop:
 
 
 @dataclass(frozen=True)
-class Piece:
-    """s as a polynomial of ``(t - origin) / span``, smooth beyond its ends, too."""
+class TimeSegment:
+    """s as a polynomial of ``(t - origin) / span``, smooth beyond its ends, too.
+
+    Attributes:
+        end: Time at which it ends [s].
+        origin: Time from which it counts [s].
+        span: Unit of its time [s].
+        orders: Coefficients of s and its two derivatives by time, highest power first.
+    """
 
     end: float
     origin: float
     span: float
-    orders: tuple[tuple[float, ...], ...]  # highest power first, of s and its two derivatives
+    orders: tuple[tuple[float, ...], ...]
 
     def __call__(self, t: float, order: int) -> float:
-        """S, or its derivative of order 1 or 2, at a time [s]."""
+        """s, or its derivative of order 1 or 2, at a time [s]."""
         tau, value = (t - self.origin) / self.span, 0.0
         for coefficient in self.orders[order]:
             value = value * tau + coefficient
@@ -92,9 +99,9 @@ class Timing:
     """s(t), from rest to rest, at rest at every stop.
 
     Attributes:
-        duration: Of the whole motion [s].
-        law: Applied to every segment between rests.
-        stops: In order.
+        duration: Duration of the path [s].
+        law: Law between every two rests.
+        stops: Stops in order.
     """
 
     duration: float
@@ -113,9 +120,9 @@ class Timing:
             require_type(f"timing.stops.{index}", stop, Stop, _STOPS)
         object.__setattr__(self, "stops", tuple(self.stops))
         times = (0.0, *(stop.t for stop in self.stops), self.duration)
-        places = (0.0, *(stop.s for stop in self.stops), 1.0)
-        steps = np.diff([np.array(times) / self.duration, places])
-        if not (np.isfinite([times, places]).all() and (steps > _CLOSEST).all()):
+        path = (0.0, *(stop.s for stop in self.stops), 1.0)
+        steps = np.diff([np.array(times) / self.duration, path])
+        if not (np.isfinite([times, path]).all() and (steps > _CLOSEST).all()):
             raise InputError(
                 "timing.stops",
                 "they do not rise in s and t",
@@ -128,55 +135,62 @@ class Timing:
         return replace(self, duration=factor * self.duration, stops=stops)
 
     @cached_property
-    def pieces(self) -> tuple[Piece, ...]:
-        """S by time, piece by piece."""
+    def segments(self) -> tuple[TimeSegment, ...]:
+        """The segments of s(t)."""
         rests = [Stop(0.0, 0.0), *self.stops, Stop(1.0, self.duration)]
         return tuple(
-            _piece(before, after, end, law)
+            _segment(before, after, end, law)
             for before, after in pairwise(rests)
             for end, law in self.law.polynomials
         )
 
     @cached_property
     def ends(self) -> tuple[float, ...]:
-        """Times at which the pieces of s(t) end, the last one the duration [s]."""
-        return tuple(piece.end for piece in self.pieces)
+        """Times at which the segments of s(t) end, the last one the duration [s]."""
+        return tuple(segment.end for segment in self.segments)
 
-    def piece_at(self, t: float) -> int:
-        """Index of the piece of s(t) that holds at a time [s]."""
+    def segment_at(self, t: float) -> int:
+        """Number of the segment of s(t) that holds at a time [s]."""
         return min(bisect_right(self.ends, t), len(self.ends) - 1)
 
-    def s(self, t: float, order: int = 0, piece: int | None = None) -> float:
+    def s(self, t: float, order: int = 0, segment: int | None = None) -> float:
         """S or its derivative of order 1 or 2 by time.
 
         Args:
-            t: Time [s]; without ``piece``, at rest before 0 and after the end.
+            t: Time [s]; without ``segment``, at rest before 0 and after the end.
             order: 0, 1 or 2.
-            piece: Use this piece of the law, also a little beyond its ends.
+            segment: Use this segment of the law, also a little beyond its ends.
         """
-        if piece is None:
+        if segment is None:
             t = min(max(t, 0.0), self.duration)
-            piece = self.piece_at(t)
-        return self.pieces[piece](t, order)
+            segment = self.segment_at(t)
+        return self.segments[segment](t, order)
 
 
-def _piece(before: Stop, after: Stop, end: float, law: Polynomial) -> Piece:
+class Leg(NamedTuple):
+    """A part of a timed path without jumps of its derivatives; it holds a little beyond, too."""
+
+    segment: int
+    """Number of the segment of the time law."""
+    tangent: Callable[[float], Array]
+    """Derivative of the pose by s, shape (6,)."""
+
+
+def _segment(before: Stop, after: Stop, end: float, law: Polynomial) -> TimeSegment:
     span = after.t - before.t
     s = before.s + (after.s - before.s) * law
     orders = tuple(tuple((s.deriv(k) / span**k).coef[::-1].tolist()) for k in range(3))
-    return Piece(after.t if end == 1.0 else before.t + end * span, before.t, span, orders)
+    return TimeSegment(after.t if end == 1.0 else before.t + end * span, before.t, span, orders)
 
 
 @dataclass(frozen=True, eq=False)
 class TimedPath:
-    """A path and the time law along which it is travelled.
+    """A path and the time law by which it is travelled.
 
     Attributes:
-        path: Where.
-        timing: When.
+        path: The path by s.
+        timing: s by time.
     """
-
-    __repr__ = brief
 
     path: EndEffectorPath
     timing: Timing
@@ -187,7 +201,7 @@ class TimedPath:
 
     @property
     def duration(self) -> float:
-        """Of the whole motion [s]."""
+        """Duration of the path [s]."""
         return self.timing.duration
 
     def pose(self, t: float) -> Pose:
@@ -196,46 +210,43 @@ class TimedPath:
 
     @cached_property
     def breaks(self) -> Array:
-        """Times, rising, at which high derivatives by time jump: the path's or the law's [s]."""
+        """Times [s], rising, at which high derivatives of the path or of the law jump."""
         times, law, apart = [0.0], self.timing, _APART * self.duration
-        for piece, (low, high) in enumerate(pairwise((0.0, *law.ends))):
-            first, last = law.s(low, 0, piece), law.s(high, 0, piece)
+        for k, (low, high) in enumerate(pairwise((0.0, *law.ends))):
+            first, last = law.s(low, 0, k), law.s(high, 0, k)
             for s in self.path.breaks[(self.path.breaks > first) & (self.path.breaks < last)]:
-                t = brentq(lambda t, s=s, p=piece: law.s(t, 0, p) - s, low, high, xtol=1e-300)
+                t = brentq(lambda t, s=s, k=k: law.s(t, 0, k) - s, low, high, xtol=1e-300)
                 if t - times[-1] > apart and high - t > apart:
                     times.append(t)
             times.append(high)
         return frozen(times[1:-1])
 
-    def between(self, start: float, end: float) -> tuple[int, Callable[[float], Array]]:
-        """Piece of the time law, and the path's tangent by s, that hold between two times [s].
+    def leg(self, start: float, end: float) -> Leg:
+        """The part of the path that holds between two times [s] without a break between them."""
+        segment = self.timing.segment_at((start + end) / 2.0)
+        low, high = sorted(self.timing.s(t, 0, segment) for t in (start, end))
+        return Leg(segment, self.path.tangent_within(low, high))
 
-        Both hold a little beyond, too, without a jump where there is none between.
-        """
-        piece = self.timing.piece_at((start + end) / 2.0)
-        low, high = sorted(self.timing.s(t, 0, piece) for t in (start, end))
-        return piece, self.path.tangent_within(low, high)
-
-    def twist(self, t: float, piece: int | None = None) -> Array:
+    def twist(self, t: float, segment: int | None = None) -> Array:
         """End-effector twist: [linear; angular], inertial axes [m/s; rad/s], shape (6,).
 
         Args:
             t: Time [s].
-            piece: As for :meth:`Timing.s`.
+            segment: As for :meth:`Timing.s`.
         """
-        return self.twist_and_speed(t, piece)[0]
+        return self.twist_and_speed(t, segment)[0]
 
-    def twist_and_speed(self, t: float, piece: int | None = None) -> tuple[Array, float]:
+    def twist_and_speed(self, t: float, segment: int | None = None) -> tuple[Array, float]:
         """The twist as in :meth:`twist`, and the speed ds/dt along the path [1/s]."""
-        s, speed = self.timing.s(t, 0, piece), self.timing.s(t, 1, piece)
+        s, speed = self.timing.s(t, 0, segment), self.timing.s(t, 1, segment)
         return self.path.tangent(s) * speed, speed
 
-    def twist_rate(self, t: float, piece: int | None = None) -> Array:
+    def twist_rate(self, t: float, segment: int | None = None) -> Array:
         """Derivative of the twist by time, axes fixed [m/s²; rad/s²], shape (6,).
 
         Args:
             t: Time [s].
-            piece: As for :meth:`Timing.s`; where two pieces of the law meet it may jump.
+            segment: As for :meth:`Timing.s`; where two segments of the law meet it may jump.
         """
-        s, rate, growth = (self.timing.s(t, order, piece) for order in range(3))
-        return self.path.second_derivative(s) * rate**2 + self.path.tangent(s) * growth
+        s, rate, acceleration = (self.timing.s(t, order, segment) for order in range(3))
+        return self.path.second_derivative(s) * rate**2 + self.path.tangent(s) * acceleration

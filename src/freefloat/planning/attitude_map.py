@@ -11,7 +11,7 @@ import numpy.typing as npt
 from freefloat.ensemble.feasibility import clear, has_wrist_flipped_branches
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
 from freefloat.motion.problem import Problem, is_kept
-from freefloat.motion.reach import told_reach
+from freefloat.motion.reach import reach_message
 from freefloat.planning.regions import Region
 from freefloat.so3 import Array
 
@@ -195,7 +195,7 @@ class AttitudeMap:
             "regions": [region.to_dict() for region in self.regions],
             "branches": [self._branch_dict(*entry) for entry in self.branch_labels().items()],
             "endings": {key: int((self.endings == code).sum()) for key, code in _ENDINGS.items()},
-            "out_of_reach": told_reach(self.problem),
+            "out_of_reach": reach_message(self.problem),
             "seconds": self.seconds,
         }
         if self.nearest_to is not None:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from freefloat.ensemble.ensemble import TOLERANCE, Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem, is_kept
-from freefloat.motion.reach import told_reach
+from freefloat.motion.reach import reach_message
 from freefloat.planning.planar_ranges import (
     TURN,
     BranchRanges,
@@ -169,7 +169,7 @@ class HeadingMap:
             "headings_deg": np.degrees(self.headings).tolist(),
             "margin": self.margin,
             "seconds": self.seconds,
-            "out_of_reach": told_reach(self.problem),
+            "out_of_reach": reach_message(self.problem),
         }
 
 

@@ -14,7 +14,7 @@ from freefloat.motion.certificate import Certificate
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import SimulatedBranch
-from freefloat.planning.documents import branch_document, limits_document
+from freefloat.planning.documents import limits_document
 from freefloat.planning.options import Search
 from freefloat.planning.planar_ranges import BranchRanges, RangeLimit, Span
 from freefloat.so3 import angle_between, heading_of
@@ -155,7 +155,7 @@ class Plan:
             return {**document, "completed": False, **dict.fromkeys(_MOTION_KEYS)}
         return {
             **document,
-            **branch_document(self.chosen),
+            **self.chosen.to_dict(),
             "heading_deg": _degrees(self.heading),
             "certificate": None if self.certificate is None else self.certificate.document(),
         }

@@ -10,7 +10,7 @@ from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.motion.problem import Problem
-from freefloat.motion.reach import light_spacecraft, told_reach, unreached_start
+from freefloat.motion.reach import light_spacecraft, reach_message, unreached_start
 from freefloat.motion.simulation import simulate
 from freefloat.planning.heading_map import (
     attitudes_at,
@@ -185,7 +185,7 @@ def _nearest_miss(outlook: FeasibilityEvaluator) -> str:
     attitudes = attitudes_at(np.arange(_TRIED) * (TURN / _TRIED))
     found = outlook.evaluate(attitudes)
     tried = np.argwhere(np.isin(found.motions.endings, (COMPLETED, SINGULAR)))
-    beyond = told_reach(problem)
+    beyond = reach_message(problem)
     if beyond is not None:
         return beyond
     if not len(tried):

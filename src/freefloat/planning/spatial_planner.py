@@ -10,7 +10,7 @@ from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.motion.problem import Problem
-from freefloat.motion.reach import told_reach, unreached_start
+from freefloat.motion.reach import reach_message, unreached_start
 from freefloat.motion.simulation import SimulatedBranch, simulate
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
 from freefloat.planning.options import PLAN_ATTITUDES, Objective, Search
@@ -127,7 +127,7 @@ def _reason(objective: Objective, candidate: Candidate, chosen: SimulatedBranch)
 def _nearest_miss(outlook: FeasibilityEvaluator, found: AttitudeMap) -> str:
     """Why there is no attitude, as far as the map tells."""
     problem, N = found.problem, len(found.attitudes)
-    beyond = told_reach(problem)
+    beyond = reach_message(problem)
     if beyond is not None:
         return beyond
     if (found.endings == UNREACHED).all():

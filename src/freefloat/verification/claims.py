@@ -14,11 +14,10 @@ from freefloat.io.result_file import PLAN
 from freefloat.io.scenario import Scenario
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.motion import Motion
+from freefloat.motion.simulation import singularity
 from freefloat.planning.documents import (
     Document,
     margin_document,
-    singular_document,
-    state_document,
 )
 from freefloat.so3 import angle_between, heading_of
 
@@ -81,11 +80,11 @@ def _expected(stored: StoredPlan, wish: Scenario, motion: Motion) -> Document:
     expected = {
         "completed": motion.completed,
         "ending": motion.ending.value,
-        "singular": singular_document(motion),
+        "singular": singularity(motion),
         "min_margin": margin,
         "joint_names": list(problem.model.joint_names),
-        "initial": state_document(motion.initial),
-        "final": state_document(motion.final),
+        "initial": motion.initial.to_dict(),
+        "final": motion.final.to_dict(),
         "duration": problem.path.duration,
         "ended_at": motion.final.time,
     }
