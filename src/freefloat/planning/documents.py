@@ -6,13 +6,10 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from freefloat.dynamics.redundancy import Redundancy
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.closest_approach import ClosestApproach
-from freefloat.motion.motion import Ending, Motion, State
-from freefloat.motion.problem import Problem
-from freefloat.motion.reach import reach_message
-from freefloat.motion.simulation import SimulatedBranch, Simulation
+from freefloat.motion.motion import Motion
+from freefloat.motion.simulation import Simulation
 
 Document = dict[str, Any]
 
