@@ -10,7 +10,7 @@ import pytest
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario, parse_scenario
-from freefloat.planning.documents import _redundancy_document
+from freefloat.motion.simulation import _redundancy
 from freefloat.robot.names import models_folder
 
 PANDA = (models_folder() / "panda_servicer" / "line.yaml").read_text(encoding="utf-8")
@@ -127,9 +127,9 @@ def test_documents_tell_it():
     """How the arm chose, and how many joints it has to spare."""
     problem = load_scenario("panda_servicer/line").problem()
     given = Redundancy({"panda_joint2": 3.0}, "middle", 0.5)
-    told = [_redundancy_document(replace(problem, redundancy=one)) for one in (None, given)]
+    told = [_redundancy(replace(problem, redundancy=one)) for one in (None, given)]
     assert told[0] == {"metric": "joints", "toward": "none", "gain": 1.0, "bound": 3.0}
     assert told[1] == {
         "metric": {"panda_joint2": 3.0}, "toward": "middle", "gain": 0.5, "bound": 3.0,
     }  # fmt: skip
-    assert _redundancy_document(load_scenario("spatial_6dof/line").problem()) is None
+    assert _redundancy(load_scenario("spatial_6dof/line").problem()) is None
