@@ -124,7 +124,7 @@ def _planar_figures(
 
 def _margin_label(problem: Problem) -> str:
     measure = problem.margin.measure
-    return axis_label(f"minimum |{measure.name}|", measure.unit)
+    return axis_label(f"min |{measure.name}|", measure.unit)
 
 
 def _compared_motions(plan: Plan) -> list[Motion]:

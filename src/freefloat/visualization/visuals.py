@@ -86,7 +86,7 @@ def _default_visuals(
     """Shapes for bodies without visuals.
 
     The spacecraft is the box of uniform density with its mass and inertia, a body of the arm a
-    cylinder about its joint and a rod to the next joint.
+    cylinder about its joint; a rod leads from either to the next joint.
     """
     ends = [*(body.placement.position for body in model.bodies[1:]), model.tool.position]
     size = float(sum(np.linalg.norm(end) for end in ends[1:])) or 1.0
@@ -98,13 +98,16 @@ def _default_visuals(
             squares = 6.0 * (moments.sum() - 2.0 * moments) / max(body.mass, 1e-12)
             edges = np.clip(np.sqrt(np.maximum(squares, 0.0)), _SMALLEST * size, _LARGEST * size)
             yield Visual(spacecraft, 0, Pose(body.centre, np.eye(3)), Box(edges), _SPACECRAFT)
-            continue
-        hub = Cylinder(_HUB * size, 2.5 * _HUB * size)
-        yield Visual(f"{name} joint", index, along(np.zeros(3), body.axis), hub, _JOINT)
-        length = float(np.linalg.norm(ends[index]))
+            start, name = body.centre, f"{spacecraft} mount"
+        else:
+            hub = Cylinder(_HUB * size, 2.5 * _HUB * size)
+            yield Visual(f"{name} joint", index, along(np.zeros(3), body.axis), hub, _JOINT)
+            start = np.zeros(3)
+        step = ends[index] - start
+        length = float(np.linalg.norm(step))
         if length > _ROD * size:
             rod = Cylinder(_ROD * size, length)
-            yield Visual(name, index, along(ends[index] / 2.0, ends[index]), rod, _LINK)
+            yield Visual(name, index, along(start + step / 2.0, step), rod, _LINK)
 
 
 def bounding_box(visual: Visual) -> Array:
