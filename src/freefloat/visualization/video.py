@@ -131,13 +131,9 @@ def save_snapshots(
     times = np.linspace(0.0, playback.scene_duration(scene), count).tolist()
     shots = take_pictures(playback.html(), times, size, scene=scene, progress=progress)
     plain, digits, files = re.sub(r"[^\w.+-]+", "_", name), len(str(count)), []
+    folder.mkdir(parents=True, exist_ok=True)
     with closing(shots):
         for number, (time, picture) in enumerate(zip(times, shots, strict=True), start=1):
-            try:
-                folder.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                problem = f"{folder}: {error.strerror}"
-                raise InputError("output", problem, "a folder, there or to be made") from None
             file = folder / f"{plain}_{number:0{digits}}_{time:.2f}s.png"
             with written_beside(file) as temporary:
                 temporary.write_bytes(picture)
