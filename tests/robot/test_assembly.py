@@ -1,4 +1,4 @@
-"""A spacecraft under an arm and a payload in its hand weigh, stand and drift as by hand."""
+"""Assemblies: masses, poses and momentum of arms with spacecraft, payload and attachments."""
 
 from __future__ import annotations
 
@@ -272,36 +272,28 @@ def test_factors_reach_what_was_assembled_by_its_name() -> None:
 # ---------------------------------------------------------------------------------- bad input
 
 IMPOSSIBLE = {
-    "negative mass": ({"mass": -1.0}, "mass", "a positive mass"),
-    "no mass": ({"mass": 0.0}, "mass", "a positive mass"),
-    "mass without end": ({"mass": np.inf}, "mass", "1 finite numbers"),
-    "mass in words": ({"mass": "heavy"}, "mass", "1 finite numbers"),
-    "two moments": ({"inertia": [1.0, 1.0]}, "inertia", "three principal moments or"),
-    "moments that are none": ({"inertia": [1.0, 1.0, np.nan]}, "inertia", "three principal"),
-    "ragged rows": ({"inertia": [[1.0], [1.0, 2.0], 3.0]}, "inertia", "three principal"),
-    "a lopsided matrix": (
-        {"inertia": [[2.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]]},
-        "inertia",
-        "symmetric",
-    ),
-    "a moment of zero": ({"inertia": [1.0, 1.0, 0.0]}, "inertia", "positive definite"),
-    "a matrix that is not positive": (
-        {"inertia": [[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 3.0]]},
-        "inertia",
-        "positive definite",
-    ),
-    "a broken triangle": ({"inertia": [1.0, 1.0, 2.001]}, "inertia", "smaller two sum to"),
+    "negative mass": {"mass": -1.0},
+    "no mass": {"mass": 0.0},
+    "infinite mass": {"mass": np.inf},
+    "mass in words": {"mass": "heavy"},
+    "two moments": {"inertia": [1.0, 1.0]},
+    "a moment that is NaN": {"inertia": [1.0, 1.0, np.nan]},
+    "ragged rows": {"inertia": [[1.0], [1.0, 2.0], 3.0]},
+    "an asymmetric matrix": {"inertia": [[2.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]]},
+    "a moment of zero": {"inertia": [1.0, 1.0, 0.0]},
+    "an indefinite matrix": {"inertia": [[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 3.0]]},
+    "a violated triangle inequality": {"inertia": [1.0, 1.0, 2.001]},
 }
 
 
 @pytest.mark.parametrize("part", [Spacecraft, Payload])
 @pytest.mark.parametrize("name", IMPOSSIBLE)
-def test_bodies_that_cannot_be_are_refused(name: str, part: type) -> None:
-    changed, key, accepted = IMPOSSIBLE[name]
+def test_impossible_bodies_are_refused(name: str, part: type) -> None:
+    changed = IMPOSSIBLE[name]
     with pytest.raises(InputError) as caught:
         part(**{"mass": 10.0, "inertia": [1.0, 1.0, 1.0], **changed})
+    (key,) = changed
     assert caught.value.key == f"{part.__name__.lower()}.{key}"
-    assert accepted in caught.value.accepted
 
 
 def test_a_flat_plate_is_a_body() -> None:
@@ -535,36 +527,26 @@ def test_a_payload_of_a_scenario_is_held(tmp_path: Path) -> None:
 
 
 BAD = {
-    "negative mass": ("mass: 200", "mass: -200", "spacecraft.mass", "greater than 0"),
-    "mass in words": ("mass: 200", "mass: heavy", "spacecraft.mass", "a number"),
-    "no inertia": ("inertia: [35, 35, 35], ", "", "spacecraft.inertia", "principal"),
-    "broken triangle": ("[35, 35, 35]", "[35, 35, 71]", "spacecraft.inertia", "smaller two"),
-    "negative moment": ("[35, 35, 35]", "[35, 35, -1]", "spacecraft.inertia", "positive definite"),
-    "two moments": ("[35, 35, 35]", "[35, 35]", "spacecraft.inertia", "three principal"),
-    "one moment": ("[35, 35, 35]", "35", "spacecraft.inertia", "principal moments"),
-    "flat box": ("size: [1, 1, 1]", "size: [1, 1, 0]", "spacecraft.size.2", "greater than 0"),
-    "unknown key": (
-        "mass: 200",
-        "weight: 1, mass: 2",
-        "spacecraft.weight",
-        "mass, inertia, com, mount",
-    ),
-    "unknown mount": ("xyz: [0", "zyx: [0", "spacecraft.mount.zyx", "xyz, rpy"),
-    "unknown frame": ("tool0", "tool9", "end_effector", "tool0"),
-    "unknown link": ("tool0", "tool0\n  scale_mass: {bus: 2}", "scale_mass.bus", "spacecraft"),
-    "unknown robot": (":ur5", ":ur6", "urdf", "example-robot-data:panda"),
+    "a mass that is not positive": ("mass: 200", "mass: -200", "spacecraft.mass"),
+    "a mass in words": ("mass: 200", "mass: heavy", "spacecraft.mass"),
+    "no inertia": ("inertia: [35, 35, 35], ", "", "spacecraft.inertia"),
+    "a violated triangle inequality": ("[35, 35, 35]", "[35, 35, 71]", "spacecraft.inertia"),
+    "two moments": ("[35, 35, 35]", "[35, 35]", "spacecraft.inertia"),
+    "a flat box": ("size: [1, 1, 1]", "size: [1, 1, 0]", "spacecraft.size.2"),
+    "an unknown key": ("mass: 200", "weight: 1, mass: 2", "spacecraft.weight"),
+    "an unknown frame": ("tool0", "tool9", "end_effector"),
+    "an unknown link": ("tool0", "tool0\n  scale_mass: {bus: 2}", "scale_mass.bus"),
+    "an unknown robot": (":ur5", ":ur6", "urdf"),
 }
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_a_scenario_with_an_impossible_assembly_is_refused(name: str, tmp_path: Path) -> None:
-    old, new, key, accepted = BAD[name]
+    old, new, key = BAD[name]
     file = written(tmp_path, old, new)
     with pytest.raises(InputError) as caught:
         load_scenario(file).problem()
-    assert caught.value.key == f"robot.{key}"
-    assert caught.value.source == str(file)
-    assert accepted in caught.value.accepted
+    assert (caught.value.key, caught.value.source) == (f"robot.{key}", str(file))
 
 
 # --------------------------------------------------------------------------- a redundant arm

@@ -114,10 +114,9 @@ def test_a_frame_that_is_not_there_is_answered_with_those_that_are() -> None:
 def test_a_frame_fixed_to_the_spacecraft_is_refused(frame: str) -> None:
     """No joint moves it; the links that joints do move are listed."""
     antenna = a_link("antenna") + joint_text("glue", "F", "bus", "antenna")
-    with pytest.raises(ModelError, match="fixed to the spacecraft") as caught:
+    with pytest.raises(ModelError) as caught:
         FreeFloatingModel.from_urdf(ELBOW.replace("</robot>", antenna + "</robot>"), frame)
-    listed = caught.value.accepted.split(": ")[1].split(", ")
-    assert set(listed) == {"upper", "fore", "mast"}
+    assert caught.value.key == "end_effector"
 
 
 def test_a_link_may_bear_the_name_of_its_joint(planar_3dof: FreeFloatingModel) -> None:
@@ -232,7 +231,7 @@ def test_only_joints_of_the_robot_can_be_held(name: str) -> None:
 
 
 def test_an_arm_of_which_every_joint_is_held_is_refused() -> None:
-    with pytest.raises(ModelError, match="all joints that move"):
+    with pytest.raises(ModelError, match="held"):
         FreeFloatingModel.from_urdf(ELBOW, "fore", held={"shoulder": 0.1, "elbow": 0.2})
 
 
@@ -407,8 +406,7 @@ def test_files_and_text_give_the_same_model(spatial_6dof: FreeFloatingModel) -> 
         assert model.description.source == source
 
 
-def test_doubts_travel_with_the_model() -> None:
-    """What the reader of the URDF doubted, the model tells."""
+def test_warnings_are_attributes_of_the_model() -> None:
     text = chain_of(a_link("arm"), joint_text("q", "C", "bus", "arm"), link_text("tip"),
                     joint_text("p", "C", "arm", "tip"))  # fmt: skip
     model = FreeFloatingModel.from_urdf(text)
