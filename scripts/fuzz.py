@@ -5,10 +5,6 @@ Usage: python scripts/fuzz.py [--inputs N] [--seed S] [--kinds KIND...] [--keep 
 Two processes read them, one input after the other, each in at most 10 s and 1.5 GB. A file may be
 read, or refused with one message; everything else is a failure, told with the input's number and
 kept in a folder. Exit code 1 when there is one.
-
-Result files are looked at in a process of its own each time they are opened. That takes longer
-than all the rest, so it is left out here at first, and an input that a process dies of, or that
-takes much memory, is read once more with it.
 """
 
 import argparse
@@ -31,7 +27,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.dont_write_bytecode = True
 
-from freefloat.io import result_file  # noqa: E402
 from tests.hostile import KINDS, MEMORY, OUTCOMES, READ, REFUSED, Watch, outcome  # noqa: E402
 
 PROCESSES = 2
@@ -80,8 +75,6 @@ def start(jobs: list[Job], seed: int, again: bool = False) -> Worker:
 
 
 def work(jobs: list[Job], seed: int, writing: int, again: bool) -> None:
-    if not again:
-        result_file.refuse_deadly = lambda path: None
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MOST_MEMORY,) * 2)
     resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE,) * 2)

@@ -11,9 +11,7 @@ import time
 from pathlib import Path
 
 import freefloat as ff
-from freefloat.io.plan_file import save_plan
 from freefloat.robot.names import bundled_scenarios
-from freefloat.verification.check import Verdict, check_plan
 
 
 def planned(name: str, folder: Path) -> Path:
@@ -22,14 +20,14 @@ def planned(name: str, folder: Path) -> Path:
     if not path.exists():
         scenario = ff.load_scenario(name)
         plan = ff.plan(scenario.problem(), scenario.search(), scenario.limits())
-        save_plan(path, plan, scenario, plan.to_dict())
+        ff.save(plan, path)
     return path
 
 
-def row(name: str, verdict: Verdict, seconds: float) -> str:
-    proof, engine = verdict.certificate, verdict.engine
+def row(name: str, report: ff.CheckReport, seconds: float) -> str:
+    proof, engine = report.certificate, report.engine
     if proof is None or engine is None:
-        return f"{name:30} {verdict.reasons}"
+        return f"{name:30} {[check.reason for check in report.discrepancies]}"
     least, again = proof.least[-1] if len(proof.least) == 3 else proof.of("gjm"), proof.integration
     turn = proof.end_effector_attitude
     inverse, forward = engine["inverse"], engine["forward"]
@@ -38,7 +36,7 @@ def row(name: str, verdict: Verdict, seconds: float) -> str:
         f" {proof.end_effector_position.value:8.1e} {turn.value if turn else 0.0:8.1e}"
         f" {proof.momentum.value / proof.momentum_scale:8.1e} {again.attitude:8.1e}"
         f" {again.halving_attitude:8.1e} {inverse['wrench'] / inverse['torque']:8.1e}"
-        f" {forward['attitude']:8.1e} {seconds:5.1f}  {'proved' if verdict.proved else 'NOT'}"
+        f" {forward['attitude']:8.1e} {seconds:5.1f}  {'proved' if report.passed else 'NOT'}"
     )
 
 
@@ -54,11 +52,11 @@ def main() -> int:
     for name in names:
         path = planned(name, folder)
         start = time.perf_counter()
-        verdict = check_plan(path, "mujoco")
-        print(row(name, verdict, time.perf_counter() - start), flush=True)
-        for reason in verdict.reasons:
-            print(f"  {reason}", flush=True)
-        proved = proved and verdict.proved
+        report = ff.check(ff.load(path), "mujoco")
+        print(row(name, report, time.perf_counter() - start), flush=True)
+        for check in report.discrepancies:
+            print(f"  {check.reason}", flush=True)
+        proved = proved and report.passed
     return 0 if proved else 1
 
 

@@ -6,14 +6,13 @@ Either it is read, or refused with one message; see :func:`outcome` for what is 
 
 from __future__ import annotations
 
-import json
 import os
 import resource
 import sys
 import traceback
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -24,12 +23,12 @@ import yaml
 from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
-from freefloat.io.map_file import load_map
-from freefloat.io.plan_file import load_plan
+from freefloat.io.results import load
 from freefloat.io.scenario import load_scenario
 from freefloat.io.schema import ScenarioFile
 from freefloat.io.validation import validated
 from freefloat.limits.collision import collision_shapes
+from freefloat.motion.simulation import Simulation
 from freefloat.paths.samples import read_samples
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
@@ -37,7 +36,7 @@ from freefloat.robot.names import MeshFileError
 from freefloat.robot.validation import examine
 from freefloat.studies.files import study_files
 from freefloat.studies.study import load_study
-from freefloat.verification.check import _seals, _verdict
+from freefloat.verification.check import check
 from freefloat.visualization.visuals import robot_visuals
 from tests import hostile_samples as good
 from tests.mutations import CSV, LINES, XML, YAML, Mutator, mutated
@@ -117,23 +116,15 @@ def _csv(file: Path) -> None:
             attitude.rotation(s), attitude.rate(s)
 
 
-def _plan(file: Path) -> None:
-    stored = load_plan(file)
-    sealed = _seals(stored)
-    stored = replace(stored, feasible=False)  # else kernels are compiled
-    wish, motion = stored.origin.wish(), stored.motion()
-    json.dumps(stored.document)
-    if motion is None:
+def _result(file: Path) -> None:
+    result = load(file)
+    chosen = getattr(result, "chosen", None)
+    if chosen is None:
         return
-    motion.sample([0.5 * float(motion.times[0] + motion.times[-1])])
-    if sealed.passed or Random(len(stored.origin.scenario)).random() < 0.1:
-        _verdict(stored, wish, motion, sealed, None).document()
-
-
-def _map(file: Path) -> None:
-    stored = load_map(file)
-    stored.margins.max(initial=0.0)
-    stored.problem()
+    times = chosen.motion.times
+    chosen.motion.sample([0.5 * float(times[0] + times[-1])])
+    if Random(len(times)).random() < 0.1:
+        check(Simulation((chosen,), chosen)).to_dict()  # of a plan kernels would be compiled
 
 
 def _study(file: Path) -> None:
@@ -173,8 +164,8 @@ KINDS = {
     "urdf": Kind("robot.urdf", lambda: (*good.bundled("planar_3dof", "ets_vii"), good.meshed()),
                  XML, _urdf),
     "csv": Kind("path.csv", lambda: (good.POINTS.encode(),), CSV, _csv),
-    "plan": Kind("plan.h5", good.plans, HDF5, _plan),
-    "map": Kind("map.h5", good.maps, HDF5, _map),
+    "plan": Kind("plan.h5", good.plans, HDF5, _result),
+    "map": Kind("map.h5", good.maps, HDF5, _result),
     "study": Kind("study.yaml", lambda: _yaml(good.STUDY, good.START, good.HEADINGS), YAML, _study),
     "mesh": Kind("mesh", good.meshes, LINES, _mesh),
 }  # fmt: skip

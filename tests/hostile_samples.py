@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import base64
-import json
 import tempfile
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import trimesh
 import yaml
 
-from freefloat.io.digest import seal
-from freefloat.io.plan_file import save_motion
-from freefloat.io.result_file import ATTITUDE_MAP, new_result, write_document
+from freefloat.io.results import save
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.certificate import certify
 from freefloat.motion.simulation import simulate
-from freefloat.planning.documents import simulation_document
+from freefloat.planning.options import Search
+from freefloat.planning.plan import Plan
+from freefloat.planning.planar_ranges import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.robot.names import models_folder
 from freefloat.so3 import heading_quaternion
 from tests.example_studies import SHORT
@@ -101,45 +99,43 @@ def meshed() -> bytes:
 
 @cache
 def plans() -> tuple[bytes, bytes]:
-    """A motion, and the same as a plan."""
+    """A simulation, and its motion as a plan."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "wish.yaml").write_text(yaml.safe_dump(SHORT, sort_keys=False))
-        scenario = load_scenario(folder / "wish.yaml")
-        found = simulate(scenario.problem(), heading_quaternion(np.radians(200.0)))
-        file, document = folder / "motion.h5", json.loads(json.dumps(simulation_document(found)))
-        save_motion(file, found.chosen.motion, scenario, document)
-        motion = file.read_bytes()
-        with h5py.File(file, "r+") as changed:
-            stored = certify(found.chosen.motion, found.chosen.motion.base_positions)
-            told = {"certificate": stored.document(), "feasible": True, "objective": "margin",
-                    "heading_deg": 200.0, "deviation_deg": None,
-                    "attitude_ranges_deg": [{"ranges": [[10.0, 20.0]]}]}  # fmt: skip
-            changed.attrs["format"], changed.attrs["feasible"] = "freefloat plan", True
-            changed["ranges/branch_0"] = np.radians([[10.0, 20.0]])
-            del changed["document"], changed["digests"]
-            write_document(changed, document | told)
-            seal(changed)
-        return motion, file.read_bytes()
+        problem = load_scenario(folder / "wish.yaml").problem()
+        found = simulate(problem, heading_quaternion(np.radians(200.0)))
+        save(found, folder / "motion.h5")
+        ranges = (HeadingRange(np.radians(10.0), np.radians(20.0), (RangeLimitCause.MARGIN,) * 2),)
+        plan = Plan(
+            problem, Search(), True, "", (BranchRanges(0, "0", ranges, ()),), (), found.chosen,
+            certificate=certify(found.chosen.motion),
+        )  # fmt: skip
+        save(plan, folder / "plan.h5")
+        return (folder / "motion.h5").read_bytes(), (folder / "plan.h5").read_bytes()
 
 
 @cache
 def maps() -> tuple[bytes, bytes]:
-    """A map of headings and one of attitudes."""
+    """A map over headings and one over attitudes."""
+    from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.heading_map import HeadingMap
+
+    problem = load_scenario("planar_3dof/parabola").problem()
+    headings = np.linspace(0.0, 3.0, 4)
+    heading_map = HeadingMap(problem, headings, (0, 1), np.ones((2, 4)), 100.0 * np.ones((2, 4)))
+    attitudes = np.array([heading_quaternion(one) for one in headings])
+    spatial = load_scenario("spatial_6dof/line").problem()
+    attitude_map = AttitudeMap(
+        spatial, 0, attitudes, np.ones((4, 8)), np.ones((4, 8)), np.zeros((4, 8), dtype=np.int8)
+    )
+    made = []
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        made = []
-        for kind in ("map", ATTITUDE_MAP):
-            scenario, file = load_scenario("planar_3dof/parabola"), folder / "map.h5"
-            with new_result(file, kind, scenario, scenario.problem()) as new:
-                write_document(new, {"best": {"branch": 0}, "samples": 4})
-                new.attrs["measure"], new.attrs["margin"], new.attrs["unit"] = "system", 5.0, "1"
-                new["heading"], new["branch"] = np.linspace(0.0, 3.0, 4), np.array([0, 1])
-                new["attitude"] = [heading_quaternion(one) for one in np.linspace(0.0, 3.0, 4)]
-                shape = (2, 4) if kind == "map" else (4, 2)
-                new["least"], new["ending"] = np.ones(shape), np.zeros(shape, dtype=np.int8)
+        file = Path(name) / "map.h5"
+        for result in (heading_map, attitude_map):
+            save(result, file)
             made.append(file.read_bytes())
-        return made[0], made[1]
+    return made[0], made[1]
 
 
 @cache

@@ -23,6 +23,7 @@ from tests.mutations import (
     mutated,
     tree,
 )
+from tests.result_files import BLOCK, with_digest
 
 _TEXT = h5py.string_dtype()
 _MOST = 10**6
@@ -31,14 +32,14 @@ _MOST = 10**6
 
 def parts(random: Random, content: bytes) -> bytes:
     """Change one to three parts of the file."""
-    stream = io.BytesIO(content)
+    stream = io.BytesIO(content[BLOCK:])
     with h5py.File(stream, "r+") as file:
         for _ in range(random.choice([1, 1, 1, 2, 3])):
             names: list[str] = []
             file.visit(names.append)
             with suppress(Exception):  # some deeds do not go together
                 random.choice(_DEEDS)(random, file, random.choice(names))
-    return stream.getvalue()
+    return with_digest(stream.getvalue())
 
 
 def _remove(random: Random, file: Any, name: str) -> None:

@@ -16,7 +16,6 @@ import pytest
 
 import freefloat as ff
 from freefloat.brief import brief
-from freefloat.io.plan_file import load_plan
 from freefloat.motion.motion import Motion
 from freefloat.robot.names import models_folder
 
@@ -38,7 +37,7 @@ def test_every_public_name_is_typed_as_it_is_loaded() -> None:
 def test_the_names_come_in_the_order_in_which_they_are_needed() -> None:
     order = [
         *("FreeFloatingModel", "EndEffectorPath", "TimedPath", "Problem", "load_scenario"),
-        *("simulate", "Motion", "plan", "Plan", "attitude_map", "play", "load_plan", "run_study"),
+        *("simulate", "Motion", "plan", "Plan", "attitude_map", "play", "load", "run_study"),
     ]
     assert [name for name in ff.__all__ if name in order] == order
     assert len(set(ff.__all__)) == len(ff.__all__)
@@ -125,16 +124,6 @@ def test_every_record_with_long_arrays_in_public_is_brief() -> None:
     long = [one for one in public if not one.__dataclass_params__.eq]
     assert Motion in long
     assert [one for one in long if one.__repr__ is not brief] == []
-
-
-def test_a_stored_plan_is_told_in_one_line(tmp_path: Path) -> None:
-    from typer.testing import CliRunner
-
-    from freefloat.cli.app import app
-
-    words = ["simulate", "planar_2dof/line", "--heading", "0", "-o", str(tmp_path / "a.h5")]
-    CliRunner().invoke(app, words)
-    assert len(repr(load_plan(tmp_path / "a.h5"))) < 900
 
 
 # --- errors -------------------------------------------------------------------------------------

@@ -33,10 +33,8 @@ if TYPE_CHECKING:
     from freefloat.ensemble.feasibility import FeasibilityEvaluator as FeasibilityEvaluator
     from freefloat.errors import FreeFloatError as FreeFloatError
     from freefloat.errors import InputError as InputError
-    from freefloat.io.map_file import load_map as load_map
-    from freefloat.io.plan_file import load_plan as load_plan
-    from freefloat.io.saving import save_map as save_map
-    from freefloat.io.saving import save_plan as save_plan
+    from freefloat.io.results import load as load
+    from freefloat.io.results import save as save
     from freefloat.io.scenario import Scenario as Scenario
     from freefloat.io.scenario import load_scenario as load_scenario
     from freefloat.limits.check import check_limits as check_limits
@@ -78,6 +76,8 @@ if TYPE_CHECKING:
     from freefloat.studies.runner import run_study as run_study
     from freefloat.studies.study import Study as Study
     from freefloat.studies.study import load_study as load_study
+    from freefloat.verification.check import CheckReport as CheckReport
+    from freefloat.verification.check import check as check
     from freefloat.visualization.figures import figures as figures
     from freefloat.visualization.playback import Playback as Playback
     from freefloat.visualization.playback import playback as playback
@@ -144,10 +144,10 @@ _ROOMS = {
     "Playback": "visualization.playback",
     "figures": "visualization.figures",
     # files
-    "save_plan": "io.saving",
-    "save_map": "io.saving",
-    "load_plan": "io.plan_file",
-    "load_map": "io.map_file",
+    "save": "io.results",
+    "load": "io.results",
+    "check": "verification.check",
+    "CheckReport": "verification.check",
     # many cases
     "load_study": "studies.study",
     "Study": "studies.study",

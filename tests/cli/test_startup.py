@@ -17,7 +17,7 @@ HEAVY = ("matplotlib", "meshcat", "numba", "dask", "pinocchio", "scipy", "numpy"
 """What ``import freefloat`` has no use for."""
 NEVER_NEEDED = ("matplotlib", "meshcat", "numba", "dask")
 """What none of the public names needs, but those in COMPILED and SHOWN."""
-COMPILED = ("AttitudeMap", "FeasibilityEvaluator", "load_map", "attitude_map")
+COMPILED = ("AttitudeMap", "FeasibilityEvaluator", "HeadingMap", "attitude_map")
 SHOWN = ("Playback", "figures", "playback", "show")
 SCRIPT = str(Path(sys.executable).parent / "freefloat")
 

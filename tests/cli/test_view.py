@@ -56,7 +56,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert run("simulate", *GOOD, "-o", folder / "good.h5").exit_code == 0
     assert run("simulate", *BAD, "-o", folder / "bad.h5").exit_code == 1
     problem = ff.load_scenario("planar_3dof/parabola").problem()
-    ff.save_plan(folder / "none.h5", ff.Plan(problem, ff.Search(), False, "for a test"))
+    ff.save(ff.Plan(problem, ff.Search(), False, "for a test"), folder / "none.h5")
     return folder
 
 

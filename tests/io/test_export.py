@@ -16,10 +16,12 @@ from typer.testing import CliRunner
 from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.export import csv_text, json_text, ros2_text, write_mat
-from freefloat.io.plan_file import save_motion
+from freefloat.io.results import save
 from freefloat.io.scenario import load_scenario
 from freefloat.io.trajectory import Trajectory, even_times
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_quaternion
 from tests.sliding import sliding_motion, sliding_robot
 
@@ -48,7 +50,10 @@ def found(motions):
 def files(tmp_path, monkeypatch, scenario, motions):
     """A folder with both as files."""
     for name, motion in zip(("good.h5", "bad.h5"), motions, strict=True):
-        save_motion(tmp_path / name, motion, scenario, {"min_margin": {"kept": motion.completed}})
+        branch = motion.problem.branches(motion.initial.attitude)[0]
+        approach = closest_approach(motion, motion.problem.margin.measure)
+        chosen = SimulatedBranch(branch, motion, approach)
+        save(Simulation((chosen,), chosen), tmp_path / name)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import io
 import os
-import signal
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.io import hdf5_probe
-from freefloat.io.plan_file import load_plan
 from freefloat.io.scenario import load_scenario
 from freefloat.io.yaml import parse_yaml
 from freefloat.motion.problem import Problem
@@ -190,77 +184,6 @@ def test_minus_zero_is_zero(tmp_path: Path) -> None:
     assert a_study(tmp_path, vary, cases=2).parameters(1) == {"momentum.2": 0.5}
     vary = {"momentum.2": {"uniform": [0.0, -0.0]}}
     assert a_study(tmp_path, vary, cases=2).parameters(1) == {"momentum.2": 0.0}
-
-
-# Result files
-
-
-def _changed(change: Callable[[Any], object]) -> bytes:
-    stream = io.BytesIO(good.plans()[0])
-    with h5py.File(stream, "r+") as file:
-        change(file)
-    return stream.getvalue()
-
-
-def _without(name: str, change: Callable[[Any], object]) -> Callable[[Any], object]:
-    def changed(file: Any) -> None:
-        del file[name]
-        change(file)
-
-    return changed
-
-
-def _into(name: str, link: Any) -> Callable[[Any], object]:
-    return _without(name, lambda file: file.__setitem__(name, link))
-
-
-TIME = "motion/time"
-
-
-@pytest.mark.parametrize(
-    ("change", "problem"),
-    [
-        (_into(TIME, h5py.ExternalLink("fifo", "/x")), "elsewhere"),
-        (_into(TIME, h5py.SoftLink("/motion/joints")), "elsewhere"),
-        (lambda file: file["motion"].__setitem__("odd", file["/"]), "twice"),
-        (_without(TIME, lambda file: file.create_dataset(
-            TIME, (16,), "u1", external=[("/etc/passwd", 0, 16)])), "elsewhere"),
-        (_without(TIME, lambda file: file.create_dataset(TIME, (10**9,), "f8")), "claims more"),
-        (_without(TIME, lambda file: file.create_dataset(
-            TIME, (10**8, 7), "f8", chunks=(1000, 7), compression="gzip")), "claims more"),
-        (_without(TIME, lambda file: file.create_dataset(TIME, data=np.ones(9, complex))),
-         "no numbers"),
-    ],
-    ids=["external link", "soft link", "circle", "external data", "huge", "packed", "complex"],
-)  # fmt: skip
-def test_result_files_that_lead_elsewhere_or_claim_too_much_are_refused(
-    change: Callable[[Any], object], problem: str, watch: Watch
-) -> None:
-    file = watch.inside / "plan.h5"
-    file.write_bytes(_changed(change))
-    with pytest.raises(InputError, match=problem):
-        load_plan(file)
-
-
-@pytest.mark.parametrize(
-    ("deed", "problem"),
-    [
-        (lambda _: time.sleep(60), "never ends"),
-        (lambda _: os.kill(os.getpid(), signal.SIGSEGV), "library dies"),
-        (lambda _: np.ones(10**12), "all memory"),
-    ],
-    ids=["hang", "crash", "memory"],
-)
-def test_a_result_file_that_its_library_dies_of_is_refused(
-    deed: Callable[[Any], object], problem: str, watch: Watch, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Bytes changed by chance have made it loop for ever."""
-    monkeypatch.setattr(hdf5_probe, "_SECONDS", 1)
-    monkeypatch.setattr(hdf5_probe, "_look", deed)
-    file = watch.inside / "plan.h5"
-    file.write_bytes(good.plans()[0])
-    with pytest.raises(InputError, match=problem):
-        load_plan(file)
 
 
 # Meshes

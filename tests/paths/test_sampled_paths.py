@@ -14,14 +14,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.io.plan_file import save_plan
 from freefloat.io.scenario import Scenario, parse_scenario
 from freefloat.motion.certificate import certify
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import Stop, TimeLaw, Timing
-from freefloat.verification.check import check_plan
 from freefloat.verification.checks import certificate_checks
 from tests.motions import rolled
 
@@ -130,8 +128,8 @@ def test_plans_for_recorded_paths_are_proved_again(kind: str, count: int, tmp_pa
     scenario = wish(kind, count)
     plan = ff.plan(scenario.problem(), scenario.search())
     assert plan.feasible
-    save_plan(tmp_path / "plan.h5", plan, scenario, plan.to_dict())
-    assert check_plan(tmp_path / "plan.h5").reasons == ()
+    ff.save(plan, tmp_path / "plan.h5")
+    assert ff.check(ff.load(tmp_path / "plan.h5")).discrepancies == ()
 
 
 @pytest.mark.parametrize("backwards", [False, True])

@@ -12,9 +12,10 @@ from rich.text import Text
 
 from freefloat.cli.console import DONE, NO, Console, table
 from freefloat.cli.options import Json, Quiet
+from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.verification.check import Verdict
+    from freefloat.verification.check import CheckReport
 
 
 def check(
@@ -39,38 +40,50 @@ def check(
 
     Example: freefloat check plan.h5 --engine mujoco
     """
-    from freefloat.verification.check import check_plan
+    from freefloat.io.hdf5 import AlteredFileError
+    from freefloat.io.results import load
+    from freefloat.motion.simulation import Simulation
+    from freefloat.planning.plan import Plan
+    from freefloat.verification.check import PINOCCHIO, CheckReport
+    from freefloat.verification.check import check as verify
+    from freefloat.verification.checks import Check
 
     console = Console(as_json, quiet)
     with console.progress("integrating the motion again"):
-        verdict = check_plan(plan, engine)
-    console.json(verdict.document())
-    console.tables(_tables(verdict))
-    raise typer.Exit(DONE if verdict.proved else NO)
+        try:
+            result = load(plan)
+            if not isinstance(result, Plan | Simulation):
+                raise InputError("file", "it holds a map", "a plan or motion file", str(plan))
+            report = verify(result, engine or PINOCCHIO)
+        except AlteredFileError as error:
+            report = CheckReport("file", (Check(error.key, False, error.problem),))
+    console.json({"file": str(plan), **report.to_dict()})
+    console.tables(_tables(report, plan))
+    raise typer.Exit(DONE if report.passed else NO)
 
 
-def _tables(verdict: Verdict) -> Iterator[RenderableType]:
-    """Every check with what was found and what is allowed; then the discrepancies."""
+def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
+    """Every check with its value and what is allowed; then the discrepancies."""
     checks = table("check", "found", "allowed", "at [s]", "result", "")
-    for entry in verdict.checks:
+    for entry in report.checks:
         checks.add_row(
             Text(entry.name),
-            _number(entry.found) + (f" {entry.unit}" if entry.unit else ""),
+            _number(entry.recomputed) + (f" {entry.unit}" if entry.unit else ""),
             _number(entry.allowed),
             "" if entry.time is None else f"{entry.time:.4f}",
             Text("passed", "green") if entry.passed else Text("failed", "red"),
-            Text(entry.told if entry.passed else ""),
+            Text(entry.detail if entry.passed else ""),
         )
     yield checks
-    certificate = verdict.certificate
+    certificate = report.certificate
     if certificate is not None:
         yield f"Between points: {certificate.method} ({certificate.intervals:,} intervals)."
         yield f"Integrated again: {certificate.integrator}."
-    if verdict.proved:
-        yield Text(f"{verdict.source}: verified.", "green")
+    if report.passed:
+        yield Text(f"{file}: verified.", "green")
         return
-    yield Text(f"{verdict.source}: not verified.", "red")
-    yield from (Text(f"  {reason}", "red") for reason in verdict.reasons)
+    yield Text(f"{file}: not verified.", "red")
+    yield from (Text(f"  {entry.reason}", "red") for entry in report.discrepancies)
 
 
 def _number(value: float | None) -> str:

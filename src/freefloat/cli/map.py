@@ -82,7 +82,7 @@ def map_(
 
     Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
     """
-    from freefloat.io.map_file import save_map
+    from freefloat.io.results import save
     from freefloat.io.scenario import load_scenario
     from freefloat.planning.heading_map import HeadingMap
     from freefloat.planning.mapping import attitude_map
@@ -107,7 +107,7 @@ def map_(
     else:
         console.tables(_attitude_tables(scenario, result))
     if output is not None:
-        save_map(output, result, loaded)
+        save(result, output)
     if plots is not None:
         document["plots"] = draw(console, plots, result, threads)
     console.json(document)

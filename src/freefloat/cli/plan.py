@@ -53,7 +53,7 @@ def plan(
 
     Example: freefloat plan spatial_6dof/line --json
     """
-    from freefloat.io.plan_file import save_plan
+    from freefloat.io.results import save
     from freefloat.io.scenario import load_scenario
     from freefloat.planning.planner import plan as find_plan
 
@@ -64,12 +64,10 @@ def plan(
         result = find_plan(
             problem, loaded.search(), limits, stretch=stretch, threads=threads, progress=progress
         )
-    if result.stretch != 1.0:
-        loaded = loaded.stretched(result.stretch)
     document = result.to_dict()
     console.tables(_tables(scenario, result))
     if output is not None:
-        save_plan(output, result, loaded, document)
+        save(result, output)
     if html is not None:
         document["html"] = _save_page(html, scenario, result)
         console.tables([f"Page: {document['html'] or 'none, there is no motion to show'}"])

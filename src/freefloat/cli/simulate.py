@@ -60,7 +60,7 @@ def simulate(
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
-    from freefloat.io.plan_file import save_motion
+    from freefloat.io.results import save
     from freefloat.io.scenario import load_scenario
     from freefloat.limits.check import LimitChecker
     from freefloat.motion.simulation import simulate as simulate_branches
@@ -84,7 +84,7 @@ def simulate(
     document = simulation_document(simulation, results)
     console.tables(_tables(scenario, simulation, results))
     if output is not None:
-        save_motion(output, simulation.chosen.motion, loaded, document)
+        save(simulation, output)
     if html is not None:
         from freefloat.visualization.playback import playback
 

@@ -135,26 +135,18 @@ def _pixels(text: str | None) -> tuple[int, int] | None:
 
 def _playback(files: Sequence[Path]) -> Playback:
     """The playback of motions, which are shown together, or of one map."""
-    from freefloat.io.map_file import load_map
-    from freefloat.io.result_file import ATTITUDE_MAP, MOTION, PLAN, kind_of
-    from freefloat.visualization.playback import Playback, playback
+    from freefloat.io.results import load
+    from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.visualization.playback import playback
 
-    kinds = [kind_of(file) for file in files]
-    if kinds == [ATTITUDE_MAP]:
-        from freefloat.visualization.map_scene import map_scene
-
-        stored = load_map(files[0])
-        title = files[0].stem
-        return Playback(map_scene(
-            stored.problem(), stored.attitudes, stored.margins, stored.document, title
-        ))  # fmt: skip
+    results = [load(file) for file in files]
+    if len(results) == 1 and isinstance(results[0], AttitudeMap):
+        return playback(results[0], files[0].stem)
     motions: dict[str, Motion] = {}
-    for file, kind in zip(files, kinds, strict=True):
-        if kind not in (PLAN, MOTION):
-            raise InputError("file", f"it holds {kind!r}", _ACCEPTED, str(file))
+    for file, result in zip(files, results, strict=True):
         numbered = (f"{file.stem} ({number})" for number in range(2, len(files) + 1))
-        name = next(name for name in (file.stem, *numbered) if name not in motions)
-        motions[name] = load_motion(file)
+        name = next(one for one in (file.stem, *numbered) if one not in motions)
+        motions[name] = _motion_of(result, file)
     return playback(motions, " · ".join(motions))
 
 
@@ -162,15 +154,20 @@ def load_motion(file: Path) -> Motion:
     """The motion of a plan or motion file.
 
     Raises:
-        InputError: If it cannot be read or has no motion.
+        InputError: If it has none.
     """
-    from freefloat.io.plan_file import load_plan
+    from freefloat.io.results import load
 
-    stored = load_plan(file)
-    motion = stored.motion()
-    if motion is None:
-        problem = f"it has no motion, the plan is not feasible: {stored.document.get('reason')}"
+    return _motion_of(load(file), file)
+
+
+def _motion_of(result: Any, file: Path) -> Motion:
+    if not hasattr(result, "chosen"):
+        raise InputError("file", "it holds a map", _ACCEPTED, str(file))
+    if result.chosen is None:
+        problem = f"it has no motion, the plan is not feasible: {result.reason}"
         raise InputError("file", problem, "a feasible plan, or a motion", str(file))
+    motion: Motion = result.chosen.motion
     return motion
 
 

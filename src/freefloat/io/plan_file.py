@@ -1,229 +1,184 @@
-"""Plans and motions on disk, and back: what was planned, whole, without the files it came from."""
+"""Plans and simulations in HDF5 files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from freefloat.brief import brief
-from freefloat.errors import InputError
-from freefloat.io.digest import broken_seals, seal
-from freefloat.io.result_file import (
-    MOTION,
-    PLAN,
-    QUATERNION,
-    TEXT,
-    Origin,
-    accepted_file,
-    new_result,
-    opened_result,
-    read_document,
-    read_numbers,
-    read_origin,
-    write_document,
-)
+from freefloat.io.decoding import Document, certificate_of, limit_results_of, radians
+from freefloat.io.hdf5 import TEXT, read_numbers
+from freefloat.io.map_file import read_attitude_map, write_attitude_map
+from freefloat.io.motion_group import read_branch, read_motion, write_branch, write_motion
 from freefloat.io.scenario import Scenario
-from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.panels import DEGREE
-from freefloat.motion.problem import Problem
-from freefloat.planning.plan import Plan
-from freefloat.so3 import Array, frozen, without_jumps
+from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.simulation import Simulation
+from freefloat.planning.plan import Plan, Segment
+from freefloat.planning.planar_ranges import (
+    TURN,
+    BranchRanges,
+    HeadingRange,
+    RangeLimit,
+    RangeLimitCause,
+)
+from freefloat.planning.planar_tangency import TangencyKind, TangencyPoint
 
-_LARGEST = 1e12
-_UNIT_LENGTH = 1e-9
-"""How far from 1 a stored quaternion's length may be."""
+
+def write_simulation(file: Any, simulation: Simulation) -> None:
+    """Write the motions of a simulation, the chosen one as ``motion``."""
+    chosen = simulation.chosen
+    margin = chosen.motion.problem.margin
+    file.attrs["feasible"] = chosen.motion.completed and margin.is_kept(
+        chosen.closest_approach.value
+    )
+    for number, branch in enumerate(simulation.branches):
+        if branch is chosen:
+            file.attrs["chosen"] = number
+            write_branch(file, "motion", branch)
+        else:
+            write_branch(file, f"branches/{number}", branch)
 
 
-def save_plan(
-    path: str | Path, plan: Plan, scenario: Scenario, document: Mapping[str, Any]
-) -> None:
-    """Write a plan.
+def read_simulation(file: Any, scenario: Scenario, document: Document) -> Simulation:
+    """Simulation of a file; those of version 0.1.0 have the chosen motion alone."""
+    problem = scenario.problem()
+    chosen = read_branch(file["motion"], problem, document["branch"])
+    others = file.get("branches", {})
+    branches = [read_branch(others[name], problem, -1) for name in sorted(others, key=int)]
+    branches.insert(int(file.attrs.get("chosen", 0)), chosen)
+    return Simulation(tuple(branches), chosen)
 
-    Args:
-        path: The file; replaced if it exists.
-        plan: What to write.
-        scenario: Where it came from; its text and its robot are written, too.
-        document: What the command line told about it, kept as JSON.
 
-    Raises:
-        InputError: If the file cannot be written.
-    """
-    with new_result(path, PLAN, scenario, plan.problem) as file:
-        write_document(file, document)
-        file.attrs["feasible"] = plan.feasible
-        for entry in plan.ranges:
-            values = [(one.low, one.high) for one in entry.ranges]
-            group = file.create_dataset(
-                f"ranges/branch_{entry.branch}", data=np.reshape(values, (-1, 2))
+def write_plan(file: Any, plan: Plan) -> None:
+    """Write ranges, segments, motion and map of a plan."""
+    file.attrs["feasible"], file.attrs["stretch"] = plan.feasible, plan.stretch
+    for entry in plan.ranges:
+        values = np.reshape([(one.low, one.high) for one in entry.ranges], (-1, 2))
+        ranges = file.create_dataset(f"ranges/branch_{entry.branch}", data=values)
+        ranges.attrs["label"], ranges.attrs["unit"] = entry.label, "rad"
+        causes = [str(cause) for one in entry.ranges for cause in one.causes]
+        if causes:
+            ranges.attrs["causes"] = np.array(causes, dtype=TEXT)
+    for number, segment in enumerate(plan.segments):
+        for index, limit in enumerate(segment.limits):
+            name = f"segments/{number}/{index}"
+            write_motion(file, f"{name}/backward", limit.backward)
+            write_motion(file, f"{name}/forward", limit.forward)
+    if plan.chosen is not None:
+        write_branch(file, "motion", plan.chosen)
+    if plan.map is not None:
+        write_attitude_map(file.create_group("map"), plan.map)
+
+
+def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
+    """Plan of a file; those of version 0.1.0 lack its map and its tangent motions."""
+    from freefloat.planning.tolerance import Tolerance  # compiled kernels take half a second
+
+    problem, tolerance = scenario.problem(), document.get("tolerance")
+    results = limit_results_of(document["limits"])
+    limited = bool(results) or "limits" in scenario.content.model_fields_set
+    stretched, radius = document["stretched_duration"], document["robust_radius_deg"]
+    return Plan(
+        problem=problem,
+        search=scenario.search(),
+        feasible=bool(file.attrs["feasible"]),
+        reason=str(document["reason"]),
+        ranges=_read_ranges(file.get("ranges", {}), document["attitude_ranges_deg"]),
+        segments=tuple(
+            _segment(entry, file.get(f"segments/{number}", {}), problem)
+            for number, entry in enumerate(document["segments"])
+        ),
+        chosen=read_branch(file["motion"], problem, document["branch"])
+        if "motion" in file
+        else None,
+        robust_radius=radians(radius),
+        map=read_attitude_map(file["map"], problem) if "map" in file else None,
+        tolerance=None if tolerance is None else Tolerance(**tolerance),
+        disagreements=tuple(document["disagreements"]),
+        limits=scenario.limits() if limited else None,
+        limit_results=results,
+        excluded=dict(document["excluded"]),
+        needed_stretch=None if stretched is None else stretched / problem.path.duration,
+        stretch=float(file.attrs.get("stretch", 1.0)),
+        certificate=certificate_of(document.get("certificate")),
+    )
+
+
+def _read_ranges(group: Any, documents: list[Document]) -> tuple[BranchRanges, ...]:
+    entries = {}
+    for document in documents:
+        name = f"branch_{document['branch']}"
+        values = read_numbers(group, name)
+        causes = [RangeLimitCause(str(cause)) for cause in group[name].attrs.get("causes", ())]
+        ranges = []
+        for low, high in values.tolist():
+            if high - low >= TURN - 1e-9:
+                ranges.append(HeadingRange(low, high, ()))
+                continue
+            ends, causes = causes[:2] or [RangeLimitCause.MARGIN] * 2, causes[2:]
+            ranges.append(HeadingRange(low, high, tuple(ends)))
+        entries[name] = _ranges(document, tuple(ranges))
+    if entries.keys() != set(group):
+        raise ValueError("its ranges are not of the branches in its document")
+    return tuple(entries.values())
+
+
+def _ranges(document: Mapping[str, Any], ranges: tuple[HeadingRange, ...]) -> BranchRanges:
+    limits = tuple(float(limit) for limit in np.radians(document["limits"]))
+    return BranchRanges(document["branch"], document["label"], ranges, limits)
+
+
+def _segment(document: Document, group: Any, problem: Problem) -> Segment:
+    """Segment of its document, and of the group with the motions of its range limits."""
+    motions = [
+        (_tangency_point(point), *(group[f"{index}/{way}"] for way in ("backward", "forward")))
+        for index, point in enumerate(document["touch_points"])
+        if f"{index}" in group
+    ]
+    keys = ("ranges_at_start_deg", "ranges_at_end_deg", "joined_at_end_deg")
+    starts, ends, joined = (
+        tuple(_ranges(entry, _heading_ranges(entry["ranges"])) for entry in document[key])
+        for key in keys
+    )
+    return Segment(
+        (document["from"], document["to"]),
+        tuple(
+            RangeLimit(
+                point,
+                *(read_motion(way, _at_level(problem, point.level)) for way in (backward, forward)),
             )
-            group.attrs["label"], group.attrs["unit"] = entry.label, "rad"
-        if plan.chosen is not None:
-            _write_motion(file, plan.chosen.motion)
-        seal(file)
+            for point, backward, forward in motions
+        ),
+        starts,
+        ends,
+        joined,
+    )
 
 
-def save_motion(
-    path: str | Path, motion: Motion, scenario: Scenario, document: Mapping[str, Any]
-) -> None:
-    """Write a motion that was not planned, be it singular; arguments as for :func:`save_plan`."""
-    with new_result(path, MOTION, scenario, motion.problem) as file:
-        write_document(file, document)
-        file.attrs["feasible"] = bool(document["min_margin"]["kept"])
-        _write_motion(file, motion)
-        seal(file)
+def _at_level(problem: Problem, level: float) -> Problem:
+    """The problem whose margin is that of a tangency point."""
+    return replace(problem, margin=Margin(problem.margin.measure, abs(level)))
 
 
-def _write_motion(file: Any, motion: Motion) -> None:
-    group = file.create_group("motion")
-    group.attrs["ending"] = motion.ending.name
-    group.attrs["joint_names"] = np.array(motion.problem.model.joint_names, dtype=TEXT)
-    for name, values, unit in (
-        ("time", motion.times, "s"),
-        ("attitude", motion.attitudes, QUATERNION),
-        ("joints", motion.joints, "rad or m"),
-        ("base_position", motion.base_positions, "m"),
-    ):
-        group.create_dataset(name, data=values).attrs["unit"] = unit
+def _tangency_point(document: Document) -> TangencyPoint:
+    return TangencyPoint(
+        TangencyKind(document["kind"]),
+        document["time"],
+        document["s"],
+        document["level"],
+        document["heading"],
+        np.array(document["joints"]),
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class StoredPlan:
-    """A plan or motion file as read.
-
-    Attributes:
-        source: The file.
-        kind: ``"plan"`` or ``"motion"``.
-        feasible: Whether there is a motion that keeps the margin.
-        origin: Scenario and robot, as texts.
-        document: What was told, as JSON has it: of a plan ``reason``, ``certificate`` and so on.
-        ranges: Arm branch to headings [rad], shape (K, 2).
-        ending: How the motion ended; None where an infeasible plan has none.
-        times: Of the motion's nodes [s], shape (N,).
-        attitudes: Unit quaternions x, y, z, w, shape (N, 4).
-        joints: Shape (N, n).
-        base_positions: Of the spacecraft's root link from the centre of mass [m], shape (N, 3).
-        altered: What in the file is not as it was written, see :mod:`freefloat.io.digest`; None
-            where the file does not tell.
-    """
-
-    __repr__ = brief
-
-    source: str
-    kind: str
-    feasible: bool
-    origin: Origin
-    document: dict[str, Any]
-    ranges: dict[int, Array]
-    ending: Ending | None
-    times: Array
-    attitudes: Array
-    joints: Array
-    base_positions: Array
-    altered: tuple[str, ...] | None
-
-    def problem(self) -> Problem:
-        """What was asked, built again from the texts in the file.
-
-        Raises:
-            InputError: If they are broken.
-        """
-        return self.origin.problem()
-
-    def motion(self) -> Motion | None:
-        """The motion, equal to the one written; None where an infeasible plan has none.
-
-        Raises:
-            InputError: If the file's scenario or robot are broken, or not those of the motion.
-        """
-        if self.ending is None:
-            return None
-        problem = self.problem()
-        dof, width = problem.model.dof, self.joints.shape[1]
-        if dof != width:
-            told = f"its robot has {dof} joints, its motion {width}"
-            raise InputError("file", told, accepted_file(PLAN, MOTION), self.source)
-        return Motion(problem, self.ending, self.times, self.attitudes, self.joints)
-
-    def named_motions(self) -> dict[str, Motion]:
-        """The motion, by the name of the file.
-
-        Raises:
-            InputError: As for :meth:`motion`, or if there is none.
-        """
-        motion = self.motion()
-        if motion is None:
-            told = f"it has no motion to show: {self.document.get('reason')}"
-            raise InputError("file", told, "a feasible plan", self.source)
-        return {Path(self.source).stem: motion}
-
-
-def load_plan(path: str | Path) -> StoredPlan:
-    """Read a plan or motion file.
-
-    Returns:
-        What the file holds: :meth:`~StoredPlan.motion` is the chosen motion,
-        :meth:`~StoredPlan.problem` what was asked, ``document`` what was told of it, such as
-        ``reason``, ``branch``, ``min_margin`` and ``certificate``.
-
-    Raises:
-        InputError: If it is none, or of another version, or broken.
-    """
-    with opened_result(path, PLAN, MOTION) as (file, kind):
-        nodes = [np.empty(0), np.empty((0, 4)), np.empty((0, 0)), np.empty((0, 3))]
-        ending, altered = None, broken_seals(file)
-        if kind == MOTION or "motion" in file:
-            group = file["motion"]
-            ending = Ending[group.attrs["ending"]]
-            nodes = [read_numbers(group, name) for name in _NODES]
-            _refuse_what_is_no_motion(*nodes)
-            nodes[1] = without_jumps(nodes[1])
-        times, attitudes, joints, places = map(frozen, nodes)
-        ranges = file.get("ranges", {})
-        return StoredPlan(
-            str(path),
-            kind,
-            bool(file.attrs["feasible"]),
-            read_origin(file, path),
-            read_document(file),
-            {
-                int(name.removeprefix("branch_")): frozen(read_numbers(ranges, name))
-                for name in ranges
-            },
-            ending,
-            times,
-            attitudes,
-            joints,
-            places,
-            None if altered is None else tuple(altered),
-        )
-
-
-_NODES = ("time", "attitude", "joints", "base_position")
-
-
-def _refuse_what_is_no_motion(times: Array, attitudes: Array, joints: Array, places: Array) -> None:
-    """Raise ValueError unless these are the nodes of whole panels."""
-    count = len(times)
-    shaped = times.shape == (count,) and attitudes.shape == (count, 4) and joints.ndim == 2
-    shaped = shaped and places.shape == (count, 3)
-    if not (shaped and len(joints) == count and count % DEGREE == 1):
-        raise ValueError("its arrays are not those of a motion")
-    arrays = (times, attitudes, joints, places)
-    if not all(np.abs(values).max(initial=0.0) <= _LARGEST for values in arrays):
-        raise ValueError("its motion holds numbers that are not finite, or beyond 1e12")
-    off = np.abs(np.linalg.norm(attitudes, axis=1) - 1.0)
-    if off.max() > _UNIT_LENGTH:
-        at = int(off.argmax())
-        raise ValueError(f"its attitude at t = {times[at]:.6g} s, node {at}, is no unit quaternion")
-    if not (np.diff(times) >= 0.0).all() and not (np.diff(times) <= 0.0).all():
-        raise ValueError(f"its times go back and forth{_where(times)}")
-
-
-def _where(times: Array) -> str:
-    """The first time that does not go on as most of them do."""
-    steps = np.diff(times) * np.sign(times[-1] - times[0] or 1.0)
-    return f" at t = {times[int(np.flatnonzero(steps < 0.0)[0]) + 1]:.6g} s"
+def _heading_ranges(degrees: list[list[float]]) -> tuple[HeadingRange, ...]:
+    """Ranges of headings of a document, those across zero joined again."""
+    margin = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
+    parts = [(float(low), float(high)) for low, high in np.radians(degrees).reshape(-1, 2)]
+    if len(parts) > 1 and parts[0][0] == 0.0 and parts[-1][1] == TURN:
+        parts = [*parts[1:-1], (parts[-1][0], TURN + parts[0][1])]
+    return tuple(
+        HeadingRange(low, high, () if high - low >= TURN - 1e-9 else margin) for low, high in parts
+    )

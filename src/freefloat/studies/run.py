@@ -16,15 +16,13 @@ from typing import Any
 import numpy as np
 
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.io.map_file import save_map
-from freefloat.io.plan_file import save_motion, save_plan
+from freefloat.io.results import save
 from freefloat.io.scenario import Scenario
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import SimulatedBranch, simulate
-from freefloat.planning.documents import simulation_document
 from freefloat.planning.planar_ranges import BranchRanges
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.studies.schema import Command
@@ -200,7 +198,7 @@ def _simulate(run: Run, scenario: Scenario, problem: Problem, file: Path | None)
     chosen = simulation.chosen
     limits = checker.results(chosen.motion)
     if file is not None:
-        save_motion(file, chosen.motion, scenario, simulation_document(simulation, limits))
+        save(simulation, file)
     violated = [str(result.limit) for result in limits if not result.kept]
     reason = ""
     if not chosen.motion.completed:
@@ -257,7 +255,7 @@ def _plan(_: Run, scenario: Scenario, problem: Problem, file: Path | None) -> di
         limits = scenario.limits(problem.model)
         result = plan(problem, scenario.search(), limits, threads=1)
     if file is not None:
-        save_plan(file, result, scenario, result.to_dict())
+        save(result, file)
     fraction = None if result.map is None else result.map.feasible_fraction
     return {
         "verdict": FEASIBLE if result.feasible else INFEASIBLE,
@@ -294,7 +292,7 @@ def _map(_: Run, scenario: Scenario, problem: Problem, file: Path | None) -> dic
     with scenario.error_context():
         result = attitude_map(problem, search.samples, seed=search.seed, threads=1)
     if file is not None:
-        save_map(file, result, scenario)
+        save(result, file)
     document = result.to_dict()
     best, robust = document["best"] or {}, document["robust"] or {}
     feasible = result.feasible_fraction > 0.0 or bool(best and not planar)

@@ -1,286 +1,278 @@
-"""A saved plan proved again, from its file alone."""
+"""Verification of plans and simulations: everything that they state is recomputed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import FreeFloatError, InputError
-from freefloat.io.plan_file import StoredPlan, load_plan
-from freefloat.io.result_file import MOTION, PLAN, opened_result
-from freefloat.io.scenario import Scenario
 from freefloat.limits.check import check_limits
-from freefloat.limits.limits import LimitKind, LimitResult
+from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, certify
+from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.simulation import SimulatedBranch, Simulation
 from freefloat.planning.documents import limits_document
-from freefloat.verification.checks import Check, below, certificate_checks, span_check
-from freefloat.verification.claims import differences, same_number
+from freefloat.planning.plan import Plan
+from freefloat.verification.checks import (
+    Check,
+    certificate_checks,
+    comparison_check,
+    error_check,
+    span_check,
+)
 
-ENGINES = ("mujoco",)
-_MALFORMED = (
-    KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError,
-    ZeroDivisionError, np.linalg.LinAlgError,
-)  # fmt: skip
-"""What comes of a file whose numbers are texts, whose lists are numbers and so on."""
+if TYPE_CHECKING:
+    from freefloat.verification.mujoco_runs import ForwardRun, InverseRun
+
+PINOCCHIO, MUJOCO = ENGINES = ("pinocchio", "mujoco")
 _WRENCH, _DRIFT = 1e-4, 1e-3
-"""Share of the largest torque that may push the base; angle by which a simulation may end off."""
-_ROUNDED = 1e-9
-"""And share of the moment that would turn the system by one radian in the motion's time, which is
+"""Wrench on the base as a fraction of the largest torque; final attitude of a simulation [rad]."""
+_ROUNDING = 1e-9
+"""And fraction of the moment that would rotate the system by one radian in the duration, which is
 rounding where an arm hardly moves."""
-_AIR = 2e-4
-"""To this distances are found [m]."""
-_SHARE = 1e-4
-"""By how much worst values of limits, found by search, may differ."""
-_ERRORS = ("end_effector_position", "end_effector_attitude", "momentum", "rates", "centre_of_mass")
-_FACTOR, _LITTLE = 10.0, 1e-7
-"""Numbers that are errors themselves may differ by this factor, and by a little."""
+_CLEARANCE = 2e-4
+"""Accuracy of distances [m]."""
+_RELATIVE, _ABSOLUTE = 1e-4, 1e-9
+"""Deviation of extrema, which are found by search."""
+_EXACT = 1e-6
+"""Relative deviation of all other numbers: rounding."""
+_ERROR_FACTOR, _SMALL_ERROR = 10.0, 1e-7
+"""Numbers that are errors agree to an order of magnitude."""
+_NEAR = 1e-6
+"""Distance of the initial joints from those of their arm branch [rad, m]."""
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What became of a file.
+class CheckReport:
+    """Result of verifying a plan or a simulation.
 
     Attributes:
-        source: The file.
         kind: ``"plan"`` or ``"motion"``.
-        checks: Everything that was looked at, in order.
-        certificate: Of the motion; None where there is none to be proved.
-        limits: What the motion does to its limits.
-        engine: What another engine found, by its name; None where it was not asked.
+        checks: Everything that was checked, in order.
+        certificate: Recomputed certificate of the motion; None without a motion.
+        limits: Recomputed limits of the motion.
+        engine: What another engine found; None if there was none.
     """
 
-    source: str
     kind: str
     checks: tuple[Check, ...]
-    certificate: Certificate | None = None
-    limits: tuple[LimitResult, ...] = ()
-    engine: dict[str, Any] | None = None
+    certificate: Certificate | None = field(default=None, repr=False)
+    limits: tuple[LimitResult, ...] = field(default=(), repr=False)
+    engine: dict[str, Any] | None = field(default=None, repr=False)
 
     @property
-    def proved(self) -> bool:
-        """Whether all is as the file tells it."""
-        return all(check.passed for check in self.checks)
+    def passed(self) -> bool:
+        """Whether everything stated is true."""
+        return not self.discrepancies
 
     @property
-    def reasons(self) -> tuple[str, ...]:
-        """What failed, in words."""
-        return tuple(check.reason for check in self.checks if not check.passed)
+    def discrepancies(self) -> tuple[Check, ...]:
+        """The checks that failed."""
+        return tuple(check for check in self.checks if not check.passed)
 
-    def document(self) -> dict[str, Any]:
-        """As JSON has it."""
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat check``, but for the file."""
         return {
-            "proved": self.proved,
-            "file": self.source,
+            "proved": self.passed,
             "kind": self.kind,
-            "reasons": list(self.reasons),
-            "checks": [_finite(asdict(check)) for check in self.checks],
+            "reasons": [check.reason for check in self.discrepancies],
+            "checks": [check.to_dict() for check in self.checks],
             "certificate": None if self.certificate is None else self.certificate.document(),
             "limits": limits_document(self.limits),
             "engine": self.engine,
         }
 
 
-def _finite(document: dict[str, Any]) -> dict[str, Any]:
-    return {
-        key: None if isinstance(value, float) and not np.isfinite(value) else value
-        for key, value in document.items()
-    }
+def check(result: Plan | Simulation, engine: str = PINOCCHIO) -> CheckReport:
+    """Verify a plan or the chosen motion of a simulation.
 
-
-def check_plan(
-    path: str | Path,
-    engine: str | None = None,
-    prepare: Callable[[Problem], None] | None = None,
-) -> Verdict:
-    """Prove a saved plan or motion again.
-
-    Its configurations are held against its scenario and its robot; the motion is followed again by
-    another integrator; every number the file tells of it is found a second time.
+    The motion is compared with the equations, the path and the robot, and integrated again by
+    another integrator; the closest approach, the limits, the ranges of headings, the robust radius
+    and the tolerances are recomputed.
 
     Args:
-        path: The file.
-        engine: Another engine to repeat it with: ``"mujoco"``, or None.
-        prepare: Called with the problem before kernels are used on it, which may take long.
+        result: The record, computed or loaded from a file.
+        engine: ``"mujoco"`` also repeats the motion with MuJoCo's dynamics.
 
     Raises:
-        InputError: If it is no plan or motion file at all, or the engine is unknown or missing.
+        InputError: If the result is a map, or the engine is unknown or not installed.
     """
-    if engine is not None and engine not in ENGINES:
+    if not isinstance(result, Plan | Simulation):
+        problem = f"a {type(result).__name__} was given"
+        raise InputError("result", problem, "a Plan or a Simulation")
+    if engine not in ENGINES:
         raise InputError("engine", f"{engine!r} was given", ", ".join(ENGINES))
-    if engine is not None:
+    if engine == MUJOCO:
         from freefloat.verification.mujoco_engine import engine_module
 
         engine_module()
-    with opened_result(path, PLAN, MOTION) as (_, kind):
-        pass
-    try:
-        stored = load_plan(path)
-        sealed = _seals(stored)
-        wish = stored.origin.wish()
-        motion = stored.motion()
-    except FreeFloatError as error:
-        return Verdict(str(path), kind, (Check("contents", False, _words(error)),))
-    if motion is None:
-        told = f"it has no motion to prove: {stored.document.get('reason')}"
-        return Verdict(str(path), kind, (sealed, Check("motion", False, told)))
-    if kind == PLAN and not stored.feasible:
-        told = "it is told to be infeasible, and has a motion"
-        return Verdict(str(path), kind, (sealed, Check("motion", False, told)))
-    whole = span_check(motion)
-    if not whole.passed:
-        return Verdict(str(path), kind, (sealed, whole))
-    if prepare is not None and stored.kind == PLAN and stored.feasible:
-        prepare(motion.problem)
-    return _verdict(stored, wish, motion, sealed, engine)
+    kind = "plan" if isinstance(result, Plan) else "motion"
+    chosen = result.chosen
+    if chosen is None:
+        return CheckReport(kind, (Check("motion", False, "the plan has none"),))
+    if isinstance(result, Plan) and not result.feasible:
+        words = "the plan is stated to be infeasible, and has a motion"
+        return CheckReport(kind, (Check("motion", False, words, False),))
+    span = span_check(chosen.motion)
+    if not span.passed:
+        return CheckReport(kind, (span,))
+    return _Verification(result, chosen).report(kind, engine)
 
 
-def _words(error: Exception) -> str:
-    if isinstance(error, InputError):
-        return f"{error.key}: {error.problem}" if error.key != "file" else error.problem
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+class _Verification:
+    """The checks of a result with a motion."""
 
+    def __init__(self, result: Plan | Simulation, chosen: SimulatedBranch) -> None:
+        self.chosen, self.motion = chosen, chosen.motion
+        self.plan = result if isinstance(result, Plan) else None
+        margin = self.motion.problem.margin
+        kept = self.motion.completed and margin.is_kept(chosen.closest_approach.value)
+        self.feasible = True if self.plan is not None else kept
+        self.checks: list[Check] = []
 
-def _verdict(
-    stored: StoredPlan, wish: Scenario, motion: Motion, sealed: Check, engine: str | None
-) -> Verdict:
-    checks, told = [sealed], None
-    certificate: Certificate | None = None
-    limits: tuple[LimitResult, ...] = ()
+    def report(self, kind: str, engine: str) -> CheckReport:
+        """Run all checks; one that cannot be completed counts as failed."""
+        motion, plan = self.motion, self.plan
+        certificate, runs = certify(motion), None
+        self._run("certificate", lambda: certificate_checks(certificate, motion, self.feasible))
+        limits = check_limits(motion, self._limits())
+        self._run("limits", lambda: self._limit_checks(limits))
+        self._run("closest approach", self._branch_checks)
+        if plan is not None:
+            self._run("certificate", lambda: _same_certificate(plan.certificate, certificate))
+            self._run("robustness", lambda: _promise_checks(plan, self.chosen))
+        if engine == MUJOCO:
+            inverse, forward = _mujoco_runs(motion)
+            self._run(MUJOCO, lambda: _engine_checks(motion, inverse, forward))
+            runs = {"name": MUJOCO, "inverse": asdict(inverse), "forward": asdict(forward)}
+        return CheckReport(kind, tuple(self.checks), certificate, limits, runs)
 
-    def guarded(name: str, work: Callable[[], Iterable[Check]]) -> None:
+    def _run(self, name: str, checks: Callable[[], Iterable[Check]]) -> None:
         try:
-            checks.extend(work())
-        except (FreeFloatError, *_MALFORMED) as error:
-            checks.append(Check(name, False, f"it cannot be checked ({_words(error)})"))
+            self.checks.extend(checks())
+        except (FreeFloatError, np.linalg.LinAlgError) as error:
+            self.checks.append(Check(name, False, f"it cannot be checked ({error})"))
 
-    def prove() -> list[Check]:
-        nonlocal certificate
-        certificate = certify(motion, stored.base_positions)
-        return certificate_checks(certificate, motion, stored.feasible)
+    def _limits(self) -> Limits:
+        stated = None if self.plan is None else self.plan.limits
+        return Limits() if stated is None else stated
 
-    def look_at_limits() -> list[Check]:
-        nonlocal limits
-        problem = motion.problem
-        limits = check_limits(motion, wish.limits(problem.model))
-        return _limits(limits, stored)
+    def _limit_checks(self, recomputed: tuple[LimitResult, ...]) -> Iterator[Check]:
+        """Every limit is kept, and its stated value is the recomputed one."""
+        checked = self.plan is not None and self.plan.limits is not None
+        stated = {one.limit: one for one in self.plan.limit_results} if self.plan else {}
+        for limit in stated.keys() - {one.limit for one in recomputed}:
+            yield Check(f"limit {limit}", False, "it is stated, but it is no limit of the plan")
+        for one in recomputed:
+            yield _limit_check(one, stated.get(one.limit), checked, self.feasible)
 
-    guarded("certificate", prove)
-    guarded("limits", look_at_limits)
-    guarded("what the file tells", lambda: [_claims(stored, wish, motion)])
-    if stored.kind == PLAN:
-        guarded("certificate in the file", lambda: [_same_certificate(stored, certificate)])
-        guarded("robustness", lambda: _robustness(stored, motion))
-    if engine is not None:
+    def _branch_checks(self) -> Iterator[Check]:
+        """The stated arm branch and closest approach are the recomputed ones."""
+        motion, stated = self.motion, self.chosen.closest_approach
+        found = closest_approach(motion, motion.problem.margin.measure)
+        allowed = _ABSOLUTE + _EXACT * found.value
+        yield comparison_check("closest approach", stated.value, found.value, allowed)
+        if not motion.problem.redundant:
+            yield self._branch_check()
 
-        def repeat() -> list[Check]:
-            nonlocal told
-            found, told = _repeated(motion)
-            return found
-
-        guarded(engine, repeat)
-    return Verdict(stored.source, stored.kind, tuple(checks), certificate, limits, told)
-
-
-def _seals(stored: StoredPlan) -> Check:
-    name = "as it was written"
-    if stored.altered is None:
-        return Check(name, False, "the file does not tell what it was like: its digests are gone")
-    if stored.altered:
-        told = ", ".join(stored.altered)
-        return Check(name, False, f"changed since: {told} (its SHA-256 is another)")
-    return Check(name, True)
+    def _branch_check(self) -> Check:
+        motion, stated, model = self.motion, self.chosen.branch.index, self.motion.problem.model
+        branches = motion.problem.branches(motion.initial.attitude, motion.initial.time)
+        near = [
+            branch.index
+            for branch in branches
+            if model.joint_distance(branch.joints, motion.initial.joints) < _NEAR
+        ]
+        return comparison_check("branch", stated, near[-1] if near else None, 0.0)
 
 
-def _claims(stored: StoredPlan, wish: Scenario, motion: Motion) -> Check:
-    found = differences(stored, wish, motion)
-    told = "; ".join(str(one) for one in found[:3])
-    if len(found) > 3:
-        told += f"; and {len(found) - 3} more"
-    return Check("what the file tells", not found, told)
+def _limit_check(
+    recomputed: LimitResult, stated: LimitResult | None, checked: bool, feasible: bool
+) -> Check:
+    worst, time, where = recomputed.worst, recomputed.time, recomputed.where
+    accuracy = _CLEARANCE if recomputed.limit is LimitKind.CLEARANCE else _ABSOLUTE
+    allowed = accuracy + _RELATIVE * abs(worst)
+    passed, detail = True, where
+    if feasible and (checked or stated is None) and not recomputed.kept:
+        passed, detail = False, f"{where} violates it: {worst:.6g} at t = {time:.6g} s"
+    elif checked and stated is None:
+        passed, detail = False, "its value is not stated"
+    elif stated is not None and (
+        stated.kept is not recomputed.kept
+        or (np.isfinite(worst) and not abs(stated.worst - worst) <= allowed)
+    ):
+        passed, detail = False, f"{stated.worst:.6g} is stated, but it is {worst:.6g}"
+    name = f"limit {recomputed.limit}".replace("_", " ")
+    value = None if stated is None else stated.worst
+    return Check(name, passed, detail, value, worst, recomputed.allowed, "", time)
 
 
-def _limits(found: tuple[LimitResult, ...], stored: StoredPlan) -> list[Check]:
-    """Every limit, kept as promised and told as it is."""
-    told = stored.document.get("limits")
-    written = {one["limit"]: one for one in told} if isinstance(told, list) else {}
-    for extra in written.keys() - {str(one.limit) for one in found}:
-        return [Check(f"limit {extra}", False, "the file tells of it, the scenario does not")]
-    return [_limit(one, written.get(str(one.limit)), stored.feasible) for one in found]
-
-
-def _limit(one: LimitResult, told: Any, promised: bool) -> Check:
-    name = f"limit {one.limit}".replace("_", " ")
-    floor = _AIR if one.limit is LimitKind.CLEARANCE else 1e-9
-    passed, words = True, one.where
-    if promised and not one.kept:
-        passed, words = False, f"{one.where} breaks it: {one.worst:.6g} at t = {one.time:.6g} s"
-    elif told is None:
-        passed, words = False, "the file does not tell of it"
-    elif told["kept"] is not one.kept:
-        passed, words = False, f"the file says kept: {told['kept']}, but it is {one.kept}"
-    elif np.isfinite(one.worst) and not same_number(told["worst"], one.worst, _SHARE, floor):
-        passed, words = False, f"the file says {told['worst']}, but it is {one.worst:.6g}"
-    return Check(name, passed, words, one.worst, one.allowed, "", one.time)
-
-
-def _same_certificate(stored: StoredPlan, found: Certificate | None) -> Check:
-    """The certificate that the plan carries says what was found again."""
-    name, told = "certificate in the file", stored.document.get("certificate")
-    if told is None or found is None:
-        return Check(name, False, "there is none")
-    for one, own in zip(told["least"], found.document()["least"], strict=True):
+def _same_certificate(stated: Certificate | None, recomputed: Certificate) -> Iterator[Check]:
+    """The stated certificate is the recomputed one."""
+    if stated is None:
+        yield Check("certificate", False, "the plan has none")
+        return
+    for proven in recomputed.least:
+        entry = next((one for one in stated.least if one.measure == proven.measure), None)
         for key in ("value", "time", "bound"):
-            if one["measure"] != own["measure"] or not same_number(one[key], own[key], _SHARE):
-                words = f"{one['measure']}.{key} says {one[key]}, but it is {own[key]:.6g}"
-                return Check(name, False, words)
-    for key in _ERRORS:
-        if (told[key] is None) is not (getattr(found, key) is None):
-            return Check(name, False, f"{key} says {told[key]}")
-        if told[key] is None:
-            continue
-        value, own = told[key]["value"], getattr(found, key).value
-        if not own / _FACTOR - _LITTLE <= value <= own * _FACTOR + _LITTLE:
-            return Check(name, False, f"{key} says {value:.3g}, but it is {own:.3g}")
-    if not same_number(told["momentum_scale"], found.momentum_scale, _SHARE):
-        words = f"momentum_scale says {told['momentum_scale']}, but it is"
-        return Check(name, False, f"{words} {found.momentum_scale:.6g}")
+            value = getattr(proven, key)
+            yield comparison_check(
+                f"certificate {proven.measure}.{key}",
+                getattr(entry, key, None),
+                value,
+                _ABSOLUTE + _RELATIVE * abs(value),
+            )
+    scale = recomputed.momentum_scale
+    yield comparison_check(
+        "certificate momentum_scale", stated.momentum_scale, scale, _RELATIVE * scale
+    )
+    for key in ("end_effector_position", "end_effector_attitude", "momentum", "rates",
+                "centre_of_mass"):  # fmt: skip
+        one, other = getattr(stated, key), getattr(recomputed, key)
+        yield _error_comparison(key, one and one.value, other and other.value)
     for key in ("attitude", "joints", "halving_attitude", "halving_joints"):
-        value, own = told["integration"][key], getattr(found.integration, key)
-        if not own / _FACTOR - _LITTLE <= value <= own * _FACTOR + _LITTLE:
-            return Check(name, False, f"integration.{key} says {value:.3g}, but it is {own:.3g}")
-    return Check(name, True)
+        values = (getattr(one.integration, key) for one in (stated, recomputed))
+        yield _error_comparison(f"integration.{key}", *values)
 
 
-def _robustness(stored: StoredPlan, motion: Motion) -> Iterable[Check]:
-    if not stored.feasible:
-        return []
-    # its kernels take half a second to import
-    from freefloat.verification.robust_checks import robust_checks
+def _error_comparison(key: str, stated: float | None, recomputed: float | None) -> Check:
+    """Check that two errors are of the same order of magnitude."""
+    name = f"certificate {key}"
+    if stated is None or recomputed is None:
+        return comparison_check(name, stated, recomputed, 0.0)
+    low = recomputed / _ERROR_FACTOR - _SMALL_ERROR
+    high = recomputed * _ERROR_FACTOR + _SMALL_ERROR
+    passed = low <= stated <= high
+    words = "" if passed else f"{stated:.3g} is stated, but it is {recomputed:.3g}"
+    return Check(name, passed, words, stated, recomputed, high)
 
-    return robust_checks(stored, motion)
+
+def _promise_checks(plan: Plan, chosen: SimulatedBranch) -> Iterable[Check]:
+    from freefloat.verification.promises import promise_checks  # compiled kernels
+
+    return promise_checks(plan, chosen)
 
 
-def _repeated(motion: Motion) -> tuple[list[Check], dict[str, Any]]:
-    """The motion in MuJoCo."""
+def _mujoco_runs(motion: Motion) -> tuple[InverseRun, ForwardRun]:
     from freefloat.verification.mujoco_engine import Engine
     from freefloat.verification.mujoco_runs import forward_run, inverse_run
 
     engine = Engine(motion.problem.model)
-    inverse, forward = inverse_run(motion, engine), forward_run(motion, engine)
-    told = {"name": "mujoco", "inverse": asdict(inverse), "forward": asdict(forward)}
+    return inverse_run(motion, engine), forward_run(motion, engine)
+
+
+def _engine_checks(motion: Motion, inverse: InverseRun, forward: ForwardRun) -> list[Check]:
     inertia = float(np.trace(inertia_matrices(motion.problem.model, motion.initial.joints)[0]))
-    rounding = _ROUNDED * inertia / motion.problem.path.duration**2
-    checks = [
-        below("mujoco: wrench on the base", inverse.wrench, _WRENCH * inverse.torque + rounding,
-              "N m", inverse.wrench_time, "inverse dynamics pushes the free base"),
-        below("mujoco: final attitude", forward.attitude, _DRIFT, "rad", forward.until,
-              "with servos on the joints the spacecraft ends elsewhere: it is off"),
+    rounding = _ROUNDING * inertia / motion.problem.path.duration**2
+    allowed = _WRENCH * inverse.torque + rounding
+    return [
+        error_check("mujoco: wrench on the base", inverse.wrench, allowed, "N m",
+                    inverse.wrench_time, "inverse dynamics has a wrench on the free base"),
+        error_check("mujoco: final attitude", forward.attitude, _DRIFT, "rad", forward.until,
+                    "with joint servos the spacecraft ends elsewhere"),
     ]  # fmt: skip
-    return checks, told

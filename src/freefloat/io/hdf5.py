@@ -1,0 +1,131 @@
+"""HDF5 files whose user block holds the SHA-256 of all that follows it.
+
+The digest is verified before the file is parsed: a file that was damaged by accident is an error,
+and never reaches the HDF5 library. A digest is no signature: whoever alters a file on purpose can
+write another one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from freefloat.errors import InputError
+from freefloat.io.files import written_beside
+
+TEXT = h5py.string_dtype()
+"""Type of texts."""
+_BLOCK = 512
+"""Bytes of the user block."""
+_MARK = b"freefloat SHA-256 "
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_MAX_RATIO, _MAX_SMALL = 20, 50_000_000
+"""An array has at most so many bytes in memory for each byte on disk, or so many bytes."""
+
+
+class AlteredFileError(InputError):
+    """A result file is not as freefloat wrote it."""
+
+
+def write_hdf5(path: Path, build: Callable[[Any], None]) -> None:
+    """Write an HDF5 file whole, or not at all: it is built in memory first.
+
+    Args:
+        path: The file; replaced if it exists.
+        build: Called with the open file.
+
+    Raises:
+        InputError: If the file cannot be written.
+    """
+    stream = io.BytesIO()
+    with h5py.File(stream, "w", userblock_size=_BLOCK) as file:
+        build(file)
+    content = stream.getbuffer()[_BLOCK:]
+    block = _MARK + hashlib.sha256(content).hexdigest().encode() + b"\n"
+    with written_beside(path) as temporary, temporary.open("wb") as output:
+        output.write(block.ljust(_BLOCK, b"\0"))
+        output.write(content)
+
+
+@contextmanager
+def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
+    """Context with an HDF5 file that was verified and is open for reading.
+
+    Files of freefloat 0.1.0 have no user block; they are read as they are.
+
+    Args:
+        path: The file.
+        accepted: Kinds of files that are accepted, for errors.
+
+    Raises:
+        InputError: If it is no HDF5 file.
+        AlteredFileError: If its digest is not that of its content.
+    """
+    try:
+        if not path.is_file():
+            raise InputError("file", "no such file", accepted, str(path))
+        with path.open("rb") as stream:
+            block = stream.read(_BLOCK)
+            if block.startswith(_MARK):
+                stated = block[len(_MARK) :].split(b"\n")[0].decode("ascii", "replace")
+                stream.seek(_BLOCK)
+                if hashlib.file_digest(stream, "sha256").hexdigest() != stated:
+                    problem = "it was altered: its SHA-256 is not the stated one"
+                    raise AlteredFileError("file", problem, accepted, str(path))
+            elif not block.startswith(_SIGNATURE):
+                raise InputError("file", "it is no result file", accepted, str(path))
+        with h5py.File(path, "r") as file:
+            _require_own_arrays(file)
+            yield file
+    except OSError as error:
+        problem = f"it cannot be read ({str(error).splitlines()[0]})"
+        raise InputError("file", problem, accepted, str(path)) from None
+
+
+def _require_own_arrays(file: Any) -> None:
+    """Raise a ValueError for links, arrays in other files and arrays larger than the file holds."""
+    groups = [file]
+    while groups:
+        group = groups.pop()
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                raise ValueError(f"its part {name} is a link")
+            item = group[name]
+            if isinstance(item, h5py.Group):
+                if item.name.count("/") > _MAX_DEPTH:
+                    raise ValueError(f"its group {item.name} is nested too deeply")
+                groups.append(item)
+            elif item.is_virtual or item.external:
+                raise ValueError(f"its part {name} is in another file")
+            elif (item.nbytes or 0) > max(_MAX_SMALL, _MAX_RATIO * item.id.get_storage_size()):
+                raise ValueError(f"its part {name} states a size that the file does not hold")
+
+
+_MAX_DEPTH = 8
+"""Nested groups; result files have five."""
+
+
+def write_texts(file: Any, **texts: str | None) -> None:
+    """Write texts as datasets; None is left out."""
+    for name, text in texts.items():
+        if text is not None:
+            file.create_dataset(name, data=text, dtype=TEXT)
+
+
+def read_text(file: Any, name: str) -> str:
+    """A text of an open file."""
+    return str(file[name].asstr()[()])
+
+
+def read_numbers(file: Any, name: str) -> Any:
+    """An array of an open file; ValueError where it holds something else."""
+    values = file[name][()]
+    if getattr(values, "dtype", None) is None or values.dtype.kind not in "fiu":
+        raise ValueError(f"its part {name} holds no numbers")
+    return values

@@ -1,0 +1,202 @@
+"""Checks of what a plan states of other attitudes, momenta and durations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+
+import numpy as np
+
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.problem import Problem
+from freefloat.motion.simulation import SimulatedBranch
+from freefloat.planning.plan import Plan
+from freefloat.planning.planar_ranges import TURN
+from freefloat.planning.tolerance import Tolerance
+from freefloat.so3 import (
+    Array,
+    attitudes_within,
+    heading_of,
+    heading_quaternion,
+    low_discrepancy,
+)
+from freefloat.verification.checks import Check, comparison_check
+
+_BESIDE = 5e-4
+"""Distance of the headings tried from the ends of ranges [rad]."""
+_PRECISE = 1e-8
+"""Tolerance of the motions that try them."""
+_ALL_ROUND = 720
+"""Headings tried all round."""
+_SAMPLES, _SEED = 1024, 8128
+"""Attitudes tried in the ball of the robust radius; not those of the planner."""
+_MAY_FAIL = 1e-3
+"""Fraction of them that may fail: thousands confirmed the ball, not all attitudes."""
+_DIRECTIONS, _PRECISE_COUNT = 96, 3
+"""Directions of momentum that are tried; the worst of them are integrated precisely."""
+_ANGLE = 1e-7
+"""Accuracy of the robust radius in the plane [rad]."""
+_INSIDE = 0.999
+"""Tolerances are tried slightly inside their ends."""
+
+
+def promise_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
+    """Check ranges of headings, robust radius and tolerances of a plan.
+
+    Args:
+        plan: The plan.
+        chosen: Its motion.
+    """
+    for key, value in _promised(plan):
+        if not 0.0 <= value < np.inf:
+            yield Check("robustness", False, f"{key} is {value}", value)
+            return
+    if plan.problem.task.planar:
+        yield _heading_check(plan)
+        yield _depth_check(plan, chosen)
+        return
+    if plan.robust_radius:  # a radius of zero promises nothing
+        yield _ball_check(plan, chosen)
+    if plan.tolerance is not None:
+        yield _tolerance_check(plan, plan.tolerance, chosen)
+
+
+def _promised(plan: Plan) -> Iterator[tuple[str, float]]:
+    """Numbers that are promises; none may be negative."""
+    if plan.robust_radius is not None:
+        yield "robust_radius", plan.robust_radius
+    if plan.tolerance is not None:
+        yield from asdict(plan.tolerance).items()
+
+
+# --- in the plane -------------------------------------------------------------------------------
+
+
+def _heading_check(plan: Plan) -> Check:
+    """Headings just inside the ends of ranges keep the margin, those just outside do not."""
+    count, problem = 0, plan.problem
+    for entry in plan.ranges:
+        for one in entry.ranges:
+            inside = min(_BESIDE, one.width / 2.0)
+            outside = (one.low - _BESIDE, one.high + _BESIDE) if one.causes else ()
+            probes = [(one.middle, True), (one.low + inside, True), (one.high - inside, True)]
+            probes += [(heading, False) for heading in outside
+                       if all(other.depth(heading) < 0.0 for other in entry.ranges)]  # fmt: skip
+            for heading, stated in probes:
+                count += 1
+                if _is_feasible(problem, heading, entry.branch) is not stated:
+                    return _wrong(heading, entry.branch, stated)
+    words = f"{count} headings tried at the ends and middles of ranges, and all round"
+    return _wrong_elsewhere(plan) or Check("ranges of headings", True, words)
+
+
+def _wrong(heading: float, branch: int, stated: bool) -> Check:
+    degrees = float(np.degrees(heading % TURN))
+    verb, where = ("violates", "in") if stated else ("keeps", "outside")
+    words = f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
+    return Check("ranges of headings", False, words, stated, degrees, unit="deg")
+
+
+def _wrong_elsewhere(plan: Plan) -> Check | None:
+    """A heading all round whose motion contradicts the ranges of its branch; None without one.
+
+    The ensemble is integrated from all of them; contradictions are integrated precisely.
+    """
+    problem = plan.problem
+    evaluator = FeasibilityEvaluator(problem)
+    headings = np.linspace(0.0, TURN, _ALL_ROUND // evaluator.sample_reduction, endpoint=False)
+    attitudes = np.array([heading_quaternion(heading) for heading in headings.tolist()])
+    outcomes = evaluator.evaluate(attitudes, stop_at_margin=True)
+    feasible = problem.margin.is_kept(outcomes.margins)
+    if problem.redundant:
+        feasible = np.array(feasible.any(axis=1, keepdims=True))
+    stated = {entry.branch: entry.ranges for entry in plan.ranges}
+    for branch in sorted({*range(feasible.shape[1]), *stated}):
+        ranges = stated.get(branch, ())
+        column = (
+            feasible[:, branch] if branch < feasible.shape[1] else np.zeros(len(headings), bool)
+        )
+        for heading, found in zip(headings.tolist(), column.tolist(), strict=True):
+            depth = max((one.depth(heading) for one in ranges), default=-np.pi)
+            contradicts = found is not (depth > 0.0) and abs(depth) > _BESIDE
+            if contradicts and _is_feasible(problem, heading, branch) is not (depth > 0.0):
+                return _wrong(heading, branch, depth > 0.0)
+    return None
+
+
+def _is_feasible(problem: Problem, heading: float, branch: int) -> bool:
+    """Whether the precise motion of an arm branch (of any, if redundant) keeps the margin."""
+    attitude = heading_quaternion(heading)
+    return any(
+        _keeps_margin(problem, attitude, one.joints)
+        for one in problem.branches(attitude)
+        if problem.redundant or one.index == branch
+    )
+
+
+def _keeps_margin(problem: Problem, attitude: Array, joints: Array) -> bool:
+    return integrate_motion(
+        problem, attitude, joints, stop_at_margin=True, tolerance=_PRECISE
+    ).completed
+
+
+def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:
+    """The robust radius is the distance of the heading from the end of its range."""
+    heading = heading_of(chosen.motion.initial.attitude)
+    depths = [
+        one.depth(heading)
+        for entry in plan.ranges
+        if plan.problem.redundant or entry.branch == chosen.branch.index
+        for one in entry.ranges
+    ]
+    depth = float(max([0.0, *depths]))
+    return comparison_check("robust radius", plan.robust_radius, depth, _ANGLE, "rad")
+
+
+# --- in space -----------------------------------------------------------------------------------
+
+
+def _ball_check(plan: Plan, chosen: SimulatedBranch) -> Check:
+    """Attitudes within the robust radius keep the margin."""
+    evaluator, radius = FeasibilityEvaluator(plan.problem), plan.robust_radius or 0.0
+    branch = None if plan.problem.redundant else chosen.branch.index
+    count = _SAMPLES // evaluator.sample_reduction
+    attitude = chosen.motion.initial.attitude
+    attitudes = attitudes_within(attitude, min(radius, np.pi), count, _SEED)
+    failed = int((~evaluator.regular(attitudes, branch)).sum())
+    allowed = int(_MAY_FAIL * count)
+    words = (
+        f"{count - failed} of {count} attitudes within {np.degrees(radius):.4g} deg are feasible"
+    )
+    return Check(
+        "robust radius", failed <= allowed, words, radius, float(failed), float(allowed),
+        f"of {count} attitudes fail",
+    )  # fmt: skip
+
+
+def _tolerance_check(plan: Plan, tolerance: Tolerance, chosen: SimulatedBranch) -> Check:
+    """Motions with the tolerated momenta and durations keep the margin, from the same start.
+
+    The ensemble is integrated for many directions; the worst of them and the durations precisely.
+    """
+    problem, start = plan.problem, chosen.motion.initial
+    height, around = low_discrepancy(_DIRECTIONS, 2).T
+    z, azimuth = 2.0 * height - 1.0, 2.0 * np.pi * around
+    ring = np.sqrt(1.0 - z * z)
+    directions = np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
+    momenta = problem.momentum + _INSIDE * tolerance.momentum * directions
+    states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
+    ensemble = EnsembleIntegrator(problem).integrate(*states, momenta=momenta)
+    worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
+    if problem.momentum.any():
+        duration = problem.path.duration
+        factors = tolerance.shortest / _INSIDE / duration, tolerance.longest * _INSIDE / duration
+        worst += [problem.momentum * factor for factor in factors]
+    for h in worst:
+        if not _keeps_margin(replace(problem, momentum=h), start.attitude, start.joints):
+            words = f"the momentum {np.round(h, 6).tolist()} N m s violates the margin"
+            return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
+    words = f"{_DIRECTIONS} momenta tried, {len(worst)} of them precisely, and durations"
+    return Check("tolerance", True, words, tolerance.momentum, unit="N m s")

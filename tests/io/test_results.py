@@ -1,0 +1,353 @@
+"""Results saved to files and loaded as the same class; broken files are errors."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.errors import InputError
+from freefloat.io.hdf5 import AlteredFileError
+from freefloat.robot.names import find_robot
+from tests.result_files import altered, replaced, with_digest
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+
+def same(one, other, key=""):
+    """Whether two JSON documents agree but for the last digits of converted angles."""
+    if isinstance(one, dict):
+        assert one.keys() == other.keys(), key
+        for name in one:
+            same(one[name], other[name], f"{key}.{name}")
+    elif isinstance(one, list):
+        assert len(one) == len(other), key
+        for index, pair in enumerate(zip(one, other, strict=True)):
+            same(*pair, f"{key}[{index}]")
+    elif isinstance(one, float):
+        assert other == pytest.approx(one, rel=1e-12, abs=1e-12), key
+    else:
+        assert one == other, key
+
+
+def same_motion(one, other):
+    assert one.ending is other.ending
+    for name in ("times", "attitudes", "joints", "base_positions"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+@pytest.fixture(scope="module")
+def plan():
+    scenario = ff.load_scenario("planar_3dof/parabola")
+    return ff.plan(scenario.problem(), ff.Search(ff.Objective.ROBUST), scenario.limits())
+
+
+@pytest.fixture(scope="module")
+def saved(plan, tmp_path_factory):
+    path = tmp_path_factory.mktemp("saved") / "plan.h5"
+    ff.save(plan, path)
+    return path
+
+
+def test_a_plan_comes_back_as_it_was(plan, saved):
+    loaded = ff.load(saved)
+    assert isinstance(loaded, ff.Plan)
+    same(loaded.to_dict(), plan.to_dict())
+    same_motion(loaded.chosen.motion, plan.chosen.motion)
+    for one, other in zip(loaded.segments, plan.segments, strict=True):
+        for limit, wanted in zip(one.limits, other.limits, strict=True):
+            same_motion(limit.backward, wanted.backward)
+            same_motion(limit.forward, wanted.forward)
+    for one, other in zip(loaded.ranges, plan.ranges, strict=True):
+        assert one.ranges == other.ranges
+    assert (loaded.search.objective, loaded.stretch) == (plan.search.objective, 1.0)
+    assert loaded.certificate == plan.certificate
+    assert os.listdir(saved.parent) == ["plan.h5"]
+    assert ff.check(loaded).passed
+
+
+def test_a_plan_in_space_comes_back_with_its_map(tmp_path):
+    scenario = ff.load_scenario("spatial_6dof/line")
+    problem = scenario.problem()
+    plan = ff.plan(problem, ff.Search(samples=64))
+    ff.save(plan, tmp_path / "plan.h5")
+    loaded = ff.load(tmp_path / "plan.h5")
+    same(loaded.to_dict(), plan.to_dict())
+    assert np.array_equal(loaded.map.minimum_margins, plan.map.minimum_margins)
+    assert loaded.tolerance == plan.tolerance
+    assert loaded.limits is None
+
+
+def test_an_infeasible_plan_comes_back_without_a_motion(tmp_path):
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
+    ff.save(ff.Plan(problem, ff.Search(), False, "no attitude is feasible"), tmp_path / "plan.h5")
+    loaded = ff.load(tmp_path / "plan.h5")
+    assert (loaded.feasible, loaded.chosen) == (False, None)
+    assert loaded.reason == "no attitude is feasible"
+    assert loaded.problem.margin.threshold == 5.0
+
+
+@pytest.mark.parametrize("heading", [200.0, 140.0])
+def test_a_simulation_comes_back_with_all_branches(heading, tmp_path):
+    """Also one that ends in a singularity."""
+    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+    half = np.radians(heading) / 2.0
+    simulation = ff.simulate(problem, [0.0, 0.0, np.sin(half), np.cos(half)], branch=0)
+    ff.save(simulation, tmp_path / "motion.h5")
+    loaded = ff.load(tmp_path / "motion.h5")
+    assert isinstance(loaded, ff.Simulation)
+    pairs = zip(loaded.branches, simulation.branches, strict=True)
+    for one, other in pairs:
+        same_motion(one.motion, other.motion)
+        assert (one.branch.index, one.branch.label) == (other.branch.index, other.branch.label)
+        assert one.closest_approach == other.closest_approach
+    assert loaded.chosen is loaded.branches[simulation.branches.index(simulation.chosen)]
+
+
+def test_a_map_over_headings_comes_back(tmp_path):
+    found = ff.attitude_map(ff.load_scenario("planar_3dof/parabola").problem(), 12)
+    ff.save(found, tmp_path / "map.h5")
+    loaded = ff.load(tmp_path / "map.h5")
+    assert isinstance(loaded, ff.HeadingMap)
+    same(loaded.to_dict(), found.to_dict())
+    with pytest.raises(ValueError, match="read-only"):
+        loaded.minimum_margins[0, 0] = 1.0
+
+
+def test_a_map_in_space_comes_back(tmp_path):
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    found = ff.attitude_map(problem, 64, seed=5, nearest=[0, 0, 0, 1], boundary=2)
+    ff.save(found, tmp_path / "map.h5")
+    loaded = ff.load(tmp_path / "map.h5")
+    assert isinstance(loaded, ff.AttitudeMap)
+    same(loaded.to_dict(), found.to_dict())
+    for name in ("attitudes", "minimum_margins", "determinant_ratios", "endings", "nearest_to"):
+        assert np.array_equal(getattr(loaded, name), getattr(found, name))
+    assert loaded.details.keys() == found.details.keys()
+
+
+def test_plain_hdf5_tools_can_read_it(saved):
+    """Only arrays of numbers, texts and attributes with units."""
+    with h5py.File(saved) as file:
+        kinds = []
+        file.visititems(lambda _, item: kinds.append(getattr(item, "dtype", None)))
+        assert {str(kind) for kind in kinds if kind is not None} <= {"float64", "int64", "object"}
+        assert file["motion/time"].attrs["unit"] == "s"
+        assert file["motion"].attrs["joint_names"].tolist() == ["q1", "q2", "q3"]
+        assert json.loads(file["document"].asstr()[()])["feasible"] is True
+        assert file.attrs["software_freefloat"] == "0.1.0"
+
+
+CARRIED = """\
+robot:
+  urdf: robots/arm.urdf
+  end_effector: tool0
+  scale_mass: {upper_arm_link: 1.1}
+  spacecraft: {mass: 200, inertia: [35, 35, 35], size: [1, 1, 1], mount: {xyz: [0, 0, 0.5]}}
+  payload: {mass: 5, inertia: [0.1, 0.1, 0.1], com: [0, 0, 0.2]}
+task: pose
+momentum: [0.05, 0, 0.02]
+path: {samples: way.csv}
+timing: {duration: 20}
+margin: {measure: gjm, fraction: 0.01}
+"""
+
+
+def test_a_file_suffices_when_scenario_robot_and_samples_are_gone(tmp_path, monkeypatch):
+    """Masses scaled and bodies mounted once, not twice; mesh paths lead where they led."""
+    folder = tmp_path / "there"
+    (folder / "robots").mkdir(parents=True)
+    shutil.copy(find_robot("example-robot-data:ur5", folder), folder / "robots" / "arm.urdf")
+    start = ff.load_scenario("ur5_servicer/arc").problem().path.path
+    rows = [[*start.pose(s).position, *Rotation.from_matrix(start.pose(s).rotation).as_quat()]
+            for s in (0.0, 0.1, 0.2)]  # fmt: skip
+    lines = ["x,y,z,qx,qy,qz,qw", *(",".join(map(repr, map(float, row))) for row in rows)]
+    (folder / "way.csv").write_text("\r\n".join(lines))
+    (folder / "carried.yaml").write_text(CARRIED)
+    monkeypatch.chdir(tmp_path)
+    problem = ff.load_scenario("there/carried.yaml").problem()
+    simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0])
+    ff.save(simulation, "m.h5")
+    shutil.rmtree(folder)
+    loaded = ff.load("m.h5").chosen.motion
+    same_motion(loaded, simulation.chosen.motion)
+    assert loaded.problem.model.total_mass == problem.model.total_mass
+    assert loaded.problem.model.description.source == str(folder / "robots" / "arm.urdf")
+    assert loaded.residuals().end_effector_position < 1e-7
+
+
+_OLD = """
+import sys
+sys.argv = ["freefloat", *sys.argv[1:]]
+from freefloat.cli.entry import main
+main()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/work/base/src").is_dir(), reason="needs version 0.1.0")
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        (("plan", "planar_3dof/parabola"), ff.Plan),
+        (("simulate", "planar_2dof/line", "--heading", "0"), ff.Simulation),
+        (("map", "planar_2dof/line", "--samples", "12"), ff.HeadingMap),
+        (("map", "spatial_6dof/line", "--samples", "32"), ff.AttitudeMap),
+    ],
+)
+def test_files_of_version_0_1_0_are_loaded(words, kind, tmp_path):
+    path = tmp_path / "old.h5"
+    environment = {**os.environ, "PYTHONPATH": "/work/base/src"}
+    command = [sys.executable, "-c", _OLD, *words, "-o", str(path), "--json"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    loaded = ff.load(path)
+    assert isinstance(loaded, kind), done.stderr
+    document, stated = {} if kind is ff.Simulation else loaded.to_dict(), json.loads(done.stdout)
+    for key in ("min_margin", "initial", "final", "best", "tolerance", "attitude_ranges_deg"):
+        if key in document:
+            same(stated[key], document[key])
+
+
+# --- broken files -----------------------------------------------------------------------------
+
+
+def attribute(name, value, group="/"):
+    return lambda file: file[group].attrs.__setitem__(name, value)
+
+
+KINDS = {
+    "format": attribute("format", "other"),
+    "future": attribute("version", 99),
+    "link": lambda file: file.__setitem__("odd", h5py.SoftLink("/motion")),
+    "external": lambda file: file.__setitem__("odd", h5py.ExternalLink("x.h5", "/x")),
+    "huge": lambda file: file.create_dataset("odd", (10**9,), "f8"),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_files_of_another_kind_are_input_errors(saved, tmp_path, name):
+    path = tmp_path / "other.h5"
+    path.write_bytes(altered(saved.read_bytes(), KINDS[name]))
+    with pytest.raises(InputError) as caught:
+        ff.load(path)
+    assert not isinstance(caught.value, AlteredFileError)
+    assert caught.value.source == str(path)
+
+
+BROKEN = {
+    "ending": attribute("ending", "LOST", "motion"),
+    "no joints": lambda file: file.__delitem__("motion/joints"),
+    "short": replaced("motion/time", lambda t: t[:-1]),
+    "nan": replaced("motion/joints", lambda q: q * np.nan),
+    "long": replaced("motion/attitude", lambda a: 2 * a),
+    "back": replaced("motion/time", lambda t: t[np.argsort(np.sin(t))]),
+    "base": replaced("motion/base_position", lambda p: p + 1e-6),
+    "complex": replaced("motion/time", lambda t: t * 1j),
+    "document": replaced("document", lambda _: "[1, 2"),
+    "list": replaced("document", lambda _: "[]"),
+    "scenario": replaced("scenario", lambda _: "task: dance"),
+    "robot": replaced("robot", lambda _: "<robot/>"),
+    "end-effector": attribute("end_effector", "link_3"),
+    "arm": replaced("motion/joints", lambda q: q[:, :2]),
+    "ranges": lambda file: file.__delitem__("ranges/branch_0"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_file_whose_parts_do_not_fit_together_is_altered(saved, tmp_path, name):
+    path = tmp_path / "broken.h5"
+    path.write_bytes(altered(saved.read_bytes(), BROKEN[name]))
+    with pytest.raises(AlteredFileError) as caught:
+        ff.load(path)
+    assert caught.value.source == str(path)
+
+
+def retold(*keys, by):
+    """A change of a value in the document of a file."""
+
+    def change(text):
+        document = json.loads(text)
+        place = document
+        for key in keys[:-1]:
+            place = place[key]
+        place[keys[-1]] = by(place[keys[-1]])
+        return json.dumps(document)
+
+    return replaced("document", change)
+
+
+def doubled(value):
+    return 2.0 * value
+
+
+RETOLD = {
+    "min_margin.value": retold("min_margin", "value", by=doubled),
+    "final.joints[1]": retold("final", "joints", 1, by=doubled),
+    "residuals.momentum": retold("residuals", "momentum", by=lambda _: 1e-3),
+    "attitude_ranges_deg[0].ranges[0][1]": retold(
+        "attitude_ranges_deg", 0, "ranges", 0, 1, by=lambda one: one - 1.0
+    ),
+    "feasible": attribute("feasible", False),
+    "deviation_deg": retold("deviation_deg", by=lambda _: 1.0),
+    "duration": replaced("scenario", lambda text: text.replace("duration: 100", "duration: 101")),
+    "min_margin.required": replaced("scenario", lambda text: text.replace("value: 5", "value: 50")),
+}
+
+
+@pytest.mark.parametrize("key", RETOLD)
+def test_a_document_that_contradicts_the_arrays_is_altered(saved, tmp_path, key):
+    path = tmp_path / "retold.h5"
+    path.write_bytes(altered(saved.read_bytes(), RETOLD[key]))
+    with pytest.raises(AlteredFileError) as caught:
+        ff.load(path)
+    assert caught.value.key == key
+
+
+def test_a_file_is_not_parsed_unless_its_digest_is_right(saved, tmp_path, monkeypatch):
+    content = bytearray(saved.read_bytes())
+    assert with_digest(bytes(content[512:])) == bytes(content)
+    content[len(content) // 2] ^= 1
+    (tmp_path / "flipped.h5").write_bytes(content)
+    (tmp_path / "cut.h5").write_bytes(saved.read_bytes()[:-4000])
+    monkeypatch.setattr(h5py, "File", None)
+    for name in ("flipped.h5", "cut.h5"):
+        with pytest.raises(AlteredFileError):
+            ff.load(tmp_path / name)
+
+
+def test_files_that_are_no_results_are_refused(tmp_path):
+    (tmp_path / "text.h5").write_text("hello")
+    (tmp_path / "folder.h5").mkdir()
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1
+    for name in ("missing.h5", "folder.h5", "text.h5", "other.h5"):
+        with pytest.raises(InputError, match=name):
+            ff.load(tmp_path / name)
+
+
+def test_only_plain_files_are_replaced(plan, tmp_path):
+    """A device or a folder stays what it is; a link keeps leading to its file."""
+    small = replace(plan, segments=())
+    for name in ("/dev/full", str(tmp_path), "", str(tmp_path / "no" / "plan.h5")):
+        with pytest.raises(InputError, match="output"):
+            ff.save(small, name)
+    assert os.listdir(tmp_path) == []
+    (tmp_path / "real.h5").touch()
+    (tmp_path / "link.h5").symlink_to(tmp_path / "real.h5")
+    ff.save(small, tmp_path / "link.h5")
+    assert (tmp_path / "link.h5").is_symlink()
+    assert ff.load(tmp_path / "real.h5").feasible
+
+
+def test_what_is_no_result_is_not_saved(plan, tmp_path):
+    with pytest.raises(InputError) as caught:
+        ff.save(plan.problem, tmp_path / "x.h5")
+    assert caught.value.key == "result"
