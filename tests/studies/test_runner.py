@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 
 from freefloat.cli.app import app
 from freefloat.errors import InputError
-from freefloat.io.plan_file import load_plan
+from freefloat.io.results import load
 from freefloat.robot.names import bundled_studies
 from freefloat.studies.cluster import execute_all
 from freefloat.studies.run import Row, Run, execute
@@ -64,8 +64,8 @@ def test_a_study_has_the_rows_of_its_runs_and_is_not_repeated(folder: Path) -> N
     for number in range(3):
         row = result.rows[number]
         assert without_times(row) == without_times(execute(Run.of(study, number)).row)
-        stored = load_plan(folder / "out" / str(row.file))
-        assert stored.document["min_margin"]["value"] == row.margin
+        stored = load(folder / "out" / str(row.file))
+        assert stored.chosen.closest_approach.value == row.margin
     written = {path.name for path in (folder / "out").iterdir()}
     tables = {"study.sqlite", "cases", "cases.csv", "cases.parquet"}
     assert written == tables | {"report.html", "summary.pdf", "summary.png"}
