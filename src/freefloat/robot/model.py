@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from freefloat.errors import InputError, ModelError, did_you_mean
+from freefloat.errors import InputError, ModelError
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.diagnostics import UrdfDiagnostic
 from freefloat.robot.names import find_robot
 from freefloat.robot.parsing import is_text, require_urdf
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
-from freefloat.robot.rigid_bodies import Body, body_of, build_model, pose_of
+from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
 from freefloat.robot.urdf import Joint, RobotDescription
 from freefloat.so3 import Array, Pose, finite_vector
 
@@ -46,7 +46,7 @@ class FreeFloatingModel:
     held: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        _check_held(self.description, self.end_effector, self.held)
+        _ = self.moving_joints
 
     @classmethod
     def from_urdf(
@@ -91,25 +91,22 @@ class FreeFloatingModel:
         return {key: getattr(self, key) for key in ("description", "end_effector", "held")}
 
     @cached_property
+    def _end_effector_link(self) -> str:
+        return end_effector_link(self.description, self.end_effector)
+
+    @cached_property
     def _built(self) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
         return build_model(self.description, self.moving_joints, self.held)
 
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:
         """The joints that move, from the spacecraft to the end-effector."""
-        chain = self.description.chain(end_effector_link(self.description, self.end_effector))
-        return tuple(joint for joint in chain if joint.moving and joint.name not in self.held)
+        return moving_joints(self.description, self._end_effector_link, self.held)
 
-    @cached_property
+    @property
     def pin_model(self) -> Any:
-        """The Pinocchio model: free-flyer root, moving joints, end-effector frame. Read only."""
-        model = self._built[0]
-        body, pose = self.link_places[end_effector_link(self.description, self.end_effector)]
-        frame = pin.Frame(
-            "end_effector", body + 1, 0, pin.SE3(pose.rotation, pose.position), pin.OP_FRAME
-        )
-        model.addFrame(frame, False)
-        return model
+        """The Pinocchio model: free-flyer root, moving joints, a frame for each link. Read only."""
+        return self._built[0]
 
     @cached_property
     def scratch(self) -> Any:
@@ -119,7 +116,7 @@ class FreeFloatingModel:
     @cached_property
     def frame_id(self) -> int:
         """Pinocchio's index of the end-effector frame."""
-        return int(self.pin_model.nframes) - 1
+        return list(self.link_places).index(self._end_effector_link) + 1
 
     @property
     def warnings(self) -> tuple[UrdfDiagnostic, ...]:
@@ -150,7 +147,7 @@ class FreeFloatingModel:
     @cached_property
     def tool(self) -> Pose:
         """The end-effector's frame in the frame of the last joint."""
-        return pose_of(self.pin_model.frames[self.frame_id].placement)
+        return self.link_places[self._end_effector_link][1]
 
     @property
     def link_places(self) -> Mapping[str, tuple[int, Pose]]:
@@ -236,26 +233,3 @@ def _file_of(urdf: str | Path) -> str | Path:
         return find_robot(str(urdf), Path())
     except InputError as error:
         raise ModelError(error.key, error.problem, error.accepted) from None
-
-
-def _check_held(robot: RobotDescription, end_effector: str, held: Mapping[str, float]) -> None:
-    """Raise a ModelError unless joints that move the end-effector are left to move."""
-    chain = [joint.name for joint in robot.chain(end_effector_link(robot, end_effector))
-             if joint.moving]  # fmt: skip
-    if not chain:
-        moved = [link for first, body in robot.rigid_groups.items() if first not in robot.roots
-                 for link in body.links]  # fmt: skip
-        raise ModelError(
-            "end_effector", f"{end_effector!r} is fixed to the spacecraft, no joint moves it",
-            f"a link beyond at least one joint: {', '.join(moved)}",
-        )  # fmt: skip
-    names = [joint.name for joint in robot.joints if joint.moving]
-    for name, value in held.items():
-        if name not in names:
-            problem = f"the robot has no such joint{did_you_mean(name, names)}"
-            raise ModelError(f"held.{name}", problem, ", ".join(names))
-        if not np.isfinite(value):
-            raise ModelError(f"held.{name}", f"{value} was given", "a finite number [rad, m]")
-    if set(chain) <= set(held):
-        problem = f"all joints that move {end_effector!r} are held"
-        raise ModelError("held", problem, "at least one joint that moves")

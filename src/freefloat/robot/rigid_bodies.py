@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from freefloat.errors import ModelError, did_you_mean
 from freefloat.robot.parsing import UNLIMITED
 from freefloat.robot.urdf import IDENTITY, Joint, RobotDescription
 from freefloat.so3 import Array, Pose, frozen
@@ -50,6 +51,42 @@ class Body:
     inertia: Array = field(repr=False)
 
 
+def moving_joints(
+    robot: RobotDescription, link: str, held: Mapping[str, float]
+) -> tuple[Joint, ...]:
+    """The joints that move a link, from the root link outwards, without held ones.
+
+    Args:
+        robot: The robot.
+        link: The end-effector's link.
+        held: Values of held joints by name [rad or m].
+
+    Raises:
+        ModelError: If no joint moves the link, there is no held joint of a name, or a value is not
+            finite.
+    """
+    chain = [joint for joint in robot.chain(link) if joint.moving]
+    if not chain:
+        groups = robot.rigid_groups.items()
+        moved = [
+            name for first, group in groups if first not in robot.roots for name in group.links
+        ]
+        problem = f"{link!r} is fixed to the spacecraft, no joint moves it"
+        raise ModelError("end_effector", problem, f"one of {', '.join(moved)}")
+    names = [joint.name for joint in robot.joints if joint.moving]
+    for name, value in held.items():
+        if name not in names:
+            problem = f"the robot has no such joint{did_you_mean(name, names)}"
+            raise ModelError(f"held.{name}", problem, ", ".join(names))
+        if not np.isfinite(value):
+            raise ModelError(f"held.{name}", f"{value} was given", "a finite number [rad, m]")
+    moving = tuple(joint for joint in chain if joint.name not in held)
+    if not moving:
+        problem = f"all joints that move {link!r} are held"
+        raise ModelError("held", problem, "at least one joint that moves")
+    return moving
+
+
 def build_model(
     robot: RobotDescription, moving: Sequence[Joint], held: Mapping[str, float]
 ) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
@@ -75,6 +112,9 @@ def build_model(
             else:
                 places[joint.child] = (body, at @ joint.displacement(held.get(joint.name, 0.0)))
             links.append(joint.child)
+    for name, (body, pose) in places.items():
+        placement = pin.SE3(pose.rotation, pose.position)
+        model.addFrame(pin.Frame(name, body + 1, 0, placement, pin.BODY), False)
     return model, places
 
 
