@@ -11,7 +11,8 @@ from freefloat.motion.bounds import lower_bounds
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.matrix_bounds import ScaledSystem
-from freefloat.motion.motion import DEGREE, NODES, Ending, Motion
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.panels import DEGREE, NODES
 from freefloat.motion.problem import Margin, Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
@@ -44,31 +45,59 @@ def wandering(rng, chain, task, size):
     return Motion(problem, Ending.COMPLETED, (x + 1.0) / 2.0, attitudes, joints)
 
 
-@pytest.mark.parametrize(("chain", "task"), ROBOTS)
-def test_the_matrix_bends_no_more_than_bounded(rng, chain, task):
-    """Second derivatives by differences, of the whole matrix and of D, at many places."""
-    worst = 0.0
-    for _ in range(4):
+def states(rng, chain, task, count):
+    """Scaled systems of random robots with joints, their derivatives by a parameter, and it."""
+    for _ in range(count):
         motion = wandering(rng, chain, task, 0.5)
         system, c = ScaledSystem.of(motion), motion.coefficients[0, :, 5:]
-        rates, bends = chebyshev.chebder(c), chebyshev.chebder(c, 2)
         for x in rng.uniform(-0.99, 0.99, 6):
-            h = 1e-3
-            before, now, after = (
-                system.matrix(chebyshev.chebval(place, c)) for place in (x - h, x, x + h)
-            )
+            yield system, lambda place, c=c: chebyshev.chebval(place, c), c, x
+
+
+@pytest.mark.parametrize(("chain", "task"), ROBOTS)
+def test_the_slope_is_that_of_differences(rng, chain, task):
+    for system, joints, c, x in states(rng, chain, task, 4):
+        rates, h = chebyshev.chebval(x, chebyshev.chebder(c)), 1e-5
+        q = joints(x)
+        ahead, behind = system.matrix(q + h * rates), system.matrix(q - h * rates)
+        slope = system.slope(q, rates)
+        np.testing.assert_allclose(
+            slope, (ahead - behind) / (2.0 * h), atol=1e-8 * np.abs(slope).max()
+        )
+
+
+BLOCKS = ("D", "Dq", "base", "linear", "angular")
+TIGHT = {"D": 0.02, "Dq": 0.02, "base": 0.05, "linear": 0.05, "angular": 0.2}
+"""Fraction of the bound of a block that its second derivative reaches for some random arm."""
+
+
+def test_second_derivatives_of_every_block_are_bounded_and_reach_a_share_of_their_bounds(rng):
+    """By differences, for arms of all kinds: no factor of a bound can be dropped."""
+    reached = dict.fromkeys(BLOCKS, 0.0)
+    for chain, task in ROBOTS:
+        for system, joints, c, x in states(rng, chain, task, 4):
+            h, k = 1e-3, system.base
+            before, now, after = (system.matrix(joints(place)) for place in (x - h, x, x + h))
             second = (before - 2.0 * now + after) / h**2
-            w = system.quickness(chebyshev.chebval(x, rates))
-            change = system.quickness(chebyshev.chebval(x, bends))
-            whole, locked = system.bends(w, change)
-            assert np.linalg.norm(second) <= whole
-            assert np.linalg.norm(second[: system.base, : system.base]) <= locked
-            worst = max(worst, np.linalg.norm(second) / whole)
-            slope = system.slope(chebyshev.chebval(x, c), chebyshev.chebval(x, rates))
-            np.testing.assert_allclose(
-                slope, (after - before) / (2.0 * h), atol=2e-5 * np.abs(slope).max()
+            w, change = (
+                system.joint_speed(chebyshev.chebval(x, chebyshev.chebder(c, order)))
+                for order in (1, 2)
             )
-    assert worst > 0.02  # or nothing could be proven with it
+            bounds = system.second_derivatives(w, change)
+            tip = second[k:, k:]
+            linear = sum(row < 3 for row in task.rows)
+            norms = {
+                "D": np.linalg.norm(second[:k, :k]) / bounds.D,
+                "Dq": (np.linalg.norm(second[:k, k:], axis=0) / bounds.Dq).max(),
+                "base": np.linalg.norm(second[k:, :k]) / bounds.base,
+                "linear": np.linalg.norm(tip[:linear], axis=0).max() / bounds.linear,
+                "angular": np.linalg.norm(tip[linear:], axis=0).max() / bounds.angular,
+            }
+            assert np.linalg.norm(second) <= bounds.whole
+            for name, ratio in norms.items():
+                assert ratio <= 1.0, name
+                reached[name] = max(reached[name], ratio)
+    assert all(reached[name] >= share for name, share in TIGHT.items()), reached
 
 
 def proven(motion, names):

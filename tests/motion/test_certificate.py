@@ -56,7 +56,7 @@ def test_a_certificate_tells_what_the_motion_tells_of_itself(spatial):
         assert 0.9 * one.value <= one.bound <= one.value
     kept = closest_approach(spatial, spatial.problem.margin.measure)
     assert (found.of("arm").value, found.of("arm").time) == (kept.value, kept.time)
-    assert json.loads(json.dumps(found.document(), allow_nan=False)) == found.document()
+    assert json.loads(json.dumps(found.to_dict(), allow_nan=False)) == found.to_dict()
 
 
 def test_an_error_is_told_with_its_time(spatial):

@@ -146,6 +146,26 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     return np.vstack([D, J])
 
 
+def system_matrix_slope(
+    model: FreeFloatingModel, joints: npt.ArrayLike, rates: npt.ArrayLike, task: Task = Task.POSE
+) -> Array:
+    """The derivative of :func:`system_matrix` while the joints move at rates (n,)."""
+    robot, data = model.pin_model, model.scratch
+    q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
+    dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, pin.LOCAL_WORLD_ALIGNED)[
+        task.rows
+    ]
+    A, J = (np.array(matrix) for matrix in _maps(model, joints))
+    dA = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
+    # Pinocchio's is about a fixed point: the centre of mass moves in the spacecraft frame
+    dA[3:] -= pin.skew(A[:3] @ v / model.total_mass) @ A[:3]
+    J = J[task.rows]
+    dJ = dJ[:, 3:] - (dJ[:, :3] @ A[:3, 3:] + J[:, :3] @ dA[:3, 3:]) / model.total_mass
+    if task.planar:
+        return np.vstack([dA[5:, 3:], dJ])[:, 2:]
+    return np.vstack([dA[3:, 3:], dJ])
+
+
 def generalized_jacobian(
     model: FreeFloatingModel, joints: npt.ArrayLike, task: Task | str = Task.POSE
 ) -> Array:

@@ -1,14 +1,20 @@
-"""What a measure keeps between the points at which it was looked at: proven lower bounds.
+"""Proven lower bounds on singularity measures along a motion.
 
-The motion is cut into intervals. About the middle of one the system matrix is known with its slope,
-and its second derivative is bounded over the whole panel, see
-:mod:`freefloat.motion.matrix_bounds`. With A = A0 (I + X) the norm of X is bounded, and so are the
-logarithm of det A (its slope is the trace of that of X, the rest a series) and the norm of the
-inverse. Intervals are halved until the bounds reach a share of the least value found. Nothing but
-rounding is neglected.
+The motion is cut into intervals. About the middle of one, half of it being h, the system matrix is
 
-With joints to spare, columns are projected on the row space of S* at the middle: what is found so
-bounds the determinant of S* S*ᵀ and the singular values from below.
+    A(t) = A0 (I + X),    X = A0^-1 (t A' + R),    |t| <= h,    |R| <= h^2 / 2 b,
+
+with its analytic slope A' and b, the bound on its second derivative over the whole panel that
+:mod:`freefloat.motion.matrix_bounds` derives. So the Frobenius norm of X is at most
+
+    x = h |A0^-1 A'| + h^2 / 2 |A0^-1|_2 b,
+
+and intervals are used where x < 1/2. :class:`_Neighbourhood` bounds det A and the smallest singular
+value of S* with it. Intervals are halved until the bounds reach a fraction of the smallest value
+found; nothing but rounding is neglected.
+
+For a redundant arm, the columns are projected on V, an orthonormal basis of the row space of S* at
+the middle: det (S* V)^2 <= det (S* S*^T), and no singular value of S* V is above that of S*.
 """
 
 from __future__ import annotations
@@ -126,10 +132,11 @@ class _MatrixLook:
         c = self._motion.coefficients[panel, :, 5:]
         rates = np.asarray(chebyshev.chebder(c), dtype=float)
         w, change = (
-            self._system.quickness(np.abs(some).sum(axis=0))
+            self._system.joint_speed(np.abs(some).sum(axis=0))
             for some in (rates, chebyshev.chebder(rates))
         )
-        bends = self._system.bends(w, change)
+        second = self._system.second_derivatives(w, change)
+        bends = second.whole, second.D
 
         def look(middle: float, half: float) -> Mapping[str, float] | None:
             joints, along = _value(middle, c), _value(middle, rates)
@@ -218,9 +225,12 @@ class _Neighbourhood:
         return cls(inverse, trend, half, bend, float(size), k, float(log), locked)
 
     def log_determinant(self, by_locked: bool) -> float:
-        """Bound from below on log |det Â|, or on what remains of it after log det D.
+        """Lower bound on log |det A|, or on log |det A / det D|.
 
-        The latter is concave: it stays below its tangent plane.
+        log det (I + X) = tr X - tr X^2 / 2 + ..., and |tr X^k| <= x^k for k >= 2: the rest after
+        tr X is at most -log(1 - x) - x. Of tr X, t tr (A0^-1 A') is exact, and tr (A0^-1 R) at most
+        h^2 / 2 |A0^-1| b. log det D is concave over the positive definite matrices: it stays below
+        its tangent plane, log det D0 + t tr (D0^-1 D') + h^2 / 2 |D0^-1| b_D.
         """
         second = self.half**2 / 2.0 * float(np.linalg.norm(self.inverse)) * self.bend
         rest = -np.log1p(-self.size) - self.size
@@ -230,7 +240,13 @@ class _Neighbourhood:
         return float(log - self.half * abs(drift))
 
     def smallest_singular_value(self) -> float:
-        """Bound from below on that of S*: one over the norm of its inverse, a block of Â's."""
+        """Lower bound on that of S*: one over the norm of its inverse.
+
+        That is the block of A^-1 of the joints' rows and the end-effector's columns, and
+        A^-1 = A0^-1 - X A0^-1 + X^2 (I + X)^-1 A0^-1. Of the second term, t A0^-1 A' A0^-1 is exact
+        and h^2 / 2 b bounds the rest between the blocks of A0^-1; the third is at most
+        x^2 / (1 - x) times the norm of the end-effector's columns of A0^-1.
+        """
         k, inverse = self.base, self.inverse
         across = float(np.linalg.norm(inverse[:, k:], 2))
         norm = float(np.linalg.norm(inverse[k:, k:], 2))
@@ -242,7 +258,11 @@ class _Neighbourhood:
 
 
 class _ArmLook:
-    """Bounds on ``arm``: a Fourier series in joints two and three, bounded term by term."""
+    """Bounds on ``arm``, a Fourier series of joints two and three.
+
+    A term exp(i (k q2 + m q3)) has a second derivative of at most
+    (|k q2'| + |m q3'|)^2 + |k q2''| + |m q3''| times its magnitude.
+    """
 
     def __init__(self, motion: Motion, found: float) -> None:
         self._motion, self._found = motion, found

@@ -86,8 +86,8 @@ class Certificate:
         """What was found of a measure."""
         return next(one for one in self.least if one.measure == name)
 
-    def document(self) -> dict[str, Any]:
-        """As JSON has it."""
+    def to_dict(self) -> dict[str, Any]:
+        """The certificate as a JSON document."""
         return {**asdict(self), "least": [asdict(one) for one in self.least]}
 
 

@@ -1,10 +1,37 @@
-"""How fast the system matrix can change: bounds from lengths and masses alone.
+r"""Bounds on the second derivative of the system matrix, from lengths and masses alone.
 
-Seen from the spacecraft, the entries of A in (5) are sums of products of vectors fixed in bodies of
-the arm. When the joints move with q' and q'' by some parameter, such a vector u turns about axes
-that add up to w = sum |q'| at most, so that |u'| <= w |u| and |u''| <= (w² + w'), w' = sum |q''|,
-times |u|. Products follow by Leibniz' rule. Every vector is a sum of pieces of the chain whose
-lengths together do not exceed that of the stretched chain.
+Let the joints move with q' and q'' by some parameter, w = sum |q'| and w' = sum |q''|. Seen from
+the spacecraft, the entries of A in (5) are sums of products of vectors that are sums of links of
+the chain. In the following, lengths are in units of the reach, masses in units of the total mass,
+and prismatic joints count in units of the reach.
+
+**One vector.** A vector u fixed in a body rotates about joint axes whose rates add up to w at
+most: |u'| <= w |u| and |u''| <= (w^2 + w') |u|. A vector between two points of the chain is a sum
+of such links and of strokes of prismatic joints, which add their own rates; with L, the length of
+the stretched chain and at least 1, |u| <= L, |u'| <= w L and |u''| <= (w^2 + w') L.
+
+**Products.** By Leibniz' rule the second derivative of a product of k such vectors is bounded by
+the product of their lengths times
+
+    p_k = k (w^2 + w') + k (k - 1) w^2.
+
+**D.** With B(u) = u.u 1 - u u^T, D is the sum of mu_i mu_j B(c_i - c_j) over pairs of bodies, c
+being their centres of mass, and of the bodies' inertias. The polarized B has the Frobenius norm
+sqrt(2) |u| |v| at most. With a, the mass of the arm, the weights of the pairs sum up to a (1 - a /
+2) at most; used is a (1 + a (1 - a)), which is not smaller. An inertia R I R^T is a product of two
+rotations; its isotropic part is constant, the rest counts with its Frobenius norm.
+
+    |D''| <= p_2 (sqrt(2) a (1 + a (1 - a)) L^2 + sum_i |I_i - tr(I_i) / 3|)
+
+**Columns of Dq.** Joint j moves the bodies i >= j: r_i x (a_j x (c_i - p_j)) mu_i + R I R^T a_j,
+r_i from the centre of mass: products of three.
+
+    |Dq_j''| <= p_3 sum_(i >= j) (mu_i L^2 + |I_i|_2)
+
+**End-effector rows.** Per spacecraft rate: the skew matrix of the end-effector's position from the
+centre of mass, whose Frobenius norm is sqrt(2) times its length: sqrt(2) L p_1; the angular rows
+are constant. Per joint: a_j times a weighted mean of chain vectors, a product of two, L p_2, and
+for the angular rows a_j alone, p_1.
 """
 
 from __future__ import annotations
@@ -13,34 +40,58 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.dynamics.momentum import system_matrix
+from freefloat.dynamics.momentum import Task, system_matrix, system_matrix_slope
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.joint_extents import joint_extents
 from freefloat.motion.motion import Motion
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
 
-_STEP = 1e-5
-"""By how much joints move in the differences that give A' [rad]: their error is of its square."""
+
+@dataclass(frozen=True, eq=False)
+class SecondDerivatives:
+    """Bounds on the Frobenius norms of the second derivatives of blocks of the system matrix.
+
+    Attributes:
+        D: Of the locked inertia.
+        Dq: Of the columns of Dq, shape (n,).
+        base: Of the end-effector's rows per spacecraft rate.
+        linear: Of its linear rows per joint rate.
+        angular: Of its angular rows per joint rate.
+    """
+
+    D: float
+    Dq: Array
+    base: float
+    linear: float
+    angular: float
+
+    @property
+    def whole(self) -> float:
+        """Of the whole matrix."""
+        joint = len(self.Dq) * (self.linear**2 + self.angular**2)
+        return float(np.sqrt(self.D**2 + np.sum(self.Dq**2) + self.base**2 + joint))
 
 
 @dataclass(frozen=True, eq=False)
 class ScaledSystem:
-    """A of (5) without units, and what bounds its second derivative.
+    """A of (5) without units, and what bounds its second derivative; see the module.
 
-    Lengths are in units of the reach, masses of the total mass, and sliding joints count in units
-    of the reach, too, so that S* is scaled as the measure ``sigma`` wants it.
+    S* is scaled as the measure ``sigma`` wants it.
 
     Attributes:
-        motion: Whose joints move.
+        model: The robot.
+        task: The task.
         base: Number of columns of the spacecraft's rate: 3, or 1 in the plane.
         rows: Factors that free the rows of A from units, shape (base + m,).
-        columns: Likewise of the columns, shape (base + n,).
-        length: Of the stretched chain in units of the reach.
-        locked: What bounds the change of D.
-        moving: What bounds that of the columns of Dq, shape (n,).
+        columns: Factors that free the columns from units, shape (base + n,).
+        length: L, the length of the stretched chain.
+        locked: Factor of p_2 in the bound of D.
+        moving: Factors of p_3 in the bounds of the columns of Dq, shape (n,).
     """
 
-    motion: Motion
+    model: FreeFloatingModel
+    task: Task
     base: int
     rows: Array
     columns: Array
@@ -50,73 +101,61 @@ class ScaledSystem:
 
     @classmethod
     def of(cls, motion: Motion) -> ScaledSystem:
-        """The system of a motion's robot; sliding joints slide as far as they do on the way."""
+        """The system of a motion's robot; prismatic joints with their strokes in the motion."""
         model, task = motion.problem.model, motion.problem.task
         reach, m = VirtualManipulator.of(model).reach, model.total_mass
         base = 1 if task.planar else 3
-        slides = np.array([body.prismatic for body in model.bodies[1:]])
-        chain = max(_chain_length(motion, slides), reach)
-        spread = [np.linalg.norm(one.inertia - np.trace(one.inertia) / 3.0 * np.eye(3))
-                  for one in model.bodies]  # fmt: skip
-        most = [np.linalg.norm(one.inertia, 2) for one in model.bodies]
+        prismatic = np.array([body.prismatic for body in model.bodies[1:]])
+        L = max(_chain_length(motion, prismatic), reach) / reach
         unit = m * reach**2
-        light = 1.0 - model.bodies[0].mass / m
-        locked = np.sqrt(2.0) * light * (1.0 + light * (1.0 - light)) * (chain / reach) ** 2
-        beyond = [body.mass / m * (chain / reach) ** 2 + inertia / unit
-                  for body, inertia in zip(model.bodies[1:], most[1:], strict=True)]  # fmt: skip
+        inertias = [body.inertia / unit for body in model.bodies]
+        isotropic = [np.trace(inertia) / 3.0 * np.eye(3) for inertia in inertias]
+        spread = np.linalg.norm(np.array(inertias) - isotropic, axis=(1, 2))[1:]
+        a = 1.0 - model.bodies[0].mass / m
+        locked = np.sqrt(2.0) * a * (1.0 + a * (1.0 - a)) * L**2 + spread.sum()
+        moved = [body.mass / m * L**2 + np.linalg.norm(inertia, 2)
+                 for body, inertia in zip(model.bodies[1:], inertias[1:], strict=True)]  # fmt: skip
         return cls(
-            motion,
-            base,
+            model, task, base,
             frozen([1.0 / unit] * base + [1.0 / reach if row < 3 else 1.0 for row in task.rows]),
-            frozen([1.0] * base + np.where(slides, reach, 1.0).tolist()),
-            chain / reach,
-            float(locked + sum(spread[1:]) / unit),
-            frozen(np.cumsum(beyond[::-1])[::-1]),
-        )
+            frozen([1.0] * base + np.where(prismatic, reach, 1.0).tolist()),
+            L, float(locked), frozen(np.cumsum(moved[::-1])[::-1]),
+        )  # fmt: skip
 
     def matrix(self, joints: Array) -> Array:
         """A without units, shape (base + m, base + n)."""
-        A = system_matrix(self.motion.problem.model, joints, self.motion.problem.task)
+        return self._scaled(system_matrix(self.model, joints, self.task))
+
+    def slope(self, joints: Array, rates: Array) -> Array:
+        """The derivative of :meth:`matrix` while the joints (n,) move at rates (n,)."""
+        return self._scaled(system_matrix_slope(self.model, joints, rates, self.task))
+
+    def _scaled(self, A: Array) -> Array:
         return np.asarray(self.rows[:, None] * A * self.columns)
 
-    def slope(self, joints: Array, along: Array) -> Array:
-        """The derivative of :meth:`matrix` when the joints (n,) move along a direction (n,)."""
-        fastest = float(np.abs(along).max())
-        if fastest == 0.0:
-            return np.zeros((len(self.rows), len(self.columns)))
-        h = _STEP / fastest
-        ahead, behind = self.matrix(joints + h * along), self.matrix(joints - h * along)
-        return np.asarray((ahead - behind) / (2.0 * h))
-
-    def quickness(self, rates: Array) -> float:
-        """Sum of joint rates (n,), sliding ones in units of the reach: w of the module."""
+    def joint_speed(self, rates: Array) -> float:
+        """w: the sum of magnitudes of joint rates (n,), prismatic ones in units of the reach."""
         return float(np.abs(rates / self.columns[self.base :]).sum())
 
-    def bends(self, w: float, change: float) -> tuple[float, float]:
-        """Bounds on Frobenius norms of second derivatives.
+    def second_derivatives(self, w: float, change: float) -> SecondDerivatives:
+        """Bounds on second derivatives.
 
         Args:
-            w: Bound on :meth:`quickness` of q'.
-            change: The same of q''.
-
-        Returns:
-            Of the whole matrix, and of its upper left block D alone.
+            w: Bound on :meth:`joint_speed` of q'.
+            change: w', bound on that of q''.
         """
-        once, twice, thrice = (
-            k * (w * w + change) + k * (k - 1) * w * w for k in (1.0, 2.0, 3.0)
-        )  # of products of so many factors
-        locked = self.locked * twice
-        hand = [np.sqrt(2.0) * self.length * once]
-        hand += [self.length * twice, once] * len(self.moving)
-        squares = locked**2 + np.sum((self.moving * thrice) ** 2) + np.sum(np.square(hand))
-        return float(np.sqrt(squares)), float(locked)
+        p1, p2, p3 = (k * (w * w + change) + k * (k - 1.0) * w * w for k in (1.0, 2.0, 3.0))
+        L = self.length
+        return SecondDerivatives(
+            self.locked * p2, self.moving * p3, float(np.sqrt(2.0) * L * p1), L * p2, p1
+        )
 
 
-def _chain_length(motion: Motion, slides: Array) -> float:
-    """No two points that the matrix knows are farther apart along the chain [m]."""
-    model, spans = motion.problem.model, joint_extents(motion)
+def _chain_length(motion: Motion, prismatic: Array) -> float:
+    """No two points that the matrix depends on are farther apart along the chain [m]."""
+    model, extents = motion.problem.model, joint_extents(motion)
     centres = max(float(np.linalg.norm(body.centre)) for body in model.bodies)
-    hand = max(float(np.linalg.norm(model.tool.position)), centres)
-    steps = sum(float(np.linalg.norm(body.placement.position)) for body in model.bodies[1:])
-    strokes = np.maximum(np.abs(spans.low), np.abs(spans.high))[slides.astype(bool)].sum()
-    return float(centres + steps + hand + strokes)
+    last = max(float(np.linalg.norm(model.tool.position)), centres)
+    links = sum(float(np.linalg.norm(body.placement.position)) for body in model.bodies[1:])
+    strokes = np.maximum(np.abs(extents.low), np.abs(extents.high))[prismatic.astype(bool)].sum()
+    return float(centres + links + last + strokes)

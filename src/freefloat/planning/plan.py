@@ -157,7 +157,7 @@ class Plan:
             **document,
             **self.chosen.to_dict(),
             "heading_deg": _degrees(self.heading),
-            "certificate": None if self.certificate is None else self.certificate.document(),
+            "certificate": None if self.certificate is None else self.certificate.to_dict(),
         }
 
 

@@ -82,7 +82,7 @@ class CheckReport:
             "kind": self.kind,
             "reasons": [check.reason for check in self.discrepancies],
             "checks": [check.to_dict() for check in self.checks],
-            "certificate": None if self.certificate is None else self.certificate.document(),
+            "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "limits": limits_document(self.limits),
             "engine": self.engine,
         }
