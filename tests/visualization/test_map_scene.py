@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
 from freefloat.planning.sampling import sample_attitudes
 from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.map_scene import (
@@ -30,27 +31,25 @@ LABELS = [f"shoulder{a} elbow{b} wrist{c}" for a in "+-" for b in "+-" for c in 
 BEST, ROBUST, EDGE = [1.2, -0.5, 0.9], [0.2, 2.0, -0.4], [-0.3, 0.4, 2.5]
 
 
-def place(vector: list[float], branch: int) -> dict[str, Any]:
-    return {"attitude": Rotation.from_rotvec(vector).as_quat().tolist(), "branch": branch}
-
-
-DOCUMENT: dict[str, Any] = {
-    "branches": [{"branch": number, "label": label} for number, label in enumerate(LABELS)],
-    "best": {**place(BEST, 0), "value": 53.25},
-    "robust": {**place(ROBUST, 3), "radius_deg": 12.5},
-    "boundary": [place(EDGE, 2)],
-    "touch": {"points": [place([0.0, 0.0, 3.0], 0)]},
-}
+def quaternion(vector: list[float]) -> np.ndarray:
+    return np.asarray(Rotation.from_rotvec(vector).as_quat())
 
 
 @pytest.fixture(scope="module")
 def result(spatial: Problem) -> AttitudeMap:
-    return sample_attitudes(FeasibilityEvaluator(spatial), 600)
+    sampled = sample_attitudes(FeasibilityEvaluator(spatial), 600)
+    return replace(
+        sampled,
+        best=Candidate(quaternion(BEST), 0, 53.25),
+        robust=Candidate(quaternion(ROBUST), 3, 0.2),
+        boundary=(BoundaryPoint(quaternion(EDGE), 2),),
+        tangency=(BoundaryPoint(quaternion([0.0, 0.0, 3.0]), 0),),
+    )
 
 
 @pytest.fixture(scope="module")
 def scene(result: AttitudeMap) -> Scene:
-    return map_scene(result.problem, result.attitudes, result.margins, DOCUMENT, "a map")
+    return map_scene(result, "a map")
 
 
 def points(scene: Scene, title: str) -> dict[str, list[np.ndarray]]:
@@ -96,8 +95,9 @@ def test_marks_and_boundary_belong_to_their_branch(scene: Scene) -> None:
 
 
 def test_many_samples_are_thinned_evenly(result: AttitudeMap) -> None:
-    attitudes, margins = np.tile(result.attitudes, (100, 1)), np.tile(result.margins, (100, 1))
-    drawn = points(map_scene(result.problem, attitudes, margins, DOCUMENT), BEST_BRANCH)
+    fields = ("attitudes", "minimum_margins", "determinant_ratios", "endings")
+    many = {name: np.tile(getattr(result, name), (100, 1)) for name in fields}
+    drawn = points(map_scene(replace(result, **many)), BEST_BRANCH)
     assert sum(len(drawn[name][0]) for name in (FRONT, BACK, INFEASIBLE)) == 40_000
     fraction = len(drawn[INFEASIBLE][0]) / 40_000
     assert fraction == pytest.approx(1.0 - result.feasible_fraction, abs=0.005)

@@ -5,7 +5,7 @@ One scene for each arm branch, and one for the best of all. A metre of the scene
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -14,8 +14,8 @@ import numpy as np
 from meshcat import geometry as g
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
-from freefloat.motion.problem import Problem
-from freefloat.planning.slices import Mark, rotation_vectors, told_marks
+from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.slices import Mark, map_marks, rotation_vectors
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.overlays import Labels, draw_axes
@@ -57,74 +57,52 @@ class _Group:
     def has(self, branch: int | None) -> bool:
         return self.branches is None or branch in self.branches
 
-    def is_bounded_by(self, branch: int | None) -> bool:
-        return branch is None if self.branches is None else branch in self.branches
 
-
-def map_scene(
-    problem: Problem,
-    attitudes: Array,
-    margins: Array,
-    document: Mapping[str, Any],
-    title: str = "freefloat",
-) -> Scene:
-    """Return the scene of a map.
-
-    Args:
-        problem: Of the map.
-        attitudes: Quaternions x, y, z, w, shape (N, 4).
-        margins: Minimum margins, zero for motions that do not complete, shape (N, B).
-        document: JSON document of the map: marks, arm branches, points of the boundary.
-        title: Of the page.
-    """
-    groups = list(_groups(problem, margins, document))
-    vectors, chosen = rotation_vectors(attitudes), _choice(len(attitudes))
-    colours = MarginColours.over(problem.margin, [margins.ravel()])
-    marks, boundary = told_marks(document), list(_boundary(document))
+def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
+    """Return the scene of a map over all attitudes; the title is that of the page."""
+    margin, groups = result.problem.margin, list(_groups(result))
+    vectors, chosen = rotation_vectors(result.attitudes), _choice(result.samples)
+    colours = MarginColours.over(margin, [result.margins.ravel()])
+    edges = [*(result.boundary or ()), *(result.tangency or ())]
     builder, scenes = SceneBuilder(), []
     for group in groups:
         name = node(group.title)
         root = f"{ROOT}/{name}"
         _draw_samples(builder, root, vectors[chosen], group.margins[chosen], colours)
-        edge = [vector for vector, branch in boundary if group.is_bounded_by(branch)]
+        edge = [point.attitude for point in edges if point.branch in (group.branches or (None,))]
         if edge:
             white = np.tile(_WHITE, (len(edge), 1))
-            builder.points(f"{root}/{BOUNDARY}", np.array(edge), white, _EDGE)
+            builder.points(f"{root}/{BOUNDARY}", rotation_vectors(edge), white, _EDGE)
         labels = _draw_ball(builder, root)
-        labels += _draw_marks(builder, root, [mark for mark in marks if group.has(mark.branch)])
+        marks = [mark for mark in map_marks(result) if group.has(mark.branch)]
+        labels += _draw_marks(builder, root, marks)
         scenes.append({
             "title": group.title, "node": name, "begin": 0.0, "end": 0.0,
-            "lines": list(_lines(problem, group, document)), "labels": labels, "trail": None,
+            "lines": list(_lines(result, group)), "labels": labels, "trail": None,
         })  # fmt: skip
-    fraction = float(problem.margin.is_kept(groups[0].margins).mean())
+    items = _items(result.feasible_fraction, bool(edges))
     return builder.scene({
-        "title": title, "duration": 0.0, "scenes": scenes, "items": _items(fraction, boundary),
+        "title": title, "duration": 0.0, "scenes": scenes, "items": items,
         "scale": colours.to_dict(), "view": _VIEW, "remarks": [],
     })  # fmt: skip
 
 
-def _groups(problem: Problem, margins: Array, document: Mapping[str, Any]) -> Iterator[_Group]:
+def _groups(result: AttitudeMap) -> Iterator[_Group]:
     """The best of all first; wrist-flipped branches, whose motions are the same, as one."""
-    yield _Group(BEST_BRANCH, None, margins.max(axis=1, initial=0.0))
-    flipped = has_wrist_flipped_branches(problem)
-    for entry in document["branches"]:
-        branch, name = entry["branch"], entry["label"]
-        if branch is None or (flipped and branch % 2):
+    yield _Group(BEST_BRANCH, None, result.margins.max(axis=1, initial=0.0))
+    flipped, labels = has_wrist_flipped_branches(result.problem), result.branch_labels()
+    for branch, margins in result.branch_margins():
+        if branch is None:
             continue
+        name = labels[branch]
         branches = (branch, branch + 1) if flipped else (branch,)
-        yield _Group(f"{name[:-1]}±" if flipped else name, branches, margins[:, branch])
+        yield _Group(f"{name[:-1]}±" if flipped else name, branches, margins)
 
 
 def _choice(count: int) -> Any:
     if count <= _MOST:
         return slice(None)
     return np.sort(np.random.default_rng(0).choice(count, _MOST, replace=False))
-
-
-def _boundary(document: Mapping[str, Any]) -> Iterator[tuple[Array, int | None]]:
-    """Rotation vectors and arm branches of the points known on the boundary."""
-    for entry in [*document.get("boundary", []), *document.get("touch", {}).get("points", [])]:
-        yield rotation_vectors([entry["attitude"]])[0], entry["branch"]
 
 
 def _draw_samples(
@@ -169,24 +147,21 @@ def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> Labe
     return labels
 
 
-def _lines(problem: Problem, group: _Group, document: Mapping[str, Any]) -> Iterator[str]:
+def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
     """Text of a scene: how many attitudes are feasible, and what is known of the marks."""
-    margin = problem.margin
+    margin = result.problem.margin
     percentage = 100.0 * margin.is_kept(group.margins).mean()
     yield "rotation vectors of the initial attitude"
-    yield f"{percentage:.2f} % of {len(group.margins):,} attitudes keep |{margin.measure.name}|"
-    words = {
-        "best": ("value", f"|{margin.measure.name}| {{:.6g}}"),
-        "robust": ("radius_deg", "{:.4g}° around keep the margin"),
-        "nearest": ("deviation_deg", "{:.4g}° away"),
-    }
-    for name, (key, text) in words.items():
-        place = document.get(name)
-        if place is not None and group.has(place["branch"]):
-            yield f"{name}: {text.format(place[key])}"
+    yield f"{percentage:.2f} % of {result.samples:,} attitudes keep |{margin.measure.name}|"
+    if result.best is not None and group.has(result.best.branch):
+        yield f"best: |{margin.measure.name}| {result.best.score:.6g}"
+    if result.robust is not None and group.has(result.robust.branch):
+        yield f"robust: {np.degrees(result.robust.score):.4g}° around keep the margin"
+    if result.nearest is not None and group.has(result.nearest.branch):
+        yield f"nearest: {np.degrees(result.nearest.score):.4g}° away"
 
 
-def _items(fraction: float, boundary: Sequence[Any]) -> list[dict[str, Any]]:
+def _items(fraction: float, boundary: bool) -> list[dict[str, Any]]:
     """What can be hidden; at first what would hide the inside of the ball is."""
     shown = {FRONT: fraction < _SPARSE, BACK: True, INFEASIBLE: 1.0 - fraction < _SPARSE}
     if boundary:

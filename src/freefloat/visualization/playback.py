@@ -139,8 +139,7 @@ def playback(
     from freefloat.visualization.map_scene import map_scene
 
     require_type("result", result, AttitudeMap, _ACCEPTED)
-    document = result.to_dict()
-    return Playback(map_scene(result.problem, result.attitudes, result.margins, document, title))
+    return Playback(map_scene(result, title))
 
 
 def named_motions(result: Any) -> dict[str, Motion]:
