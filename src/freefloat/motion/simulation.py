@@ -95,14 +95,6 @@ class Simulation:
     branches: tuple[SimulatedBranch, ...]
     chosen: SimulatedBranch = field(repr=False)
 
-    def named_motions(self) -> dict[str, Motion]:
-        """All motions by the title of their branch, the chosen one first."""
-        named: dict[str, Motion] = {}
-        for branch in sorted(self.branches, key=lambda branch: branch is not self.chosen):
-            title = branch.title
-            named[title if title not in named else f"{title} ({len(named)})"] = branch.motion
-        return named
-
     def to_dict(self) -> dict[str, Any]:
         """The chosen motion, and every branch in brief, as a JSON document."""
         return {

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from freefloat.errors import InputError
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.certificate import Certificate
-from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import SimulatedBranch
 from freefloat.planning.documents import limits_document
@@ -107,16 +105,6 @@ class Plan:
     needed_stretch: float | None = None
     stretch: float = 1.0
     certificate: Certificate | None = field(default=None, repr=False)
-
-    def named_motions(self) -> dict[str, Motion]:
-        """The chosen motion, by the name of its arm branch.
-
-        Raises:
-            InputError: If there is none, with the reason.
-        """
-        if self.chosen is None:
-            raise InputError("plan", f"it has no motion to show: {self.reason}", "a feasible plan")
-        return {self.chosen.title: self.chosen.motion}
 
     @property
     def deviation(self) -> float | None:

@@ -133,8 +133,8 @@ def playback(
     Raises:
         InputError: If it is none of them, or a plan without a motion.
     """
-    if isinstance(result, Motion | Plan | Simulation | Mapping) or hasattr(result, "named_motions"):
-        return Playback(motion_scene(named_motions(result), title))
+    if isinstance(result, Motion | Plan | Simulation | Mapping):
+        return Playback(motion_scene(_named_motions(result), title))
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.visualization.map_scene import map_scene
 
@@ -142,7 +142,7 @@ def playback(
     return Playback(map_scene(result, title))
 
 
-def named_motions(result: Any) -> dict[str, Motion]:
+def _named_motions(result: Any) -> dict[str, Motion]:
     """Return the motions of a result by name; of a simulation the chosen one first.
 
     Raises:
@@ -157,8 +157,6 @@ def named_motions(result: Any) -> dict[str, Motion]:
         return _by_title([result.chosen])
     if isinstance(result, Simulation):
         return _by_title(sorted(result.branches, key=lambda branch: branch is not result.chosen))
-    if hasattr(result, "named_motions"):  # a plan read from a file
-        result = result.named_motions()
     require_type("result", result, Mapping, _ACCEPTED)
     for name, motion in result.items():
         accepted = "a Motion for each name, such as simulate(...).chosen.motion"
