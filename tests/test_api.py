@@ -107,18 +107,6 @@ def test_records_are_told_in_one_line(simulation: ff.Simulation) -> None:
         assert len(told) < 600, told
 
 
-def test_short_arrays_are_told_whole_and_long_ones_by_their_shape(
-    simulation: ff.Simulation,
-) -> None:
-    motion = simulation.chosen.motion
-    count = len(motion.times)
-    told = repr(motion)
-    assert f"ending=Ending.COMPLETED, times=array({count},), attitudes=array({count}, 4)" in told
-    assert told.startswith("Motion(problem=Problem(...), ")
-    assert "attitude=[0 0 1 0], joints=[" in repr(motion.initial)
-    assert "branches=<2 SimulatedBranch>" in repr(simulation)
-
-
 def test_every_record_with_long_arrays_in_public_is_brief() -> None:
     public = [one for name in ff.__all__ if is_dataclass(one := getattr(ff, name))]
     long = [one for one in public if not one.__dataclass_params__.eq]

@@ -19,7 +19,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.brief import brief
 from freefloat.errors import InputError
 
 Array = npt.NDArray[np.float64]
@@ -41,8 +40,6 @@ class Pose:
         position: Its origin in the other frame [m], shape (3,).
         rotation: Turns its own vectors into the other frame, shape (3, 3).
     """
-
-    __repr__ = brief
 
     position: Array
     rotation: Array

@@ -1,16 +1,15 @@
-"""What is asked of a robot: where the machine and the wish meet, checked against each other."""
+"""Problems: a robot, a path and the momentum, checked against each other."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.brief import brief
 from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.dynamics.momentum import ResolvedRateSolver, Task, momentum_map
 from freefloat.dynamics.redundancy import Redundancy
@@ -50,8 +49,6 @@ class Margin:
         measure: The singularity measure.
         threshold: The measure must keep its initial sign and at least this magnitude.
     """
-
-    __repr__ = brief
 
     measure: SingularityMeasure
     threshold: float
@@ -113,10 +110,8 @@ class Problem:
             left out, it moves with the joint rates of least Euclidean norm.
     """
 
-    __repr__ = brief
-
-    model: FreeFloatingModel
-    path: TimedPath
+    model: FreeFloatingModel = field(repr=False)
+    path: TimedPath = field(repr=False)
     task: Task
     momentum: Array
     margin: Margin

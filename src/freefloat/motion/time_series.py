@@ -1,14 +1,13 @@
-"""A motion as numbers over time: what figures show and tables list."""
+"""A motion sampled at given times, with its rates."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.brief import brief
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array, frozen, without_jumps
 
@@ -35,18 +34,16 @@ class TimeSeries:
             (K,).
     """
 
-    __repr__ = brief
-
-    times: Array
-    joints: Array
-    joint_rates: Array
-    attitudes: Array
-    euler_angles: Array
-    angular_velocities: Array
-    base_positions: Array
-    end_effector: Array
-    measure: Array
-    momentum_errors: Array
+    times: Array = field(repr=False)
+    joints: Array = field(repr=False)
+    joint_rates: Array = field(repr=False)
+    attitudes: Array = field(repr=False)
+    euler_angles: Array = field(repr=False)
+    angular_velocities: Array = field(repr=False)
+    base_positions: Array = field(repr=False)
+    end_effector: Array = field(repr=False)
+    measure: Array = field(repr=False)
+    momentum_errors: Array = field(repr=False)
 
     def __post_init__(self) -> None:
         for one in fields(self):
