@@ -8,15 +8,12 @@ import pydoc
 import re
 import shutil
 import textwrap
-from dataclasses import is_dataclass
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 import freefloat as ff
-from freefloat.brief import brief
-from freefloat.motion.motion import Motion
 from freefloat.robot.names import models_folder
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -105,13 +102,6 @@ def test_records_are_told_in_one_line(simulation: ff.Simulation) -> None:
         assert told.startswith(f"{type(record).__name__}(")
         assert "\n" not in told
         assert len(told) < 600, told
-
-
-def test_every_record_with_long_arrays_in_public_is_brief() -> None:
-    public = [one for name in ff.__all__ if is_dataclass(one := getattr(ff, name))]
-    long = [one for one in public if not one.__dataclass_params__.eq]
-    assert Motion in long
-    assert [one for one in long if one.__repr__ is not brief] == []
 
 
 # --- errors -------------------------------------------------------------------------------------
