@@ -11,7 +11,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.ik import branches as arm_branches
-from freefloat.planning import spatial_planner
+from freefloat.planning import diagnostics, spatial_planner
 from freefloat.planning.attitude_map import Candidate
 from tests.redundant import redundant
 
@@ -227,6 +227,7 @@ def test_plans_tell_where_arms_with_joints_to_spare_came_nearest(
         return [Candidate(found.attitudes[sample], None, found.margins.max())]
 
     monkeypatch.setattr(spatial_planner, "largest_margins", best)
+    monkeypatch.setattr(diagnostics, "largest_margins", best)
     reason = ff.plan(beyond, ff.Search(samples=8)).reason
     joints = re.search(r"with the arm at \[(.*)\]$", reason)
     assert joints, reason

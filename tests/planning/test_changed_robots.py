@@ -9,8 +9,9 @@ import pytest
 import yaml
 
 from freefloat.io.scenario import Scenario, parse_scenario
-from freefloat.limits.check import check_limits
-from freefloat.planning.limited_planner import keep_limits
+from freefloat.limits.check import LimitChecker
+from freefloat.planning.heading_map import evaluator_for
+from freefloat.planning.limit_keeping import keep_limits
 from freefloat.planning.plan import Plan
 from freefloat.planning.spatial_planner import plan_in_space
 from freefloat.robot.names import models_folder
@@ -31,7 +32,8 @@ def planned(scenario: Scenario) -> Plan:
     """The plan, but for what it bears of other attitudes, momenta and durations."""
     limits = scenario.limits()
     assert limits is not None
-    return keep_limits(plan_in_space(scenario.problem(), scenario.search()), limits)
+    evaluator = evaluator_for(scenario.problem())
+    return keep_limits(evaluator, plan_in_space(evaluator, scenario.search()), limits)
 
 
 SPACECRAFT = {"mass": 200, "inertia": [35, 35, 35], "size": [1, 1, 1]}
@@ -82,7 +84,7 @@ def test_another_robot_gets_another_plan_that_holds(
     assert found.problem.margin.is_kept(found.chosen.closest_approach.value)
     limits = scenario.limits()
     assert limits is not None
-    findings = check_limits(motion, limits)
+    findings = LimitChecker(found.problem, limits).findings(motion)
     assert len(findings) == 5
     assert all(one.kept for one in findings)
     wrench = findings[-1].base_wrench

@@ -12,12 +12,11 @@ from freefloat.io.scenario import load_scenario, parse_scenario
 from freefloat.limits.check import LimitChecker, check_limits
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
-from freefloat.planning.limited_planner import keep_limits
+from freefloat.planning.heading_map import evaluator_for
+from freefloat.planning.limit_keeping import keep_limits
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
-from freefloat.planning.robustness import with_robustness
-from freefloat.planning.spatial_planner import plan_in_space
 from freefloat.so3 import heading_quaternion
 
 PLANAR = load_scenario("planar_3dof/parabola")
@@ -43,7 +42,7 @@ def line() -> Problem:
 @pytest.fixture(scope="module")
 def attitudes(line: Problem) -> Plan:
     """The plan in space that minds the margin alone."""
-    return plan_in_space(line, Search(samples=256))
+    return plan(line, Search(samples=256))
 
 
 def kept(problem: Problem, limits: Limits, search: Search) -> Plan:
@@ -67,14 +66,14 @@ def test_a_limit_that_the_best_breaks_leads_to_another_that_keeps_it(attitudes: 
     wide = LimitChecker(attitudes.problem, Limits(joint_rate=np.ones(6)))
     (fastest,) = wide.results(attitudes.chosen.motion)
     limits = Limits(joint_rate=np.full(6, 0.9 * abs(fastest.worst)))
-    found = looked_at(with_robustness(keep_limits(attitudes, limits)), limits)
+    found = looked_at(plan(attitudes.problem, attitudes.search, limits), limits)
     assert found.excluded[LimitKind.JOINT_RATE] > 0
     assert found.tolerance is not None
 
 
 def test_what_collides_everywhere_is_refused_by_name(attitudes: Plan) -> None:
     """The path of Example 2 leads through its own spacecraft."""
-    found = keep_limits(attitudes, Limits(clearance=0.0))
+    found = keep_limits(evaluator_for(attitudes.problem), attitudes, Limits(clearance=0.0))
     assert not found.feasible
     assert set(found.excluded) == {LimitKind.CLEARANCE}
     assert "at spacecraft - " in found.reason
@@ -92,7 +91,7 @@ def test_what_collides_everywhere_is_refused_by_name(attitudes: Plan) -> None:
 def test_each_limit_alone_can_make_a_plan_infeasible(
     headings: Plan, limits: Limits, name: str
 ) -> None:
-    found = keep_limits(headings, limits)
+    found = keep_limits(evaluator_for(headings.problem), headings, limits)
     assert not found.feasible
     assert found.chosen is None
     assert name in found.reason

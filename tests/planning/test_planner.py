@@ -75,7 +75,7 @@ def moved(problem, start, end, value):
         ([2.0, 0, 0], [5.0, 0, 0], 5.0, "out of reach at s = 0.5"),
         ([2.0, 0, 0], [1.5, 1, 0], 400.0, r"s = .* no configuration has \|S\| above"),
         ([3.5735, 0, 0], [3.0, 0, 0], 5.0, "s = 0, "),
-        ([2.0, 0, 0], [-1.5, 1.9, 0], 100.0, "every heading breaks the margin|no configuration"),
+        ([2.0, 0, 0], [-1.5, 1.9, 0], 100.0, "every heading violates the margin|no configuration"),
     ],
 )
 def test_infeasible_plans_say_where_and_why(problem, start, end, value, words):

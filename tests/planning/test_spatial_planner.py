@@ -243,13 +243,13 @@ def test_a_candidate_that_is_not_confirmed_is_told_and_the_next_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     problem, tried = margined(20.0), list[SimulatedBranch]()
-    true = spatial_planner._keeps
+    true = spatial_planner.keeps_margin
 
-    def keeps(chosen: SimulatedBranch, problem: Problem) -> bool:
+    def keeps(chosen: SimulatedBranch) -> bool:
         tried.append(chosen)
-        return len(tried) > 2 and true(chosen, problem)
+        return len(tried) > 2 and true(chosen)
 
-    monkeypatch.setattr(spatial_planner, "_keeps", keeps)
+    monkeypatch.setattr(spatial_planner, "keeps_margin", keeps)
     plan = ff.plan(problem, Search(samples=48), threads=1)
     assert plan.feasible
     assert plan.chosen is tried[2]
@@ -264,7 +264,7 @@ def test_a_candidate_that_is_not_confirmed_is_told_and_the_next_taken(
 
 def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     """After a dozen at most; what was tried is told."""
-    monkeypatch.setattr(spatial_planner, "_keeps", lambda chosen, problem: False)
+    monkeypatch.setattr(spatial_planner, "keeps_margin", lambda chosen: False)
     plan = ff.plan(margined(50.0), Search(Objective.NEAREST, frozen(BAD), 64), threads=1)
     assert not plan.feasible
     assert plan.chosen is None

@@ -16,7 +16,8 @@ from freefloat.dynamics.momentum import Task
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.planning.limited_planner import keep_limits
+from freefloat.planning.heading_map import evaluator_for
+from freefloat.planning.limit_keeping import keep_limits
 from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.spatial_planner import plan_in_space
 from freefloat.robot.model import FreeFloatingModel
@@ -154,7 +155,9 @@ def test_a_scenario_plans_within_its_limits(name: str) -> None:
     problem, limits = scenario.problem(), scenario.limits()
     assert limits is not None
     find = plan_in_plane if problem.task.planar else plan_in_space
-    found = keep_limits(find(problem, replace(scenario.search(), samples=SAMPLES)), limits)
+    evaluator = evaluator_for(problem)
+    search = replace(scenario.search(), samples=SAMPLES)
+    found = keep_limits(evaluator, find(evaluator, search), limits)
     assert found.feasible, found.reason
     assert found.chosen is not None
     assert problem.margin.is_kept(found.chosen.closest_approach.value)

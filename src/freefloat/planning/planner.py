@@ -11,6 +11,7 @@ from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
+from freefloat.so3 import grid_spacing
 
 _STRETCHES = 6
 """Attempts with a longer duration; without momentum one is enough."""
@@ -76,10 +77,11 @@ def _plan(
     """Plan with the duration as it is."""
     # compiled kernels take half a second to import
     from freefloat.planning.heading_map import evaluator_for
-    from freefloat.planning.limited_planner import keep_limits
+    from freefloat.planning.limit_keeping import keep_limits
     from freefloat.planning.planar_planner import plan_in_plane
-    from freefloat.planning.robustness import with_robustness
+    from freefloat.planning.robust_radius import safe_radius
     from freefloat.planning.spatial_planner import plan_in_space
+    from freefloat.planning.tolerance import tolerance
 
     evaluator = evaluator_for(problem, threads)
     planner = plan_in_plane if problem.task.planar else plan_in_space
@@ -88,5 +90,13 @@ def _plan(
         found = keep_limits(evaluator, found, limits, progress)
     if found.chosen is None:
         return found
-    certificate = certify(found.chosen.motion)
-    return replace(with_robustness(evaluator, found), certificate=certificate)
+    found = replace(found, certificate=certify(found.chosen.motion))
+    if found.map is None or found.chosen is None:
+        return found
+    attitude, branch = found.chosen.motion.initial.attitude, found.chosen.branch
+    radius = found.robust_radius
+    if radius is None:
+        index = None if problem.redundant else branch.index
+        radius = safe_radius(evaluator, attitude, index, grid_spacing(found.map.samples))
+    tolerated = tolerance(evaluator.roller, attitude, branch.joints)
+    return replace(found, robust_radius=radius, tolerance=tolerated)

@@ -1,147 +1,189 @@
-"""Which of many candidates may keep limits: told from compiled motions, quickly.
+"""Candidates that compiled motions show to violate limits.
 
-Joint ranges and rates are known at their steps, clearances at some
-instants. What a compiled motion
-shows there it really does, so a candidate that is sent away breaks
-the limit; one that is let through may still break it in between.
+Joint ranges and rates are compared at the integrator's steps, clearances at some instants. A
+compiled motion passes through these states, so a candidate that is screened out violates the limit;
+one that passes may still violate it in between.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.limits.collision import CollisionPairs
+from freefloat.ensemble.feasibility import BranchOutcomes, FeasibilityEvaluator
+from freefloat.limits.collision_pairs import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.joint_extents import joint_ranges
-from freefloat.motion.problem import is_kept
-from freefloat.planning.clearance_screening import shortfalls
+from freefloat.motion.problem import Problem
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.regions import depths
 from freefloat.so3 import Array, IntArray, angle_between
 
 _FIRST_BATCH, _BATCH = 16, 256
-"""Candidates followed at once: few at first, for the best may do."""
+"""Candidates screened together: few at first, for the best may pass."""
 _SLACK = 1e-4
-"""Of compiled motions: they break a limit when they exceed it by more [rad, m; share of a rate]."""
-_TURN = 2.0 * np.pi
+"""Error of compiled motions [rad, m; fraction of a rate]."""
+_INSTANTS = 16
+"""Instants between start and end at which clearances are computed."""
 
 
 @dataclass(frozen=True, eq=False)
-class Screened:
-    """A candidate for the initial attitude.
+class ScreenedCandidate:
+    """An attitude and an arm branch that keep the margin.
 
     Attributes:
         attitude: Quaternion x, y, z, w.
         branch: Number of the arm branch.
-        score: What it is ranked by: a margin, or an angle [rad].
-        broken: The limit that it breaks, if that shows already.
-        haste: Largest ratio of a rate to its limit, as far as it shows; zero without limits.
-        shortfall: By how much the clearance is missed [m], as far as it shows; zero without one.
+        violation: The limit that it violates, as far as compiled motions show.
+        rate_ratio: Largest ratio of a joint rate to its limit; zero without limits.
+        clearance_deficit: Required less actual clearance [m]; zero where it is kept.
     """
 
     attitude: Array
     branch: int
-    score: float
-    broken: LimitKind | None
-    haste: float
-    shortfall: float
+    violation: LimitKind | None
+    rate_ratio: float
+    clearance_deficit: float
 
 
-def screened(
-    outlook: FeasibilityEvaluator,
+def screen(
+    evaluator: FeasibilityEvaluator,
     attitudes: Array,
     margins: Array,
     search: Search,
     limits: Limits,
     pairs: CollisionPairs | None,
-) -> Iterator[Screened]:
+) -> Iterator[ScreenedCandidate]:
     """Candidates that keep the margin, the best by the objective first.
 
     Args:
-        outlook: Of the problem.
+        evaluator: Of the problem.
         attitudes: Quaternions x, y, z, w, shape (N, 4).
-        margins: Kept by every arm branch, zero for motions that do not complete, shape (N, B).
-        search: Its objective ranks.
-        limits: Beside the joint ranges.
-        pairs: Of bodies whose clearance is limited; None where it is not.
+        margins: Of every arm branch, zero for motions that do not complete, shape (N, B).
+        search: Its objective ranks the candidates.
+        limits: Limits beside the joint ranges.
+        pairs: Bodies whose clearance is limited; None where it is not.
     """
-    samples, branches, merits = _ranked(
-        attitudes, margins, search, outlook.problem.margin.threshold
-    )
+    feasible = evaluator.problem.margin.is_kept(margins)
+    samples, branches = _ranked(attitudes, margins, feasible, search)
     first, size = 0, _FIRST_BATCH
     while first < len(samples):
         batch = slice(first, first + size)
         first, size = first + size, min(2 * size, _BATCH)
-        own = attitudes[samples[batch]]
-        looks = _looked_at(outlook, own, branches[batch], limits, pairs)
-        for attitude, branch, merit, look in zip(
-            own, branches[batch], merits[batch], looks, strict=True
-        ):
-            yield Screened(attitude, int(branch), float(merit), *look)
+        yield from _screened(evaluator, attitudes[samples[batch]], branches[batch], limits, pairs)
 
 
-def _looked_at(
-    outlook: FeasibilityEvaluator,
+def _ranked(
+    attitudes: Array, margins: Array, feasible: npt.NDArray[np.bool_], search: Search
+) -> tuple[IntArray, IntArray]:
+    """Samples and branches that keep the margin, in the order of the objective."""
+    samples, branches = np.nonzero(feasible)
+    if search.objective is Objective.NEAREST and search.from_attitude is not None:
+        distances = angle_between(attitudes, search.from_attitude)[samples]
+        order = np.lexsort((-margins[samples, branches], distances))
+    elif search.objective is Objective.ROBUST:
+        table = np.column_stack([depths(attitudes, column) for column in feasible.T])
+        order = np.argsort(-table[samples, branches], kind="stable")
+    else:
+        order = np.argsort(-margins[samples, branches], kind="stable")
+    return samples[order], branches[order]
+
+
+def _screened(
+    evaluator: FeasibilityEvaluator,
     attitudes: Array,
     branches: IntArray,
     limits: Limits,
     pairs: CollisionPairs | None,
-) -> list[tuple[LimitKind | None, float, float]]:
-    """What each of some candidates breaks, its haste and what its clearance lacks."""
-    own, inverse = np.unique(attitudes, axis=0, return_inverse=True)
-    found = outlook.evaluate(own)
-    motions, rows = found.motions, (inverse.ravel(), branches)
-    low, high, ends = (values[rows] for values in (motions.lower, motions.upper, motions.joints))
-    outside = _out_of_range(outlook, low, high)
-    haste, shortfall = np.zeros((2, len(attitudes)))
+) -> Iterator[ScreenedCandidate]:
+    """A batch of candidates with what their compiled motions violate."""
+    distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
+    outcomes, entries = evaluator.prospects(distinct), (rows.ravel(), branches)
+    violations = {LimitKind.JOINT_RANGE: _out_of_range(evaluator.problem, outcomes, entries)}
+    rate_ratios, deficits = np.zeros((2, len(attitudes)))
     if limits.joint_rate is not None:
-        haste = (motions.rates[rows] / limits.joint_rate).max(axis=1)
-    fast = haste > 1.0 + _SLACK
+        rates = outcomes.spread(outcomes.rollout.rates)[entries]
+        rate_ratios = (rates / limits.joint_rate).max(axis=1)
+    violations[LimitKind.JOINT_RATE] = rate_ratios > 1.0 + _SLACK
     if limits.clearance is not None and pairs is not None:
-        left = np.flatnonzero(~outside & ~fast)
-        joints = found.joints[rows]
-        shortfall[left] = shortfalls(
-            outlook, pairs, limits.clearance, attitudes[left], joints[left], ends[left]
+        left = np.flatnonzero(~np.any([*violations.values()], axis=0))
+        starts, ends = outcomes.joints, outcomes.spread(outcomes.rollout.joints)
+        deficits[left] = clearance_deficits(
+            evaluator, pairs, limits.clearance, attitudes[left], starts[entries][left],
+            ends[entries][left],
+        )  # fmt: skip
+    violations[LimitKind.CLEARANCE] = deficits > 0.0
+    for k, attitude in enumerate(attitudes):
+        violation = next((kind for kind, violated in violations.items() if violated[k]), None)
+        yield ScreenedCandidate(
+            attitude, int(branches[k]), violation, float(rate_ratios[k]), float(deficits[k])
         )
-    shown = {
-        LimitKind.JOINT_RANGE: outside, LimitKind.JOINT_RATE: fast,
-        LimitKind.CLEARANCE: shortfall > 0.0,
-    }  # fmt: skip
-    broken = [next((kind for kind in shown if shown[kind][k]), None) for k in range(len(outside))]
-    return list(zip(broken, haste.tolist(), shortfall.tolist(), strict=True))
 
 
-def _ranked(
-    attitudes: Array, margins: Array, search: Search, least: float
-) -> tuple[IntArray, IntArray, Array]:
-    """Samples and branches that keep the margin, in the order of the objective; their merits."""
-    good = is_kept(margins, least)
-    samples, branches = np.nonzero(good)
-    if search.objective is Objective.NEAREST and search.from_attitude is not None:
-        merits = angle_between(attitudes, search.from_attitude)[samples]
-        order = np.lexsort((-margins[samples, branches], merits))
-    elif search.objective is Objective.ROBUST:
-        table = np.column_stack([depths(attitudes, column) for column in good.T])
-        merits = table[samples, branches]
-        order = np.argsort(-merits, kind="stable")
-    else:
-        merits = margins[samples, branches]
-        order = np.argsort(-merits, kind="stable")
-    return samples[order], branches[order], merits[order]
-
-
-def _out_of_range(outlook: FeasibilityEvaluator, low: Array, high: Array) -> npt.NDArray[np.bool_]:
-    """Where no whole turns of some joint put its span [low, high] (K, n) inside its range; (K,)."""
-    model = outlook.problem.model
-    lower, upper = joint_ranges(model)
-    turning = np.array([not body.prismatic for body in model.bodies[1:]])
+def _out_of_range(
+    problem: Problem, outcomes: BranchOutcomes, entries: tuple[IntArray, IntArray]
+) -> npt.NDArray[np.bool_]:
+    """Where no multiple of a full turn puts a joint's values inside its range, shape (K,)."""
+    low, high = (
+        outcomes.spread(values)[entries]
+        for values in (outcomes.rollout.lower, outcomes.rollout.upper)
+    )
+    lower, upper = joint_ranges(problem.model)
+    revolute = np.array([not body.prismatic for body in problem.model.bodies[1:]])
     with np.errstate(invalid="ignore"):
-        fewest = np.ceil((lower - _SLACK - low) / _TURN)
-        most = np.floor((upper + _SLACK - high) / _TURN)
-    fits = np.where(turning, fewest <= most, (low >= lower - _SLACK) & (high <= upper + _SLACK))
+        fewest = np.ceil((lower - _SLACK - low) / (2.0 * np.pi))
+        most = np.floor((upper + _SLACK - high) / (2.0 * np.pi))
+    fits = np.where(revolute, fewest <= most, (low >= lower - _SLACK) & (high <= upper + _SLACK))
     return np.asarray(~fits.all(axis=1))
+
+
+def clearance_deficits(
+    evaluator: FeasibilityEvaluator,
+    pairs: CollisionPairs,
+    clearance: float,
+    attitudes: Array,
+    joints: Array,
+    ends: Array,
+) -> Array:
+    """Required less actual clearance of motions at the first instant where it is too small.
+
+    Start and end are examined first: many motions need not be integrated at all.
+
+    Args:
+        evaluator: Of the problem.
+        pairs: Of its robot.
+        clearance: Required distance [m].
+        attitudes: At the start, quaternions x, y, z, w, shape (K, 4).
+        joints: At the start, shape (K, n).
+        ends: Joints at the end, shape (K, n).
+
+    Returns:
+        [m], shape (K,); zero for motions that keep the clearance at every instant.
+    """
+    deficits = np.zeros(len(attitudes))
+    every = np.arange(len(pairs.pairs))
+
+    def examine(numbers: IntArray, configurations: Array) -> IntArray:
+        """Motions that keep the clearance at an instant, by number."""
+        for number, q in zip(numbers, configurations, strict=True):
+            actual = pairs.distances(q, every).min()
+            deficits[number] = max(0.0, clearance - actual - _SLACK)
+        return np.asarray(numbers[deficits[numbers] == 0.0])
+
+    left = examine(np.arange(len(attitudes)), joints)
+    left = examine(left, ends[left])
+    attitudes, joints = attitudes[left], joints[left]
+    times = np.linspace(0.0, evaluator.problem.path.duration, _INSTANTS + 2)
+    for start, end in pairwise(times[:-1]):
+        ensemble = evaluator.roller.follow(
+            attitudes, joints, tolerance=evaluator.tolerance,
+            starts=np.full(len(left), start), ends=np.full(len(left), end),
+        )  # fmt: skip
+        kept = examine(left, ensemble.joints)
+        still = np.isin(left, kept, assume_unique=True)
+        left, attitudes, joints = kept, ensemble.attitudes[still], ensemble.joints[still]
+    return deficits

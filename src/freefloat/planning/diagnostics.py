@@ -1,0 +1,177 @@
+"""Sentences of a plan: why an attitude was chosen, and why there is none."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
+from freefloat.limits.limits import LimitResult
+from freefloat.motion.problem import Problem
+from freefloat.motion.reach import light_spacecraft, told_reach, unreached_start
+from freefloat.motion.simulation import SimulatedBranch
+from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.confirmation import best_branch, integrate_branch
+from freefloat.planning.heading_map import attitudes_at
+from freefloat.planning.options import Objective, Search
+from freefloat.planning.planar_ranges import TURN
+from freefloat.planning.search import largest_margins
+from freefloat.so3 import angle_between
+from freefloat.workspace.margin_curves import (
+    most_singular_place,
+    planar_workspace,
+    point_3_on_path,
+)
+
+ALREADY = "the attitude the spacecraft has keeps the margin already"
+_TRIED = 24
+"""Headings that are tried to report the best infeasible one."""
+_CERTAIN = 0.95
+"""A bound known to a few percent is certain below this fraction of the margin."""
+
+
+def margin_text(simulated: SimulatedBranch) -> str:
+    """The measure and its smallest magnitude along a motion."""
+    return f"{simulated.closest_approach.measure} {simulated.closest_approach.value:.6g}"
+
+
+def attitude_reason(objective: Objective, candidate: Candidate, chosen: SimulatedBranch) -> str:
+    """Why an attitude was chosen for its margin alone."""
+    degrees = np.degrees(candidate.score)
+    if objective is Objective.MARGIN:
+        return f"the largest margin, {margin_text(chosen)}"
+    if objective is Objective.ROBUST:
+        return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
+    if candidate.score == 0.0:
+        return ALREADY
+    return f"the nearest to from_attitude, {degrees:.4g} degrees away"
+
+
+def limited_reason(search: Search, chosen: SimulatedBranch) -> str:
+    """Why an attitude was chosen among those that keep the limits."""
+    if search.objective is Objective.NEAREST and search.from_attitude is not None:
+        away = np.degrees(angle_between(chosen.motion.initial.attitude, search.from_attitude))
+        return f"the nearest found that keeps the limits, {away:.4g} degrees away"
+    what = "deepest inside" if search.objective is Objective.ROBUST else "largest margin"
+    return f"the {what} among the samples that keep the limits, {margin_text(chosen)}"
+
+
+def disagreement(
+    evaluator: FeasibilityEvaluator, candidate: Candidate, precise: SimulatedBranch
+) -> str:
+    """That the precise motion of a candidate does not keep the margin."""
+    return (
+        f"attitude {np.round(precise.motion.initial.attitude, 6).tolist()}, "
+        f"{_arm(evaluator, candidate)}: compiled motions keep the margin, the precise one "
+        f"{_ending(precise)} {margin_text(precise)}"
+    )
+
+
+def no_feasible_attitude(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> str:
+    """Why no attitude of a map keeps the margin."""
+    problem, N = samples.problem, samples.samples
+    beyond = told_reach(problem)
+    if beyond is not None:
+        return beyond
+    if not samples.reached.any():
+        return f"from none of {N} attitudes does {unreached_start(problem)}"
+    best = max(largest_margins(evaluator, samples), key=lambda one: one.score, default=None)
+    if best is None:
+        return f"the arm becomes singular from all of {N} attitudes, with every arm branch"
+    name = problem.margin.measure.name
+    return (
+        f"of {N} attitudes and those near the best of them none keeps {name} "
+        f"{problem.margin.threshold:.6g}; the largest least {name} is {best.score:.6g}, "
+        f"from {np.round(best.attitude, 6).tolist()} with {_arm(evaluator, best)}"
+    )
+
+
+def no_feasible_heading(evaluator: FeasibilityEvaluator) -> str:
+    """Why no heading keeps the margin: the best of some headings."""
+    problem = evaluator.problem
+    attitudes = attitudes_at(np.arange(_TRIED) * (TURN / _TRIED))
+    outcomes = evaluator.prospects(attitudes)
+    tried = np.argwhere(np.isin(outcomes.endings, (COMPLETED, SINGULAR)))
+    beyond = told_reach(problem)
+    if beyond is not None:
+        return beyond
+    if not len(tried):
+        return f"from no heading does {unreached_start(problem)}"
+    ended_at, margins = outcomes.spread(outcomes.rollout.ended_at), outcomes.least
+    n, branch = max(tried.tolist(), key=lambda row: (ended_at[tuple(row)], margins[tuple(row)]))
+    best = integrate_branch(problem, attitudes[n], branch)
+    approach = best.closest_approach
+    position = problem.path.pose(approach.time).position
+    return (
+        f"every heading violates the margin; of {_TRIED} tried the best {_ending(best)} "
+        f"{approach.measure} {approach.value:.4g} at "
+        f"s = {round(problem.path.timing.s(approach.time), 4):g}, "
+        f"({position[0]:.4g}, {position[1]:.4g}) m"
+    )
+
+
+def infeasible_distance(problem: Problem) -> str | None:
+    """Why no heading can be feasible, where distances from the centre of mass alone show it.
+
+    Args:
+        problem: A planar problem whose S depends on two joint angles.
+    """
+    workspace = planar_workspace(problem)
+    inner, outer = workspace.reach
+    for s in np.linspace(0.0, 1.0, 401).tolist():
+        point = point_3_on_path(problem, s)
+        if not inner <= abs(point) <= outer:
+            return (
+                f"the path is out of reach at s = {s:.3g}: it wants the {workspace.point} at "
+                f"{_point(point)} m, {abs(point):.4g} m from the centre of mass; the arm reaches "
+                f"{inner:.4g} to {outer:.4g} m{light_spacecraft(problem)}"
+            )
+    s, largest = most_singular_place(problem)
+    threshold = problem.margin.threshold
+    if largest >= _CERTAIN * threshold:
+        return None
+    return (
+        f"at s = {s:.3g}, with the {workspace.point} at {_point(point_3_on_path(problem, s))} m, "
+        f"no configuration has |S| above {largest:.4g}; the margin asks for {threshold:.4g}"
+    )
+
+
+def limits_violated(
+    violations: Counter[str], results: Sequence[LimitResult], count: int, stretch: float | None
+) -> str:
+    """Why no candidate keeps the limits.
+
+    Args:
+        violations: How many candidates violate which limit.
+        results: Limits along the candidate that comes nearest to keeping them.
+        count: Number of precise motions.
+        stretch: Factor on the duration that would be enough.
+    """
+    counts = ", ".join(f"{name} {number}" for name, number in violations.most_common())
+    reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
+    worst = max((r for r in results if not r.kept), key=lambda r: r.ratio, default=None)
+    if worst is not None:
+        reason += (
+            f"; the best of {count} integrated precisely reaches {worst.limit} "
+            f"{worst.worst:.4g} of {worst.allowed:.4g} allowed, at {worst.where}"
+        )
+    return reason if stretch is None else f"{reason}; {stretch:.4g} times the duration would do"
+
+
+def _ending(simulated: SimulatedBranch) -> str:
+    return "falls to" if simulated.motion.completed else "becomes singular,"
+
+
+def _arm(evaluator: FeasibilityEvaluator, candidate: Candidate) -> str:
+    """The arm branch; of a redundant arm, whose branches have no numbers, its joints."""
+    if candidate.branch is not None:
+        return f"branch {candidate.branch}"
+    _, joints = best_branch(evaluator, candidate.attitude)
+    return f"the arm at {np.round(joints, 4).tolist()}"
+
+
+def _point(point: complex) -> str:
+    return f"({point.real:.4g}, {point.imag:.4g})"
