@@ -13,7 +13,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Margin, Problem, is_kept
 from freefloat.motion.simulation import simulate
 from freefloat.planning import sampling
 from freefloat.planning.attitude_map import AttitudeMap
@@ -80,7 +80,7 @@ def test_entries_of_a_map_are_those_of_simulations(found: AttitudeMap) -> None:
             assert completed == one.motion.completed
             least = one.closest_approach.value if completed else 0.0
             assert found.margins[k, one.branch.index] == pytest.approx(least, rel=1e-3)
-            keeps = completed and one.closest_approach.keeps(30.0)
+            keeps = completed and is_kept(one.closest_approach.value, 30.0)
             assert found.feasible[k, one.branch.index] == keeps
 
 

@@ -154,8 +154,6 @@ def test_progress_is_told_from_zero_to_one(problem):
 
 def test_misuse_is_refused(problem):
     """Headings of spatial tasks, nearest to nothing, too few samples."""
-    with pytest.raises(InputError, match="planar-pose"):
-        sample_headings(ff.load_scenario("spatial_6dof/line").problem(), 8)
     with pytest.raises(InputError, match="from_attitude"):
         ff.Search(ff.Objective.NEAREST)
     with pytest.raises(InputError, match="samples"):

@@ -115,6 +115,11 @@ class AttitudeMap:
         return len(self.attitudes)
 
     @property
+    def motions(self) -> int:
+        """Number of motions."""
+        return int(self.reached.sum())
+
+    @property
     def margins(self) -> Array:
         """Minimum margins, zero for motions that do not complete, shape (N, B)."""
         return np.where(self.endings == COMPLETED, self.minimum_margins, 0.0)
@@ -146,7 +151,7 @@ class AttitudeMap:
     @property
     def motion_fraction(self) -> float:
         """Fraction of the motions that keep the margin."""
-        return float(self.feasible.sum() / max(1, self.reached.sum()))
+        return float(self.feasible.sum() / max(1, self.motions))
 
     def regular(self, branch: int | None) -> npt.NDArray[np.bool_]:
         """Where a branch, or any, is feasible and stays clear of all singularities, shape (N,)."""
@@ -185,7 +190,7 @@ class AttitudeMap:
         document = {
             "samples": self.samples,
             "seed": self.seed,
-            "motions": int(self.reached.sum()),
+            "motions": self.motions,
             "feasible_fraction": self.feasible_fraction,
             "feasible_fraction_error": self.feasible_fraction_error,
             "motion_fraction": self.motion_fraction,
