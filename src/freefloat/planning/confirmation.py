@@ -37,6 +37,6 @@ def keeps_margin(simulated: SimulatedBranch) -> bool:
 
 def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
     """Number and initial joints of the arm branch with the largest margin at an attitude."""
-    outcomes = evaluator.prospects(attitude[None])
+    outcomes = evaluator.evaluate(attitude[None])
     branch = int(np.argmax(outcomes.margins[0]))
     return branch, outcomes.joints[0, branch]

@@ -11,7 +11,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.problem import Problem
-from freefloat.motion.reach import light_spacecraft, told_reach, unreached_start
+from freefloat.motion.reach import light_spacecraft, reach_message, unreached_start
 from freefloat.motion.simulation import SimulatedBranch
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
 from freefloat.planning.confirmation import best_branch, integrate_branch
@@ -73,7 +73,7 @@ def disagreement(
 def no_feasible_attitude(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> str:
     """Why no attitude of a map keeps the margin."""
     problem, N = samples.problem, samples.samples
-    beyond = told_reach(problem)
+    beyond = reach_message(problem)
     if beyond is not None:
         return beyond
     if not samples.reached.any():
@@ -93,14 +93,14 @@ def no_feasible_heading(evaluator: FeasibilityEvaluator) -> str:
     """Why no heading keeps the margin: the best of some headings."""
     problem = evaluator.problem
     attitudes = attitudes_at(np.arange(_TRIED) * (TURN / _TRIED))
-    outcomes = evaluator.prospects(attitudes)
-    tried = np.argwhere(np.isin(outcomes.endings, (COMPLETED, SINGULAR)))
-    beyond = told_reach(problem)
+    outcomes = evaluator.evaluate(attitudes)
+    tried = np.argwhere(np.isin(outcomes.motions.endings, (COMPLETED, SINGULAR)))
+    beyond = reach_message(problem)
     if beyond is not None:
         return beyond
     if not len(tried):
         return f"from no heading does {unreached_start(problem)}"
-    ended_at, margins = outcomes.spread(outcomes.rollout.ended_at), outcomes.least
+    ended_at, margins = outcomes.motions.ended_at, outcomes.motions.minimum
     n, branch = max(tried.tolist(), key=lambda row: (ended_at[tuple(row)], margins[tuple(row)]))
     best = integrate_branch(problem, attitudes[n], branch)
     approach = best.closest_approach

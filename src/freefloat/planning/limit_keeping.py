@@ -94,7 +94,7 @@ class _Trials:
         """All limits along the motion that comes nearest to keeping them."""
         if self._nearest_motion is None:
             return ()
-        return self.checker.findings(self._nearest_motion)
+        return self.checker.results(self._nearest_motion)
 
 
 def _excess(results: list[LimitResult] | tuple[LimitResult, ...]) -> tuple[float, float]:
@@ -188,7 +188,7 @@ def _samples(found: Plan, evaluator: FeasibilityEvaluator) -> tuple[Array, Array
     if found.map is not None:
         return found.map.attitudes, found.map.margins
     attitudes = attitudes_at(np.arange(_HEADINGS) * (2.0 * np.pi / _HEADINGS))
-    return attitudes, evaluator.prospects(attitudes).margins
+    return attitudes, evaluator.evaluate(attitudes).margins
 
 
 def _is_beside(

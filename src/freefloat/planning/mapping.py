@@ -17,7 +17,7 @@ from freefloat.planning.boundary import boundary_points, tangent_boundary
 from freefloat.planning.heading_map import HeadingMap, sample_headings
 from freefloat.planning.options import HEADINGS, MAP_ATTITUDES
 from freefloat.planning.regions import find_regions
-from freefloat.planning.robust_radius import deepest
+from freefloat.planning.robustness import deepest
 from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.search import largest_margins, nearest_feasible
 from freefloat.planning.tangency import require_tangency_points

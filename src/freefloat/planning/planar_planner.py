@@ -17,7 +17,7 @@ from freefloat.planning.diagnostics import (
     margin_text,
     no_feasible_heading,
 )
-from freefloat.planning.heading_map import best_heading, searched_ranges
+from freefloat.planning.heading_map import best_heading
 from freefloat.planning.options import HEADINGS, Objective, Search
 from freefloat.planning.plan import Plan, Segment
 from freefloat.planning.planar_ranges import (
@@ -27,6 +27,7 @@ from freefloat.planning.planar_ranges import (
     find_range_limits,
     heading_ranges,
 )
+from freefloat.planning.searched_ranges import searched_ranges
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.workspace.margin_curves import has_two_angle_form
 

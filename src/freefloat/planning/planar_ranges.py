@@ -1,7 +1,7 @@
-"""Exact ranges of initial heading for planar arms: touch points carried along their motions.
+"""Exact feasible ranges of initial heading for planar arms, from tangency points.
 
-Every limit of a range is the heading of a motion that touches its margin (29), or one at which the
-arm just reaches the path. Between neighbouring limits nothing changes: one motion tells for all.
+Every limit of a range is the heading of a motion that is tangent to the margin surface (29), or one
+at which the arm just reaches the path. Between neighbouring limits one motion decides for all.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from freefloat.workspace.planar_arm import PlanarArm
 
 TURN = 2.0 * np.pi
 _SMALLEST_LEVEL = 1e-4
-"""Share of S_max that stands for a margin of zero, at which no motion can be started."""
+"""Fraction of S_max used for a margin of zero, at which no motion can be started."""
 _TOLERANCE = 1e-9
 _NEAR = 1e-4
-"""How near joint values must be to mean a branch [rad]."""
+"""Largest distance of joint values from those of their arm branch [rad]."""
 
 Span = tuple[float, float]
 
@@ -80,7 +80,7 @@ class RangeLimit:
 
 @dataclass(frozen=True)
 class HeadingRange:
-    """Headings from which every motion keeps the margin.
+    """A range of feasible headings.
 
     Attributes:
         low: First heading [rad], in [0, 2 pi).
@@ -94,7 +94,7 @@ class HeadingRange:
 
     @property
     def width(self) -> float:
-        """How many headings it holds [rad]."""
+        """Width of the range [rad]."""
         return self.high - self.low
 
     @property
@@ -114,13 +114,13 @@ class HeadingRange:
 
 @dataclass(frozen=True)
 class BranchRanges:
-    """The ranges of one arm branch.
+    """The feasible ranges of one arm branch at some time.
 
     Attributes:
-        branch: Number of the arm branch at the time meant.
+        branch: Number of the arm branch at that time.
         label: Its name.
         ranges: In order of their first heading.
-        limits: Headings at which the verdict changes [rad]; even in number (Appendix C).
+        limits: Headings at which feasibility changes [rad]; even in number (Appendix C).
     """
 
     branch: int
@@ -128,21 +128,16 @@ class BranchRanges:
     ranges: tuple[HeadingRange, ...]
     limits: tuple[float, ...]
 
-    @property
-    def degrees(self) -> list[list[float]]:
-        """The ranges in degrees from 0 to 360, those across zero split in two."""
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document: degrees from 0 to 360, ranges across zero split in two."""
         parts = []
         for entry in self.ranges:
             low, high = np.degrees([entry.low, entry.high]).tolist()
             parts += [[low, high]] if high <= 360.0 else [[0.0, high - 360.0], [low, 360.0]]
-        return sorted(parts)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON document, angles in degrees."""
         return {
             "branch": self.branch,
             "label": self.label,
-            "ranges": self.degrees,
+            "ranges": sorted(parts),
             "limits": [float(np.degrees(limit)) for limit in self.limits],
         }
 
@@ -168,20 +163,22 @@ def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
         span: First and last time [s].
     """
     level = margin_level(problem)
-    touches = tangency_points(problem, level, span)
-    carried = (_carried(problem, touch, span, level) for touch in touches)
-    return tuple(limit for limit in carried if limit is not None)
+    points = tangency_points(problem, level, span)
+    limits = (_range_limit(problem, point, span, level) for point in points)
+    return tuple(limit for limit in limits if limit is not None)
 
 
-def _carried(problem: Problem, touch: TangencyPoint, span: Span, level: float) -> RangeLimit | None:
-    """The motion through a touch point, or None where it breaks the margin elsewhere."""
+def _range_limit(
+    problem: Problem, point: TangencyPoint, span: Span, level: float
+) -> RangeLimit | None:
+    """The motion through a tangency point, or None where it violates the margin elsewhere."""
     halves = []
     for end in span:
-        motion = _motion(problem, touch.heading, touch.joints, touch.time, end)
+        motion = _motion(problem, point.heading, point.joints, point.time, end)
         if motion is None or not keeps_margin(problem, motion, level):
             return None
         halves.append(motion)
-    return RangeLimit(touch, halves[0], halves[1])
+    return RangeLimit(point, halves[0], halves[1])
 
 
 def _motion(
@@ -205,7 +202,7 @@ def heading_ranges(
         problem: As for :func:`find_range_limits`.
         limits: Found for the same span.
         span: First and last time [s].
-        at: The time at which headings are told [s], in the span.
+        at: Time of the headings [s], in the span.
 
     Returns:
         One entry for each arm branch.
@@ -214,13 +211,13 @@ def heading_ranges(
     edges = _edges(problem, limits, at)
     entries = []
     for index, label in enumerate(("elbow+", "elbow-")):
-        own = sorted(
+        mine = sorted(
             (heading, cause) for heading, branch, cause in edges if branch in (index, None)
         )
-        arcs = list(_arcs(own))
-        verdicts = [_feasible(problem, index, span, at, low + (high - low) / 2.0, level)
+        arcs = list(_arcs(mine))
+        feasible = [_feasible(problem, index, span, at, low + (high - low) / 2.0, level)
                     for low, high, _ in arcs]  # fmt: skip
-        entries.append(_joined(index, label, arcs, verdicts))
+        entries.append(_joined(index, label, arcs, feasible))
     return tuple(entries)
 
 
@@ -229,7 +226,7 @@ Arc = tuple[float, float, tuple[RangeLimitCause, ...]]
 
 
 def _edges(problem: Problem, limits: tuple[RangeLimit, ...], at: float) -> list[Edge]:
-    """Headings at which a verdict may change, and for which branch (None: for both)."""
+    """Headings at which feasibility may change, and of which branch (None: of both)."""
     edges: list[Edge] = [
         (heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)
     ]
@@ -249,13 +246,13 @@ def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> in
 def reach_limits(problem: Problem, at: float) -> Iterator[float]:
     """Headings at which the arm is stretched or folded onto the path: |b| + |c| or |b| - |c|."""
     a, b, c = PlanarArm.of(problem.model).links[:3]
-    place = point_3_on_path(problem, problem.path.timing.s(at))
-    product = 2.0 * abs(place) * abs(a)
+    point = point_3_on_path(problem, problem.path.timing.s(at))
+    product = 2.0 * abs(point) * abs(a)
     for length in (abs(b) + abs(c), abs(abs(b) - abs(c))):
-        cosine = (abs(place) ** 2 + abs(a) ** 2 - length**2) / product if product else np.inf
+        cosine = (abs(point) ** 2 + abs(a) ** 2 - length**2) / product if product else np.inf
         if abs(cosine) < 1.0:
             for sign in (1.0, -1.0):
-                yield float((np.angle(place) - np.angle(a) + sign * np.arccos(cosine)) % TURN)
+                yield float((np.angle(point) - np.angle(a) + sign * np.arccos(cosine)) % TURN)
 
 
 def _arcs(edges: list[tuple[float, RangeLimitCause]]) -> Iterator[Arc]:
@@ -283,19 +280,19 @@ def _feasible(
     return True
 
 
-def _joined(index: int, label: str, arcs: list[Arc], verdicts: list[bool]) -> BranchRanges:
-    """Neighbouring arcs with the same verdict are one; round the circle, too."""
-    if all(verdicts):
+def _joined(index: int, label: str, arcs: list[Arc], feasible: list[bool]) -> BranchRanges:
+    """Neighbouring arcs with the same feasibility are joined, also across zero."""
+    if all(feasible):
         return BranchRanges(index, label, (HeadingRange(0.0, TURN, ()),), ())
-    first = verdicts.index(False)
-    judged = list(zip(verdicts, arcs, strict=True))
+    first = feasible.index(False)
+    judged = list(zip(feasible, arcs, strict=True))
     ranges = []
-    for good, group in groupby(judged[first:] + judged[:first], key=lambda pair: pair[0]):
+    for inside, group in groupby(judged[first:] + judged[:first], key=lambda pair: pair[0]):
         parts = [arc for _, arc in group]
-        if good:
+        if inside:
             low, width = parts[0][0] % TURN, sum(high - low for low, high, _ in parts)
             causes = parts[0][2][0], parts[-1][2][1]
             ranges.append(HeadingRange(low, low + width, causes))
-    ranges.sort(key=lambda one: one.low)
-    limits = sorted(edge % TURN for one in ranges for edge in (one.low, one.high))
+    ranges.sort(key=lambda part: part.low)
+    limits = sorted(edge % TURN for part in ranges for edge in (part.low, part.high))
     return BranchRanges(index, label, tuple(ranges), tuple(limits))

@@ -79,7 +79,7 @@ def _plan(
     from freefloat.planning.heading_map import evaluator_for
     from freefloat.planning.limit_keeping import keep_limits
     from freefloat.planning.planar_planner import plan_in_plane
-    from freefloat.planning.robust_radius import safe_radius
+    from freefloat.planning.robustness import safe_radius
     from freefloat.planning.spatial_planner import plan_in_space
     from freefloat.planning.tolerance import tolerance
 
@@ -98,5 +98,5 @@ def _plan(
     if radius is None:
         index = None if problem.redundant else branch.index
         radius = safe_radius(evaluator, attitude, index, grid_spacing(found.map.samples))
-    tolerated = tolerance(evaluator.roller, attitude, branch.joints)
+    tolerated = tolerance(evaluator.integrator, attitude, branch.joints)
     return replace(found, robust_radius=radius, tolerance=tolerated)

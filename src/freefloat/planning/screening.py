@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.feasibility import BranchOutcomes, FeasibilityEvaluator
-from freefloat.limits.collision_pairs import CollisionPairs
+from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
+from freefloat.limits.collision import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.joint_extents import joint_ranges
 from freefloat.motion.problem import Problem
@@ -102,16 +102,16 @@ def _screened(
 ) -> Iterator[ScreenedCandidate]:
     """A batch of candidates with what their compiled motions violate."""
     distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
-    outcomes, entries = evaluator.prospects(distinct), (rows.ravel(), branches)
+    outcomes, entries = evaluator.evaluate(distinct), (rows.ravel(), branches)
     violations = {LimitKind.JOINT_RANGE: _out_of_range(evaluator.problem, outcomes, entries)}
     rate_ratios, deficits = np.zeros((2, len(attitudes)))
     if limits.joint_rate is not None:
-        rates = outcomes.spread(outcomes.rollout.rates)[entries]
+        rates = outcomes.motions.rates[entries]
         rate_ratios = (rates / limits.joint_rate).max(axis=1)
     violations[LimitKind.JOINT_RATE] = rate_ratios > 1.0 + _SLACK
     if limits.clearance is not None and pairs is not None:
         left = np.flatnonzero(~np.any([*violations.values()], axis=0))
-        starts, ends = outcomes.joints, outcomes.spread(outcomes.rollout.joints)
+        starts, ends = outcomes.joints, outcomes.motions.joints
         deficits[left] = clearance_deficits(
             evaluator, pairs, limits.clearance, attitudes[left], starts[entries][left],
             ends[entries][left],
@@ -125,7 +125,7 @@ def _screened(
 
 
 def _out_of_range(
-    problem: Problem, outcomes: BranchOutcomes, entries: tuple[IntArray, IntArray]
+    problem: Problem, outcomes: BranchResults, entries: tuple[IntArray, IntArray]
 ) -> npt.NDArray[np.bool_]:
     """Where no multiple of a full turn puts a joint's values inside its range, shape (K,)."""
     low, high = (
@@ -179,7 +179,7 @@ def clearance_deficits(
     attitudes, joints = attitudes[left], joints[left]
     times = np.linspace(0.0, evaluator.problem.path.duration, _INSTANTS + 2)
     for start, end in pairwise(times[:-1]):
-        ensemble = evaluator.roller.follow(
+        ensemble = evaluator.integrator.integrate(
             attitudes, joints, tolerance=evaluator.tolerance,
             starts=np.full(len(left), start), ends=np.full(len(left), end),
         )  # fmt: skip

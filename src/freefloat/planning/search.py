@@ -1,164 +1,267 @@
-"""Between the samples of an attitude map: the best attitude and the nearest.
+"""Searches between the samples of an attitude map: clouds of attitudes, and bisection.
 
-Both begin with samples of a map and go on with small clouds of attitudes, followed at once.
+The best, the nearest and the deepest attitude, and the boundary of the feasible set, are all found
+with :func:`cloud_search` and :func:`bisect`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import is_kept
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
-from freefloat.planning.boundary import EXACT, ROUGH, Inside, bisected
 from freefloat.so3 import (
     Array,
+    IntArray,
     angle_between,
     attitudes_within,
     grid_spacing,
+    rotation_vector_to,
+    turned,
 )
 
 _CLOUD = 40
 """Attitudes in a cloud."""
-_CANDIDATES, _FINISHED, _TURNS = 16, 4, 60
+_CLIMBS, _FINISHED, _ROUNDS = 16, 4, 60
 """Samples to climb from, how many of them to the top, and clouds on the way."""
 _FINE = 2e-5
 """Clouds smaller than this end a climb [rad]."""
 _SMALL = 2e-3
 """Clouds smaller than this end the search for the nearest [rad]."""
-_INSIDE = 5e-4
-"""A compiled motion is trusted to keep a margin that it exceeds by this share."""
+_CERTAIN = 5e-4
+"""A compiled motion is certain to keep a margin that it exceeds by this fraction."""
+_PARTS = 8
+ROUGH, EXACT = 3, 6
+"""Rounds of bisection: to 0.2 percent of the distance, to 4e-6."""
+
+Inside = Callable[[Array], npt.NDArray[np.bool_]]
+"""Whether attitudes (K, 4) belong to a set, shape (K,)."""
+Improve = Callable[[IntArray, Array, Array], tuple[npt.NDArray[np.bool_], Array]]
+"""From numbers of searches (A,), their attitudes (A, 4) and clouds (A, C, 4): whether each cloud
+has a better attitude, (A,), and those attitudes, (B, 4)."""
 
 
-def largest_margins(outlook: FeasibilityEvaluator, found: AttitudeMap) -> list[Candidate]:
-    """The attitudes of the largest margins, best first, refined from samples of the map.
+def cloud_search(
+    starts: Array,
+    radius: float,
+    smallest: float,
+    improve: Improve,
+    *,
+    shrink: float = 0.4,
+    rounds: int = _ROUNDS,
+) -> Array:
+    """Attitudes moved to better ones in clouds around them, which shrink where none is better.
 
-    Many samples are followed uphill for a few clouds, the best of them to the top.
+    Args:
+        starts: Quaternions x, y, z, w, shape (K, 4).
+        radius: Of the first clouds [rad].
+        smallest: Smaller clouds end a search [rad].
+        improve: Finds better attitudes.
+        shrink: Factor on the radius where nothing is better.
+        rounds: Most clouds of each search.
+
+    Returns:
+        Shape (K, 4).
     """
-    spacing = grid_spacing(len(found.attitudes))
-    starts = [
-        Candidate(found.attitudes[sample], branch, margin)
-        for branch, sample, margin in _peaks(found, 1.5 * spacing)
-    ]
-    climbed = _uphill(outlook, starts, spacing, spacing / 3.0)
-    climbed.sort(key=lambda one: -one.score)
-    finished = _uphill(outlook, climbed[:_FINISHED], spacing / 3.0, _FINE)
-    return sorted(finished, key=lambda one: -one.score) + climbed[_FINISHED:]
+    best, radii = np.array(starts), np.full(len(starts), radius)
+    for number in range(1, rounds + 1):
+        (active,) = np.nonzero(radii > smallest)
+        if not len(active):
+            break
+        clouds = np.array([attitudes_within(best[i], radii[i], _CLOUD, number) for i in active])
+        better, moved = improve(active, best[active], clouds)
+        best[active[better]] = moved
+        radii[active[~better]] *= shrink
+    return best
 
 
-def _uphill(
-    outlook: FeasibilityEvaluator, starts: list[Candidate], radius: float, least: float
+def bisect(inside: Inside, within: Array, beyond: Array, rounds: int = EXACT) -> Array:
+    """Where geodesics from attitudes inside a set to others outside leave it, just inside.
+
+    Args:
+        inside: Tells which attitudes belong to the set.
+        within: Attitudes inside, shape (K, 4).
+        beyond: Attitudes outside, shape (K, 4).
+        rounds: Each leaves an eighth of the distance.
+
+    Returns:
+        Shape (K, 4).
+    """
+    vectors, low, width = rotation_vector_to(within, beyond), np.zeros(len(within)), 1.0
+    steps = np.arange(1, _PARTS) / _PARTS
+    for _ in range(rounds):
+        fractions = low[:, None] + width * steps
+        rotations = (fractions[:, :, None] * vectors[:, None]).reshape(-1, 3)
+        attitudes = turned(np.repeat(within, len(steps), axis=0), rotations)
+        stays = inside(attitudes).reshape(fractions.shape)
+        width /= _PARTS
+        low = low + width * np.where(stays.all(axis=1), len(steps), np.argmin(stays, axis=1))
+    return turned(within, low[:, None] * vectors)
+
+
+def edge(
+    inside: Inside,
+    attitudes: Array,
+    members: npt.NDArray[np.bool_],
+    count: int,
+    rounds: int,
+) -> Array:
+    """Attitudes on the boundary of a set, just inside, by bisection between neighbouring samples.
+
+    Args:
+        inside: Tells which attitudes belong to the set.
+        attitudes: Samples, shape (N, 4).
+        members: Which of them belong to it, shape (N,).
+        count: Number of pairs of neighbours to bisect, evenly picked.
+        rounds: As for :func:`bisect`.
+
+    Returns:
+        Shape (K, 4).
+    """
+    if members.all() or not members.any():
+        return np.empty((0, 4))
+    within, beyond = attitudes[members], attitudes[~members]
+    chord, other = cKDTree(np.vstack([beyond, -beyond])).query(within)
+    (close,) = np.nonzero(4.0 * np.arcsin(chord / 2.0) < 1.5 * grid_spacing(len(members)))
+    picked = close[np.linspace(0, len(close) - 1, min(count, len(close))).astype(int)]
+    return bisect(inside, within[picked], beyond[other[picked] % len(beyond)], rounds)
+
+
+def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Candidate]:
+    """The attitudes of the largest margins, best first, refined from samples of a map.
+
+    Many samples climb for a few clouds, the best of them to the top.
+    """
+    spacing = grid_spacing(samples.samples)
+    climbed = _climb(evaluator, _peaks(samples, 1.5 * spacing), spacing, spacing / 3.0)
+    climbed.sort(key=lambda peak: -peak.score)
+    finished = _climb(evaluator, climbed[:_FINISHED], spacing / 3.0, _FINE)
+    return sorted(finished, key=lambda peak: -peak.score) + climbed[_FINISHED:]
+
+
+def _climb(
+    evaluator: FeasibilityEvaluator, starts: list[Candidate], radius: float, smallest: float
 ) -> list[Candidate]:
-    """Candidates moved to the best of clouds around them that shrink where nothing is better."""
-    ends = []
-    for branch in dict.fromkeys(one.branch for one in starts):
-        mine = [one for one in starts if one.branch == branch]
-        best = np.array([one.attitude for one in mine])
-        margins = np.array([one.score for one in mine])
-        radii = np.full(len(mine), radius)
-        for turn in range(_TURNS):
-            (active,) = np.nonzero(radii > least)
-            if not len(active):
-                break
-            clouds = np.array(
-                [attitudes_within(best[i], radii[i], _CLOUD, turn + 1) for i in active]
-            )
-            values = outlook.margins(clouds.reshape(-1, 4), branch).reshape(len(active), _CLOUD)
-            top, rows = np.argmax(values, axis=1), np.arange(len(active))
+    """Candidates moved to larger margins nearby."""
+    peaks = []
+    for branch in dict.fromkeys(start.branch for start in starts):
+        group = [start for start in starts if start.branch == branch]
+        margins = np.array([start.score for start in group])
+
+        def improve(
+            active: IntArray,
+            _: Array,
+            clouds: Array,
+            branch: int | None = branch,
+            margins: Array = margins,
+        ) -> tuple[npt.NDArray[np.bool_], Array]:
+            values = evaluator.margins(clouds.reshape(-1, 4), branch).reshape(clouds.shape[:2])
+            rows, top = np.arange(len(active)), np.argmax(values, axis=1)
             better = values[rows, top] > margins[active]
-            best[active[better]] = clouds[rows, top][better]
             margins[active[better]] = values[rows, top][better]
-            radii[active[~better]] *= 0.4
-        ends += [
+            return better, clouds[rows, top][better]
+
+        starting = np.array([start.attitude for start in group])
+        attitudes = cloud_search(starting, radius, smallest, improve)
+        peaks += [
             Candidate(attitude, branch, float(margin))
-            for attitude, margin in zip(best, margins, strict=True)
+            for attitude, margin in zip(attitudes, margins, strict=True)
         ]
-    return ends
+    return peaks
 
 
-def _peaks(found: AttitudeMap, apart: float) -> list[tuple[int | None, int, float]]:
-    """Branch, sample and value of the largest margins, no two of a branch near each other."""
+def _peaks(samples: AttitudeMap, spacing: float) -> list[Candidate]:
+    """The samples of the largest margins, no two of a branch near each other."""
     ranked = sorted(
-        ((float(margins[i]), branch, int(i)) for branch, margins in found.branch_margins()
-         for i in np.argsort(-margins, kind="stable")[: 8 * _CANDIDATES] if margins[i] > 0.0),
-        key=lambda entry: -entry[0],
-    )  # fmt: skip
-    chosen: list[tuple[int | None, int, float]] = []
-    for margin, branch, sample in ranked:
-        own = [found.attitudes[other] for one, other, _ in chosen if one == branch]
-        if not own or angle_between(np.array(own), found.attitudes[sample]).min() > apart:
-            chosen.append((branch, sample, margin))
-        if len(chosen) == _CANDIDATES:
+        (
+            Candidate(samples.attitudes[i], branch, float(margins[i]))
+            for branch, margins in samples.branch_margins()
+            for i in np.argsort(-margins, kind="stable")[: 8 * _CLIMBS]
+            if margins[i] > 0.0
+        ),
+        key=lambda peak: -peak.score,
+    )
+    chosen: list[Candidate] = []
+    for peak in ranked:
+        others = [other.attitude for other in chosen if other.branch == peak.branch]
+        if not others or angle_between(np.array(others), peak.attitude).min() > spacing:
+            chosen.append(peak)
+        if len(chosen) == _CLIMBS:
             break
     return chosen
 
 
 def nearest_feasible(
-    outlook: FeasibilityEvaluator, found: AttitudeMap, now: Array
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, target: Array
 ) -> list[Candidate]:
-    """The feasible attitudes nearest to a given one, by arm branch, the nearest first.
+    """The feasible attitudes nearest to another one, by arm branch, the nearest first.
 
-    They lie inside the feasible set by as little as compiled motions can tell. Among them is each
-    branch's nearest sample of the map.
+    They lie inside the feasible set by as little as compiled motions can resolve. Among them is
+    each branch's nearest sample of the map.
     """
-    margin = found.problem.margin.threshold
-    value, candidates = margin * (1.0 + _INSIDE), []
-    for branch, margins in found.branch_margins():
-        here = outlook.margins(now[None], branch)
-        if is_kept(here, margin)[0]:
-            candidates.append(Candidate(now, branch, 0.0))
-        if is_kept(here, value)[0]:
+    threshold = samples.problem.margin.threshold
+    certain, candidates = threshold * (1.0 + _CERTAIN), []
+    for branch, margins in samples.branch_margins():
+        at_target = evaluator.margins(target[None], branch)
+        if is_kept(at_target, threshold)[0]:
+            candidates.append(Candidate(target, branch, 0.0))
+        if is_kept(at_target, certain)[0]:
             continue
 
         def inside(attitudes: Array, branch: int | None = branch) -> npt.NDArray[np.bool_]:
-            return is_kept(outlook.margins(attitudes, branch), value)
+            return is_kept(evaluator.margins(attitudes, branch), certain)
 
-        order = np.argsort(angle_between(found.attitudes, now))
-        sure = found.attitudes[order[is_kept(margins[order], value)][:3]]
-        places = sure
-        if len(sure):
-            places = closest(inside, now, sure, grid_spacing(len(order)), _SMALL)
-        nearest = found.attitudes[order[is_kept(margins[order], margin)][:1]]
-        for attitude in (*places, *nearest):
-            candidates.append(Candidate(attitude, branch, float(angle_between(attitude, now))))
-    return sorted(candidates, key=lambda one: one.score)
+        order = np.argsort(angle_between(samples.attitudes, target))
+        nearby = samples.attitudes[order[is_kept(margins[order], certain)][:3]]
+        if len(nearby):
+            nearby = closest(inside, target, nearby, grid_spacing(len(order)), _SMALL)
+        sample = samples.attitudes[order[is_kept(margins[order], threshold)][:1]]
+        candidates += [
+            Candidate(attitude, branch, float(angle_between(attitude, target)))
+            for attitude in (*nearby, *sample)
+        ]
+    return sorted(candidates, key=lambda candidate: candidate.score)
 
 
-def closest(inside: Inside, center: Array, starts: Array, spacing: float, coarse: float) -> Array:
-    """For starts inside a set the attitudes inside nearby that are closest to a center outside.
+def closest(
+    inside: Inside, target: Array, starts: Array, radius: float, smallest: float
+) -> Array:
+    """The attitudes of a set that are closest to a target outside it, near each of some starts.
 
-    Around each a cloud of attitudes is looked at, and the closest inside drawn toward the center;
-    where none is closer the cloud shrinks. The distance is flat at the closest place, so that
-    coarse clouds find it to the square of their size.
+    Around each start a cloud of attitudes is examined, and the closest one inside moved toward the
+    target. The distance is flat at its minimum, so that coarse clouds find it to the square of
+    their size.
 
     Args:
-        inside: Tells which attitudes (K, 4) belong to the set.
-        center: Outside, quaternion x, y, z, w.
+        inside: Tells which attitudes belong to the set.
+        target: Outside, quaternion x, y, z, w.
         starts: Inside, shape (K, 4).
-        spacing: Size of the first clouds [rad].
-        coarse: Smaller clouds end the search [rad].
+        radius: Of the first clouds [rad].
+        smallest: Smaller clouds end the search [rad].
 
     Returns:
         Shape (K, 4).
     """
-    ends = np.broadcast_to(center, starts.shape)
-    best, radii = bisected(inside, starts, ends, ROUGH), np.full(len(starts), spacing)
-    for turn in range(_TURNS):
-        (active,) = np.nonzero(radii > coarse)
-        if not len(active):
-            break
-        reach = angle_between(best[active], center)
-        clouds = np.array([attitudes_within(best[i], radii[i], _CLOUD, turn + 1) for i in active])
-        distances = angle_between(clouds, center)
-        closer = distances < reach[:, None] * (1.0 - 1e-4)
-        candidates = closer.copy()
+
+    def improve(
+        active: IntArray, current: Array, clouds: Array
+    ) -> tuple[npt.NDArray[np.bool_], Array]:
+        distances = angle_between(clouds, target)
+        closer = distances < angle_between(current, target)[:, None] * (1.0 - 1e-4)
         if closer.any():
-            candidates[closer] = inside(clouds[closer])
-        better = candidates.any(axis=1)
-        nearest = np.where(candidates, distances, np.inf).argmin(axis=1)
+            closer[closer] = inside(clouds[closer])
+        better = closer.any(axis=1)
+        nearest = np.where(closer, distances, np.inf).argmin(axis=1)[better]
+        moved = clouds[better, nearest]
         if better.any():
-            moved = clouds[np.flatnonzero(better), nearest[better]]
-            best[active[better]] = bisected(inside, moved, ends[active[better]], ROUGH)
-        radii[active[~better]] *= 0.4
-    return bisected(inside, best, ends, EXACT)
+            moved = bisect(inside, moved, np.broadcast_to(target, moved.shape), ROUGH)
+        return better, moved
+
+    ends = np.broadcast_to(target, starts.shape)
+    best = bisect(inside, starts, ends, ROUGH)
+    return bisect(inside, cloud_search(best, radius, smallest, improve), ends, EXACT)

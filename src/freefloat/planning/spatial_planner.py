@@ -11,7 +11,7 @@ from freefloat.planning.confirmation import best_branch, integrate_branch, keeps
 from freefloat.planning.diagnostics import attitude_reason, disagreement, no_feasible_attitude
 from freefloat.planning.options import PLAN_ATTITUDES, Objective, Search
 from freefloat.planning.plan import Plan
-from freefloat.planning.robust_radius import deepest, safe_radius
+from freefloat.planning.robustness import deepest, safe_radius
 from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.search import largest_margins, nearest_feasible
 from freefloat.so3 import angle_between, grid_spacing

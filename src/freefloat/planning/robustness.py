@@ -1,0 +1,207 @@
+"""How deep attitudes lie inside the feasible set, and the deepest of all.
+
+The set meant here has attitudes from which one arm branch keeps the margin and stays clear of all
+singularities, also of those that its measure does not see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
+from freefloat.planning.regions import depths
+from freefloat.planning.search import ROUGH, bisect, closest, cloud_search, edge
+from freefloat.so3 import Array, IntArray, angle_between, attitude_grid, attitudes_within, grid_spacing
+
+_WIDE, _DIRECTIONS, _LIMITS = 512, 8, 64
+"""Attitudes that search for the outside, how many are moved closest, and how many are kept."""
+_COARSE = 8e-3
+"""Clouds smaller than this end the search for the closest attitude outside [rad]."""
+_SMALLEST, _CONFIRMING, _CAUTION = 2e-5, 4096, 0.99
+"""Smallest radius of a ball [rad], attitudes that confirm one, fraction of its radius reported."""
+_ROUNDS, _SETTLED = 60, 0.985
+"""Balls examined at most, and the fraction of the largest possible radius that is enough."""
+_PROMISING = 0.25
+"""A branch is examined when its deepest sample exceeds the best radius by this many spacings."""
+_EDGE = 400
+"""Points of the boundary that a search for the deepest attitude begins with."""
+_CENTERS, _STARTS, _ROOM = 20_000, 4, 2e-3
+"""Centres considered, those refined, and to what [rad]."""
+
+
+def safe_radius(
+    evaluator: FeasibilityEvaluator, attitude: Array, branch: int | None, spacing: float
+) -> float:
+    """How far an attitude may deviate before an arm branch leaves the feasible set [rad].
+
+    Confirmed by thousands of attitudes spread within.
+
+    Args:
+        evaluator: Of the problem.
+        attitude: Feasible, x, y, z, w.
+        branch: Number of the arm branch; None for the best of a redundant arm.
+        spacing: Angle [rad] at which the search begins.
+    """
+    radius, _ = _outside_nearby(evaluator, attitude, branch, spacing, spacing)
+    return _confirmed(evaluator, Candidate(attitude, branch, radius)).score
+
+
+def deepest(
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, known: Sequence[BoundaryPoint] = ()
+) -> Candidate | None:
+    """The centre of the largest ball of attitudes inside the feasible set of one branch.
+
+    Known attitudes outside limit every ball. The largest ball that they leave is examined; what is
+    found outside limits the next one, until a ball holds.
+
+    Args:
+        evaluator: Of the same problem.
+        samples: The map.
+        known: Points of the boundary that limit balls from the first.
+
+    Returns:
+        None where no sample is feasible and clear of all singularities.
+    """
+    spacing, starts = grid_spacing(samples.samples), []
+    for branch, _ in samples.branch_margins():
+        if (inside := samples.regular(branch)).any():
+            depth = depths(samples.attitudes, inside)
+            starts.append((float(depth.max()), branch, inside, int(np.argmax(depth))))
+    best: Candidate | None = None
+    for depth_, branch, inside, sample in sorted(starts, key=lambda start: -start[0]):
+        radius = 0.0 if best is None else best.score
+        if best is not None and depth_ < radius + _PROMISING * spacing:
+            break
+        regular = partial(evaluator.regular, branch=branch)
+        limits = edge(regular, samples.attitudes, inside, _EDGE, ROUGH)
+        tangent = [point.attitude for point in known if point.branch == branch]
+        outside = np.vstack([samples.attitudes[~inside], limits, *tangent])
+        start = samples.attitudes[sample]
+        ball = _largest_ball(evaluator, start, branch, outside, spacing, radius)
+        if best is None or ball.score > best.score:
+            best = ball
+    return _confirmed(evaluator, best) if best is not None and best.score > 0.0 else None
+
+
+def _outside_nearby(
+    evaluator: FeasibilityEvaluator,
+    attitude: Array,
+    branch: int | None,
+    spacing: float,
+    reach: float,
+) -> tuple[float, Array]:
+    """Distance [rad] to the closest attitudes found outside, and those attitudes, (K, 4).
+
+    They are searched for within ``reach`` first, and farther only where there are none.
+    """
+
+    def outside(attitudes: Array) -> npt.NDArray[np.bool_]:
+        return ~evaluator.regular(attitudes, branch)
+
+    radius, limits = reach, np.empty((0, 4))
+    while not len(limits) and radius < 2.0 * np.pi:
+        cloud = attitudes_within(attitude, min(radius, np.pi), _WIDE // evaluator.sample_reduction)
+        limits, radius = cloud[outside(cloud)], 2.0 * radius
+    if not len(limits):
+        return float(np.pi), limits
+    limits = limits[np.argsort(angle_between(limits, attitude))]
+    spread = _spread(limits, _DIRECTIONS // evaluator.sample_reduction)
+    nearest = closest(outside, attitude, spread, spacing / 2.0, _COARSE)
+    return float(angle_between(nearest, attitude).min()), nearest
+
+
+def _spread(attitudes: Array, count: int) -> Array:
+    """The first, and then others far from those taken before, all among the first tenfold."""
+    pool, taken = attitudes[: 10 * count], [0]
+    while len(taken) < min(count, len(pool)):
+        gaps = np.min([angle_between(pool, pool[index]) for index in taken], axis=0)
+        taken.append(int(np.argmax(gaps)))
+    return np.asarray(pool[taken])
+
+
+def _largest_ball(
+    evaluator: FeasibilityEvaluator,
+    start: Array,
+    branch: int | None,
+    outside: Array,
+    spacing: float,
+    smallest: float,
+) -> Candidate:
+    """Centre and radius of a branch's largest ball, if larger than ``smallest`` [rad].
+
+    The ball around the start, an attitude inside, is the first; then come those with most room.
+    """
+    centers, best = attitude_grid(_CENTERS), Candidate(start, branch, 0.0)
+    for number in range(_ROUNDS // evaluator.sample_reduction):
+        center, room = (start, np.pi) if number == 0 else _most_room(centers, outside)
+        if max(best.score, smallest) > _SETTLED * room:
+            break
+        if not evaluator.regular(center[None], branch)[0]:
+            outside = np.vstack([outside, center])
+            continue
+        reach = spacing if number == 0 else 1.1 * room
+        radius, limits = _outside_nearby(evaluator, center, branch, spacing, reach)
+        outside = np.vstack([outside, limits])
+        if radius > best.score:
+            limits = _outside_within(evaluator, center, branch, radius)
+            outside = np.vstack([outside, limits])
+            radius = float(angle_between(limits, center).min(initial=radius))
+        if radius > best.score:
+            best = Candidate(center, branch, radius)
+    return best
+
+
+def _outside_within(
+    evaluator: FeasibilityEvaluator, center: Array, branch: int | None, radius: float
+) -> Array:
+    """Attitudes outside among many spread in a ball, each moved to the boundary, shape (K, 4)."""
+    cloud = attitudes_within(center, radius, _CONFIRMING // evaluator.sample_reduction)
+    limits = cloud[~evaluator.regular(cloud, branch)]
+    limits = limits[np.argsort(angle_between(limits, center))[:_LIMITS]]
+    if not len(limits):
+        return limits
+    centers = np.broadcast_to(center, limits.shape)
+    return bisect(lambda attitudes: ~evaluator.regular(attitudes, branch), limits, centers, ROUGH)
+
+
+def _most_room(centers: Array, outside: Array) -> tuple[Array, float]:
+    """The attitude farthest from all those outside, near one of the centers, and how far [rad]."""
+    if not len(outside):
+        return centers[0], float(np.pi)
+    tree = cKDTree(np.vstack([outside, -outside]))
+    chords, _ = tree.query(centers)
+    starts = np.argsort(-chords)[:_STARTS]
+    rooms = chords[starts]
+
+    def improve(
+        active: IntArray, _: Array, clouds: Array
+    ) -> tuple[npt.NDArray[np.bool_], Array]:
+        found, _ = tree.query(clouds)
+        rows, top = np.arange(len(active)), np.argmax(found, axis=1)
+        better = found[rows, top] > rooms[active]
+        rooms[active[better]] = found[rows, top][better]
+        return better, clouds[rows, top][better]
+
+    spacing = grid_spacing(len(centers))
+    places = cloud_search(centers[starts], spacing, _ROOM, improve, shrink=0.5, rounds=10_000)
+    best = int(np.argmax(rooms))
+    return places[best], float(4.0 * np.arcsin(min(1.0, rooms[best] / 2.0)))
+
+
+def _confirmed(evaluator: FeasibilityEvaluator, ball: Candidate) -> Candidate:
+    """The ball, made smaller where one of many attitudes spread in it is outside."""
+    radius, seed = _CAUTION * ball.score, 1
+    while radius > _SMALLEST:
+        cloud = attitudes_within(ball.attitude, radius, _CONFIRMING, seed)
+        outside = ~evaluator.regular(cloud, ball.branch)
+        if not outside.any():
+            return Candidate(ball.attitude, ball.branch, radius)
+        radius = _CAUTION * float(angle_between(cloud[outside], ball.attitude).min())
+        seed += 1
+    return Candidate(ball.attitude, ball.branch, 0.0)
