@@ -14,16 +14,9 @@ from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
 from freefloat.motion.simulation import simulate
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.boundary import (
-    EXACT,
-    ROUGH,
-    Inside,
-    bisected,
-    boundary_points,
-    edge,
-    tangent_boundary,
-)
+from freefloat.planning.boundary import boundary_points, tangent_boundary
 from freefloat.planning.sampling import sample_attitudes
+from freefloat.planning.search import EXACT, ROUGH, Inside, bisect, edge
 from freefloat.so3 import angle_between, attitude_grid, grid_spacing, turned
 
 MARGIN = 30.0
@@ -59,7 +52,7 @@ def test_bisection_ends_just_inside(rounds: int, share: float) -> None:
     within = turned(center, rng.uniform(0.0, 0.69, (50, 1)) * axes)
     beyond = turned(center, rng.uniform(0.71, 2.3, (50, 1)) * axes)
     whole = angle_between(within, beyond)
-    edges = bisected(lambda some: angle_between(some, center) < radius, within, beyond, rounds)
+    edges = bisect(lambda some: angle_between(some, center) < radius, within, beyond, rounds)
     short = radius - angle_between(edges, center)
     assert (short > 0.0).all()
     assert (short <= share * whole * (1.0 + 1e-9)).all()
@@ -76,14 +69,14 @@ def test_bisection_goes_to_the_first_exit() -> None:
         angle = angle_between(some, center)
         return (angle < 0.5) | ((angle > 1.1) & (angle < 1.6))
 
-    (end,) = bisected(inside, center[None], turned(center, [2.0, 0.0, 0.0]))
+    (end,) = bisect(inside, center[None], turned(center, [2.0, 0.0, 0.0]))
     assert angle_between(end, center) == pytest.approx(0.5, abs=1e-5)
 
 
 def test_bisection_takes_the_short_way_round_whatever_the_signs() -> None:
     center = np.array([0.0, 0.0, 0.0, 1.0])
     beyond = -turned(center, [0.0, 0.0, 3.0])
-    (end,) = bisected(lambda some: angle_between(some, center) < 1.0, center[None], beyond)
+    (end,) = bisect(lambda some: angle_between(some, center) < 1.0, center[None], beyond)
     np.testing.assert_allclose(Rotation.from_quat(end).as_rotvec(), [0.0, 0.0, 1.0], atol=2e-5)
 
 

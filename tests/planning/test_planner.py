@@ -12,8 +12,8 @@ from freefloat.planning.heading_map import (
     attitudes_at,
     evaluator_for,
     sample_headings,
-    searched_ranges,
 )
+from freefloat.planning.searched_ranges import searched_ranges
 from freefloat.so3 import frozen, heading_of, heading_quaternion
 
 
@@ -164,13 +164,13 @@ def test_misuse_is_refused(problem):
 
 def test_a_sliver_beside_the_reach_is_found_by_search(problem):
     """Sampled ranges look just inside the reach, where a range may be narrower than the spacing."""
-    from freefloat.planning.heading_map import _looked_at
     from freefloat.planning.planar_ranges import reach_limits
+    from freefloat.planning.searched_ranges import _headings
 
     stretched = moved(problem, [3.0, 0.5, 0], [2.5, 0.5, 0], 1.0)
     edges = [*reach_limits(stretched, 0.0)]
     assert edges
-    looked = _looked_at(stretched, 12)
+    looked = _headings(stretched, 12)
     for edge in edges:
         assert np.abs(np.angle(np.exp(1j * (looked - edge)))).min() < 1e-5
 

@@ -14,11 +14,10 @@ from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
 from freefloat.planning import search as attitude_search
-from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.robust_radius import deepest, safe_radius
+from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.robustness import deepest, safe_radius
 from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.search import (
-    Candidate,
     largest_margins,
     nearest_feasible,
 )
@@ -32,7 +31,7 @@ from freefloat.so3 import (
 )
 
 MARGIN = 30.0
-SURPLUS = attitude_search._INSIDE
+SURPLUS = attitude_search._CERTAIN
 """Share by which compiled motions must exceed a margin to be trusted."""
 BAD = np.array([0.1, 0.5, 0.2, -0.8367]) / np.linalg.norm([0.1, 0.5, 0.2, -0.8367])
 HERE, THERE = np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.8, 0.0, 0.6, 0.0])

@@ -16,9 +16,8 @@ from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem, is_kept
 from freefloat.motion.simulation import SimulatedBranch, simulate
-from freefloat.planning import robust_radius as attitude_depth
+from freefloat.planning import robustness, spatial_planner, tolerance
 from freefloat.planning import search as attitude_search
-from freefloat.planning import spatial_planner, tolerance
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.plan import Plan
 from freefloat.planning.sampling import sample_attitudes
@@ -35,9 +34,9 @@ def smaller() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(attitude_search, "_CANDIDATES", 6)
         patch.setattr(attitude_search, "_FINISHED", 2)
-        patch.setattr(attitude_depth, "_EDGE", 200)
-        patch.setattr(attitude_depth, "_ROUNDS", 10)
-        patch.setattr(attitude_depth, "_SURE", 1024)
+        patch.setattr(robustness, "_EDGE", 200)
+        patch.setattr(robustness, "_ROUNDS", 10)
+        patch.setattr(robustness, "_CONFIRMING", 1024)
         patch.setattr(tolerance, "_DIRECTIONS", 48)
         yield
 

@@ -22,7 +22,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, is_kept
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
-from freefloat.planning.robust_radius import safe_radius
+from freefloat.planning.robustness import safe_radius
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import angle_between, attitude_grid, heading_of

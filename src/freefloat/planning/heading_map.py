@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.ensemble import TOLERANCE, Progress
-from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.motion.reach import told_reach
 from freefloat.so3 import Array, frozen, heading_quaternion
 
 _TOLERANCE = 1e-9
@@ -20,6 +19,47 @@ _PARTS, _TOP = 8, 4
 """Finer steps around the best headings of a search, and how many of these are refined together."""
 _FINEST = 1e-7
 """Accuracy of the heading of the largest margin [rad]."""
+
+
+@dataclass(frozen=True)
+class HeadingCandidate:
+    """A heading among the samples.
+
+    Attributes:
+        branch: Number of the arm branch.
+        heading: [rad].
+        margin: Minimum margin of its motion.
+    """
+
+    branch: int
+    heading: float
+    margin: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        degrees = float(np.degrees(self.heading))
+        attitude = heading_quaternion(np.radians(degrees)).tolist()
+        return {"branch": self.branch, "heading_deg": degrees, "value": self.margin,
+                "attitude": attitude}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class HeadingRegion:
+    """A run of feasible headings of an arm branch.
+
+    Attributes:
+        branch: Number of the arm branch.
+        size: Width [deg].
+        centre: Middle [deg], in [0, 360).
+    """
+
+    branch: int
+    size: float
+    centre: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {"branch": self.branch, "size_deg": self.size, "centre_deg": self.centre}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,57 +98,62 @@ class HeadingMap:
         """Fraction of the headings from which at least one arm branch keeps the margin."""
         return float(self.feasible.any(axis=0).mean()) if self.branches else 0.0
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON document of ``freefloat map``."""
-        regions = self._regions()
-        widest = max(regions, key=lambda region: region["size_deg"], default=None)
-        margins, motions = self.minimum_margins, int(np.isfinite(self.minimum_margins).sum())
-        return {
-            "samples": len(self.headings),
-            "motions": motions,
-            "feasible_fraction": self.feasible_fraction,
-            "motion_fraction": float(self.feasible.sum() / max(1, motions)),
-            "best": self._best(),
-            "robust": widest and {**widest, "radius_deg": widest["size_deg"] / 2.0},
-            "regions": regions,
-            "branches": [
-                {"branch": index, "least": [None if np.isnan(v) else v for v in row.tolist()]}
-                for index, row in zip(self.branches, margins, strict=True)
-            ],
-            "headings_deg": np.degrees(self.headings).tolist(),
-            "margin": self.margin,
-            "seconds": self.seconds,
-            "out_of_reach": told_reach(self.problem),
-        }
+    @property
+    def motions(self) -> int:
+        """Number of motions."""
+        return int(np.isfinite(self.minimum_margins).sum())
 
-    def _best(self) -> dict[str, Any] | None:
+    @property
+    def motion_fraction(self) -> float:
+        """Fraction of the motions that keep the margin."""
+        return float(self.feasible.sum() / max(1, self.motions))
+
+    @property
+    def best(self) -> HeadingCandidate | None:
+        """The sample with the largest minimum margin; None where all motions become singular."""
         margins = np.nan_to_num(self.minimum_margins)
         if not margins.max(initial=0.0) > 0.0:
             return None
         b, n = np.unravel_index(int(np.argmax(margins)), margins.shape)
-        degrees = float(np.degrees(self.headings[n]))
-        return {
-            "branch": self.branches[b],
-            "heading_deg": degrees,
-            "value": float(margins[b, n]),
-            "attitude": heading_quaternion(np.radians(degrees)).tolist(),
-        }
+        return HeadingCandidate(self.branches[b], float(self.headings[n]), float(margins[b, n]))
 
-    def _regions(self) -> list[dict[str, Any]]:
+    @property
+    def regions(self) -> tuple[HeadingRegion, ...]:
         """Runs of feasible headings round the circle, by arm branch."""
         step, degrees, regions = 360.0 / len(self.headings), np.degrees(self.headings), []
         for branch, row in zip(self.branches, self.feasible, strict=True):
             if row.all():
-                regions.append({"branch": branch, "size_deg": 360.0, "centre_deg": 0.0})
+                regions.append(HeadingRegion(branch, 360.0, 0.0))
                 continue
             first = int(np.argmin(row))
             rolled = np.append(np.roll(row, -first), False).astype(int)
             edges = np.flatnonzero(np.diff(rolled, prepend=0))
             for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-                centre = degrees[first] + step * (start + stop - 1) / 2.0
-                regions.append({"branch": branch, "size_deg": (stop - start) * step,
-                                "centre_deg": float(centre % 360.0)})  # fmt: skip
-        return regions
+                centre = float((degrees[first] + step * (start + stop - 1) / 2.0) % 360.0)
+                regions.append(HeadingRegion(branch, (stop - start) * step, centre))
+        return tuple(regions)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat map``."""
+        regions = [region.to_dict() for region in self.regions]
+        widest = max(regions, key=lambda region: region["size_deg"], default=None)
+        return {
+            "samples": len(self.headings),
+            "motions": self.motions,
+            "feasible_fraction": self.feasible_fraction,
+            "motion_fraction": self.motion_fraction,
+            "best": self.best and self.best.to_dict(),
+            "robust": widest and {**widest, "radius_deg": widest["size_deg"] / 2.0},
+            "regions": regions,
+            "branches": [
+                {"branch": index, "least": [None if np.isnan(v) else v for v in row.tolist()]}
+                for index, row in zip(self.branches, self.minimum_margins, strict=True)
+            ],
+            "headings_deg": np.degrees(self.headings).tolist(),
+            "margin": self.margin,
+            "seconds": self.seconds,
+            "out_of_reach": reach_message(self.problem),
+        }
 
 
 def evaluator_for(problem: Problem, threads: int | None = None) -> FeasibilityEvaluator:

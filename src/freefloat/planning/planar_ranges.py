@@ -128,16 +128,21 @@ class BranchRanges:
     ranges: tuple[HeadingRange, ...]
     limits: tuple[float, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON document: degrees from 0 to 360, ranges across zero split in two."""
+    @property
+    def degrees(self) -> list[list[float]]:
+        """The ranges in degrees from 0 to 360, those across zero split in two."""
         parts = []
         for entry in self.ranges:
             low, high = np.degrees([entry.low, entry.high]).tolist()
             parts += [[low, high]] if high <= 360.0 else [[0.0, high - 360.0], [low, 360.0]]
+        return sorted(parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document, angles in degrees."""
         return {
             "branch": self.branch,
             "label": self.label,
-            "ranges": sorted(parts),
+            "ranges": self.degrees,
             "limits": [float(np.degrees(limit)) for limit in self.limits],
         }
 

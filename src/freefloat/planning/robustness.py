@@ -17,7 +17,14 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
 from freefloat.planning.regions import depths
 from freefloat.planning.search import ROUGH, bisect, closest, cloud_search, edge
-from freefloat.so3 import Array, IntArray, angle_between, attitude_grid, attitudes_within, grid_spacing
+from freefloat.so3 import (
+    Array,
+    IntArray,
+    angle_between,
+    attitude_grid,
+    attitudes_within,
+    grid_spacing,
+)
 
 _WIDE, _DIRECTIONS, _LIMITS = 512, 8, 64
 """Attitudes that search for the outside, how many are moved closest, and how many are kept."""
@@ -179,9 +186,7 @@ def _most_room(centers: Array, outside: Array) -> tuple[Array, float]:
     starts = np.argsort(-chords)[:_STARTS]
     rooms = chords[starts]
 
-    def improve(
-        active: IntArray, _: Array, clouds: Array
-    ) -> tuple[npt.NDArray[np.bool_], Array]:
+    def improve(active: IntArray, _: Array, clouds: Array) -> tuple[npt.NDArray[np.bool_], Array]:
         found, _ = tree.query(clouds)
         rows, top = np.arange(len(active)), np.argmax(found, axis=1)
         better = found[rows, top] > rooms[active]

@@ -128,10 +128,7 @@ def _out_of_range(
     problem: Problem, outcomes: BranchResults, entries: tuple[IntArray, IntArray]
 ) -> npt.NDArray[np.bool_]:
     """Where no multiple of a full turn puts a joint's values inside its range, shape (K,)."""
-    low, high = (
-        outcomes.spread(values)[entries]
-        for values in (outcomes.rollout.lower, outcomes.rollout.upper)
-    )
+    low, high = outcomes.motions.lower[entries], outcomes.motions.upper[entries]
     lower, upper = joint_ranges(problem.model)
     revolute = np.array([not body.prismatic for body in problem.model.bodies[1:]])
     with np.errstate(invalid="ignore"):

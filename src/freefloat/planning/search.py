@@ -228,9 +228,7 @@ def nearest_feasible(
     return sorted(candidates, key=lambda candidate: candidate.score)
 
 
-def closest(
-    inside: Inside, target: Array, starts: Array, radius: float, smallest: float
-) -> Array:
+def closest(inside: Inside, target: Array, starts: Array, radius: float, smallest: float) -> Array:
     """The attitudes of a set that are closest to a target outside it, near each of some starts.
 
     Around each start a cloud of attitudes is examined, and the closest one inside moved toward the
@@ -251,11 +249,11 @@ def closest(
     def improve(
         active: IntArray, current: Array, clouds: Array
     ) -> tuple[npt.NDArray[np.bool_], Array]:
-        distances = angle_between(clouds, target)
-        closer = distances < angle_between(current, target)[:, None] * (1.0 - 1e-4)
+        distances = np.asarray(angle_between(clouds, target))
+        closer = np.asarray(distances < angle_between(current, target)[:, None] * (1.0 - 1e-4))
         if closer.any():
             closer[closer] = inside(clouds[closer])
-        better = closer.any(axis=1)
+        better = np.asarray(closer.any(axis=1))
         nearest = np.where(closer, distances, np.inf).argmin(axis=1)[better]
         moved = clouds[better, nearest]
         if better.any():

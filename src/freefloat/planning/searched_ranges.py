@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.ensemble import Progress
-from freefloat.ensemble.feasibility import UNREACHED, FeasibilityEvaluator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning.heading_map import attitudes_at, even_headings
 from freefloat.planning.planar_ranges import (
@@ -83,7 +83,7 @@ def _feasible(
     feasible = evaluator.problem.margin.is_kept(outcomes.margins)
     if evaluator.problem.redundant:
         feasible = np.asarray(feasible.any(axis=1, keepdims=True))
-    return feasible, (outcomes.exist).any(axis=0)
+    return feasible, np.asarray(outcomes.exist.any(axis=0))
 
 
 def _bisect(
@@ -110,7 +110,9 @@ def _bisect(
         headings = low[:, None] + width[:, None] * steps
         feasible, _ = _feasible(evaluator, headings.ravel())
         column = np.repeat(branches, len(steps))[:, None]
-        same = np.take_along_axis(feasible, column, axis=1).reshape(headings.shape) == first[:, None]
+        same = (
+            np.take_along_axis(feasible, column, axis=1).reshape(headings.shape) == first[:, None]
+        )
         low = low + width * np.where(same.all(axis=1), len(steps), np.argmin(same, axis=1))
     return np.asarray(low + width / 2.0)
 
