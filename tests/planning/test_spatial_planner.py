@@ -16,7 +16,7 @@ from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem, is_kept
 from freefloat.motion.simulation import SimulatedBranch, simulate
-from freefloat.planning import robustness, spatial_planner, tolerance
+from freefloat.planning import robustness, tolerance
 from freefloat.planning import search as attitude_search
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.plan import Plan
@@ -242,13 +242,13 @@ def test_a_candidate_that_is_not_confirmed_is_told_and_the_next_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     problem, tried = margined(20.0), list[SimulatedBranch]()
-    true = spatial_planner.keeps_margin
+    true = SimulatedBranch.feasible.fget
 
-    def keeps(chosen: SimulatedBranch) -> bool:
+    def feasible(chosen: SimulatedBranch) -> bool:
         tried.append(chosen)
         return len(tried) > 2 and true(chosen)
 
-    monkeypatch.setattr(spatial_planner, "keeps_margin", keeps)
+    monkeypatch.setattr(SimulatedBranch, "feasible", property(feasible))
     plan = ff.plan(problem, Search(samples=48), threads=1)
     assert plan.feasible
     assert plan.chosen is tried[2]
@@ -263,7 +263,7 @@ def test_a_candidate_that_is_not_confirmed_is_told_and_the_next_taken(
 
 def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     """After a dozen at most; what was tried is told."""
-    monkeypatch.setattr(spatial_planner, "keeps_margin", lambda chosen: False)
+    monkeypatch.setattr(SimulatedBranch, "feasible", property(lambda chosen: False))
     plan = ff.plan(margined(50.0), Search(Objective.NEAREST, frozen(BAD), 64), threads=1)
     assert not plan.feasible
     assert plan.chosen is None

@@ -29,12 +29,6 @@ def integrate_branch(problem: Problem, attitude: Array, branch: int) -> Simulate
     return SimulatedBranch(replace(start, joints=motion.initial.joints), motion, approach)
 
 
-def keeps_margin(simulated: SimulatedBranch) -> bool:
-    """Whether a motion completes and keeps the margin of its problem."""
-    motion = simulated.motion
-    return motion.completed and motion.problem.margin.is_kept(simulated.closest_approach.value)
-
-
 def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
     """Number and initial joints of the arm branch with the largest margin at an attitude."""
     outcomes = evaluator.evaluate(attitude[None])

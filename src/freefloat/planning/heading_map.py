@@ -11,6 +11,7 @@ import numpy.typing as npt
 from freefloat.ensemble.ensemble import TOLERANCE, Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
+from freefloat.motion.reach import reach_message
 from freefloat.so3 import Array, frozen, heading_quaternion
 
 _TOLERANCE = 1e-9

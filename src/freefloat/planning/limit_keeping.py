@@ -16,7 +16,7 @@ from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stret
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import SimulatedBranch
-from freefloat.planning.confirmation import integrate_branch, keeps_margin
+from freefloat.planning.confirmation import integrate_branch
 from freefloat.planning.diagnostics import limited_reason, limits_violated
 from freefloat.planning.heading_map import attitudes_at
 from freefloat.planning.options import Objective
@@ -60,7 +60,7 @@ class _Trials:
 
     def check(self, simulated: SimulatedBranch) -> tuple[LimitResult, ...] | None:
         """Limits along a motion that keeps them and the margin; None where it violates one."""
-        if not keeps_margin(simulated):
+        if not simulated.feasible:
             self.count += 1
             self.violations["margin"] += 1
             return None

@@ -12,7 +12,6 @@ from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import SimulatedBranch
-from freefloat.planning.documents import limits_document
 from freefloat.planning.options import Search
 from freefloat.planning.planar_ranges import BranchRanges, RangeLimit, Span
 from freefloat.so3 import angle_between, heading_of
@@ -134,7 +133,7 @@ class Plan:
             "tolerance": None if self.tolerance is None else asdict(self.tolerance),
             "disagreements": list(self.disagreements),
             "duration": duration,
-            "limits": limits_document(self.limit_results),
+            "limits": [result.to_dict() for result in self.limit_results],
             "excluded": {str(limit): count for limit, count in self.excluded.items()},
             "stretched_duration": self.needed_stretch and self.needed_stretch * duration,
             **{key: getattr(self.map, key, None) for key in _MAP_KEYS},

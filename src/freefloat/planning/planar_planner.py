@@ -10,7 +10,7 @@ from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import SimulatedBranch, simulate
-from freefloat.planning.confirmation import integrate_branch, keeps_margin
+from freefloat.planning.confirmation import integrate_branch
 from freefloat.planning.diagnostics import (
     ALREADY,
     infeasible_distance,
@@ -65,7 +65,7 @@ def plan_in_plane(
         return Plan(problem, search, False, no_feasible_heading(evaluator), ranges, segments)
     heading, entry, part, reason = _choose(evaluator, search, pairs)
     chosen = _integrate(problem, heading, _number(entry))
-    if not keeps_margin(chosen):
+    if not chosen.feasible:
         reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
         return Plan(problem, search, False, reason, ranges, segments)
     if search.objective is Objective.MARGIN:

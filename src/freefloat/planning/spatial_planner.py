@@ -7,7 +7,7 @@ from dataclasses import replace
 from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
-from freefloat.planning.confirmation import best_branch, integrate_branch, keeps_margin
+from freefloat.planning.confirmation import best_branch, integrate_branch
 from freefloat.planning.diagnostics import attitude_reason, disagreement, no_feasible_attitude
 from freefloat.planning.options import PLAN_ATTITUDES, Objective, Search
 from freefloat.planning.plan import Plan
@@ -47,7 +47,7 @@ def plan_in_space(
         if branch is None:
             branch, _ = best_branch(evaluator, candidate.attitude)
         chosen = integrate_branch(problem, candidate.attitude, branch)
-        if keeps_margin(chosen):
+        if chosen.feasible:
             break
         disagreements.append(disagreement(evaluator, candidate, chosen))
     else:
