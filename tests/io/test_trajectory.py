@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
-from freefloat.io.trajectory import MOST_TIMES, Trajectory, even_times, times_at_rate
+from freefloat.io.trajectory import MAX_SAMPLES, Trajectory, even_times, times_at_rate
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.so3 import heading_quaternion
@@ -143,13 +143,13 @@ def test_a_rate_gives_steps_of_its_length_and_the_end(singular, rate, count, bef
     assert (np.diff(cut) > 0.0).all()
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, MOST_TIMES / 10.0])
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, MAX_SAMPLES / 10.0])
 def test_impossible_rates_are_refused(singular, rate):
     with pytest.raises(InputError, match="rate"):
         times_at_rate(singular, rate)
 
 
-@pytest.mark.parametrize("count", [1, 0, -3, MOST_TIMES + 1])
+@pytest.mark.parametrize("count", [1, 0, -3, MAX_SAMPLES + 1])
 def test_impossible_counts_are_refused(singular, count):
     with pytest.raises(InputError, match="times"):
         even_times(singular, count)

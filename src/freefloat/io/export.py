@@ -21,15 +21,15 @@ from freefloat.so3 import Array
 
 _NANO = 1_000_000_000
 _LATEST = 2**31
-"""ROS tells a duration's whole seconds in 32 bits."""
+"""Whole seconds of a ROS duration have 32 bits."""
 _FRAMES = (
     "positions from the centre of mass of the whole system, inertial axes; attitudes are unit "
-    "quaternions x y z w that turn spacecraft or end-effector axes into inertial ones"
+    "quaternions x y z w that rotate spacecraft or end-effector axes into inertial ones"
 )
 
 
 class Format(StrEnum):
-    """What a trajectory can be written as."""
+    """File format of a trajectory."""
 
     CSV = "csv"
     MAT = "mat"
@@ -38,18 +38,18 @@ class Format(StrEnum):
 
     @property
     def suffix(self) -> str:
-        """How names of such files end."""
+        """Suffix of file names."""
         return ".yaml" if self is Format.ROS2 else f".{self}"
 
     @classmethod
     def of(cls, file: Path | None) -> Format | None:
-        """What a file's name tells; None where it tells nothing."""
+        """Format by the suffix of a file name; None if it has none of them."""
         suffix = "" if file is None else file.suffix.lower().replace(".yml", ".yaml")
-        return next((one for one in cls if one.suffix == suffix), None)
+        return next((kind for kind in cls if kind.suffix == suffix), None)
 
 
 class _Group(NamedTuple):
-    """Columns that belong together."""
+    """Columns of one quantity."""
 
     key: str
     values: Array
@@ -57,94 +57,96 @@ class _Group(NamedTuple):
     units: tuple[str, ...]
 
 
-def _groups(motion: Motion, found: Trajectory) -> list[_Group]:
+def _groups(motion: Motion, trajectory: Trajectory) -> list[_Group]:
     measure, model = motion.problem.margin.measure, motion.problem.model
-    sliding = [body.prismatic for body in model.bodies[1:]]
+    prismatic = [body.prismatic for body in model.bodies[1:]]
 
     def space(key: str, values: Array, unit: str) -> _Group:
         axes = "xyzw"[: values.shape[1]]
         words = key.replace("end_effector", "end-effector").replace("_", " ")
         return _Group(key, values, tuple(f"{words} {a}" for a in axes), (unit,) * len(axes))
 
-    def joints(key: str, word: str, values: Array, turns: str, slides: str) -> _Group:
+    def joints(key: str, word: str, values: Array, revolute: str, linear: str) -> _Group:
         names = tuple(f"{name} {word}" for name in model.joint_names)
-        return _Group(key, values, names, tuple(slides if one else turns for one in sliding))
+        return _Group(
+            key, values, names, tuple(linear if slides else revolute for slides in prismatic)
+        )
 
     return [
-        _Group("time", found.times[:, None], ("time",), ("s",)),
-        space("attitude", found.attitudes, "1"),
-        space("base_position", found.base_positions, "m"),
-        space("base_velocity", found.base_velocities, "m/s"),
-        space("base_angular_velocity", found.angular_velocities, "rad/s"),
-        joints("joints", "position", found.joints, "rad", "m"),
-        joints("joint_rates", "velocity", found.joint_rates, "rad/s", "m/s"),
-        joints("joint_accelerations", "acceleration", found.joint_accelerations,
+        _Group("time", trajectory.times[:, None], ("time",), ("s",)),
+        space("attitude", trajectory.attitudes, "1"),
+        space("base_position", trajectory.base_positions, "m"),
+        space("base_velocity", trajectory.base_velocities, "m/s"),
+        space("base_angular_velocity", trajectory.angular_velocities, "rad/s"),
+        joints("joints", "position", trajectory.joints, "rad", "m"),
+        joints("joint_rates", "velocity", trajectory.joint_rates, "rad/s", "m/s"),
+        joints("joint_accelerations", "acceleration", trajectory.joint_accelerations,
                "rad/s^2", "m/s^2"),
-        joints("joint_torques", "torque", found.joint_torques, "N m", "N"),
-        space("end_effector_position", found.end_effector_positions, "m"),
-        space("end_effector_attitude", found.end_effector_attitudes, "1"),
-        _Group("measure", found.measure[:, None], (measure.name,), (measure.unit,)),
+        joints("joint_torques", "torque", trajectory.joint_torques, "N m", "N"),
+        space("end_effector_position", trajectory.end_effector_positions, "m"),
+        space("end_effector_attitude", trajectory.end_effector_attitudes, "1"),
+        _Group("measure", trajectory.measure[:, None], (measure.name,), (measure.unit,)),
     ]  # fmt: skip
 
 
-def csv_text(motion: Motion, found: Trajectory) -> str:
-    """One row for every time; the first row names every column and its unit.
+def csv_text(motion: Motion, trajectory: Trajectory) -> str:
+    """CSV text: a row for each time; the first row has the names and units of the columns.
 
     Args:
         motion: The motion.
-        found: The same, sampled.
+        trajectory: The same, sampled.
     """
-    groups = _groups(motion, found)
+    groups = _groups(motion, trajectory)
     stream = io.StringIO(newline="")
     rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow([f"{name} [{unit}]" for one in groups
-                   for name, unit in zip(one.names, one.units, strict=True)])  # fmt: skip
-    rows.writerows(np.hstack([one.values for one in groups]).tolist())
+    rows.writerow([f"{name} [{unit}]" for group in groups
+                   for name, unit in zip(group.names, group.units, strict=True)])  # fmt: skip
+    rows.writerows(np.hstack([group.values for group in groups]).tolist())
     return stream.getvalue()
 
 
-def json_text(motion: Motion, found: Trajectory) -> str:
-    """One object: what it tells of, units, and an array for every key; null for what has no bound.
+def json_text(motion: Motion, trajectory: Trajectory) -> str:
+    """JSON text: robot and problem, units, and an array for each quantity; null for nan.
 
     Args:
         motion: The motion.
-        found: The same, sampled.
+        trajectory: The same, sampled.
     """
     document = {**_head(motion), "units": {}, "trajectory": {}}
-    for one in _groups(motion, found):
-        values = one.values[:, 0] if one.key in _SINGLE else one.values
-        document["units"][one.key] = _unit(one)
+    for group in _groups(motion, trajectory):
+        values = group.values[:, 0] if group.key in _SINGLE else group.values
+        document["units"][group.key] = _unit(group)
         known = values.astype(object)
         known[np.isnan(values)] = None
-        document["trajectory"][one.key] = known.tolist()
+        document["trajectory"][group.key] = known.tolist()
     return json.dumps(document, allow_nan=False) + "\n"
 
 
-def write_mat(path: Path, motion: Motion, found: Trajectory) -> None:
-    """A MATLAB file with one struct ``trajectory``: a row for every time, and a struct ``units``.
+def write_mat(path: Path, motion: Motion, trajectory: Trajectory) -> None:
+    """Write a MATLAB file with one struct ``trajectory``: a row for each time; and ``units``.
 
     Args:
-        path: Where.
+        path: The file.
         motion: The motion.
-        found: The same, sampled.
+        trajectory: The same, sampled.
     """
     from scipy.io import savemat
 
-    groups = _groups(motion, found)
+    groups = _groups(motion, trajectory)
     head = {key: _cells(value) if isinstance(value, list) else value
             for key, value in _head(motion).items()}  # fmt: skip
     struct = {
         **head,
-        **{one.key: one.values for one in groups},
-        "units": {one.key: _cells(unit) if isinstance(unit := _unit(one), list) else unit
-                  for one in groups},
+        **{group.key: group.values for group in groups},
+        "units": {group.key: _cells(unit) if isinstance(unit := _unit(group), list) else unit
+                  for group in groups},
     }  # fmt: skip
     with path.open("wb") as stream:
         savemat(stream, {"trajectory": struct}, long_field_names=True)
 
 
 def _cells(words: list[Any]) -> npt.NDArray[Any]:
-    """A MATLAB cell array of texts; numbers stay a row."""
+    """A MATLAB cell array of texts, or a row of numbers."""
     return np.array(words, dtype=object if isinstance(words[0], str) else float)
 
 
@@ -152,7 +154,7 @@ _SINGLE = ("time", "measure")
 
 
 def _unit(group: _Group) -> str | list[str]:
-    """One unit where all columns have the same."""
+    """A single unit if all columns have the same."""
     return group.units[0] if len(set(group.units)) == 1 else list(group.units)
 
 
@@ -170,38 +172,44 @@ def _head(motion: Motion) -> dict[str, Any]:
     }
 
 
-def ros2_text(motion: Motion, found: Trajectory) -> str:
-    """A message of type ``trajectory_msgs/msg/JointTrajectory`` as YAML.
+def ros2_text(motion: Motion, trajectory: Trajectory) -> str:
+    """YAML text of a ``trajectory_msgs/msg/JointTrajectory`` message.
 
     Args:
-        motion: One that followed its whole path; with momentum its joints are never at rest.
-        found: The same, sampled.
+        motion: A completed motion; with momentum its joints are never at rest.
+        trajectory: The same, sampled.
 
     Raises:
-        InputError: If the motion ends early, or its times cannot be told in such a message.
+        InputError: If the motion ends early, or the message cannot hold its times.
     """
     if not motion.completed:
         raise InputError(
             "format", f"ros2 was given, but: {motion.ending.value}",
             "for ros2 a motion that follows its whole path; csv, mat or json",
         )  # fmt: skip
-    since = [round(float(t) * _NANO) for t in found.times - found.times[0]]
+    since = [round(float(t) * _NANO) for t in trajectory.times - trajectory.times[0]]
     if since[-1] >= _LATEST * _NANO or min(np.diff(np.array(since, dtype=object))) < 1:
         raise InputError(
             "format",
-            f"ros2 was given for {len(since):,} times in {found.times[-1] - found.times[0]:g} s",
+            f"ros2 was given for {len(since):,} times in {since[-1] / _NANO:g} s",
             f"for ros2 times a nanosecond apart or more, the last before {_LATEST:,} s",
         )
-    rows = zip(found.joints, found.joint_rates, found.joint_accelerations, since, strict=True)
+    rows = zip(
+        trajectory.joints,
+        trajectory.joint_rates,
+        trajectory.joint_accelerations,
+        since,
+        strict=True,
+    )
     points = [
         {
             "positions": q.tolist(),
             "velocities": rates.tolist(),
-            "accelerations": bends.tolist(),
+            "accelerations": accelerations.tolist(),
             "effort": [],
             "time_from_start": {"sec": ns // _NANO, "nanosec": ns % _NANO},
         }
-        for q, rates, bends, ns in rows
+        for q, rates, accelerations, ns in rows
     ]
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     names = list(motion.problem.model.joint_names)
@@ -212,37 +220,37 @@ def ros2_text(motion: Motion, found: Trajectory) -> str:
 
 
 _DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-"""The same text either way; the compiled one is ten times faster."""
+"""The compiled one is ten times faster; the text is the same."""
 _WIDE = 1_000_000
 _TEXTS = {Format.CSV: csv_text, Format.JSON: json_text, Format.ROS2: ros2_text}
 
 
-def trajectory_text(motion: Motion, found: Trajectory, format_: Format) -> str:
-    """A trajectory as text.
+def trajectory_text(motion: Motion, trajectory: Trajectory, format_: Format) -> str:
+    """Text of a trajectory.
 
     Raises:
-        InputError: If the format is no text, or cannot tell this motion.
+        InputError: If the format is binary, or cannot hold this motion.
     """
     if format_ not in _TEXTS:
         raise InputError("format", f"{format_} is no text", "csv, json or ros2, or a file (-o)")
-    return _TEXTS[format_](motion, found)
+    return _TEXTS[format_](motion, trajectory)
 
 
-def save_trajectory(path: Path, motion: Motion, found: Trajectory, format_: Format) -> None:
-    """Write a trajectory: whole, or not at all.
+def save_trajectory(path: Path, motion: Motion, trajectory: Trajectory, format_: Format) -> None:
+    """Write a trajectory to a file: whole, or not at all.
 
     Args:
         path: The file; replaced if it exists.
         motion: The motion.
-        found: The same, sampled.
-        format_: As what.
+        trajectory: The same, sampled.
+        format_: Format of the file.
 
     Raises:
-        InputError: If the file cannot be written, or the format cannot tell this motion.
+        InputError: If the file cannot be written, or the format cannot hold this motion.
     """
-    text = None if format_ is Format.MAT else trajectory_text(motion, found, format_)
+    text = None if format_ is Format.MAT else trajectory_text(motion, trajectory, format_)
     with written_beside(path) as temporary:
         if text is None:
-            write_mat(temporary, motion, found)
+            write_mat(temporary, motion, trajectory)
         else:
             temporary.write_text(text, encoding="utf-8")

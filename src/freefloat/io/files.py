@@ -1,4 +1,4 @@
-"""Files written beside their place and put there when they are whole, or not at all."""
+"""Files that are written whole, or not at all."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def written_beside(path: Path) -> Iterator[Path]:
     Raises:
         InputError: If the folder cannot be written to.
     """
-    accepted = "a file in a folder that exists, may be written to and has room"
+    accepted = "a file in an existing, writable folder with enough space"
     path = path.resolve()
     if path.exists() and not path.is_file():
-        raise InputError("output", f"{path} is there and is no plain file", accepted)
+        raise InputError("output", f"{path} exists and is no plain file", accepted)
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         os.close(handle)

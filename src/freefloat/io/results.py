@@ -20,9 +20,7 @@ from freefloat.errors import InputError
 from freefloat.io.decoding import Document, differences
 from freefloat.io.hdf5 import AlteredFileError, open_hdf5, read_text, write_hdf5, write_texts
 from freefloat.io.scenario import Scenario, parse_scenario, scenario_of
-from freefloat.motion.problem import Problem
 from freefloat.motion.simulation import Simulation
-from freefloat.planning.documents import simulation_document
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
 from freefloat.robot.model import FreeFloatingModel
@@ -63,7 +61,7 @@ def save(result: Plan | Simulation | AttitudeMap | HeadingMap, path: str | Path)
         kind, scenario = _SIMULATION, scenario_of(result.chosen.motion.problem)
     else:
         kind, scenario = _map_scenario(result)
-    document = _document(result)
+    document = result.to_dict()
 
     def build(file: Any) -> None:
         _write_origin(file, kind, scenario)
@@ -71,10 +69,6 @@ def save(result: Plan | Simulation | AttitudeMap | HeadingMap, path: str | Path)
         _write_arrays(file, result, document)
 
     write_hdf5(Path(path), build)
-
-
-def _document(result: Plan | Simulation | AttitudeMap | HeadingMap) -> Document:
-    return simulation_document(result) if isinstance(result, Simulation) else result.to_dict()
 
 
 def _map_scenario(result: AttitudeMap | HeadingMap) -> tuple[str, Scenario]:
@@ -175,7 +169,7 @@ def _read(file: Any, kind: str) -> Plan | Simulation | AttitudeMap | HeadingMap:
         result = map_file.read_heading_map(file, scenario.problem(), document)
     else:
         result = map_file.read_attitude_map(file, scenario.problem(), document)
-    for key, stated, recomputed in differences(document, json.loads(json.dumps(_document(result)))):
+    for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
         problem = f"its document states {_short(stated)}, but it is {_short(recomputed)}"
         raise InputError(key, problem, _ACCEPTED)
     return result
@@ -200,8 +194,3 @@ def _scenario(file: Any) -> Scenario:
     if robot.end_effector != end_effector or dict(robot.held) != held:
         raise ValueError("its robot is not that of its scenario")
     return scenario
-
-
-def problem_of(result: Plan | Simulation | AttitudeMap | HeadingMap) -> Problem:
-    """The problem of a result."""
-    return result.chosen.motion.problem if isinstance(result, Simulation) else result.problem

@@ -1,4 +1,4 @@
-"""A motion as other tools want it: everything that moves, with its rates, at given times."""
+"""Trajectories: motions sampled at given times, with rates, accelerations and torques."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import Array, frozen, without_jumps
 
-MOST_TIMES = 1_000_000
-"""More would fill gigabytes of text."""
+MAX_SAMPLES = 1_000_000
+"""More samples would fill gigabytes of text."""
 _DIGITS, _NOISE = 9, 8.0
-"""Times are rounded to nanoseconds where that changes no more than their last bits."""
+"""Times are rounded to nanoseconds if that changes only their last bits."""
 _ROUNDING = 1e-9
-"""Share of a step by which the last time of a rate may miss the end."""
+"""Fraction of a step by which the last sample may miss the end."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A motion at given times.
+    """A motion sampled at given times.
 
-    Rates solve equation (4) at each state and accelerations its derivative by time, see
-    :mod:`freefloat.limits.torques`; neither is a difference of what is recorded. At an end in a
-    dynamic singularity they have no bound: nan.
+    Rates solve equation (4) at each state and accelerations its time derivative, see
+    :mod:`freefloat.limits.torques`; neither is a finite difference. At an end in a dynamic
+    singularity they are nan.
 
     Attributes:
-        times: [s], shape (K,), rising.
-        attitudes: Of the spacecraft, unit quaternions x, y, z, w without jumps of sign, (K, 4).
-        base_positions: Of the spacecraft's root link from the centre of mass [m], shape (K, 3).
+        times: Rising [s], shape (K,).
+        attitudes: Of the spacecraft, quaternions x, y, z, w of continuous sign, shape (K, 4).
+        base_positions: Of the root link from the centre of mass, inertial axes [m], shape (K, 3).
         base_velocities: Of the same point, inertial axes [m/s], shape (K, 3).
         angular_velocities: Of the spacecraft, inertial axes [rad/s], shape (K, 3).
         joints: [rad or m], shape (K, n).
@@ -40,8 +40,8 @@ class Trajectory:
         joint_accelerations: [rad/s² or m/s²], shape (K, n).
         joint_torques: Of inverse dynamics [N m or N], shape (K, n).
         end_effector_positions: From the centre of mass, inertial axes [m], shape (K, 3).
-        end_effector_attitudes: Unit quaternions x, y, z, w without jumps of sign, shape (K, 4).
-        measure: The margin's measure, signed, shape (K,).
+        end_effector_attitudes: Quaternions x, y, z, w of continuous sign, shape (K, 4).
+        measure: Signed singularity measure of the margin, shape (K,).
     """
 
     times: Array
@@ -58,8 +58,8 @@ class Trajectory:
     measure: Array
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            object.__setattr__(self, one.name, frozen(getattr(self, one.name)))
+        for entry in fields(self):
+            object.__setattr__(self, entry.name, frozen(getattr(self, entry.name)))
 
     @classmethod
     def of(cls, motion: Motion, times: npt.ArrayLike) -> Trajectory:
@@ -72,79 +72,81 @@ class Trajectory:
         Raises:
             InputError: If a time lies outside the motion.
         """
-        wanted = np.atleast_1d(np.asarray(times, dtype=float))
-        _, attitudes, joints = motion.evaluate(motion.parameter_at(wanted))
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        _, attitudes, joints = motion.evaluate(motion.parameter_at(times))
         problem = motion.problem
         dynamics, n = InverseDynamics(problem), problem.model.dof
-        efforts = np.full((len(wanted), 6 + 3 * n), np.nan)
-        for row, t, a, q in zip(efforts, wanted.tolist(), attitudes, joints, strict=True):
+        efforts = np.full((len(times), 6 + 3 * n), np.nan)
+        for row, t, a, q in zip(efforts, times.tolist(), attitudes, joints, strict=True):
             if motion.ending is Ending.SINGULAR and t == motion.final.time:
                 continue
             found = dynamics.effort(t, a, q)
             row[:] = np.concatenate([found.rates, found.accelerations[6:], found.joint_torques])
-        base, turning, rates, bends, torques = np.split(efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1)
+        base, angular, rates, accelerations, torques = np.split(
+            efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1
+        )
         R0 = Rotation.from_quat(attitudes).as_matrix()
         poses = [
             problem.model.end_effector_pose(a, q) for a, q in zip(attitudes, joints, strict=True)
         ]
-        hands = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
+        orientations = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
         return cls(
-            times=wanted,
+            times=times,
             attitudes=without_jumps(attitudes),
             base_positions=np.array([problem.model.base_position(a, q)
                                      for a, q in zip(attitudes, joints, strict=True)]),
             base_velocities=np.einsum("kij,kj->ki", R0, base),
-            angular_velocities=np.einsum("kij,kj->ki", R0, turning),
+            angular_velocities=np.einsum("kij,kj->ki", R0, angular),
             joints=joints,
             joint_rates=rates,
-            joint_accelerations=bends,
+            joint_accelerations=accelerations,
             joint_torques=torques,
             end_effector_positions=np.array([pose.position for pose in poses]),
-            end_effector_attitudes=without_jumps(hands.as_quat()),
+            end_effector_attitudes=without_jumps(orientations.as_quat()),
             measure=np.array([problem.margin.measure(q) for q in joints]),
         )  # fmt: skip
 
 
 def even_times(motion: Motion, count: int) -> Array:
-    """Evenly spaced times from a motion's first to its last [s], shape (count,).
+    """Evenly spaced times from the first to the last of a motion [s], shape (count,).
 
-    Of a motion that ends where it begins, its only time.
+    A motion that ends where it begins has a single time.
 
     Raises:
         InputError: If there are fewer than two or too many.
     """
-    if not 2 <= count <= MOST_TIMES:
-        raise InputError("times", f"{count} was given", f"2 to {MOST_TIMES:,}")
+    if not 2 <= count <= MAX_SAMPLES:
+        raise InputError("times", f"{count} was given", f"2 to {MAX_SAMPLES:,}")
     first, last = _span(motion)
-    return _plain(np.linspace(first, last, count if last > first else 1))
+    return _without_noise(np.linspace(first, last, count if last > first else 1))
 
 
 def times_at_rate(motion: Motion, rate: float) -> Array:
-    """Times a fixed step apart, and the motion's last [s], shape (K,).
+    """Times at a fixed rate, and the last time of the motion [s], shape (K,).
 
     Args:
         motion: The motion.
-        rate: Times a second [Hz].
+        rate: Samples per second [Hz].
 
     Raises:
-        InputError: If there would be too many, or the rate is no positive number.
+        InputError: If there would be too many, or the rate is not positive.
     """
     first, last = _span(motion)
     whole = rate * (last - first)
-    if not (rate > 0.0 and whole <= MOST_TIMES - 2):
-        accepted = f"above 0 Hz, and {MOST_TIMES:,} times at most in {last - first:g} s"
+    if not (rate > 0.0 and whole <= MAX_SAMPLES - 2):
+        accepted = f"above 0 Hz, and {MAX_SAMPLES:,} times at most in {last - first:g} s"
         raise InputError("rate", f"{rate:g} Hz was given", accepted)
     steps = np.ceil(whole * (1.0 - _ROUNDING))
-    return _plain(np.append(first + np.arange(steps) / rate, last))
+    return _without_noise(np.append(first + np.arange(steps) / rate, last))
 
 
-def _plain(times: Array) -> Array:
-    """Times as one would write them, 99.8 for 99.80000000000001; first and last as they are."""
+def _without_noise(times: Array) -> Array:
+    """Times without rounding noise, 99.8 for 99.80000000000001, but for the first and the last."""
     rounded = np.round(times, _DIGITS)
     noise = _NOISE * np.spacing(np.abs(times).max())
-    plain = np.where(np.abs(rounded - times) <= noise, rounded, times)
-    plain[[0, -1]] = times[[0, -1]]
-    return np.asarray(plain)
+    clean = np.where(np.abs(rounded - times) <= noise, rounded, times)
+    clean[[0, -1]] = times[[0, -1]]
+    return np.asarray(clean)
 
 
 def _span(motion: Motion) -> tuple[float, float]:

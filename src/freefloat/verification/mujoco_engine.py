@@ -1,9 +1,9 @@
-"""MuJoCo as another engine: its reader of URDFs, its kinematics, its dynamics.
+"""MuJoCo as a second engine: its URDF reader, kinematics and dynamics.
 
-The robot reaches MuJoCo through its own URDF reader: where joints stand and how they turn is read
-a second time. Inertias are overwritten with those of the bodies, because the reader insists on the
-triangle inequality, which some robots' links break. MuJoCo's free joint has its linear velocity in
-inertial axes, its angular velocity in those of the body, its quaternion in the order w, x, y, z.
+Poses and axes of joints come from MuJoCo's own URDF reader. Inertias are replaced by those of the
+model, because the reader requires the triangle inequality, which links of some robots violate.
+MuJoCo's free joint has its linear velocity in inertial axes, its angular velocity in body axes, and
+its quaternion in the order w, x, y, z.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 _LIGHTEST = 1e-9
-"""What the reader takes links for that have no mass [kg, kg m²], until theirs are set."""
+"""Mass and inertia of massless links in the reader [kg, kg m²], until theirs are set."""
 
 
 def engine_module() -> Any:
@@ -34,19 +34,19 @@ def engine_module() -> Any:
         raise InputError(
             "engine", "mujoco is not installed here", "after: pip install 'freefloat[mujoco]'"
         ) from None
-    mujoco.set_mju_user_warning(_unheard)
+    mujoco.set_mju_user_warning(_ignore)
     return mujoco
 
 
-def _unheard(_: str) -> None:
-    """What MuJoCo warns of it would write to a log in the working folder; numbers are judged."""
+def _ignore(_: str) -> None:
+    """Ignore warnings, which MuJoCo would write to a log in the working folder."""
 
 
 class Engine:
     """A robot in MuJoCo: free base, no gravity, no contacts, no joint limits."""
 
     def __init__(self, model: FreeFloatingModel) -> None:
-        """Build it.
+        """Build the model.
 
         Args:
             model: The robot.
@@ -56,7 +56,7 @@ class Engine:
         """
         self._mujoco = mujoco = engine_module()
         try:
-            spec = mujoco.MjSpec.from_string(_bones(model))
+            spec = mujoco.MjSpec.from_string(_urdf_without_shapes(model))
             spec.compiler.balanceinertia = True
             spec.compiler.fusestatic = False
             spec.compiler.boundmass = spec.compiler.boundinertia = _LIGHTEST
@@ -64,17 +64,17 @@ class Engine:
             root.add_freejoint()
             self.model = spec.compile()
         except (ValueError, RuntimeError) as error:
-            told = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise InputError("engine", f"mujoco refuses the robot ({told})", "another") from None
+            problem = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise InputError("engine", f"mujoco rejects the robot ({problem})", "another") from None
         self.model.opt.gravity[:] = 0.0
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.data = mujoco.MjData(self.model)
         self.root = self.model.body(root.name).id
-        self._weigh(model)
+        self._set_inertias(model)
         self.tool = self.model.body(model.end_effector).id
 
-    def _weigh(self, model: FreeFloatingModel) -> None:
-        """Give the moving bodies their masses, and all others none."""
+    def _set_inertias(self, model: FreeFloatingModel) -> None:
+        """Set the inertias of the moving bodies, and zero for all others."""
         own = self.model
         moved = [self.root, *(int(own.joint(name).bodyid[0]) for name in model.joint_names)]
         own.body_sameframe[:], own.body_simple[:] = 0, 0  # frames are shifted below
@@ -88,28 +88,30 @@ class Engine:
             own.body_iquat[index] = wxyz(Rotation.from_matrix(axes).as_quat())
         self._mujoco.mj_setConst(own, self.data)
 
-    def place(self, value: Array, rate: Array, bend: Array) -> None:
-        """Set [position, quaternion x y z w, joints] and its first two derivatives by time."""
+    def place(self, value: Array, rate: Array, acceleration: Array) -> None:
+        """Set [position, quaternion x y z w, joints] and its first two time derivatives."""
         a = value[3:7]
         self.data.qpos[:] = [*value[:3], *wxyz(a), *value[7:]]
-        self.data.qvel[:] = [*rate[:3], *_turning(a, rate[3:7]), *rate[7:]]
-        self.data.qacc[:] = [*bend[:3], *_turning(a, bend[3:7]), *bend[7:]]
+        self.data.qvel[:] = [*rate[:3], *_angular(a, rate[3:7]), *rate[7:]]
+        self.data.qacc[:] = [*acceleration[:3], *_angular(a, acceleration[3:7]), *acceleration[7:]]
 
-    def inverse(self, value: Array, rate: Array, bend: Array) -> tuple[Array, Array]:
-        """Forces that make a motion happen: wrench on the base (6,), joint torques (n,).
+    def inverse(self, value: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
+        """Inverse dynamics: wrench on the base (6,) and joint torques (n,).
 
         Args:
             value: Position, quaternion x, y, z, w, joints, shape (7 + n,).
-            rate: Its derivative by time.
-            bend: Its second derivative.
+            rate: Its time derivative.
+            acceleration: Its second derivative.
         """
-        self.place(value, rate, bend)
+        self.place(value, rate, acceleration)
         self._mujoco.mj_inverse(self.model, self.data)
         return self.data.qfrc_inverse[:6].copy(), self.data.qfrc_inverse[6:].copy()
 
-    def momentum(self, value: Array, rate: Array, bend: Array) -> tuple[Array, Array, Array]:
+    def momentum(
+        self, value: Array, rate: Array, acceleration: Array
+    ) -> tuple[Array, Array, Array]:
         """Centre of mass [m], linear momentum [N s], angular momentum about it [N m s]."""
-        self.place(value, rate, bend)
+        self.place(value, rate, acceleration)
         self._mujoco.mj_forward(self.model, self.data)
         self._mujoco.mj_subtreeVel(self.model, self.data)
         mass = self.model.body_subtreemass[self.root]
@@ -128,17 +130,17 @@ class Engine:
         own, data = self.model, self.data
         self._mujoco.mj_forward(own, data)
         M = np.zeros((own.nv, own.nv))
-        for row, unit in zip(M, np.eye(own.nv), strict=True):  # the matrix itself has no one name
+        for row, unit in zip(M, np.eye(own.nv), strict=True):  # its name differs between versions
             self._mujoco.mj_mulM(own, data, row, unit)
         return M, data.qfrc_bias.copy()
 
     def step(self, torques: Array) -> None:
-        """Pass a time step with constant joint torques (n,) and nothing on the base."""
+        """Integrate one time step with constant joint torques (n,) and a free base."""
         self.data.qfrc_applied[:] = [*np.zeros(6), *torques]
         self._mujoco.mj_step(self.model, self.data)
 
     def rest(self, seconds: float) -> None:
-        """Prepare steps of a length [s] by the Runge-Kutta integrator, from time 0."""
+        """Prepare steps of a length [s] with the Runge-Kutta integrator, from time 0."""
         self.data.time = 0.0
         self.model.opt.timestep = seconds
         self.model.opt.integrator = int(self._mujoco.mjtIntegrator.mjINT_RK4)
@@ -149,14 +151,14 @@ def wxyz(quaternion: Array) -> Array:
     return np.asarray(np.roll(quaternion, 1))
 
 
-def _turning(a: Array, change: Array) -> Array:
+def _angular(a: Array, change: Array) -> Array:
     """Vector part of 2 conj(a) a' or 2 conj(a) a'': body-frame angular rate or acceleration."""
-    turned = a[3] * change[:3] - change[3] * a[:3] - np.cross(a[:3], change[:3])
-    return np.asarray(2.0 * turned)
+    vector = a[3] * change[:3] - change[3] * a[:3] - np.cross(a[:3], change[:3])
+    return np.asarray(2.0 * vector)
 
 
-def _bones(model: FreeFloatingModel) -> str:
-    """The URDF without shapes and friction, joints off the chain fixed where they are held.
+def _urdf_without_shapes(model: FreeFloatingModel) -> str:
+    """The URDF without shapes and friction; joints that do not move are fixed at their values.
 
     MuJoCo takes a link called world for the ground.
     """
@@ -172,27 +174,28 @@ def _bones(model: FreeFloatingModel) -> str:
         for friction in joint.findall("dynamics"):
             joint.remove(friction)
         if joint.get("name") not in model.joint_names:
-            _hold(joint, float(model.held.get(joint.get("name", ""), 0.0)))
+            _fix(joint, float(model.held.get(joint.get("name", ""), 0.0)))
     return ET.tostring(robot, encoding="unicode")
 
 
-def _hold(joint: ET.Element, value: float) -> None:
+def _fix(joint: ET.Element, value: float) -> None:
     """Fix a joint at a value [rad or m]."""
-    sliding = joint.get("type") == "prismatic"
+    prismatic = joint.get("type") == "prismatic"
     joint.set("type", "fixed")
     if value == 0.0:
         return
     axis_element, origin = joint.find("axis"), joint.find("origin")
-    given = "1 0 0" if axis_element is None else axis_element.get("xyz", "1 0 0")
-    axis = np.array(given.split(), dtype=float)
+    text = "1 0 0" if axis_element is None else axis_element.get("xyz", "1 0 0")
+    axis = np.array(text.split(), dtype=float)
     axis *= value / np.linalg.norm(axis)
     if origin is None:
         origin = ET.SubElement(joint, "origin")
     xyz = np.array(origin.get("xyz", "0 0 0").split(), dtype=float)
-    turn = Rotation.from_euler("xyz", [float(one) for one in origin.get("rpy", "0 0 0").split()])
-    if sliding:
-        xyz = xyz + turn.apply(axis)
+    rpy = [float(angle) for angle in origin.get("rpy", "0 0 0").split()]
+    rotation = Rotation.from_euler("xyz", rpy)
+    if prismatic:
+        xyz = xyz + rotation.apply(axis)
     else:
-        turn = turn * Rotation.from_rotvec(axis)
+        rotation = rotation * Rotation.from_rotvec(axis)
     origin.set("xyz", " ".join(map(repr, xyz.tolist())))
-    origin.set("rpy", " ".join(map(repr, turn.as_euler("xyz").tolist())))
+    origin.set("rpy", " ".join(map(repr, rotation.as_euler("xyz").tolist())))
