@@ -16,13 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+import pyarrow.parquet
 import yaml
 
 from freefloat.robot.names import find_scenario
 
 SPEEDUP: dict[str, Any] = {
     "base": "spatial_6dof/line",
-    "task": "plan",
+    "command": "plan",
     "cases": 40,
     "seed": 7,
     "vary": {
@@ -33,14 +34,14 @@ SPEEDUP: dict[str, Any] = {
 """A Monte Carlo of plans of the paper's Example 2."""
 OVERHEAD: dict[str, Any] = {
     "base": "planar_3dof/parabola",
-    "task": "map",
+    "command": "map",
     "cases": 60,
     "vary": {"momentum.2": {"uniform": [-1, 1]}, "search.samples": {"list": [2000]}},
 }
 """Maps of Example 1 that take one to two seconds each."""
 TRIVIAL: dict[str, Any] = {
     "base": "planar_3dof/parabola_nonstop",
-    "task": "simulate",
+    "command": "simulate",
     "heading_deg": 200,
     "cases": 10_000,
     "vary": {"momentum.2": {"uniform": [-1, 1]}, "path.polynomial.z": {"list": [[1]]}},
@@ -59,13 +60,14 @@ def started(study: dict[str, Any], folder: Path, workers: int) -> subprocess.Pop
 
 
 def run(study: dict[str, Any], workers: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """What a batch answers, and its journal."""
+    """Return the document of a study and the start and duration of its runs."""
     with tempfile.TemporaryDirectory() as place:
-        told, errors = started(study, Path(place), workers).communicate()
-        lines = (Path(place) / "out" / "journal.jsonl").read_text().splitlines()
-    if errors:
-        raise SystemExit(errors)
-    return json.loads(told), [json.loads(line) for line in lines]
+        output, errors = started(study, Path(place), workers).communicate()
+        if errors:
+            raise SystemExit(errors)
+        table = pyarrow.parquet.read_table(Path(place) / "out" / "cases.parquet")
+    rows: list[dict[str, Any]] = table.select(["began", "seconds"]).to_pylist()
+    return json.loads(output), rows
 
 
 def say(text: str) -> None:
@@ -97,11 +99,11 @@ def time_of(row: dict[str, Any]) -> float:
 def measure_memory() -> None:
     with tempfile.TemporaryDirectory() as place:
         begin, running = time.monotonic(), started(TRIVIAL, Path(place), 2)
-        journal = Path(place) / "out" / "journal.jsonl"
+        database = Path(place) / "out" / "study.sqlite"
         first: dict[int, int] = {}
         most: dict[int, int] = {}
         while running.poll() is None:
-            if journal.exists() and journal.stat().st_size > 0:
+            if database.exists():
                 for one in [psutil.Process(running.pid), *psutil.Process(running.pid).children()]:
                     try:
                         size = one.memory_info().rss

@@ -18,7 +18,8 @@ from freefloat.errors import InputError
 from freefloat.studies.files import study_files
 from freefloat.studies.report import save_report
 from freefloat.studies.results import open_results
-from freefloat.studies.run import Row, RunResult
+from freefloat.studies.row import Row
+from freefloat.studies.run import RunResult
 from freefloat.studies.study import Study
 from freefloat.studies.summary import StudyResult
 from freefloat.studies.table import parameter_columns, save_table, study_table

@@ -13,7 +13,8 @@ from freefloat.io.scenario import load_scenario
 from freefloat.motion.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.files import study_files
-from freefloat.studies.run import Row, Run, RunResult, execute
+from freefloat.studies.row import Row
+from freefloat.studies.run import Run, RunResult, execute
 from tests.example_studies import BASE, HEADINGS, a_study, write_study
 
 pytestmark = pytest.mark.usefixtures("kernels")

@@ -24,7 +24,8 @@ from freefloat.errors import InputError
 from freefloat.io.results import load
 from freefloat.robot.names import bundled_studies
 from freefloat.studies.cluster import execute_all
-from freefloat.studies.run import Row, Run, execute
+from freefloat.studies.row import Row
+from freefloat.studies.run import Run, RunResult, execute
 from freefloat.studies.runner import estimate_study, run_study
 from freefloat.studies.study import load_study
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study
@@ -250,8 +251,6 @@ def test_bundled_studies_have_an_estimate(name: str, monkeypatch: pytest.MonkeyP
 
 
 def execute_nothing(run: Run) -> Any:
-    from freefloat.studies.run import RunResult
-
     return RunResult(Row(run.number, "feasible", run.parameters, seconds=1.0))
 
 

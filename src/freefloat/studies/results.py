@@ -15,7 +15,8 @@ from typing import Any
 
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
-from freefloat.studies.run import Files, Row, RunResult
+from freefloat.studies.row import Row
+from freefloat.studies.run import Files, RunResult
 from freefloat.studies.study import Study
 
 DATABASE, FILES = "study.sqlite", "cases"

@@ -13,7 +13,8 @@ from typing import Any
 from freefloat.errors import InputError
 from freefloat.studies.files import study_files
 from freefloat.studies.results import DATABASE, StudyDatabase, open_results
-from freefloat.studies.run import ERROR, Files, Row, Run, execute, finite
+from freefloat.studies.row import ERROR, Row, finite
+from freefloat.studies.run import Files, Run, execute
 from freefloat.studies.study import Study
 from freefloat.studies.summary import StudyResult
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.studies.run import ERROR, FEASIBLE, INFEASIBLE, Row
+from freefloat.studies.row import ERROR, FEASIBLE, INFEASIBLE, Row
 from freefloat.studies.study import Study
 
 _MAX_LISTED = 20

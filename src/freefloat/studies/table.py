@@ -12,7 +12,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from freefloat.io.files import written_beside
-from freefloat.studies.run import Row
+from freefloat.studies.row import Row
 
 PARQUET, CSV = "cases.parquet", "cases.csv"
 _FIRST = (
