@@ -1,0 +1,246 @@
+"""The command line: help, exit codes of errors, quiet output, colours and completion."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from freefloat.cli import workspace
+from freefloat.cli.app import app
+from freefloat.cli.options import bundled_names, prepare_outputs, scenario_names
+from freefloat.errors import InputError
+from tests.commands import error, run
+
+PROGRAM = [sys.executable, "-m", "freefloat"]
+COMMANDS = (
+    *("models", "info", "workspace", "simulate", "plan", "map", "view", "check", "export"),
+    *("assemble", "batch", "schema"),
+)
+SIMULATE = ("simulate", "planar_3dof/parabola_nonstop", "--heading", "200")
+HEAVY = {"matplotlib", "meshcat", "numba", "dask", "pinocchio", "scipy", "numpy"}
+
+
+def test_without_arguments_three_first_steps_are_shown() -> None:
+    result = run()
+    assert result.exit_code == 0
+    steps = re.findall(r"^  freefloat (\S+)", result.stdout, re.MULTILINE)
+    assert steps == ["models", "plan", "view"]
+
+
+def test_the_version_is_the_one_installed() -> None:
+    assert run("--version").stdout == f"freefloat {version('freefloat')}\n"
+
+
+def test_the_help_lists_every_command_and_the_exit_codes() -> None:
+    text = run("--help").stdout
+    assert tuple(re.findall(r"│ (\w+)  ", text)) == COMMANDS
+    assert "--debug" in text
+    assert "Exit codes" in text
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_help_of_a_command_has_its_options_and_an_example(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    text = run(name, "--help").stdout
+    assert f"Example: freefloat {name}" in text
+    for parameter in get_command(app).commands[name].params:
+        assert parameter.opts[0] in text or parameter.metavar in text
+
+
+def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "from freefloat.cli.app import app\n"
+        "try: app(['plan', '--help'])\n"
+        "except SystemExit: print('\\n'.join(sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert not HEAVY & set(done.stderr.split())
+
+
+# --- errors -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "key", "suggestion"),
+    [
+        (("simulat",), "command", "simulate"),
+        (("plan", "spatial_6dof/line", "--stretchh"), "--stretchh", "--stretch"),
+        (("plan",), "scenario", ""),
+        (("info", "a", "b"), "command", ""),
+        (("simulate", "planar_3dof/parabola", "--heading"), "--heading", ""),
+        (("simulate", "planar_3dof/parabola", "--heading", "north"), "--heading", ""),
+        (("map", "spatial_6dof/line", "--samples", "7"), "--samples", ""),
+        (("plan", "spatial_6dof/lin"), "scenario", "spatial_6dof/line"),
+        (("info", "panar_3dof"), "robot", "planar_3dof"),
+        (("batch", "spatial_6dof/montecalro", "-o", "d"), "study", "spatial_6dof/montecarlo"),
+        (("models", "spatial_6dof/lien"), "name", "spatial_6dof/line"),
+    ],
+)
+def test_a_wrong_command_line_is_one_error(
+    words: tuple[str, ...], key: str, suggestion: str
+) -> None:
+    told = error(*words)
+    assert told["key"] == key
+    assert suggestion in told["problem"]
+
+
+def test_an_unforeseen_exception_asks_for_a_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("of mine")
+
+    monkeypatch.setattr(workspace, "Console", broken)
+    result = run("workspace", "planar_3dof/parabola")
+    assert (result.exit_code, result.stdout) == (3, "")
+    (line,) = result.stderr.splitlines()
+    assert "ZeroDivisionError: of mine" in line
+    result = run("workspace", "planar_3dof/parabola", "--json")
+    assert "internal error" in json.loads(result.stdout)["error"]["message"]
+    result = run("--debug", "workspace", "planar_3dof/parabola")
+    assert (result.exit_code, "Traceback" in result.stderr) == (3, True)
+
+
+def test_control_c_exits_with_130(tmp_path: Path) -> None:
+    words = ["map", "spatial_6dof/line", "--samples", "10000000"]
+    with subprocess.Popen(
+        [*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        time.sleep(6.0)
+        process.send_signal(signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=60)
+    assert (process.returncode, stdout, stderr) == (130, b"", b"freefloat: interrupted\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("redirection", ["| head -1", ">&-", "2>&-", "> /dev/full"])
+def test_a_closed_or_full_stdout_gives_no_traceback(redirection: str, tmp_path: Path) -> None:
+    line = f"{sys.executable} -m freefloat models {redirection}"
+    done = subprocess.run(
+        line, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) <= 1
+
+
+def test_a_terminal_without_unicode_gives_no_traceback(tmp_path: Path) -> None:
+    environment = {**os.environ, "LANG": "C", "LC_ALL": "C", "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(
+        [*PROGRAM, "info", "planar_3dof"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+# --- output -------------------------------------------------------------------------------------
+
+
+def test_quiet_prints_errors_and_documents_only(tmp_path: Path) -> None:
+    result = run(*SIMULATE, "-q", "-o", tmp_path / "a.h5")
+    assert (result.exit_code, result.output) == (0, "")
+    assert (tmp_path / "a.h5").is_file()
+    assert run("plan", "parabola", "--quiet").stderr
+    assert "robots" in json.loads(run("models", "--quiet", "--json").stdout)
+
+
+def test_tables_have_colours_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("FORCE_COLOR", "NO_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    plain = run(*SIMULATE)
+    assert plain.stderr == ""
+    assert "\x1b" not in plain.stdout
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert "\x1b[32m" in run(*SIMULATE).stdout
+
+
+def test_progress_is_shown_on_terminals(tmp_path: Path) -> None:
+    import pty
+
+    leader, follower = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
+    words = ["map", "planar_3dof/parabola", "--samples", "8", "--json"]
+    with subprocess.Popen(
+        [*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=follower, env=environment
+    ) as process:
+        os.close(follower)
+        shown = b""
+        try:
+            while part := os.read(leader, 65536):
+                shown += part
+        except OSError:  # the terminal is closed
+            pass
+        stdout, _ = process.communicate(timeout=60)
+    os.close(leader)
+    assert json.loads(stdout)["samples"] == 8
+    assert b"integrating motions" in shown
+
+
+def test_folders_of_outputs_are_made_and_places_checked(tmp_path: Path) -> None:
+    prepare_outputs(output=tmp_path / "a" / "b.h5", folder=tmp_path / "c")
+    assert (tmp_path / "a").is_dir()
+    assert (tmp_path / "c").is_dir()
+    (tmp_path / "file").write_text("")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for options, key in (
+        ({"output": tmp_path / "file" / "b.h5"}, "output"),
+        ({"html": tmp_path / "a"}, "html"),
+        ({"html": tmp_path / "loop"}, "html"),
+        ({"output": tmp_path / "x", "html": tmp_path / "x"}, "html"),
+        ({"output": tmp_path / ("x" * 300) / "y"}, "output"),
+        ({"folder": tmp_path / "file"}, "plots"),
+    ):
+        with pytest.raises(InputError) as raised:
+            prepare_outputs(**options)
+        assert raised.value.key == key
+    with pytest.raises(InputError, match="also the input"):
+        prepare_outputs(tmp_path / "file", output=tmp_path / "file")
+
+
+def test_places_of_outputs_are_checked_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for option, key in (("-o", "output"), ("--html", "html"), ("--plots", "plots")):
+        begin = time.monotonic()
+        place = tmp_path / "file" / "x"
+        assert error("plan", "spatial_6dof/line", option, place)["key"] == key
+        assert time.monotonic() - begin < 10.0
+
+
+# --- completion ---------------------------------------------------------------------------------
+
+
+def completed(folder: Path, line: str) -> list[str]:
+    """What bash offers for a command line."""
+    words = line.split(" ")
+    code = "from freefloat.cli.app import app; app(prog_name='freefloat')"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True,
+        env={**os.environ, "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1),
+             "_FREEFLOAT_COMPLETE": "complete_bash"},
+    )  # fmt: skip
+    return done.stdout.split()
+
+
+def test_a_shell_completes_commands_bundled_names_and_files(tmp_path: Path) -> None:
+    for name in ("spatial_mine.yaml", "spatial.txt", "arm.urdf"):
+        (tmp_path / name).write_text("")
+    assert completed(tmp_path, "freefloat sim") == ["simulate"]
+    assert completed(tmp_path, "freefloat plan spatial") == [
+        *("spatial_6dof/above", "spatial_6dof/line", "spatial_mine.yaml")
+    ]
+    assert completed(tmp_path, "freefloat info ar") == ["arm.urdf"]
+    assert completed(tmp_path, "freefloat batch p") == ["planar_3dof/grid"]
+    assert scenario_names("no/such/folder/a") == []
+    assert bundled_names("planar_3dof/g") == ["planar_3dof/grid"]

@@ -1,0 +1,171 @@
+"""``freefloat models``, ``info``, ``workspace`` and ``schema``."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from freefloat.cli.models import catalogue
+from freefloat.io.scenario import load_scenario
+from freefloat.robot.names import (
+    bundled_robots,
+    bundled_scenarios,
+    bundled_studies,
+    models_folder,
+)
+from freefloat.studies.study import load_study
+from tests.commands import document, error, run
+
+ENTRIES = {entry.name: entry for group in catalogue().values() for entry in group}
+
+
+# --- models -------------------------------------------------------------------------------------
+
+
+def test_models_lists_everything_bundled_with_a_description() -> None:
+    groups = document("models")
+    text = run("models").stdout
+    for group, names in (
+        ("robots", bundled_robots()),
+        ("scenarios", bundled_scenarios()),
+        ("studies", bundled_studies()),
+    ):
+        assert [entry["name"] for entry in groups[group]] == list(names)
+        for entry in groups[group]:
+            assert 20 < len(entry["description"]) < 140
+            assert Path(entry["file"]).is_file()
+            assert f" {entry['name']} " in text
+    assert all(entry["source"] for entry in groups["robots"])
+    assert ENTRIES["ur5_servicer/arc"].details["robot"] == "example-robot-data:ur5"
+    assert {entry["base"] for entry in groups["studies"]} <= set(bundled_scenarios())
+
+
+@pytest.mark.parametrize("name", ["spatial_6dof/line", "spatial_6dof/montecarlo", "ssrms"])
+def test_models_prints_the_file_of_a_name(name: str) -> None:
+    entry = ENTRIES[name]
+    assert run("models", name).stdout == run("models", name, "--quiet").stdout == entry.text
+    assert document("models", name) == entry.to_dict() | {"text": entry.text}
+
+
+def test_a_copy_of_a_bundled_file_works_in_any_folder(tmp_path: Path) -> None:
+    copy = tmp_path / "mine.yaml"
+    for name in bundled_scenarios():
+        copy.write_text(ENTRIES[name].text, encoding="utf-8")
+        assert load_scenario(copy).urdf() == load_scenario(name).urdf()
+    for name in bundled_studies():
+        copy.write_text(ENTRIES[name].text, encoding="utf-8")
+        assert load_study(copy).base == load_study(name).base
+
+
+# --- info ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["planar_3dof", "planar_3dof/parabola", "arm.urdf"])
+def test_info_describes_the_same_robot_by_any_name(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(models_folder() / "planar_3dof" / "planar_3dof.urdf", tmp_path / "arm.urdf")
+    robot = document("info", name)
+    assert (robot["total_mass"], robot["dof"], robot["task"]) == (471.0, 3, "planar-pose")
+    assert [joint["name"] for joint in robot["joints"]] == ["q1", "q2", "q3"]
+    (warning,) = robot["warnings"]
+    assert "gyration radius is 1.22 m" in warning  # 1.5 kg m² of 1 kg: Table I
+    expected = [0.424628, 1.783439, 0.966030, 0.399575]
+    assert robot["barycentric_lengths"] == pytest.approx(expected, abs=1e-6)
+    text = run("info", name).stdout
+    assert "471 kg" in text
+    assert "1 warning" in text
+
+
+def test_info_takes_an_end_effector_and_stock_arms() -> None:
+    robot = document("info", "spatial_6dof", "--end-effector", "link_3")
+    assert (robot["end_effector"], robot["dof"]) == ("link_3", 3)
+    robot = document("info", "example-robot-data:panda", "--end-effector", "panda_link8")
+    assert robot["dof"] == 7
+    assert math.isclose(robot["total_mass"], 17.451901, abs_tol=1e-9)
+    assert error("info", "spatial_6dof/line", "--end-effector", "link_3")["key"] == "end_effector"
+    assert error("info", "spatial_6dof", "--end-effector", "none")["key"] == "end_effector"
+
+
+@pytest.mark.parametrize("name", ["nothing", "nothing.yaml", ".", "", "x" * 300, "ur5_servicer"])
+def test_info_of_an_unknown_name_is_an_error(name: str) -> None:
+    assert error("info", name)["key"] in ("robot", "scenario")
+
+
+def test_info_prints_all_diagnostics_of_a_broken_urdf(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
+    text = text.replace('value="40"', 'value="80/2"').replace('type="fixed"', 'type="welded"')
+    (tmp_path / "arm.urdf").write_text(text)
+    result = run("info", "arm.urdf", "--json")
+    assert result.exit_code == 2
+    told = json.loads(result.stdout)
+    assert [entry["severity"] for entry in told["findings"]] == ["error", "error", "warning"]
+    assert [entry["line"] for entry in told["findings"]] == [32, 70, 63]
+    assert told["error"]["line"] == 32
+    assert len(run("info", "arm.urdf").stderr.splitlines()) == 3
+
+
+# --- workspace ----------------------------------------------------------------------------------
+
+
+def test_workspace_has_reach_and_regions() -> None:
+    """Fig. 3 of the paper."""
+    regions = document("workspace", "planar_3dof/parabola")
+    assert regions["reach"] == pytest.approx([0.39278, 3.17410], abs=1e-5)
+    assert [len(interval) for interval in regions["pdw"]] == [2, 2]
+    assert len(regions["piw"]) == 1
+    assert "path-independent" in run("workspace", "planar_3dof/parabola").stdout
+
+
+# --- schema -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def schemas() -> dict[str, Any]:
+    assert run("schema").stdout == run("schema", "--json").stdout
+    return dict(json.loads(run("schema").stdout))
+
+
+def test_the_schemas_accept_what_is_bundled(schemas: dict[str, Any]) -> None:
+    for group, key in (("scenarios", "scenario"), ("studies", "study")):
+        Draft202012Validator.check_schema(schemas[key])
+        validator = Draft202012Validator(schemas[key])
+        for entry in catalogue()[group]:
+            validator.validate(yaml.safe_load(entry.text))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("task: pose", "task: dance"),
+        ("momentum:", "momentm:"),
+        ("[0.5, 0.3, 0.1]", "[0.5, 0.3]"),
+        ("[0.5, 0.3, 0.1]", "[0.5, 0.3, 'x']"),
+        ("duration: 100", "duration: '100'"),
+        ("value: 5", "value: -5"),
+        ("value: 5", "fraction: 1"),
+        ("task: pose\n", ""),
+        ("task: pose\n", "task: pose\nsearch: {samples: 7}\n"),
+        ("end_effector}", "end_effector, scale_mass: 0}"),
+    ],
+)
+def test_the_schema_refuses_what_commands_refuse(
+    old: str, new: str, schemas: dict[str, Any], tmp_path: Path
+) -> None:
+    text = ENTRIES["spatial_6dof/line"].text
+    assert old in text
+    text = text.replace(old, new, 1)
+    (tmp_path / "scenario.yaml").write_text(text)
+    error("info", tmp_path / "scenario.yaml")
+    assert not Draft202012Validator(schemas["scenario"]).is_valid(yaml.safe_load(text))

@@ -1,0 +1,32 @@
+"""Commands run in this process: their results, documents and errors."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from typer.testing import CliRunner
+
+from freefloat.cli.app import app
+
+
+def run(*words: object) -> Any:
+    """The result of a command."""
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def document(*words: object, code: int = 0) -> dict[str, Any]:
+    """The JSON document of a command that prints it and nothing else."""
+    result = run(*words, "--json")
+    assert (result.exit_code, result.stderr) == (code, ""), result.output
+    return dict(json.loads(result.stdout))
+
+
+def error(*words: object) -> dict[str, Any]:
+    """The error of a command: exit code 2, one line on stderr, one JSON document on stdout."""
+    result = run(*words, "--json")
+    assert result.exit_code == 2, result.output
+    (line,) = result.stderr.splitlines()
+    told = json.loads(result.stdout)["error"]
+    assert line == f"freefloat: {told['message']}"
+    return dict(told)
