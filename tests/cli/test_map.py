@@ -1,0 +1,121 @@
+"""``freefloat map``: documents, exit codes, and files that are whole or not there."""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from tests.commands import document, error, run
+from tests.scenarios import EASY
+
+SEARCHED = EASY + "search: {samples: 64, seed: 3}\n"
+SCENARIOS = {
+    "easy": SEARCHED,
+    "hard": SEARCHED.replace("value: 5", "value: 5000"),
+    "far": SEARCHED.replace("from: [1, 0, 0]", "from: [9, 0, 0]"),
+}
+KEYS = {
+    *("samples", "motions", "feasible_fraction", "motion_fraction", "best", "robust", "regions"),
+    "seconds",
+}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with the scenarios."""
+    for name, text in SCENARIOS.items():
+        (tmp_path / f"{name}.yaml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_map_has_the_documented_keys_and_is_written() -> None:
+    words = ("easy.yaml", "--nearest", "0", "0", "0", "1", "--boundary", "2")
+    found = document("map", *words, "-o", "new/map.h5")
+    assert found.keys() >= KEYS
+    assert (found["samples"], found["seed"], found["motions"]) == (64, 3, 512)
+    assert found["feasible_fraction"] == found["motion_fraction"] == 1.0
+    assert found["best"].keys() == {"attitude", "branch", "value"}
+    assert found["best"]["value"] > 60.0
+    assert found["robust"].keys() == {"attitude", "branch", "radius_deg"}
+    assert found["nearest"] == {"attitude": [0, 0, 0, 1], "branch": 0, "deviation_deg": 0.0}
+    assert found["boundary"] == []
+    for region in found["regions"]:
+        assert np.isclose(region["volume_rad3"], 8 * np.pi**2 * region["fraction"])
+    assert [entry["label"] for entry in found["branches"]][3] == "shoulder+ elbow- wrist-"
+    assert found["endings"] == {"completed": 512, "singular": 0, "given_up": 0, "unreached": 0}
+    with h5py.File("new/map.h5") as file:
+        assert json.loads(file["document"].asstr()[()])["best"] == found["best"]
+    text = run("map", *words).stdout
+    assert "nearest: 0.00000 0.00000 0.00000 1.00000, branch 0, 0 deg away" in text
+    assert "0 attitudes of the boundary by bisection" in text
+
+
+def test_a_planar_map_has_regions_of_headings() -> None:
+    found = document("map", "planar_3dof/parabola", "--samples", "36")
+    assert found.keys() >= KEYS
+    assert found["best"]["branch"] == 1
+    assert found["robust"]["radius_deg"] == max(r["size_deg"] for r in found["regions"]) / 2.0
+    text = run("map", "planar_3dof/parabola", "--samples", "36").stdout
+    assert "best: 250.000 deg, branch 1" in text
+
+
+def test_options_go_before_the_scenario() -> None:
+    found = document("map", "hard.yaml", "--samples", "9", "--seed", "0", code=1)
+    assert (found["samples"], found["seed"]) == (9, 0)
+
+
+@pytest.mark.parametrize("name", ["hard", "far"])
+def test_a_map_without_a_feasible_attitude_exits_with_1(name: str) -> None:
+    found = document("map", f"{name}.yaml", code=1)
+    assert found["feasible_fraction"] == 0.0
+    assert found["best"] is found["robust"] is None
+    assert found["regions"] == []
+    assert (found["motions"] == 0) is (found["out_of_reach"] is not None) is (name == "far")
+    assert "no feasible attitude was found" in run("map", f"{name}.yaml").stdout
+
+
+def test_threads_change_nothing_but_the_time() -> None:
+    one, two = (document("map", "easy.yaml", "--threads", threads) for threads in "12")
+    assert {**one, "seconds": 0} == {**two, "seconds": 0}
+
+
+def test_figures_of_a_map_are_written() -> None:
+    found = document("map", "easy.yaml", "--plots", "figures/easy")
+    names = ("map_slices.pdf", "map_slices.png", "map_histogram.pdf", "map_histogram.png")
+    assert found["plots"] == [f"figures/easy/{name}" for name in names]
+    assert all(Path(file).stat().st_size > 5000 for file in found["plots"])
+
+
+@pytest.mark.parametrize(
+    ("words", "key"),
+    [
+        (("easy.yaml", "--threads", "0"), "--threads"),
+        (("easy.yaml", "--seed", "-1"), "--seed"),
+        (("easy.yaml", "--boundary", "0"), "--boundary"),
+        (("easy.yaml", "--nearest", "0", "0", "0", "0"), "nearest"),
+        (("planar_3dof/parabola", "--nearest", "0", "0", "0", "1"), "nearest"),
+        (("planar_3dof/parabola", "--boundary", "4"), "boundary"),
+    ],
+)
+def test_bad_options_are_errors(words: tuple[str, ...], key: str) -> None:
+    assert error("map", *words)["key"] == key
+
+
+def test_a_full_disk_is_one_error_and_leaves_nothing(folder: Path) -> None:
+    before = sorted(folder.iterdir())
+    done = subprocess.run(
+        [sys.executable, "-m", "freefloat", "map", "easy.yaml", "--samples", "2048", "-qo", "m.h5"],
+        capture_output=True, text=True, check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)),
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, ""), done.stderr
+    assert done.stderr.count("\n") == 1
+    assert sorted(folder.iterdir()) == before

@@ -1,0 +1,140 @@
+"""``freefloat plan``: documents, exit codes, files, and what is built on the way."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from freefloat.cli.tables import percentage
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.io.plan_file import load_plan
+from freefloat.robot import parsing
+from freefloat.robot.model import FreeFloatingModel
+from tests.commands import document, run
+from tests.scenarios import EASY, PARABOLA
+
+SEARCHED = EASY + "search: {samples: 64, seed: 3}\n"
+SCENARIOS = {
+    "easy": SEARCHED,
+    "hard": SEARCHED.replace("value: 5", "value: 5000"),
+    "far": SEARCHED.replace("from: [1, 0, 0]", "from: [9, 0, 0]"),
+    "planar": PARABOLA,
+    "strict": PARABOLA.replace("value: 5", "value: 149"),
+}
+KEYS = {
+    *("feasible", "attitude_ranges_deg", "deviation_deg", "robust_radius_deg", "reason"),
+    *("completed", "singular", "min_margin", "initial", "final", "residuals"),
+}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with the scenarios."""
+    for name, text in SCENARIOS.items():
+        (tmp_path / f"{name}.yaml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
+    plan = document("plan", "easy.yaml", "-o", "new/plan.h5")
+    assert plan.keys() >= KEYS
+    assert plan["feasible"] is plan["completed"] is True
+    assert plan["attitude_ranges_deg"] == plan["disagreements"] == []
+    assert plan["heading_deg"] is None
+    assert (plan["samples"], plan["seed"]) == (64, 3)
+    assert (plan["feasible_fraction"], plan["feasible_fraction_error"]) == (1.0, 0.0)
+    assert plan["tolerance"].keys() == {"momentum", "momentum_limit", "shortest", "longest"}
+    assert plan["robust_radius_deg"] > 0.0
+    assert plan["residuals"]["end_effector_position"] < 1e-7
+    assert document("check", "new/plan.h5")["proved"] is True
+    text = run("plan", "easy.yaml").stdout
+    assert "100.00% (at least 95.43% with 95% confidence) of 64 initial attitudes" in text
+    assert "Attitude tolerance: " in text
+    assert "Momentum tolerance: " in text
+
+
+def test_a_planar_plan_has_ranges_and_segments() -> None:
+    plan = document("plan", "planar_3dof/parabola")
+    assert plan.keys() >= KEYS
+    ranges = plan["attitude_ranges_deg"]
+    assert [entry["label"] for entry in ranges] == ["elbow+", "elbow-"]
+    assert np.allclose(ranges[0]["ranges"], [[0, 62.788], [161.030, 360]], atol=1e-3)
+    assert plan["heading_deg"] == pytest.approx(246.915, abs=1e-3)
+    text = run("plan", "planar_3dof/parabola").stdout
+    assert "0 e+     [0.000, 62.788]  [161.030, 360.000]" in text
+    assert text.count("this segment alone") == text.count("to the end of the path") == 4
+
+
+@pytest.mark.parametrize("name", ["hard", "far", "strict"])
+def test_an_infeasible_plan_has_a_reason_and_no_page(name: str, folder: Path) -> None:
+    plan = document("plan", f"{name}.yaml", "-o", "plan.h5", "--html", "page.html", code=1)
+    assert plan["feasible"] is plan["completed"] is False
+    assert plan["initial"] is plan["tolerance"] is plan["robust_radius_deg"] is plan["html"] is None
+    assert not load_plan("plan.h5").feasible
+    assert not (folder / "page.html").exists()
+    assert f"Not feasible: {plan['reason']}." in run("plan", f"{name}.yaml").stdout
+
+
+def test_threads_change_nothing() -> None:
+    one, two = (document("plan", "easy.yaml", "--threads", threads) for threads in "12")
+    assert one == two
+
+
+def test_page_and_figures_are_written_into_new_folders(folder: Path) -> None:
+    words = ("planar_3dof/parabola_nonstop", "--html", "a/page.html", "--plots", "b/c")
+    plan = document("plan", *words)
+    assert (folder / "a" / "page.html").stat().st_size > 10_000
+    assert plan["html"] == "a/page.html"
+    assert {Path(file).parent for file in plan["plots"]} == {Path("b/c")}
+    assert all(Path(file).stat().st_size > 2000 for file in plan["plots"])
+
+
+def test_a_plan_parses_one_urdf_and_builds_one_model_and_one_evaluator(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    built: Counter[str] = Counter()
+
+    def count(place: Any, name: str) -> None:
+        original = getattr(place, name)
+
+        def counted(*args: Any, **options: Any) -> Any:
+            built[name if place is parsing else place.__name__] += 1
+            return original(*args, **options)
+
+        monkeypatch.setattr(place, name, counted)
+
+    count(parsing, "parse_xml")
+    count(FreeFloatingModel, "__init__")
+    count(FeasibilityEvaluator, "__init__")
+    assert run("plan", "easy.yaml", "-o", "plan.h5").exit_code == 0
+    assert built == {"parse_xml": 1, "FreeFloatingModel": 1, "FeasibilityEvaluator": 1}
+
+
+def test_limits_are_printed_with_a_stretched_duration(folder: Path) -> None:
+    fast = PARABOLA.replace("duration: 100", "duration: 20") + "limits: {base_rate: 0.02}\n"
+    (folder / "fast.yaml").write_text(fast.replace("momentum: [0, 0, 0.5]", "momentum: [0, 0, 0]"))
+    assert document("plan", "fast.yaml", code=1)["stretched_duration"] > 20.0
+    plan = document("plan", "fast.yaml", "--stretch", "-o", "plan.h5")
+    assert plan["duration"] > 20.0
+    assert all(entry["kept"] for entry in plan["limits"])
+    assert load_plan("plan.h5").problem().path.duration == pytest.approx(plan["duration"])
+
+
+@pytest.mark.parametrize(
+    ("fraction", "error", "samples", "text"),
+    [
+        (0.4062, 0.0614, 64, "40.62% ± 6.14%"),
+        (0.4, None, 10, "40.00%"),
+        (1.0, 0.0, 64, "100.00% (at least 95.43% with 95% confidence)"),
+        (0.0, 0.0, 4096, "0.00% (at most 0.07% with 95% confidence)"),
+    ],
+)
+def test_a_fraction_of_agreeing_samples_has_a_confidence_interval(
+    fraction: float, error: float | None, samples: int, text: str
+) -> None:
+    assert percentage(fraction, error, samples) == text

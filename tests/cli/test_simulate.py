@@ -1,0 +1,216 @@
+"""``freefloat simulate``: documents, exit codes, arm branches, limits and files."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from freefloat.robot.names import models_folder
+from tests.commands import document, error, run
+from tests.scenarios import PARABOLA
+
+GOOD = ("spatial_6dof/line", "--attitude", "0.46008", "0.09337", "0.73519", "-0.48898")
+"""Tangent to the margin of Example 2 on four branches; keeps it on the others."""
+BAD = ("spatial_6dof/line", "--attitude", "0.1", "0.5", "0.2", "-0.8367")
+"""Four of the eight branches become singular."""
+PLANAR = ("planar_3dof/parabola", "--heading", "200")
+SINGULAR = ("planar_3dof/parabola", "--heading", "140", "--branch", "0")
+LIMITS = "limits: {joint_rate: 0.5, joint_torque: 5, base_rate: 0.02, clearance: 0.01}\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with a scenario, no URDF beside it."""
+    (tmp_path / "mine.yaml").write_text(PARABOLA)
+    (tmp_path / "limited.yaml").write_text(PARABOLA + LIMITS)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("words", "dof"), [(PLANAR, 3), (GOOD, 6)])
+def test_the_document_has_the_documented_keys(words: tuple[str, ...], dof: int) -> None:
+    motion = document("simulate", *words)
+    assert motion.keys() >= {
+        *("completed", "singular", "min_margin", "initial", "final", "residuals", "branches")
+    }
+    assert (motion["completed"], motion["singular"]) == (True, None)
+    assert motion["min_margin"].keys() >= {"measure", "value", "time"}
+    for state in (motion["initial"], motion["final"]):
+        assert [len(state[key]) for key in ("attitude", "joints", "base_position")] == [4, dof, 3]
+        assert math.isclose(np.linalg.norm(state["attitude"]), 1.0, abs_tol=1e-9)
+    residuals = motion["residuals"]
+    assert max(residuals["end_effector_position"], residuals["end_effector_attitude"]) < 1e-7
+    assert residuals["momentum"] < 1e-5
+    assert len(motion["branches"]) == {3: 2, 6: 8}[dof]
+    for branch in motion["branches"]:
+        assert branch.keys() >= {"branch", "joints", "completed", "singular", "min_margin"}
+
+
+def test_a_singular_motion_has_place_and_time() -> None:
+    motion = document("simulate", *SINGULAR, code=1)
+    singular = motion["singular"]
+    assert singular.keys() == {"time", "s", "end_effector", "joints"}
+    assert singular["time"] == motion["final"]["time"] < 100.0
+    assert singular["joints"] == motion["final"]["joints"]
+    x, y, z = singular["end_effector"]
+    assert math.isclose(x, 2 - 3 * singular["s"], abs_tol=1e-6)
+    assert math.isclose(y, x**2 / 6 - 5 * x / 6 + 1, abs_tol=1e-6)
+    assert math.isclose(z, 0.0, abs_tol=1e-9)
+    assert motion["min_margin"]["value"] < 1e-6
+    text = run("simulate", *SINGULAR).stdout
+    assert f"singular at t = {singular['time']:.4f} s, s = {singular['s']:.4f}" in text
+
+
+def test_the_attitudes_of_the_paper() -> None:
+    failed = [one for one in document("simulate", *BAD)["branches"] if not one["completed"]]
+    assert len(failed) == 4
+    for branch in failed:
+        assert np.allclose(branch["singular"]["end_effector"], [0.120, 0.469, 0.194], atol=1e-3)
+    good = document("simulate", *GOOD)
+    assert all(branch["completed"] for branch in good["branches"])
+    smallest = min(branch["min_margin"]["value"] for branch in good["branches"])
+    assert math.isclose(smallest, 5.0, abs_tol=0.05)
+    given = np.array([float(word) for word in GOOD[2:]])
+    assert np.allclose(good["initial"]["attitude"], given / np.linalg.norm(given), atol=1e-15)
+
+
+def test_a_position_task_has_no_orientation_residual(folder: Path) -> None:
+    (folder / "mine.yaml").write_text(PARABOLA.replace("planar-pose", "planar-position"))
+    motion = document("simulate", "mine.yaml", "--heading", "200")
+    assert motion["residuals"]["end_effector_attitude"] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (("--heading", "200"), 0),
+        (("--heading", "140"), 0),
+        (("--heading", "140", "--branch", "0"), 1),
+        (("--heading", "140", "--branch", "1"), 0),
+        (("--heading", "140", "--stop-at-margin"), 1),
+        (("--heading", "200", "--stop-at-margin"), 0),
+        ((), 2),
+        (("--heading", "0", "--branch", "2"), 2),
+    ],
+)
+def test_exit_codes(words: tuple[str, ...], code: int) -> None:
+    assert run("simulate", "planar_3dof/parabola", *words).exit_code == code
+
+
+@pytest.mark.parametrize("heading", ["0", "140", "200"])
+def test_the_branch_with_the_largest_margin_is_chosen(heading: str) -> None:
+    motion = document("simulate", "planar_3dof/parabola", "--heading", heading)
+    best = max(motion["branches"], key=lambda one: (one["completed"], one["min_margin"]["value"]))
+    assert motion["branch"] == best["branch"]
+    assert motion["min_margin"] == best["min_margin"]
+    assert motion["initial"]["joints"] == best["joints"]
+
+
+def comma(values: Any) -> str:
+    return ",".join(repr(float(value)) for value in values)
+
+
+@pytest.mark.parametrize("words", [PLANAR, GOOD])
+def test_a_branch_is_chosen_by_number_or_joints(words: tuple[str, ...]) -> None:
+    branch = document("simulate", *words)["branches"][-1]
+    signs = (-1.0) ** np.arange(len(branch["joints"]))
+    near = np.array(branch["joints"]) + 0.049 * signs + 2 * np.pi * signs
+    for option in (("--branch", branch["branch"]), ("--joints", comma(near))):
+        motion = document("simulate", *words, *option)
+        assert motion["branch"] == branch["branch"]
+        assert motion["initial"]["joints"] == branch["joints"]
+
+
+def test_joints_of_no_branch_are_refused_with_the_branches_listed() -> None:
+    branches = document("simulate", *PLANAR)["branches"]
+    far = np.add(branches[0]["joints"], [0, 0.051, 0])
+    told = error("simulate", *PLANAR, "--joints", comma(far))
+    assert told["key"] == "joints"
+    for branch in branches:
+        assert str(np.round(branch["joints"], 4).tolist()) in told["accepted"]
+
+
+@pytest.mark.parametrize("heading", [0.0, -160.0, 560.0])
+def test_a_heading_is_an_attitude_about_z(heading: float) -> None:
+    half = math.radians(heading) / 2
+    attitude = ("0", "0", repr(math.sin(half)), repr(math.cos(half)))
+    by_heading = document("simulate", "planar_3dof/parabola", "--heading", heading)
+    by_attitude = document("simulate", "planar_3dof/parabola", "--attitude", *attitude)
+    assert np.allclose(by_heading["initial"]["attitude"], [float(word) for word in attitude])
+    for one, other in zip(by_heading["branches"], by_attitude["branches"], strict=True):
+        assert one["completed"] == other["completed"]
+        assert np.allclose(one["joints"], other["joints"], atol=1e-9)
+
+
+@pytest.mark.parametrize("number", ["0", "1"])
+def test_motions_stop_at_the_margin(number: str) -> None:
+    words = ("simulate", "planar_3dof/parabola", "--heading", "140", "--branch", number)
+    stopped = document(*words, "--stop-at-margin", code=1)
+    assert (stopped["completed"], stopped["singular"]) == (False, None)
+    assert math.isclose(stopped["min_margin"]["value"], 5.0, rel_tol=1e-6)
+    assert math.isclose(stopped["min_margin"]["time"], stopped["final"]["time"], abs_tol=1e-6)
+    kept = document("simulate", *PLANAR, "--stop-at-margin")
+    assert kept == document("simulate", *PLANAR)
+
+
+def test_limits_are_checked_along_the_chosen_motion() -> None:
+    """The exit code is that of the path."""
+    limits = document("simulate", "limited.yaml", "--heading", "200")["limits"]
+    results = {entry["limit"]: entry for entry in limits}
+    assert results.keys() == {"joint_rate", "joint_torque", "base_rate", "clearance"}
+    for entry in limits:
+        assert entry.keys() >= {"limit", "worst", "allowed", "time", "where", "kept"}
+        assert 0.0 <= entry["time"] <= 100.0
+    assert (results["base_rate"]["allowed"], results["base_rate"]["kept"]) == (0.02, False)
+    assert (results["joint_rate"]["kept"], results["base_rate"]["where"]) == (True, "spacecraft")
+    assert results["joint_torque"]["base_wrench"] < 1e-6
+    text = run("simulate", "limited.yaml", "--heading", "200").stdout
+    assert text.count("violated") == sum(not entry["kept"] for entry in limits)
+
+
+def test_joint_ranges_are_checked_without_limits_in_the_scenario(folder: Path) -> None:
+    assert document("simulate", *PLANAR)["limits"] == []
+    text = yaml.safe_load((models_folder() / "ur5_servicer/arc.yaml").read_text())
+    del text["limits"]
+    (folder / "arc.yaml").write_text(yaml.safe_dump(text))
+    (entry,) = document("simulate", "arc.yaml", "--attitude", "0", "0", "0", "1")["limits"]
+    assert entry["limit"] == "joint_range"
+
+
+def test_unbounded_rates_are_null() -> None:
+    limits = document("simulate", "limited.yaml", *SINGULAR[1:], code=1)["limits"]
+    rate = next(entry for entry in limits if entry["limit"] == "joint_rate")
+    assert rate["kept"] is False
+    assert rate["worst"] is None or abs(rate["worst"]) > 10.0
+
+
+def test_a_urdf_beside_the_scenario_goes_before_the_bundled_one(folder: Path) -> None:
+    light = document("simulate", "mine.yaml", *PLANAR[1:])
+    text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
+    heavy = text.replace('<mass value="400"/>', '<mass value="4000"/>')
+    (folder / "planar_3dof.urdf").write_text(heavy)
+    assert document("info", "mine.yaml")["total_mass"] == pytest.approx(471.0 + 3600.0)
+    assert document("simulate", "mine.yaml", *PLANAR[1:])["final"] != light["final"]
+
+
+def test_the_page_and_the_file_are_written(folder: Path) -> None:
+    words = (*SINGULAR[:3], "--branch", "1", "--html", "page.html", "-o", "new/motion.h5")
+    assert run("simulate", *words).exit_code == 0
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert page.index("branch 1 elbow-") < page.index("branch 0 elbow+")
+    assert (folder / "new" / "motion.h5").is_file()
+
+
+def test_the_table_has_a_row_for_every_branch() -> None:
+    motion, text = document("simulate", *BAD), run("simulate", *BAD).stdout
+    for branch in motion["branches"]:
+        mark = "*" if branch["branch"] == motion["branch"] else ""
+        (row,) = (line for line in text.splitlines() if line.startswith(f" {branch['branch']}"))
+        assert row.split()[0] == f"{branch['branch']}{mark}"
+        assert ("singular" in row) is (branch["singular"] is not None)
+    assert " ".join(f"{value:.5f}" for value in motion["final"]["attitude"]) in text
