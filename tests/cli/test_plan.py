@@ -11,7 +11,7 @@ import pytest
 
 from freefloat.cli.tables import percentage
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.plan_file import load_plan
+from freefloat.io.results import load
 from freefloat.robot import parsing
 from freefloat.robot.model import FreeFloatingModel
 from tests.commands import document, run
@@ -75,7 +75,7 @@ def test_an_infeasible_plan_has_a_reason_and_no_page(name: str, folder: Path) ->
     plan = document("plan", f"{name}.yaml", "-o", "plan.h5", "--html", "page.html", code=1)
     assert plan["feasible"] is plan["completed"] is False
     assert plan["initial"] is plan["tolerance"] is plan["robust_radius_deg"] is plan["html"] is None
-    assert not load_plan("plan.h5").feasible
+    assert not load("plan.h5").feasible
     assert not (folder / "page.html").exists()
     assert f"Not feasible: {plan['reason']}." in run("plan", f"{name}.yaml").stdout
 
@@ -122,7 +122,7 @@ def test_limits_are_printed_with_a_stretched_duration(folder: Path) -> None:
     plan = document("plan", "fast.yaml", "--stretch", "-o", "plan.h5")
     assert plan["duration"] > 20.0
     assert all(entry["kept"] for entry in plan["limits"])
-    assert load_plan("plan.h5").problem().path.duration == pytest.approx(plan["duration"])
+    assert load("plan.h5").problem.path.duration == pytest.approx(plan["duration"])
 
 
 @pytest.mark.parametrize(
