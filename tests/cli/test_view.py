@@ -133,7 +133,6 @@ def test_pictures_need_playwright(
         (("--size", "5x5000", "--snapshots", "1"), "size"),
         (("--scene", "x", "--snapshots", "1"), "scene"),
         (("--video", "v.avi"), "video"),
-        (("--html", "no/page.html"), "output"),
     ],
 )
 def test_impossible_options_are_refused(
