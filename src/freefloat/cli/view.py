@@ -145,7 +145,7 @@ def _playback(files: Sequence[Path]) -> Playback:
     motions: dict[str, Motion] = {}
     for file, result in zip(files, results, strict=True):
         numbered = (f"{file.stem} ({number})" for number in range(2, len(files) + 1))
-        name = next(one for one in (file.stem, *numbered) if one not in motions)
+        name = next(title for title in (file.stem, *numbered) if title not in motions)
         motions[name] = _motion_of(result, file)
     return playback(motions, " · ".join(motions))
 

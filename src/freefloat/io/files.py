@@ -43,21 +43,3 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
-
-
-def refuse_same_files(**paths: Path | None) -> None:
-    """Refuse to write a file over another that is written, or read, by the same command.
-
-    Args:
-        paths: By option; None for what is not wanted.
-
-    Raises:
-        InputError: Naming the later of two options that name one file.
-    """
-    known: dict[Path, str] = {}
-    for option, path in paths.items():
-        if path is None:
-            continue
-        other = known.setdefault(path.resolve(), option)
-        if other != option:
-            raise InputError(option, f"{path} is the file of {other}, too", "a file of its own")
