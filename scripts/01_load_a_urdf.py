@@ -9,6 +9,7 @@ import numpy as np
 
 import freefloat as ff
 from freefloat.robot.names import example_robots, find_robot
+from freefloat.robot.parts import Mount
 
 # Any URDF will do whose root link is the spacecraft; this one comes with freefloat.
 urdf = find_robot("spatial_6dof", Path())
@@ -27,7 +28,7 @@ spacecraft = ff.Spacecraft(
     mass=200.0,
     inertia=np.diag([35.0, 35.0, 35.0]),  # about its centre of mass [kg m²]
     size=(1.0, 1.0, 1.0),
-    mount=ff.Mount(xyz=(0.5, 0.0, 0.0), rpy=(0.0, np.pi / 2, 0.0)),
+    mount=Mount(xyz=(0.5, 0.0, 0.0), rpy=(0.0, np.pi / 2, 0.0)),
 )
 servicer = ff.FreeFloatingModel.from_urdf(
     example_robots()["ur5"], end_effector="tool0", spacecraft=spacecraft

@@ -16,9 +16,9 @@ task = ff.Task.POSE  # position and attitude of the end-effector count
 model = ff.FreeFloatingModel.from_urdf(find_robot("spatial_6dof", Path()))
 
 # Where the end-effector goes, from the centre of mass of the whole system [m], and how it stands.
-line = ff.PolynomialCurve.line([1, 0, 0], [-0.5, 0.8, 0.33])
+line = ff.paths.PolynomialCurve.line([1, 0, 0], [-0.5, 0.8, 0.33])
 axes = axes_rotation("attitude", ("x", [0.4683, 1.1683, -0.7]), ("z", [1.5, -0.8, -0.33]))
-path = ff.EndEffectorPath(line, ff.FixedOrientation(axes))
+path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(axes))
 
 # When: from rest to rest in 100 s. And what must never fall below 5 on the way.
 timed = ff.TimedPath(path, ff.Timing(duration=100.0))

@@ -7,7 +7,7 @@ would need.
 from dataclasses import replace
 
 import freefloat as ff
-from freefloat.limits.limits import needed_stretch
+from freefloat.limits.limits import LimitResult, needed_stretch
 
 scenario = ff.load_scenario("planar_2dof/line")
 problem = scenario.problem()
@@ -17,7 +17,7 @@ plan = ff.plan(problem, limits=limits)
 print(f"chosen for {plan.reason}")
 
 
-def show(results: tuple[ff.LimitResult, ...]) -> None:
+def show(results: tuple[LimitResult, ...]) -> None:
     """Print every limit where it is most used up."""
     for result in results:
         verdict = "kept" if result.kept else "violated"

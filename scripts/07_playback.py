@@ -7,12 +7,14 @@ and ends in how far apart the two spacecraft point at the end [degrees].
 import numpy as np
 
 import freefloat as ff
+from freefloat.motion.motion import Motion
+from freefloat.motion.time_series import TimeSeries
 from freefloat.so3 import angle_between
 
 problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
 
 
-def from_heading(degrees: float) -> ff.Motion:
+def from_heading(degrees: float) -> Motion:
     """The motion of arm branch 0 from a heading of the spacecraft."""
     half = np.radians(degrees) / 2.0
     return ff.simulate(problem, [0.0, 0.0, np.sin(half), np.cos(half)], branch=0).chosen.motion
@@ -32,7 +34,7 @@ print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 
 # Numbers of a motion at any times, such as the end of the shorter one:
 end = bad.final.time
-series = ff.TimeSeries.of(good, np.linspace(0.0, end, 5))
+series = TimeSeries.of(good, np.linspace(0.0, end, 5))
 print("good joints then:", np.round(series.joints[-1], 4))
 apart = angle_between(good.sample([end])[0].attitude, bad.final.attitude)
 print(f"apart: {np.degrees(apart):.4f} deg")

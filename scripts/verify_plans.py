@@ -12,6 +12,7 @@ from pathlib import Path
 
 import freefloat as ff
 from freefloat.robot.names import bundled_scenarios
+from freefloat.verification.check import CheckReport
 
 
 def planned(name: str, folder: Path) -> Path:
@@ -24,7 +25,7 @@ def planned(name: str, folder: Path) -> Path:
     return path
 
 
-def row(name: str, report: ff.CheckReport, seconds: float) -> str:
+def row(name: str, report: CheckReport, seconds: float) -> str:
     proof, engine = report.certificate, report.engine
     if proof is None or engine is None:
         return f"{name:30} {[check.reason for check in report.discrepancies]}"

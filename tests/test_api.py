@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 import pydoc
 import re
@@ -14,30 +13,12 @@ from pathlib import Path
 import pytest
 
 import freefloat as ff
+from freefloat.motion.simulation import Simulation
+from freefloat.motion.time_series import TimeSeries
+from freefloat.planning.plan import Plan
 from freefloat.robot.names import models_folder
 
 pytestmark = pytest.mark.usefixtures("kernels")
-
-
-def test_every_public_name_is_typed_as_it_is_loaded() -> None:
-    tree = ast.parse(Path(ff.__file__).read_text(encoding="utf-8"))
-    typed = {
-        alias.asname: str(node.module)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("freefloat.")
-        for alias in node.names
-    }
-    assert typed == {name: f"freefloat.{room}" for name, room in ff._ROOMS.items()}
-    assert (Path(ff.__file__).parent / "py.typed").is_file()
-
-
-def test_the_names_come_in_the_order_in_which_they_are_needed() -> None:
-    order = [
-        *("FreeFloatingModel", "EndEffectorPath", "TimedPath", "Problem", "load_scenario"),
-        *("simulate", "Motion", "plan", "Plan", "attitude_map", "play", "load", "run_study"),
-    ]
-    assert [name for name in ff.__all__ if name in order] == order
-    assert len(set(ff.__all__)) == len(ff.__all__)
 
 
 @pytest.mark.parametrize("name", ff.__all__)
@@ -68,8 +49,8 @@ def test_help_begins_with_ten_lines_that_run(
     assert len(lines) == 10
     shutil.copy(models_folder() / "spatial_6dof" / "spatial_6dof.urdf", tmp_path / "robot.urdf")
     monkeypatch.chdir(tmp_path)
-    shown: list[ff.Plan] = []
-    monkeypatch.setattr("freefloat.planning.plan.Plan.show", lambda plan: shown.append(plan))
+    shown: list[Plan] = []
+    monkeypatch.setattr("freefloat.visualization.playback.show", shown.append)
     assert code.count("samples=1024") == 1
     exec(code.replace("samples=1024", "samples=64"), {})
     assert [one.feasible for one in shown] == [True]
@@ -80,22 +61,22 @@ def test_help_begins_with_ten_lines_that_run(
 
 
 @pytest.fixture(scope="module")
-def simulation() -> ff.Simulation:
+def simulation() -> Simulation:
     """Of Example 1, from a heading that serves."""
     problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
     return ff.simulate(problem, [0.0, 0.0, 1.0, 0.0])
 
 
-def test_records_are_told_in_one_line(simulation: ff.Simulation) -> None:
+def test_records_are_told_in_one_line(simulation: Simulation) -> None:
     problem = simulation.chosen.motion.problem
-    found = ff.Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
+    found = Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
     study = ff.load_study("planar_3dof/grid")
     records = [
         *(simulation, *simulation.branches, simulation.chosen.motion, found, found.problem),
         *(found.problem.path, found.problem.path.path, found.problem.margin, found.problem.model),
         *(found.problem.margin.measure, ff.load_scenario("spatial_6dof/line"), study),
         *(simulation.chosen.motion.initial, ff.Search(), ff.Limits()),
-        *(ff.playback(simulation.chosen.motion), ff.TimeSeries.of(simulation.chosen.motion, [1.0])),
+        *(ff.playback(simulation.chosen.motion), TimeSeries.of(simulation.chosen.motion, [1.0])),
     ]
     for record in records:
         told = repr(record)

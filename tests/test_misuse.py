@@ -10,14 +10,19 @@ import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ik import branches as arm_branches
+from freefloat.motion.simulation import Simulation
 from freefloat.planning import diagnostics, spatial_planner
-from freefloat.planning.attitude_map import Candidate
+from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.options import Objective
+from freefloat.planning.plan import Plan
+from freefloat.robot.parts import Attachment
 from tests.redundant import redundant
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
-LINE = ff.PolynomialCurve.line([1.2, 0.2, 0.0], [0.8, 0.6, 0.0])
+LINE = ff.paths.PolynomialCurve.line([1.2, 0.2, 0.0], [0.8, 0.6, 0.0])
 TIMING = ff.Timing(20.0)
 
 
@@ -36,7 +41,7 @@ def problem(model: ff.FreeFloatingModel) -> ff.Problem:
 
 
 @pytest.fixture(scope="module")
-def simulation() -> ff.Simulation:
+def simulation() -> Simulation:
     """Of both branches of an elbow, the second chosen."""
     problem = ff.load_scenario("planar_2dof/line").problem()
     return ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=1)
@@ -57,7 +62,7 @@ def refused(function, *given) -> ff.InputError:
         (ff.plan, ()),
         (ff.simulate, ([0, 0, 0, 1],)),
         (ff.integrate_motion, ([0, 0, 0, 1], [0.0] * 3)),
-        (ff.FeasibilityEvaluator, ()),
+        (FeasibilityEvaluator, ()),
         (ff.attitude_map, (64,)),
     ],
 )
@@ -102,7 +107,7 @@ def test_tasks_laws_and_objectives_are_taken_by_their_words(
     words = ff.singularity_measure(model, "planar-position", "gjm")
     assert words(q) == ff.singularity_measure(model, ff.Task.PLANAR_POSITION, "gjm")(q) > 0.0
     assert ff.Timing(2.0, "cubic").s(0.5) == pytest.approx(3 / 16 - 2 / 64)
-    assert ff.Search("robust").objective is ff.Objective.ROBUST
+    assert ff.Search("robust").objective is Objective.ROBUST
 
 
 def test_an_unknown_word_is_answered_with_those_there_are(model: ff.FreeFloatingModel) -> None:
@@ -172,16 +177,16 @@ def test_position_tasks_may_leave_the_attitude_out(problem: ff.Problem) -> None:
 
 
 def test_a_simulation_is_played_with_all_its_branches_the_chosen_one_first(
-    simulation: ff.Simulation,
+    simulation: Simulation,
 ) -> None:
     assert ff.playback(simulation).titles == ("branch 1 elbow-", "branch 0 elbow+")
 
 
-def test_a_plan_is_played_or_tells_why_it_cannot_be(simulation: ff.Simulation) -> None:
+def test_a_plan_is_played_or_tells_why_it_cannot_be(simulation: Simulation) -> None:
     problem = simulation.chosen.motion.problem
-    found = ff.Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
+    found = Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
     assert ff.playback(found, "Example 1").titles == ("branch 1 elbow-",)
-    error = refused(ff.playback, ff.Plan(problem, ff.Search(), False, "none keeps gjm 9"))
+    error = refused(ff.playback, Plan(problem, ff.Search(), False, "none keeps gjm 9"))
     assert error.problem == "it has no motion to show: none keeps gjm 9"
 
 
@@ -190,7 +195,7 @@ def test_what_has_no_motions_is_not_played(problem: ff.Problem) -> None:
         assert "a Motion, Plan or Simulation" in refused(ff.playback, given).accepted
 
 
-def test_by_name_motions_alone_are_played(simulation: ff.Simulation) -> None:
+def test_by_name_motions_alone_are_played(simulation: Simulation) -> None:
     for given, told in ((simulation, "Simulation"), (3, "int")):
         error = refused(ff.playback, {"x/y": given})
         assert (error.key, error.problem) == ("motions.x/y", f"{told} was given")
@@ -222,7 +227,7 @@ def test_plans_tell_where_arms_with_joints_to_spare_came_nearest(
     free = redundant("RPRR", ff.Task.POSITION, None).problem
     beyond = replace(free, margin=ff.Margin(free.margin.measure, 1e9))
 
-    def best(outlook: ff.FeasibilityEvaluator, found: ff.AttitudeMap) -> list[Candidate]:
+    def best(outlook: FeasibilityEvaluator, found: AttitudeMap) -> list[Candidate]:
         sample = np.argmax(found.margins.max(axis=1))
         return [Candidate(found.attitudes[sample], None, found.margins.max())]
 
@@ -245,7 +250,7 @@ def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
         ("samples", 8, partial(ff.attitude_map, spatial)),
         ("seed", 0, partial(ff.attitude_map, spatial, 8)),
         ("threads", 1, lambda x: ff.plan(problem, threads=x)),
-        ("threads", 1, lambda x: ff.FeasibilityEvaluator(spatial, threads=x)),
+        ("threads", 1, lambda x: FeasibilityEvaluator(spatial, threads=x)),
     )
     for key, least, door in doors:
         for given in (64.5, 64.0, "64", True, float("nan"), [64]):
@@ -263,7 +268,7 @@ def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
 
 
 def test_a_wish_tells_which_of_its_parts_is_something_else(problem: ff.Problem) -> None:
-    path, upright = problem.path.path, ff.FixedOrientation([0, 0, 0, 1])
+    path, upright = problem.path.path, ff.paths.FixedOrientation([0, 0, 0, 1])
     for key, given, accepted, door in (
         (
             "margin.measure",
@@ -283,16 +288,16 @@ def test_a_wish_tells_which_of_its_parts_is_something_else(problem: ff.Problem) 
         ),
         ("timing.stops.0", "tuple", "Stop(s=", lambda: ff.Timing(100, stops=[(0.5, 40)])),
         ("timing.stops", "float", "Stop(s=", lambda: ff.Timing(100, stops=0.5)),
-        ("stop.t", "'40'", "Stop(s, t)", lambda: ff.Stop(0.5, "40")),
+        ("stop.t", "'40'", "Stop(s, t)", lambda: ff.paths.Stop(0.5, "40")),
     ):
         error = refused(door)
         assert (error.key, error.problem) == (key, f"{given} was given")
         assert accepted in error.accepted
-    assert ff.Timing(100, stops=[ff.Stop(0.5, 40)]).stops == (ff.Stop(0.5, 40),)
+    assert ff.Timing(100, stops=[ff.paths.Stop(0.5, 40)]).stops == (ff.paths.Stop(0.5, 40),)
 
 
 def test_those_who_answer_tell_what_they_want_beside_a_problem(
-    problem: ff.Problem, simulation: ff.Simulation
+    problem: ff.Problem, simulation: Simulation
 ) -> None:
     motion = simulation.chosen.motion
     of = motion.problem.margin.measure
@@ -316,7 +321,7 @@ def test_those_who_answer_tell_what_they_want_beside_a_problem(
 
 def test_robots_tell_which_of_their_parts_is_something_else() -> None:
     load = partial(ff.FreeFloatingModel.from_urdf, "planar_3dof")
-    tool = ff.Attachment("planar_3dof")
+    tool = Attachment("planar_3dof")
     for key, given, accepted, door in (
         ("urdf", "None", "XML text", lambda: ff.FreeFloatingModel.from_urdf(None)),
         ("urdf", "int", "XML text", lambda: ff.FreeFloatingModel.from_urdf(3)),
@@ -327,8 +332,8 @@ def test_robots_tell_which_of_their_parts_is_something_else() -> None:
         ("scale_mass", "'2'", "a positive number", lambda: load(scale_mass="2")),
         ("scale_mass.link_1", "'2'", "positive", lambda: load(scale_mass={"link_1": "2"})),
         ("spacecraft.mount", "list", "Mount(", lambda: ff.Spacecraft(1, [1] * 3, [0, 0, 1])),
-        ("attachment.mount", "list", "Mount(", lambda: ff.Attachment("tool", mount=[0, 0, 1])),
-        ("urdf", "None", "a file", lambda: ff.Attachment(None)),
+        ("attachment.mount", "list", "Mount(", lambda: Attachment("tool", mount=[0, 0, 1])),
+        ("urdf", "None", "a file", lambda: Attachment(None)),
     ):
         error = refused(door)
         assert (error.key, error.problem) == (key, f"{given} was given")

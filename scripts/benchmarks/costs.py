@@ -12,7 +12,8 @@ from benchmarks.result import Result, race
 _MAP = """
 import resource, time
 import freefloat as ff
-outlook = ff.FeasibilityEvaluator(ff.load_scenario("spatial_6dof/line").problem())
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+outlook = FeasibilityEvaluator(ff.load_scenario("spatial_6dof/line").problem())
 ff.attitude_map(outlook, 64)
 before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
 found = ff.attitude_map(outlook, {samples})

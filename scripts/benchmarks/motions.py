@@ -11,6 +11,7 @@ from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.motion import Motion
+from freefloat.planning.options import Objective
 from freefloat.planning.planar_ranges import BranchRanges, find_range_limits, heading_ranges
 from freefloat.planning.sampling import sample_attitudes
 from freefloat.so3 import attitude_grid, heading_quaternion, unit_quaternion
@@ -122,7 +123,7 @@ def plans() -> list[Result]:
     problem = ff.load_scenario("spatial_6dof/line").problem()
     now = np.array([0.1, -0.5, 0.2, 0.8367])
     results = []
-    for objective in ff.Objective:
+    for objective in Objective:
         search = ff.Search(objective, now / np.linalg.norm(now))
         start = time.perf_counter()
         ff.plan(problem, search)

@@ -22,6 +22,7 @@ from typer.testing import CliRunner
 
 import freefloat as ff
 from freefloat.cli.app import app
+from freefloat.planning.plan import Plan
 from freefloat.visualization.pictures import find_browser
 from tests.scenarios import EASY
 
@@ -56,7 +57,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert run("simulate", *GOOD, "-o", folder / "good.h5").exit_code == 0
     assert run("simulate", *BAD, "-o", folder / "bad.h5").exit_code == 1
     problem = ff.load_scenario("planar_3dof/parabola").problem()
-    ff.save(ff.Plan(problem, ff.Search(), False, "for a test"), folder / "none.h5")
+    ff.save(Plan(problem, ff.Search(), False, "for a test"), folder / "none.h5")
     return folder
 
 

@@ -16,6 +16,11 @@ from scipy.spatial.transform import Rotation
 import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.io.hdf5 import AlteredFileError
+from freefloat.motion.simulation import Simulation
+from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.heading_map import HeadingMap
+from freefloat.planning.options import Objective
+from freefloat.planning.plan import Plan
 from freefloat.robot.names import find_robot
 from tests.result_files import altered, replaced, with_digest
 
@@ -47,7 +52,7 @@ def same_motion(one, other):
 @pytest.fixture(scope="module")
 def plan():
     scenario = ff.load_scenario("planar_3dof/parabola")
-    return ff.plan(scenario.problem(), ff.Search(ff.Objective.ROBUST), scenario.limits())
+    return ff.plan(scenario.problem(), ff.Search(Objective.ROBUST), scenario.limits())
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +64,7 @@ def saved(plan, tmp_path_factory):
 
 def test_a_plan_comes_back_as_it_was(plan, saved):
     loaded = ff.load(saved)
-    assert isinstance(loaded, ff.Plan)
+    assert isinstance(loaded, Plan)
     same(loaded.to_dict(), plan.to_dict())
     same_motion(loaded.chosen.motion, plan.chosen.motion)
     for one, other in zip(loaded.segments, plan.segments, strict=True):
@@ -88,7 +93,7 @@ def test_a_plan_in_space_comes_back_with_its_map(tmp_path):
 
 def test_an_infeasible_plan_comes_back_without_a_motion(tmp_path):
     problem = ff.load_scenario("planar_3dof/parabola").problem()
-    ff.save(ff.Plan(problem, ff.Search(), False, "no attitude is feasible"), tmp_path / "plan.h5")
+    ff.save(Plan(problem, ff.Search(), False, "no attitude is feasible"), tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
     assert (loaded.feasible, loaded.chosen) == (False, None)
     assert loaded.reason == "no attitude is feasible"
@@ -103,7 +108,7 @@ def test_a_simulation_comes_back_with_all_branches(heading, tmp_path):
     simulation = ff.simulate(problem, [0.0, 0.0, np.sin(half), np.cos(half)], branch=0)
     ff.save(simulation, tmp_path / "motion.h5")
     loaded = ff.load(tmp_path / "motion.h5")
-    assert isinstance(loaded, ff.Simulation)
+    assert isinstance(loaded, Simulation)
     pairs = zip(loaded.branches, simulation.branches, strict=True)
     for one, other in pairs:
         same_motion(one.motion, other.motion)
@@ -116,7 +121,7 @@ def test_a_map_over_headings_comes_back(tmp_path):
     found = ff.attitude_map(ff.load_scenario("planar_3dof/parabola").problem(), 12)
     ff.save(found, tmp_path / "map.h5")
     loaded = ff.load(tmp_path / "map.h5")
-    assert isinstance(loaded, ff.HeadingMap)
+    assert isinstance(loaded, HeadingMap)
     same(loaded.to_dict(), found.to_dict())
     with pytest.raises(ValueError, match="read-only"):
         loaded.minimum_margins[0, 0] = 1.0
@@ -127,7 +132,7 @@ def test_a_map_in_space_comes_back(tmp_path):
     found = ff.attitude_map(problem, 64, seed=5, nearest=[0, 0, 0, 1], boundary=2)
     ff.save(found, tmp_path / "map.h5")
     loaded = ff.load(tmp_path / "map.h5")
-    assert isinstance(loaded, ff.AttitudeMap)
+    assert isinstance(loaded, AttitudeMap)
     same(loaded.to_dict(), found.to_dict())
     for name in ("attitudes", "minimum_margins", "determinant_ratios", "endings", "nearest_to"):
         assert np.array_equal(getattr(loaded, name), getattr(found, name))
@@ -197,10 +202,10 @@ main()
 @pytest.mark.parametrize(
     ("words", "kind"),
     [
-        (("plan", "planar_3dof/parabola"), ff.Plan),
-        (("simulate", "planar_2dof/line", "--heading", "0"), ff.Simulation),
-        (("map", "planar_2dof/line", "--samples", "12"), ff.HeadingMap),
-        (("map", "spatial_6dof/line", "--samples", "32"), ff.AttitudeMap),
+        (("plan", "planar_3dof/parabola"), Plan),
+        (("simulate", "planar_2dof/line", "--heading", "0"), Simulation),
+        (("map", "planar_2dof/line", "--samples", "12"), HeadingMap),
+        (("map", "spatial_6dof/line", "--samples", "32"), AttitudeMap),
     ],
 )
 def test_files_of_version_0_1_0_are_loaded(words, kind, tmp_path):
@@ -210,7 +215,7 @@ def test_files_of_version_0_1_0_are_loaded(words, kind, tmp_path):
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     loaded = ff.load(path)
     assert isinstance(loaded, kind), done.stderr
-    document, stated = {} if kind is ff.Simulation else loaded.to_dict(), json.loads(done.stdout)
+    document, stated = {} if kind is Simulation else loaded.to_dict(), json.loads(done.stdout)
     for key in ("min_margin", "initial", "final", "best", "tolerance", "attitude_ranges_deg"):
         if key in document:
             same(stated[key], document[key])

@@ -13,6 +13,7 @@ from freefloat.planning.heading_map import (
     evaluator_for,
     sample_headings,
 )
+from freefloat.planning.options import Objective
 from freefloat.planning.searched_ranges import searched_ranges
 from freefloat.so3 import frozen, heading_of, heading_quaternion
 
@@ -38,7 +39,7 @@ def test_the_largest_margin_beats_a_sweep(problem):
 
 def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem):
     """Its radius is half that range; at nine tenths of it either way the margin is kept."""
-    plan = ff.plan(problem, ff.Search(ff.Objective.ROBUST))
+    plan = ff.plan(problem, ff.Search(Objective.ROBUST))
     widest = max((one for entry in plan.ranges for one in entry.ranges), key=lambda one: one.width)
     assert plan.robust_radius == pytest.approx(widest.width / 2)
     headings = chosen_heading(plan) + np.array([-0.9, 0.9]) * plan.robust_radius
@@ -49,7 +50,7 @@ def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem):
 @pytest.mark.parametrize(("now", "deviation"), [(200.0, 0.0), (100.0, None)])
 def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, now, deviation):
     """Inside a range nothing has to change; outside, the nearest limit of any branch is taken."""
-    search = ff.Search(ff.Objective.NEAREST, frozen(heading_quaternion(np.radians(now))))
+    search = ff.Search(Objective.NEAREST, frozen(heading_quaternion(np.radians(now))))
     plan = ff.plan(problem, search)
     limits = np.degrees([limit for entry in plan.ranges for limit in entry.limits])
     nearest = np.abs((limits - now + 180.0) % 360.0 - 180.0).min()
@@ -89,7 +90,7 @@ def test_infeasible_plans_say_where_and_why(problem, start, end, value, words):
 
 def test_search_agrees_with_the_exact_ranges(problem):
     """Sampling and bisection find the ranges that the touch points give."""
-    exact = ff.plan(problem, ff.Search(ff.Objective.ROBUST)).ranges
+    exact = ff.plan(problem, ff.Search(Objective.ROBUST)).ranges
     for one, other in zip(searched_ranges(evaluator_for(problem), 24), exact, strict=True):
         assert np.array(one.limits) == pytest.approx(np.array(other.limits), abs=1e-6)
 
@@ -99,7 +100,7 @@ def test_other_measures_are_searched(problem):
     measure = ff.singularity_measure(problem.model, problem.task, "sigma")
     other = ff.Problem(problem.model, problem.path, problem.task, problem.momentum,
                        ff.Margin(measure, 0.05))  # fmt: skip
-    plan = ff.plan(other, ff.Search(ff.Objective.ROBUST, samples=12))
+    plan = ff.plan(other, ff.Search(Objective.ROBUST, samples=12))
     assert plan.feasible
     assert plan.chosen.closest_approach.measure == "sigma"
     assert plan.chosen.closest_approach.value >= 0.05
@@ -128,7 +129,7 @@ def test_a_planar_arm_with_a_joint_to_spare_is_planned_by_search(problem):
     measure = ff.singularity_measure(problem.model, ff.Task.PLANAR_POSITION, "gjm")
     other = ff.Problem(problem.model, problem.path, ff.Task.PLANAR_POSITION, problem.momentum,
                        ff.Margin(measure, 0.02))  # fmt: skip
-    plan = ff.plan(other, ff.Search(ff.Objective.ROBUST, samples=8))
+    plan = ff.plan(other, ff.Search(Objective.ROBUST, samples=8))
     assert plan.feasible
     assert plan.ranges[0].label == "any"
     assert plan.chosen.motion.completed
@@ -138,7 +139,7 @@ def test_a_planar_arm_with_a_joint_to_spare_is_planned_by_search(problem):
 def test_the_map_shows_the_ranges(problem):
     """S_min over heading is above the margin exactly inside the ranges, branch by branch."""
     found = sample_headings(problem, 24)
-    ranges = ff.plan(problem, ff.Search(ff.Objective.ROBUST)).ranges
+    ranges = ff.plan(problem, ff.Search(Objective.ROBUST)).ranges
     for index, row in zip(found.branches, found.feasible, strict=True):
         inside = [max(one.depth(h) for one in ranges[index].ranges) > 0 for h in found.headings]
         assert row.astype(bool).tolist() == inside
@@ -155,7 +156,7 @@ def test_progress_is_told_from_zero_to_one(problem):
 def test_misuse_is_refused(problem):
     """Headings of spatial tasks, nearest to nothing, too few samples."""
     with pytest.raises(InputError, match="from_attitude"):
-        ff.Search(ff.Objective.NEAREST)
+        ff.Search(Objective.NEAREST)
     with pytest.raises(InputError, match="samples"):
         ff.Search(samples=2)
     with pytest.raises(InputError, match="leaves the plane"):
@@ -177,7 +178,7 @@ def test_a_sliver_beside_the_reach_is_found_by_search(problem):
 
 def test_a_plan_that_is_feasible_keeps_its_margin(problem):
     """What is promised is what the chosen motion, integrated precisely, does."""
-    for objective in (ff.Objective.MARGIN, ff.Objective.ROBUST):
+    for objective in (Objective.MARGIN, Objective.ROBUST):
         plan = ff.plan(problem, ff.Search(objective))
         assert plan.feasible
         assert problem.margin.is_kept(plan.chosen.closest_approach.value)

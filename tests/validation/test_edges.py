@@ -19,6 +19,7 @@ from freefloat.motion import integration
 from freefloat.motion.certificate import certify
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin, is_kept
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
@@ -101,7 +102,7 @@ def test_a_singular_start_is_the_end_of_the_motion(name, joints, step):
         given.model, given.task, pose.position, pose.position + step, pose.rotation, 20.0
     )
     motion = integrate_motion(problem, [0, 0, 0, 1], joints)
-    assert motion.ending is ff.Ending.SINGULAR
+    assert motion.ending is Ending.SINGULAR
     assert (len(motion.times), motion.final.time) == (1, 0.0)
     found = rolled(motion)
     ended = found.endings[0] == SINGULAR and found.ended_at[0] < 1e-2
@@ -151,7 +152,7 @@ def test_a_margin_grazed_to_a_billionth_is_told(planar, above):
     grazing = followed(asked, heading(200.0), 0, stop_at_margin=True)
     assert grazing.completed == (above < 0.0)
     if not grazing.completed:
-        assert grazing.ending is ff.Ending.MARGIN
+        assert grazing.ending is Ending.MARGIN
         assert grazing.final.time == pytest.approx(lowest.time, abs=1e-3)
     assert margin.is_kept(lowest.value)
     assert not is_kept(lowest.value, lowest.value * (1.0 + 2e-6))
@@ -172,7 +173,7 @@ def test_a_motion_that_grazes_zero_is_told_from_one_that_does_not(planar):
         else:
             low = middle
     ends = [followed(planar, heading(np.degrees(one)), 0) for one in (low, high)]
-    assert [one.ending for one in ends] == [ff.Ending.SINGULAR, ff.Ending.COMPLETED]
+    assert [one.ending for one in ends] == [Ending.SINGULAR, Ending.COMPLETED]
     assert 0.0 < closest_approach(ends[1], planar.margin.measure).value < 1e-5
     assert ends[1].residuals().momentum < 1e-4
     for beside in (low - 1e-5, high + 1e-5):
@@ -285,7 +286,7 @@ def test_a_spacecraft_that_tumbles_is_followed_and_proved_by_both_engines(planar
 def test_a_tumbling_arm_in_space_becomes_singular_where_both_ways_say(spatial):
     """Expected: a hundred times Example 2's momentum ends it, precise and compiled alike."""
     motion = followed(lasting(spatial, 100.0, 100.0 * spatial.momentum), GOOD, 2)
-    assert motion.ending is ff.Ending.SINGULAR
+    assert motion.ending is Ending.SINGULAR
     found = rolled(motion)
     assert found.endings[0] == SINGULAR
     assert found.ended_at[0] == pytest.approx(motion.final.time, abs=1e-2)
@@ -340,7 +341,7 @@ def test_a_gram_cannot_bear_an_arm_of_1200_tonnes():
     problem = planar_line([GRAM, *[HEAVY] * 3], [1e-6, *[1e6] * 3])
     for branch in problem.branches([0, 0, 0, 1]):
         motion = integrate_motion(problem, [0, 0, 0, 1], branch.joints)
-        assert motion.ending is ff.Ending.SINGULAR
+        assert motion.ending is Ending.SINGULAR
         assert rolled(motion).endings[0] == SINGULAR
 
 

@@ -19,7 +19,7 @@ from freefloat.dynamics.momentum import (
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.io.scenario import load_scenario
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.workspace.regions import workspace as find_workspace
+from freefloat.workspace.regions import workspace_regions
 from tests.motions import (
     bundled,
     relative,
@@ -163,7 +163,7 @@ def test_the_planar_arm_has_the_known_inertia_and_determinants() -> None:
 
 
 def test_the_planar_arm_can_be_singular_in_the_known_rings() -> None:
-    workspace = find_workspace(load_scenario("planar_2dof/line").problem())
+    workspace = workspace_regions(load_scenario("planar_2dof/line").problem())
     wanted = [[0.35106, 0.55368], [1.43617, 2.28723]]
     assert np.allclose(workspace.path_dependent, wanted, rtol=0, atol=5e-6)
 

@@ -14,6 +14,8 @@ from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.scenario import parse_scenario
 from freefloat.motion.certificate import Worst
+from freefloat.motion.motion import Ending
+from freefloat.motion.simulation import Simulation
 from freefloat.planning.planar_ranges import TURN, HeadingRange
 from freefloat.so3 import angle_between
 from freefloat.verification import promises
@@ -95,8 +97,8 @@ def with_motion(result, **changes):
     """A result whose chosen motion is another."""
     chosen = result.chosen
     chosen = replace(chosen, motion=replace(chosen.motion, **changes))
-    if isinstance(result, ff.Simulation):
-        return ff.Simulation((chosen,), chosen)
+    if isinstance(result, Simulation):
+        return Simulation((chosen,), chosen)
     return replace(result, chosen=chosen)
 
 
@@ -254,7 +256,7 @@ ALTERATIONS = {
     "its feasibility": (lambda plan: replace(plan, feasible=False), "motion"),
     "its motion left out": (lambda plan: replace(plan, chosen=None), "motion"),
     "the ending": (
-        lambda plan: with_motion(plan, ending=ff.Ending.SINGULAR), "singular end",
+        lambda plan: with_motion(plan, ending=Ending.SINGULAR), "singular end",
     ),
 }  # fmt: skip
 
@@ -322,7 +324,7 @@ def simulated():
     problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
     half = np.deg2rad(140.0) / 2.0
     simulation = ff.simulate(problem, [0, 0, np.sin(half), np.cos(half)], branch=0)
-    assert simulation.chosen.motion.ending is ff.Ending.SINGULAR
+    assert simulation.chosen.motion.ending is Ending.SINGULAR
     return simulation
 
 
@@ -338,7 +340,7 @@ def test_a_singular_motion_cut_short_is_not_singular(simulated):
 
 
 def test_a_singular_motion_cut_short_is_not_complete(simulated):
-    cut = shortened(0, -40, ending=ff.Ending.COMPLETED)(simulated)
+    cut = shortened(0, -40, ending=Ending.COMPLETED)(simulated)
     assert failed(cut) == {"whole motion"}
 
 

@@ -9,6 +9,8 @@ from matplotlib.colors import to_rgba
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.planning.options import Objective
+from freefloat.planning.plan import Plan
 from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.slices import Mark, map_slices
 from freefloat.visualization.figure_style import BLUE, GREY, save_figures
@@ -124,8 +126,8 @@ def test_a_map_with_nothing_feasible_is_drawn(problem, tmp_path):
 def test_plans_in_space_show_their_map_and_where_the_spacecraft_is_now(problem):
     """Also infeasible ones, which have no motion to show."""
     found = sample_attitudes(FeasibilityEvaluator(problem), 50)
-    search = ff.Search(ff.Objective.NEAREST, np.array([0.0, 0.0, 0.0, 1.0]))
-    figures = ff.figures(ff.Plan(problem, search, False, "for a test", map=found))
+    search = ff.Search(Objective.NEAREST, np.array([0.0, 0.0, 0.0, 1.0]))
+    figures = ff.figures(Plan(problem, search, False, "for a test", map=found))
     assert list(figures) == ["workspace", "map_slices", "map_histogram"]
     assert figures["map_slices"].axes[0].get_title().startswith("now")
 

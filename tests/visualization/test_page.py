@@ -12,6 +12,7 @@ import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.planning.plan import Plan
 from freefloat.planning.sampling import sample_attitudes
 from freefloat.visualization.map_scene import BACK, BALL, BEST_BRANCH, FRONT
 from tests.browser import differing, opened
@@ -75,7 +76,7 @@ def test_a_page_shows_a_map(browser: Browser, spatial: Problem, tmp_path: Path) 
 
 
 def test_what_cannot_be_shown_is_refused(spatial: Problem) -> None:
-    infeasible = ff.Plan(spatial, ff.Search(), False, "for a test")
+    infeasible = Plan(spatial, ff.Search(), False, "for a test")
     for result in (infeasible, spatial, {"name": spatial}, {}):
         with pytest.raises(InputError):
             ff.playback(result)  # type: ignore[arg-type]

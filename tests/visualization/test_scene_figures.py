@@ -14,7 +14,7 @@ from freefloat.so3 import heading_quaternion
 from freefloat.visualization.outlines import outlines
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
 from freefloat.workspace.margin_curves import planar_workspace, point_3_on_path
-from freefloat.workspace.regions import workspace
+from freefloat.workspace.regions import workspace_regions
 from tests.figures import labels, line
 
 PLANAR = load_scenario("planar_3dof/parabola").problem()
@@ -68,7 +68,7 @@ def test_the_path_runs_from_its_start_to_its_end() -> None:
 def test_in_space_the_distance_from_the_centre_is_shown() -> None:
     """The wrist of Example 2 passes two shells in which its arm can be singular."""
     problem = load_scenario("spatial_6dof/line").problem()
-    areas = workspace(problem)
+    areas = workspace_regions(problem)
     figure = workspace_figure(problem, areas)
     (axes,) = figure.axes
     assert areas.path_dependent is not None
@@ -84,7 +84,7 @@ def test_in_space_the_distance_from_the_centre_is_shown() -> None:
 
 def test_areas_that_are_not_known_are_not_drawn() -> None:
     problem = load_scenario("panda_servicer/line").problem()
-    areas = workspace(problem)
+    areas = workspace_regions(problem)
     assert areas.path_dependent is None
     (axes,) = workspace_figure(problem, areas).axes
     assert len(axes.patches) == 0

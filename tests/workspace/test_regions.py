@@ -12,8 +12,7 @@ import freefloat as ff
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.motion.problem import Problem
 from freefloat.workspace.margin_curves import Workspace, path_areas, planar_workspace
-from freefloat.workspace.regions import exact_workspace
-from freefloat.workspace.regions import workspace as find_workspace
+from freefloat.workspace.regions import exact_workspace, workspace_regions
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +24,7 @@ def line() -> Problem:
 @pytest.fixture(scope="module")
 def shells(line: Problem) -> Workspace:
     """Its reach and areas."""
-    return find_workspace(line)
+    return workspace_regions(line)
 
 
 def roots(problem: Problem, name: str, rng: np.random.Generator, lines: int) -> np.ndarray:
@@ -108,7 +107,7 @@ def test_the_path_of_example_2_crosses_one_path_dependent_area(
 def test_planar_arms_are_as_before() -> None:
     """The door leads to the same room."""
     problem = ff.load_scenario("planar_3dof/parabola").problem()
-    planar, found = planar_workspace(problem), find_workspace(problem)
+    planar, found = planar_workspace(problem), workspace_regions(problem)
     assert found.path_dependent == planar.path_dependent
     assert (found.measure, found.point, found.exact) == ("system", "last joint", True)
 

@@ -14,7 +14,7 @@ from freefloat.motion.problem import Margin, Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.workspace.margin_curves import planar_workspace
 from freefloat.workspace.planar_arm import PlanarArm
-from freefloat.workspace.regions import workspace as find_workspace
+from freefloat.workspace.regions import workspace_regions
 from freefloat.workspace.sampled import sampled_workspace, singular_configurations
 from tests.robots import inertial_text, joint_text, link_text, planar_robot
 
@@ -53,7 +53,7 @@ def test_an_arm_of_three_joints_in_space_has_areas() -> None:
     stiff = text.replace('name="q4" type="continuous"', 'name="q4" type="fixed"')
     model = FreeFloatingModel.from_urdf(stiff, "link_4")
     problem = problem_of(model, ff.Task.POSITION)
-    workspace = find_workspace(problem)
+    workspace = workspace_regions(problem)
     of = singularity_measure(model, problem.task, "gjm")
     singular = singular_configurations(problem, of)
     assert max(abs(of(q)) for q in singular) < 1e-6 * workspace.largest_s
@@ -70,7 +70,7 @@ def test_an_arm_of_three_joints_in_space_has_areas() -> None:
 
 def test_where_the_end_effector_is_farthest_out_the_arm_is_singular() -> None:
     """It cannot move inwards or outwards, whatever the spacecraft does: so the areas end there."""
-    workspace = find_workspace(ff.load_scenario("ur5_servicer/arc").problem())
+    workspace = workspace_regions(ff.load_scenario("ur5_servicer/arc").problem())
     assert workspace.path_dependent is not None
     assert workspace.path_dependent[-1][1] == pytest.approx(workspace.reach[1], abs=1e-6)
     assert workspace.path_dependent[0][0] == pytest.approx(workspace.reach[0], abs=1e-6)
@@ -82,7 +82,7 @@ def test_of_redundant_arms_only_the_reach_is_told() -> None:
     model = FreeFloatingModel.from_urdf(
         planar_robot([50, 5, 4, 3], [8, 1, 0.5, 0.3], [0.4] * 3, [0.5] * 4)
     )
-    workspace = find_workspace(problem_of(model, ff.Task.PLANAR_POSITION))
+    workspace = workspace_regions(problem_of(model, ff.Task.PLANAR_POSITION))
     assert workspace.path_dependent is None
     assert workspace.path_independent is None
     links = np.abs(PlanarArm.of(model).links)
@@ -105,7 +105,7 @@ def sliding(kind: str) -> FreeFloatingModel:
 def test_a_sliding_joint_keeps_to_its_range() -> None:
     """Reach between the ends of its stroke."""
     model = sliding("P")
-    workspace = find_workspace(problem_of(model, ff.Task.PLANAR_POSITION))
+    workspace = workspace_regions(problem_of(model, ff.Task.PLANAR_POSITION))
     radii = [np.linalg.norm(model.end_effector_pose([0, 0, 0, 1], [turn, slide]).position)
              for turn in np.linspace(0, 6.28, 60) for slide in (1.0, 2.0)]  # fmt: skip
     assert np.array(workspace.reach) == pytest.approx([min(radii), max(radii)], abs=5e-3)
@@ -117,5 +117,5 @@ def test_a_slide_without_limits_has_no_reach() -> None:
     endless = re.sub(r'lower="1.0" upper="2.0"', 'lower="-1e9" upper="1e9"', text)
     model = FreeFloatingModel.from_urdf(endless)
     with pytest.raises(InputError, match="slides without limits") as caught:
-        find_workspace(problem_of(model, ff.Task.PLANAR_POSITION))
+        workspace_regions(problem_of(model, ff.Task.PLANAR_POSITION))
     assert caught.value.key == "joint slide"

@@ -20,11 +20,11 @@ def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = Fals
     Example: freefloat workspace planar_3dof/parabola
     """
     from freefloat.io.scenario import load_scenario
-    from freefloat.workspace.regions import workspace as find_workspace
+    from freefloat.workspace.regions import workspace_regions
 
     console, loaded = Console(as_json, quiet), load_scenario(scenario)
     with loaded.error_context(), console.progress("searching the joint space"):
-        result = find_workspace(loaded.problem())
+        result = workspace_regions(loaded.problem())
     console.json(result.to_dict())
     console.tables(_tables(scenario, result))
 

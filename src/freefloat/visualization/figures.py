@@ -27,7 +27,7 @@ from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
 from freefloat.workspace.margin_curves import has_two_angle_form
-from freefloat.workspace.regions import workspace
+from freefloat.workspace.regions import workspace_regions
 
 _HEADINGS = 720
 _NAMES = {Objective.MARGIN: "best", Objective.NEAREST: "nearest", Objective.ROBUST: "robust"}
@@ -59,7 +59,7 @@ def figures(
     if isinstance(result, Simulation):
         result = result.chosen.motion
     if isinstance(result, Motion):
-        areas = workspace(result.problem)
+        areas = workspace_regions(result.problem)
         closest = closest_approach(result, result.problem.margin.measure)
         return {"snapshots": snapshots_figure(result, areas)} | motion_figures(result, closest)
     if isinstance(result, AttitudeMap):
@@ -80,7 +80,7 @@ def _map_figures(
 
 
 def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
-    problem, areas = plan.problem, workspace(plan.problem)
+    problem, areas = plan.problem, workspace_regions(plan.problem)
     drawn = {"workspace": workspace_figure(problem, areas)}
     if problem.task.planar:
         drawn |= _planar_figures(plan, progress, threads)

@@ -19,7 +19,7 @@ from freefloat.workspace.margin_curves import (
 from freefloat.workspace.sampled import sampled_workspace
 
 
-def workspace(problem: Problem) -> Workspace:
+def workspace_regions(problem: Problem) -> Workspace:
     """Reach and areas of a robot: exact where that can be, otherwise from samples.
 
     Raises:
