@@ -92,8 +92,8 @@ def maps(quick: bool) -> list[Result]:
     sample_attitudes(outlook, 64)
     attitudes = attitude_grid(512, seed=1)
     branches = problem.many_branches(attitudes)
-    where, _ = np.nonzero(branches.found)
-    starts, joints = attitudes[where], branches.joints[branches.found]
+    where, _ = np.nonzero(branches.exist)
+    starts, joints = attitudes[where], branches.joints[branches.exist]
     picked = np.random.default_rng(0).choice(len(where), picks, replace=False)
     motions = sample_attitudes(outlook, 64).motions * samples // 64
 

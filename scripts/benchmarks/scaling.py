@@ -74,8 +74,8 @@ def with_cores(quick: bool) -> list[Result]:
     count, cores = 32 if quick else 4096, len(os.sched_getaffinity(0))
     attitudes = attitude_grid(count // 8)
     branches = problem.many_branches(attitudes)
-    where, _ = np.nonzero(branches.found)
-    starts, joints = attitudes[where], branches.joints[branches.found]
+    where, _ = np.nonzero(branches.exist)
+    starts, joints = attitudes[where], branches.joints[branches.exist]
     rollers = [EnsembleIntegrator(problem, threads) for threads in (cores, 1)]
     all_, one = race(
         *(lambda roller=roller: roller.integrate(starts, joints) for roller in rollers),

@@ -25,13 +25,13 @@ from freefloat.dynamics.kernels.equation import (
 )
 from freefloat.dynamics.measures import NAMES, singularity_measure
 from freefloat.dynamics.momentum import (
-    ResolvedRateSolver,
     Task,
     generalized_determinant,
     generalized_jacobian,
     inertia_matrices,
     system_matrix,
 )
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels.measures import measure_at

@@ -379,5 +379,5 @@ def test_sliding_joints_are_searched_within_their_range() -> None:
         max(abs(of(np.array([a, 0.9]))) for a in np.linspace(-np.pi, np.pi, 721)), rel=1e-4
     )
     unlimited = text.replace('lower="-0.2" upper="0.9"', 'lower="-1e12" upper="1e12"')
-    with pytest.raises(InputError, match="joint rail: it slides without limits"):
+    with pytest.raises(InputError, match="joint rail: it is prismatic"):
         joint_box(FreeFloatingModel.from_urdf(unlimited))

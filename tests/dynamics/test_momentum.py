@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import (
-    ResolvedRateSolver,
     Task,
     end_effector_jacobian,
     generalized_determinant,
@@ -20,6 +19,7 @@ from freefloat.dynamics.momentum import (
     momentum_map,
     system_matrix,
 )
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import rotation_matrix, rotation_vector_between
@@ -202,7 +202,7 @@ def test_tasks_are_rows_of_the_twist(spatial_6dof: FreeFloatingModel) -> None:
     np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, Task.POSITION), S[:3])
     assert [task.rows for task in Task] == [[0, 1, 2, 3, 4, 5], [0, 1, 2], [0, 1, 5], [0, 1]]
     assert [task.planar for task in Task] == [False, False, True, True]
-    assert [task.turns for task in Task] == [True, False, True, False]
+    assert [task.prescribes_orientation for task in Task] == [True, False, True, False]
 
 
 def test_in_the_plane_three_dimensions_say_the_same(planar_3dof: FreeFloatingModel) -> None:

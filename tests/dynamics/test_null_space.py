@@ -8,14 +8,13 @@ import pytest
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import (
-    ResolvedRateSolver,
     Task,
     end_effector_jacobian,
     generalized_jacobian,
     momentum_map,
 )
-from freefloat.dynamics.null_space import middles
-from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward, range_centres
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.closest_approach import closest_approach
@@ -79,7 +78,7 @@ def attraction_of(start, joints):
     if problem.redundancy.toward is Toward.NONE:
         return np.zeros(model.dof)
     if problem.redundancy.toward is Toward.MIDDLE:
-        return np.nan_to_num(middles(model) - joints)
+        return np.nan_to_num(range_centres(model) - joints)
 
     def logarithm(q):
         S = generalized_jacobian(model, q, problem.task)
@@ -195,7 +194,7 @@ def test_toward_sigma_ends_farther_from_singularities(metric, seed):
 @pytest.mark.parametrize("gain", [0.5, 2.0])
 def test_toward_the_middle_ends_nearer_to_it(gain):
     """The distance to the middle of the ranges falls, the more the larger the gain."""
-    middle = middles(panda().model)
+    middle = range_centres(panda().model)
     without, drawn, more = (
         np.linalg.norm(follow(problem).final.joints - middle)
         for problem in (panda(), panda(toward="middle", gain=gain),
@@ -207,8 +206,8 @@ def test_toward_the_middle_ends_nearer_to_it(gain):
 def test_joints_without_a_range_are_not_drawn():
     """Of the planar arm the second joint alone has a range."""
     start = redundant("5", Task.PLANAR_POSITION, Redundancy(toward=Toward.MIDDLE))
-    np.testing.assert_array_equal(np.isfinite(middles(start.problem.model)), [0, 1, 0, 0, 0])
-    assert middles(start.problem.model)[1] == 0.75
+    np.testing.assert_array_equal(np.isfinite(range_centres(start.problem.model)), [0, 1, 0, 0, 0])
+    assert range_centres(start.problem.model)[1] == 0.75
     motion = integrate_motion(start.problem, start.attitude, start.joints)
     plain = replace(start.problem, redundancy=None)
     without = integrate_motion(plain, start.attitude, start.joints)

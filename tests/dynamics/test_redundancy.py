@@ -117,7 +117,7 @@ def test_scenarios_of_other_arms_must_not_ask():
     """Six joints and six rates leave nothing to choose."""
     source = models_folder() / "spatial_6dof" / "line.yaml"
     text = source.read_text(encoding="utf-8") + "\nredundancy: {metric: joints}\n"
-    with pytest.raises(InputError, match="none to spare") as caught:
+    with pytest.raises(InputError, match="not redundant") as caught:
         parse_scenario(text, source).problem()
     assert caught.value.key == "redundancy"
     assert caught.value.source == str(source)

@@ -246,5 +246,5 @@ def test_lines_meet_in_a_point_or_not() -> None:
 def test_its_numbers_are_read_only(spatial_6dof: FreeFloatingModel) -> None:
     """A record: what one reader could change, the next would take for the robot."""
     virtual = VirtualManipulator.of(spatial_6dof)
-    for name in ("links", "turns", "axes", "prismatic", "strokes", "tool", "wrist_centre"):
+    for name in ("links", "rotations", "axes", "prismatic", "strokes", "tool", "wrist_centre"):
         assert not getattr(virtual, name).flags.writeable, name

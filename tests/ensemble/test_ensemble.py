@@ -12,7 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import ResolvedRateSolver, Task, generalized_determinant
+from freefloat.dynamics.momentum import Task, generalized_determinant
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.ensemble.ensemble import EnsembleIntegrator, run_chunks
 from freefloat.ensemble.kernels.integration import (
     COMPLETED,
@@ -66,8 +67,8 @@ def planar() -> Problem:
 def states(problem: Problem, attitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Every arm branch at every attitude: attitudes (K, 4) and joints (K, n)."""
     sets = problem.many_branches(np.atleast_2d(attitudes), threads=1)
-    where, _ = np.nonzero(sets.found)
-    return np.atleast_2d(attitudes)[where], sets.joints[sets.found]
+    where, _ = np.nonzero(sets.exist)
+    return np.atleast_2d(attitudes)[where], sets.joints[sets.exist]
 
 
 def headings(*degrees: float) -> np.ndarray:

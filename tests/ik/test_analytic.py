@@ -68,7 +68,7 @@ def brute_force(
 
 def chain_of(model: FreeFloatingModel) -> Chain:
     virtual, n = VirtualManipulator.of(model), model.dof
-    arrays = (virtual.links, virtual.turns, virtual.axes, virtual.prismatic, virtual.strokes)
+    arrays = (virtual.links, virtual.rotations, virtual.axes, virtual.prismatic, virtual.strokes)
     ranges = (np.full(n, -np.inf), np.full(n, np.inf))
     return Chain(*(np.array(array, order="C") for array in (*arrays, virtual.tool, *ranges)))
 
@@ -97,10 +97,10 @@ def test_many_poses_give_what_each_gives_alone_on_any_number_of_threads(
     sets = many_arm_branches(model, positions, rotations, task, threads=3)
     assert len(sets) == 75
     assert_equal(sets, many_arm_branches(model, positions, rotations, task, threads=1))
-    assert sets.found.any(axis=1).sum() > 0
+    assert sets.exist.any(axis=1).sum() > 0
     for k in range(0, 75, 5):
         alone = arm_branches(model, Pose(positions[k], rotations[k]), task)
-        assert [b.index for b in alone] == np.flatnonzero(sets.found[k]).tolist()
+        assert [b.index for b in alone] == np.flatnonzero(sets.exist[k]).tolist()
         assert [b.label for b in alone] == [b.label for b in sets[k]]
         for branch in alone:
             np.testing.assert_array_equal(branch.joints, sets.joints[k, branch.index])
@@ -116,7 +116,7 @@ def test_nothing_is_found_at_no_pose_and_out_of_reach(
         far = many_arm_branches(model, [[0, 30.0, 0]] * 2, [np.eye(3)] * 2, Task.POSE)
         assert far.joints.shape == (2, most, 6)
         assert np.isnan(far.joints).all()
-        assert not far.found.any()
+        assert not far.exist.any()
         assert far[1] == ()
         assert not far.joints.flags.writeable
         assert not far.names.flags.writeable
@@ -143,10 +143,10 @@ def test_a_search_finds_what_brute_force_finds(
     total = 0
     for k in range(12):
         brute = brute_force(model, positions[k], rotations[k], rng.uniform(-np.pi, np.pi, (200, 6)))
-        known = sets.joints[k, sets.found[k]]
+        known = sets.joints[k, sets.exist[k]]
         assert all(gaps(known, joints).min() < 1e-5 for joints in brute)
         total += len(brute)
-    assert total > 0.9 * sets.found.sum()
+    assert total > 0.9 * sets.exist.sum()
 
 
 @pytest.mark.parametrize("structure", ["RRRRRR", "RRPRRR", "PRRRRR"])
@@ -159,7 +159,7 @@ def test_a_search_finds_where_poses_came_from(structure: str, rng: np.random.Gen
         sets = many_arm_branches(model, positions, rotations, Task.POSE)
         wrong = gaps(sets.joints, q[:, None])
         assert np.nanmin(wrong, axis=1).max() < 1e-6
-        assert (sets.found.sum(axis=1) % 2 == 0).all()
+        assert (sets.exist.sum(axis=1) % 2 == 0).all()
 
 
 def test_closed_form_and_search_agree_on_names_and_joints(
@@ -170,8 +170,8 @@ def test_closed_form_and_search_agree_on_names_and_joints(
     closed = many_arm_branches(spatial_6dof, positions, rotations, Task.POSE)
     search = search_arm_branches(spatial_6dof, positions, rotations, Task.POSE)
     assert closed.labels == search.labels
-    assert search.found[:, :8].all()
-    assert not search.found[:, 8:].any()
+    assert search.exist[:, :8].all()
+    assert not search.exist[:, 8:].any()
     flips = set()
     for one, other in zip(closed.joints, search.joints, strict=True):
         match = gaps(one[:, None], other[None, :8])
@@ -191,12 +191,12 @@ def test_closed_form_and_search_survive_a_wrist_that_is_nearly_straight(
     positions, rotations, _, _ = virtual.kinematics(q)
     for solve, everything in ((many_arm_branches, True), (search_arm_branches, False)):
         sets = solve(spatial_6dof, positions, rotations, Task.POSE)
-        assert sets.found.any(axis=1).all()
-        assert sets.found[:, :8].all() or not everything
+        assert sets.exist.any(axis=1).all()
+        assert sets.exist[:, :8].all() or not everything
         arm = gaps(sets.joints[:, :, :3], q[:, None, :3])
         assert np.nanmin(arm, axis=1).max() < 1e-6 or not everything
         for k in range(10):
-            p, R, _, _ = virtual.kinematics(sets.joints[k, sets.found[k]])
+            p, R, _, _ = virtual.kinematics(sets.joints[k, sets.exist[k]])
             assert np.abs(p - positions[k]).max() < 1e-8
             assert np.abs(R - rotations[k]).max() < 1e-8
 
@@ -210,9 +210,9 @@ def test_signs_tell_the_branches_of_a_stock_arm_apart(
     """Nearly everywhere each name is used once; a name's sign of the determinant is its signs'."""
     positions, rotations, _ = random_poses(ur5, 200, rng)
     sets = many_arm_branches(ur5, positions, rotations, Task.POSE)
-    assert sets.found[:, 8:].any(axis=1).mean() <= 0.005
-    J = VirtualManipulator.of(ur5).jacobian(sets.joints[sets.found])
-    names = sets.names[sets.found]
+    assert sets.exist[:, 8:].any(axis=1).mean() <= 0.005
+    J = VirtualManipulator.of(ur5).jacobian(sets.joints[sets.exist])
+    names = sets.names[sets.exist]
     signs = [(-1.0) ** bin(name).count("1") for name in names]
     np.testing.assert_array_equal(np.sign(np.linalg.det(J)), signs)
 
@@ -241,11 +241,11 @@ def test_two_branches_of_one_name_are_told_apart(rng: np.random.Generator) -> No
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
     positions, rotations, _ = random_poses(model, 60, rng)
     sets = many_arm_branches(model, positions, rotations, Task.POSE)
-    assert sets.found[:, 8:].any()
+    assert sets.exist[:, 8:].any()
     first = sets.names[:, :8]
     assert np.isin(first - np.arange(8), [0, *range(-8, 0)]).all()
     np.testing.assert_array_equal(first[first >= 0], np.nonzero(first >= 0)[1])
-    for k in np.flatnonzero(sets.found[:, 8:].any(axis=1)):
+    for k in np.flatnonzero(sets.exist[:, 8:].any(axis=1)):
         labels = [branch.label for branch in sets[k]]
         assert len(set(labels)) == len(labels)
         second = next(branch for branch in sets[k] if branch.index == 8)

@@ -50,14 +50,14 @@ def gaps(a: Array, b: Array) -> Array:
 
 def assert_the_same(closed: BranchSets, searched: BranchSets) -> None:
     np.testing.assert_array_equal(closed.names, searched.names)
-    off = gaps(closed.joints[closed.found], searched.joints[searched.found])
+    off = gaps(closed.joints[closed.exist], searched.joints[searched.exist])
     assert off.max(initial=0.0) < 1e-6
     assert closed.labels == searched.labels
 
 
 def assert_meets(model: FreeFloatingModel, sets: BranchSets, p: Array, R: Array) -> None:
-    k, _ = np.nonzero(sets.found)
-    position, rotation, _, _ = VirtualManipulator.of(model).kinematics(sets.joints[sets.found])
+    k, _ = np.nonzero(sets.exist)
+    position, rotation, _, _ = VirtualManipulator.of(model).kinematics(sets.joints[sets.exist])
     assert np.abs(position - p[k]).max() < MEETS
     assert np.abs(rotation - R[k]).max() < MEETS
 
@@ -80,8 +80,8 @@ def test_arms_of_any_make_have_the_branches_that_a_search_finds(
         assert_meets(model, closed, p, R)
         own = np.arange(60) % 10 > 0
         assert np.nanmin(gaps(closed.joints[own], q[own, None]), axis=1).max() < 1e-6
-        assert (closed.found.sum(axis=1) % 2 == 0).all()
-        assert closed.found.sum(axis=1).max() >= 4
+        assert (closed.exist.sum(axis=1) % 2 == 0).all()
+        assert closed.exist.sum(axis=1).max() >= 4
 
 
 @pytest.mark.parametrize("name", ["ur3", "ur5", "ur10"])
@@ -94,7 +94,7 @@ def test_stock_arms_have_the_branches_that_a_search_finds(
     p, R, _, _ = virtual.kinematics(rng.uniform(-np.pi, np.pi, (150, 6)))
     closed = many_arm_branches(model, p, R, Task.POSE)
     assert_the_same(closed, search_arm_branches(model, p, R, Task.POSE))
-    assert closed.found.sum(axis=1).max() == 8
+    assert closed.exist.sum(axis=1).max() == 8
 
 
 @pytest.mark.parametrize("joint", [2, 4])
@@ -110,7 +110,7 @@ def test_no_pose_is_lost_near_a_singular_one(
     closed = many_arm_branches(ur5, p, R, Task.POSE)
     assert_meets(ur5, closed, p, R)
     searched = search_arm_branches(ur5, p, R, Task.POSE)
-    assert (closed.found.sum(axis=1) >= searched.found.sum(axis=1)).all()
+    assert (closed.exist.sum(axis=1) >= searched.exist.sum(axis=1)).all()
     if bend >= 1e-4 and bend < 3.0:
         assert np.nanmin(gaps(closed.joints, q[:, None]), axis=1).max() < 1e-6
 

@@ -145,7 +145,7 @@ def test_whole_numbers_and_exponents_are_numbers(folder: Path) -> None:
 @pytest.mark.parametrize("task", list(Task))
 def test_every_task_loads(task: Task, folder: Path) -> None:
     robot = "planar_3dof" if task.planar else "spatial_6dof"
-    attitude = f", {UPRIGHT}" if task.turns else ""
+    attitude = f", {UPRIGHT}" if task.prescribes_orientation else ""
     path = f"line: {{from: [1, 0, 0], to: [0, 1, 0]}}{attitude}"
     robot = f"{{urdf: {robot}, end_effector: end_effector}}"
     assert problem(folder, path, task=str(task), robot=robot).task is task
@@ -640,7 +640,7 @@ def same_problem(found: Problem, wanted: Problem) -> None:
     for s in PLACES:
         pose, same = found.path.path.pose(s), wanted.path.path.pose(s)
         assert close(pose.position, same.position)
-        assert not wanted.task.turns or close(pose.rotation, same.rotation)
+        assert not wanted.task.prescribes_orientation or close(pose.rotation, same.rotation)
         assert close(found.path.path.tangent(s), wanted.path.path.tangent(s), 1e-9)
 
 

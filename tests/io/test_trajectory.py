@@ -80,7 +80,7 @@ def test_states_are_those_of_the_motion(motion):
         assert_close(found.base_positions[k], state.base_position, atol=1e-15)
         pose = motion.problem.path.pose(state.time)
         assert_close(found.end_effector_positions[k], pose.position, atol=1e-8)
-        if motion.problem.task.turns:
+        if motion.problem.task.prescribes_orientation:
             turned = Rotation.from_quat(found.end_effector_attitudes[k]).as_matrix()
             assert_close(turned, pose.rotation, atol=1e-8)
         assert found.measure[k] == pytest.approx(motion.problem.margin.measure(state.joints))

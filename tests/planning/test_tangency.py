@@ -9,7 +9,7 @@ from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 import freefloat as ff
-from freefloat.dynamics.momentum import ResolvedRateSolver
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation

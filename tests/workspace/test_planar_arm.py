@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.dynamics.momentum import ResolvedRateSolver, Task, inertia_matrices
+from freefloat.dynamics.momentum import Task, inertia_matrices
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
 from freefloat.workspace.planar_arm import PlanarArm

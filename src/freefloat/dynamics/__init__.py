@@ -1,1 +1,1 @@
-"""How momentum and joint rates move a free-floating robot."""
+"""Dynamics of free-floating robots: momentum, resolved rates, singularity measures."""

@@ -1,4 +1,4 @@
-"""Momentum and the generalized Jacobian: how a drifting robot answers to its own joints.
+"""Momentum matrices and the generalized Jacobian of a free-floating robot.
 
 Letters are the paper's: ``D``, ``Dq`` in (1), ``J`` in (2), ``A`` in (5), ``S`` for S* in (7). Rows
 are ordered linear before angular. Base columns belong to the base twist in the spacecraft frame.
@@ -12,24 +12,22 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.linalg.lapack import dgesv, dgetrf, dtrtrs
+from scipy.linalg.lapack import dgesv, dgetrf
 
-from freefloat.dynamics.null_space import NullSpaceMotion
-from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError, member
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, finite_vector
+from freefloat.so3 import Array
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 _BASE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-"""Position and attitude of a spacecraft whose axes are the inertial ones."""
+"""Position and attitude of a spacecraft whose frame is the inertial one."""
 
 
 class Task(StrEnum):
-    """What of the end-effector's motion is prescribed.
+    """Part of the end-effector's motion that is prescribed.
 
-    The planar tasks are those of arms that move in the x-y plane of the inertial frame, with the
-    spacecraft turning about z.
+    The planar tasks belong to arms that move in the x-y plane of the inertial frame, with the
+    spacecraft rotating about z.
     """
 
     POSE = "pose"
@@ -38,13 +36,13 @@ class Task(StrEnum):
     PLANAR_POSITION = "planar-position"
 
     @classmethod
-    def of(cls, given: Task | str) -> Task:
-        """A task, or the one with that value.
+    def of(cls, task: Task | str) -> Task:
+        """The task with a value such as ``"position"``; a task itself is returned unchanged.
 
         Raises:
-            InputError: Listing the tasks where there is none.
+            InputError: If there is no such task.
         """
-        return member("task", cls, given)
+        return member("task", cls, task)
 
     @property
     def rows(self) -> list[int]:
@@ -58,23 +56,23 @@ class Task(StrEnum):
 
     @property
     def planar(self) -> bool:
-        """Whether everything happens in the x-y plane."""
+        """Whether the motion is confined to the x-y plane."""
         return self in (Task.PLANAR_POSE, Task.PLANAR_POSITION)
 
     @property
-    def turns(self) -> bool:
-        """Whether the attitude of the end-effector is prescribed, too."""
+    def prescribes_orientation(self) -> bool:
+        """Whether the orientation of the end-effector is prescribed."""
         return self in (Task.POSE, Task.PLANAR_POSE)
 
 
-def refuse_too_few_joints(model: FreeFloatingModel, task: Task) -> None:
+def require_enough_joints(model: FreeFloatingModel, task: Task) -> None:
     """Raise an InputError if a task prescribes more rates than the arm has joints."""
     if len(task.rows) > model.dof:
-        fitting = [str(other) for other in Task if len(other.rows) <= model.dof]
+        feasible = [str(other) for other in Task if len(other.rows) <= model.dof]
         raise InputError(
             "task",
             f"{task} prescribes {len(task.rows)} rates, the arm has {model.dof} joints",
-            ", ".join(fitting) or "a robot with more joints",
+            ", ".join(feasible) or "a robot with more joints",
         )
 
 
@@ -86,11 +84,11 @@ def momentum_map(
     Args:
         model: Robot.
         joints: Joint values, shape (n,).
-        attitude: Unit quaternion x, y, z, w; at the identity the rows are in spacecraft axes.
+        attitude: Unit quaternion x, y, z, w; at the identity the rows are in the spacecraft frame.
 
     Returns:
-        Shape (6, 6 + n). Times ``[base twist; joint rates]`` it gives the linear momentum [N s] and
-        the angular momentum about the centre of mass [N m s] in inertial axes.
+        Shape (6, 6 + n). Its product with ``[base twist; joint rates]`` is the linear momentum
+        [N s] and the angular momentum about the centre of mass [N m s], inertial frame.
     """
     q = np.concatenate([np.zeros(3), attitude, joints])
     return np.array(pin.computeCentroidalMap(model.pin_model, model.scratch, q))
@@ -99,11 +97,11 @@ def momentum_map(
 def end_effector_jacobian(
     model: FreeFloatingModel, joints: npt.ArrayLike, attitude: npt.ArrayLike = _IDENTITY
 ) -> Array:
-    """Jacobian of the end-effector, the base counted as a joint.
+    """Jacobian of the end-effector with respect to base and joints.
 
     Returns:
-        Shape (6, 6 + n). Times ``[base twist; joint rates]`` it gives the end-effector's twist in
-        inertial axes [m/s; rad/s]; at the identity attitude in spacecraft axes.
+        Shape (6, 6 + n). Its product with ``[base twist; joint rates]`` is the end-effector twist
+        [m/s; rad/s] in the inertial frame, at the identity attitude also the spacecraft frame.
     """
     q = np.concatenate([np.zeros(3), attitude, joints])
     return np.array(
@@ -116,8 +114,7 @@ def end_effector_jacobian(
 def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array]:
     """D and Dq of (1): angular momentum per spacecraft rate and per joint rate.
 
-    Both are about the system's centre of mass, in the spacecraft frame, the linear momentum being
-    zero.
+    Both are about the system's centre of mass, in the spacecraft frame, at zero linear momentum.
 
     Returns:
         ``D`` of shape (3, 3) and ``Dq`` of shape (3, n) [kg m²].
@@ -127,12 +124,12 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
 
 
 def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE) -> Array:
-    """The matrix A of (5): what the momentum and the end-effector demand of the rates.
+    """The matrix A of (5), which maps the rates to angular momentum and end-effector twist.
 
     Rows: angular momentum about the centre of mass, then the task's rows of the end-effector twist.
-    Columns: spacecraft angular velocity, then joint rates. Everything in the spacecraft frame, the
-    linear velocity of the spacecraft eliminated by zero linear momentum. For planar tasks only the
-    components about z remain of the angular momentum and of the spacecraft's rate.
+    Columns: spacecraft angular velocity, then joint rates. All are in the spacecraft frame; zero
+    linear momentum has eliminated the linear velocity of the spacecraft. Planar tasks keep the z
+    components of the angular momentum and of the spacecraft's angular velocity only.
 
     Returns:
         Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n).
@@ -146,10 +143,10 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     return np.vstack([D, J])
 
 
-def system_matrix_slope(
+def system_matrix_derivative(
     model: FreeFloatingModel, joints: npt.ArrayLike, rates: npt.ArrayLike, task: Task = Task.POSE
 ) -> Array:
-    """The derivative of :func:`system_matrix` while the joints move at rates (n,)."""
+    """Time derivative of :func:`system_matrix` at joint rates of shape (n,)."""
     robot, data = model.pin_model, model.scratch
     q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
     dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, pin.LOCAL_WORLD_ALIGNED)[
@@ -157,7 +154,7 @@ def system_matrix_slope(
     ]
     A, J = (np.array(matrix) for matrix in _maps(model, joints))
     dA = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
-    # Pinocchio's is about a fixed point: the centre of mass moves in the spacecraft frame
+    # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
     dA[3:] -= pin.skew(A[:3] @ v / model.total_mass) @ A[:3]
     J = J[task.rows]
     dJ = dJ[:, 3:] - (dJ[:, :3] @ A[:3, 3:] + J[:, :3] @ dA[:3, 3:]) / model.total_mass
@@ -174,7 +171,7 @@ def generalized_jacobian(
     Args:
         model: Robot.
         joints: Joint values, shape (n,).
-        task: What of the end-effector is prescribed, or its value, such as ``"position"``.
+        task: Task or its value, such as ``"position"``.
 
     Returns:
         Shape (m, n): the task's rows of the end-effector twist [m/s; rad/s], in the spacecraft
@@ -190,31 +187,31 @@ def generalized_jacobian(
                 A = system_matrix(model, joints, task)
                 return np.asarray(A[1:, 1:] - A[1:, :1] * (A[:1, 1:] / A[0, 0]))
         A, J = _maps(model, joints)
-    except (TypeError, ValueError):  # joints are looked at when it is too late: that costs nothing
-        _refuse_other_joints(model, joints)
+    except (TypeError, ValueError):  # validated only on failure: valid calls pay nothing
+        _check_joints(model, joints)
         raise
     A = np.asfortranarray(A)  # solved in place
     _, _, base, singular = dgesv(A[:, :6], A[:, 6:], 1, 1)
     if singular:
-        raise np.linalg.LinAlgError("the momentum does not determine the spacecraft's rates")
+        raise np.linalg.LinAlgError("the inertia matrix of the spacecraft's rates is singular")
     S: Array = J[:, 6:] - J[:, :6].dot(base)
     return S if task is Task.POSE else S[task.rows]
 
 
-def _refuse_other_joints(model: FreeFloatingModel, joints: npt.ArrayLike) -> None:
+def _check_joints(model: FreeFloatingModel, joints: npt.ArrayLike) -> None:
     if isinstance(joints, Mapping):
-        told = type(joints).__name__
-        raise InputError("joints", f"{told} was given", "model.joint_vector(...) of it")
-    model.joint_vector(joints)  # which refuses what is no array
+        kind = type(joints).__name__
+        raise InputError("joints", f"{kind} was given", "model.joint_vector(...) of it")
+    model.joint_vector(joints)
 
 
 def generalized_determinant(
     model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE
 ) -> float:
-    """Det S* of (6), for arms with as many joints as task rows, without forming S*.
+    """Det S* of (6) for arms with as many joints as task rows, without forming S*.
 
-    The determinant of all the base and joint rates have to satisfy, over that of the momentum's
-    share of it, which is the total mass cubed times det D.
+    It is the determinant of the momentum and end-effector rows over all rates, divided by that of
+    the momentum matrix's base block: the total mass cubed times det D.
     """
     A, J = _maps(model, joints)
     M = np.vstack([A, J[task.rows]])
@@ -222,7 +219,7 @@ def generalized_determinant(
 
 
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array]:
-    """The momentum map and the end-effector's Jacobian in spacecraft axes, found together."""
+    """The momentum matrix and the end-effector Jacobian in the spacecraft frame."""
     q = np.concatenate((_BASE, joints))
     A = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
     J = pin.getFrameJacobian(
@@ -232,100 +229,8 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array
 
 
 def determinant(M: Array) -> float:
-    """As ``np.linalg.det``, in a third of the time."""
+    """Determinant by LAPACK's LU factors, in a third of the time of ``np.linalg.det``."""
     LU, pivots, _ = dgetrf(M)
     swaps = sum(pivot != i for i, pivot in enumerate(pivots.tolist()))
     product = float(LU.diagonal().prod())
     return -product if swaps % 2 else product
-
-
-class ResolvedRateSolver:
-    """Equation (4): the rates that give the end-effector its twist and keep the momentum.
-
-    With as many joints as task rows the solution is unique; with more, the joint rates are taken
-    that :mod:`freefloat.dynamics.redundancy` describes.
-    """
-
-    def __init__(
-        self,
-        model: FreeFloatingModel,
-        task: Task,
-        momentum: npt.ArrayLike,
-        redundancy: Redundancy | None = None,
-    ) -> None:
-        """Prepare the equation.
-
-        Args:
-            model: Robot.
-            task: What of the end-effector is prescribed.
-            momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
-            redundancy: What a redundant arm does with its freedom; when left out, the joint rates
-                of least Euclidean norm are taken [rad/s, m/s].
-
-        Raises:
-            InputError: If the task has more rows than the arm has joints, or the arm cannot do
-                what is asked of its redundancy.
-        """
-        m, n = len(task.rows), model.dof
-        refuse_too_few_joints(model, task)
-        self._model = model
-        self._rows = slice(None) if m == 6 else task.rows
-        self._q = np.zeros(7 + n)
-        self._matrix = np.zeros((6 + m, 6 + n), order="F")
-        self._right = np.zeros(6 + m)
-        self._right[3:6] = finite_vector("momentum", momentum, 3)
-        self._free = None
-        if redundancy is not None:
-            free = NullSpaceMotion(model, task.rows, redundancy)
-            self._free = None if redundancy.plain else free
-
-    def rates(
-        self, attitude: Array, joints: Array, twist: Array, speed: float = 0.0
-    ) -> tuple[Array, Array]:
-        """Solve (4) at a configuration.
-
-        Args:
-            attitude: Unit quaternion x, y, z, w.
-            joints: Joint values, shape (n,).
-            twist: End-effector twist, inertial axes, shape (6,).
-            speed: Of the path, ds/dt [1/s], in proportion to which a redundant arm is drawn toward
-                what it is asked to.
-
-        Returns:
-            Spacecraft angular velocity in the spacecraft frame [rad/s], shape (3,), and joint
-            rates, shape (n,). Infinite where the matrix is exactly singular.
-        """
-        self._assemble(attitude, joints)
-        matrix, right = self._matrix, self._right
-        right[6:] = twist[self._rows]
-        if matrix.shape[0] == matrix.shape[1]:
-            _, _, v, singular = dgesv(matrix, right)
-            if singular:
-                v = np.full(len(v), np.inf)
-            return v[3:6], v[6:]
-        return self._one_of_many(speed)
-
-    def _assemble(self, attitude: Array, joints: Array) -> None:
-        model, q = self._model, self._q
-        q[3:7], q[7:] = attitude, joints
-        self._matrix[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
-        self._matrix[6:] = pin.getFrameJacobian(
-            model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
-        )[self._rows]
-
-    def _one_of_many(self, speed: float) -> tuple[Array, Array]:
-        Ab, Am = self._matrix[:6, :6], self._matrix[:6, 6:]
-        Jb, Jm = self._matrix[6:, :6], self._matrix[6:, 6:]
-        B = np.linalg.solve(Ab, np.column_stack([Am, self._right[:6]]))
-        S = Jm - Jb @ B[:, :-1]
-        Q, R = np.linalg.qr(S.T)
-        through, singular = dtrtrs(R, self._right[6:] - Jb @ B[:, -1], trans=1)
-        if singular:
-            return np.full(3, np.inf), np.full(S.shape[1], np.inf)
-        joint_rates = Q @ through
-        if self._free is not None:
-            joint_rates = joint_rates + self._free.addition(
-                self._q, self._matrix, joint_rates, speed
-            )
-        base_twist = B[:, -1] - B[:, :-1] @ joint_rates
-        return base_twist[3:], joint_rates

@@ -1,7 +1,26 @@
-"""What a redundant arm adds to the rates of least Euclidean norm, see ``redundancy``.
+"""Null-space motion of a redundant arm, added to the joint rates of minimum Euclidean norm.
 
-Everything added lies in the null space of the generalized Jacobian to the last digit, so that it
-moves neither the end-effector nor the momentum.
+A redundant arm can follow a path with infinitely many joint rates. They differ by motions in the
+null space of the generalized Jacobian S*, which move neither the end-effector nor change the
+momentum. Among them the rates ``u`` are taken that minimize
+
+    u^T W u / 2 - gain ds/dt (u . g)
+
+where W is the metric, divided by its mean diagonal element, and g the gradient of the objective.
+Without objective these are the rates of minimum norm. With it the arm adds a null-space motion,
+projected in the same metric, along which the objective does not decrease.
+
+The attraction is proportional to the path speed ds/dt, so it vanishes where the path stops, and
+without momentum joints and attitude depend on the path parameter alone: a longer duration gives the
+same motion. The gain is therefore dimensionless: one over the fraction of the path in which an
+attraction of unit gradient takes effect. A motion integrated backward retraces the forward one,
+with or without momentum, because ds/dt changes sign with the end-effector's velocity. The reversed
+path is another path, on which the arm ascends the gradient again.
+
+Toward ``sigma`` g is the gradient of ln sqrt(det(S* S*^T)), the logarithm of the manipulability: it
+grows with the smallest singular value but is smooth where two singular values coincide, and it does
+not depend on the unit of length. Toward ``middle`` g is the difference from the joints to the
+centres of their ranges; joints without a range do not count.
 """
 
 from __future__ import annotations
@@ -9,102 +28,68 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
-from freefloat.errors import InputError, did_you_mean
+from freefloat.dynamics.redundancy import (
+    Metric,
+    Redundancy,
+    Toward,
+    check_redundancy,
+    joint_weights,
+    range_centres,
+)
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 
-def refuse_unfit(model: FreeFloatingModel, rows: int, redundancy: Redundancy) -> None:
-    """Raise an InputError if an arm cannot do what is asked of its redundancy.
-
-    Args:
-        model: Robot.
-        rows: How many rates the task prescribes.
-        redundancy: What is asked.
-    """
-    if model.dof <= rows:
-        raise InputError(
-            "redundancy",
-            f"the task prescribes {rows} rates and the arm has {model.dof} joints: none to spare",
-            "no such key, or a task that prescribes less",
-        )
-    for joint in redundancy.weights:
-        if joint not in model.joint_names:
-            raise InputError(
-                f"redundancy.metric.{joint}",
-                f"there is no such moving joint{did_you_mean(joint, model.joint_names)}",
-                ", ".join(model.joint_names),
-            )
-    if redundancy.toward is Toward.MIDDLE and not np.isfinite(middles(model)).any():
-        raise InputError(
-            "redundancy.toward", "middle, but no joint of this arm has a range", "none or sigma"
-        )
-
-
-def middles(model: FreeFloatingModel) -> Array:
-    """Of the joint ranges [rad, m], nan for joints without one, shape (n,)."""
-    ranges = np.array([(body.lower, body.upper) for body in model.bodies[1:]])
-    finite = np.isfinite(ranges).all(axis=1)
-    return np.where(finite, np.where(finite[:, None], ranges, 0.0).mean(axis=1), np.nan)
-
-
-def weights(model: FreeFloatingModel, redundancy: Redundancy) -> Array:
-    """Of the squared joint rates, in units of their mean, shape (n,)."""
-    given = np.array([redundancy.weights.get(joint, 1.0) for joint in model.joint_names])
-    return np.asarray(given / given.mean())
-
-
 class NullSpaceMotion:
-    """The part of a redundant arm's joint rates that the path leaves free."""
+    """Joint rates in the null space of S* that minimize the objective above."""
 
     def __init__(self, model: FreeFloatingModel, rows: list[int], redundancy: Redundancy) -> None:
-        """Prepare.
+        """Prepare the metric and the objective.
 
         Args:
             model: Robot.
-            rows: Of the end-effector's twist that the task prescribes.
-            redundancy: What to do with the freedom.
+            rows: Rows of the end-effector twist that the task prescribes.
+            redundancy: Settings.
 
         Raises:
-            InputError: If the arm cannot do that.
+            InputError: If the settings do not apply to the arm.
         """
-        refuse_unfit(model, len(rows), redundancy)
+        check_redundancy(model, len(rows), redundancy)
         self._model, self._rows, self._redundancy = model, rows, redundancy
-        self._weights = np.diag(weights(model, redundancy))
-        self._middles = middles(model)
+        self._weights = np.diag(joint_weights(model, redundancy))
+        self._centres = range_centres(model)
 
-    def addition(self, q: Array, matrix: Array, rates: Array, speed: float) -> Array:
-        """What to add to joint rates.
+    def rates(self, q: Array, A: Array, u: Array, speed: float) -> Array:
+        """Null-space rates to add to joint rates ``u``.
 
         Args:
-            q: Configuration as Pinocchio has it, shape (7 + n,).
-            matrix: Of (4), momentum before end-effector, shape (6 + m, 6 + n).
-            rates: Joint rates that solve (4), shape (n,).
-            speed: Of the path, ds/dt [1/s].
+            q: Pinocchio's configuration vector, shape (7 + n,).
+            A: Matrix of (4), momentum rows before end-effector rows, shape (6 + m, 6 + n).
+            u: Joint rates that solve (4), shape (n,).
+            speed: Path speed ds/dt [1/s].
 
         Returns:
             Shape (n,); infinite where S* is singular.
         """
-        base = np.asarray(np.linalg.solve(matrix[:6, :6], matrix[:6, 6:]), dtype=float)
-        S = matrix[6:, 6:] - matrix[6:, :6] @ base
-        basis = np.linalg.qr(S.T, mode="complete")[0][:, len(S) :]
+        base = np.asarray(np.linalg.solve(A[:6, :6], A[:6, 6:]), dtype=float)
+        S = A[6:, 6:] - A[6:, :6] @ base
+        N = np.linalg.qr(S.T, mode="complete")[0][:, len(S) :]
         W = self._metric(q, base)
-        inner = basis.T @ W @ basis
+        H = N.T @ W @ N
         try:
-            added = -basis @ np.linalg.solve(inner, basis.T @ (W @ rates))
+            z = -N @ np.linalg.solve(H, N.T @ (W @ u))
             if self._redundancy.toward is not Toward.NONE and speed != 0.0:
-                gradient = self._gradient(q, matrix, base, S)
-                pull = basis @ np.linalg.solve(inner, basis.T @ gradient)
-                pull *= self._redundancy.gain
-                share = np.linalg.norm(pull) / self._redundancy.bound
-                added += speed / np.hypot(1.0, share) * pull
+                g = self._gradient(q, A, base, S)
+                attraction = N @ np.linalg.solve(H, N.T @ g)
+                attraction *= self._redundancy.gain
+                ratio = np.linalg.norm(attraction) / self._redundancy.bound
+                z += speed / np.hypot(1.0, ratio) * attraction
         except np.linalg.LinAlgError:
-            return np.full(len(rates), np.inf)
-        return np.asarray(added)
+            return np.full(len(u), np.inf)
+        return np.asarray(z)
 
     def _metric(self, q: Array, base: Array) -> Array:
-        """W, in units of its mean diagonal element, shape (n, n)."""
+        """W divided by its mean diagonal element, shape (n, n)."""
         if self._redundancy.metric is not Metric.ENERGY:
             return self._weights
         upper = np.triu(pin.crba(self._model.pin_model, self._model.scratch, q))
@@ -112,32 +97,32 @@ class NullSpaceMotion:
         W = H[6:, 6:] - H[6:, :6] @ base
         return np.asarray(W / W.diagonal().mean())
 
-    def _gradient(self, q: Array, matrix: Array, base: Array, S: Array) -> Array:
-        """Of what the arm is drawn toward, by the joints, shape (n,)."""
+    def _gradient(self, q: Array, A: Array, base: Array, S: Array) -> Array:
+        """Gradient g of the objective with respect to the joints, shape (n,)."""
         if self._redundancy.toward is Toward.MIDDLE:
-            return np.nan_to_num(self._middles - q[7:])
-        return self._manipulability_gradient(q, matrix, base, S)
+            return np.nan_to_num(self._centres - q[7:])
+        return self._manipulability_gradient(q, A, base, S)
 
-    def _manipulability_gradient(self, q: Array, matrix: Array, base: Array, S: Array) -> Array:
-        """Of ln sqrt(det(S* S*^T)): the trace of S*'s change times S*'s pseudoinverse.
+    def _manipulability_gradient(self, q: Array, A: Array, base: Array, S: Array) -> Array:
+        """Gradient of ln sqrt(det(S* S*^T)): trace of the pseudoinverse times dS*, shape (n,).
 
-        A column of the pseudoinverse is a motion of the whole robot without momentum that moves the
-        end-effector along one row alone; how S* changes along it follows from how momentum and
-        twist of that motion do, the base taking up the momentum. Pinocchio's derivative of the
-        twist is that at a point fixed in space; the end-effector's adds how that point moves.
+        A column of the pseudoinverse is a momentum-free motion of the whole robot that moves the
+        end-effector along one row alone. The change of S* along it follows from the derivatives of
+        momentum and twist, with the base conserving the momentum. Pinocchio differentiates the
+        twist at a point fixed in space; the motion of that point with the end-effector is added.
         """
         model, data, frame = self._model.pin_model, self._model.scratch, self._model.frame_id
         columns = np.linalg.pinv(S)
         motions = np.vstack([-base @ columns, columns])
-        taken_up = np.linalg.solve(matrix[:6, :6].T, matrix[6:, :6].T).T
+        recoil = np.linalg.solve(A[:6, :6].T, A[6:, :6].T).T
         J = np.array(pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED))
-        gradient, still = np.zeros(len(columns)), np.zeros(len(motions))
+        gradient, no_acceleration = np.zeros(len(columns)), np.zeros(len(motions))
         for i, row in enumerate(self._rows):
             momentum = pin.computeCentroidalDynamicsDerivatives(
-                model, data, q, np.ascontiguousarray(motions[:, i]), still
+                model, data, q, np.ascontiguousarray(motions[:, i]), no_acceleration
             )[0]
             twist = pin.getFrameVelocityDerivatives(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[0]
-            gradient += twist[row, 6:] - taken_up[i] @ momentum[:, 6:]
+            gradient += twist[row, 6:] - recoil[i] @ momentum[:, 6:]
             if row < 3:
                 gradient += np.cross(J[3:] @ motions[:, i], J[:3, 6:].T)[:, row]
         return gradient

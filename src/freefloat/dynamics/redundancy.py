@@ -1,28 +1,4 @@
-"""Which of its many motions an arm with joints to spare takes.
-
-Such an arm can follow a path with infinitely many joint rates. They differ by motions in the null
-space of the generalized Jacobian S*, which move neither the end-effector nor the momentum. Among
-them the rates ``u`` are taken that make
-
-    u^T W u / 2 - gain ds/dt (u . g)
-
-smallest: W is the metric, in units of its mean diagonal element, and g the gradient of what the
-arm is drawn toward. Without that these are the rates of least norm. With it the arm adds
-a null-space motion, projected in the same metric, that never leads down from g.
-
-The pull is in proportion to the speed ds/dt along the path. So it rests where the path rests, at
-both ends and at stops between; and where there is no momentum, joints and attitude are functions of
-the place on the path alone: a motion over a longer time takes the same way. For the same reason the
-gain is counted per path, not per second: it is dimensionless, one over the share of the path in
-which a pull of its own size is followed. A motion integrated backwards retraces, with or without
-momentum, because ds/dt changes its sign with the end-effector's velocity. The path described the
-other way round is another path, on which the arm is drawn up the gradient again.
-
-Toward ``sigma`` g is the gradient of ln sqrt(det(S* S*^T)), the logarithm of the manipulability: it
-grows with the smallest singular value but is smooth where that value is shared and has a kink, and
-it does not depend on the unit of length. Toward ``middle`` g is what is missing to the middle of
-the joint ranges; joints without a range do not count.
-"""
+"""Settings of a redundant arm: the metric of its joint rates and what it is attracted to."""
 
 from __future__ import annotations
 
@@ -33,17 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.brief import brief
-from freefloat.errors import InputError
+from freefloat.errors import InputError, did_you_mean
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array
 
 _LARGEST_WEIGHT = 1e6
+_METRICS = "joints, energy, or a map from joint to weight"
 
 
 class Metric(StrEnum):
-    """What joint rates are measured by.
+    """Norm of the joint rates that is minimized.
 
-    ``JOINTS``: their Euclidean norm [rad/s, m/s]. ``ENERGY``: the kinetic energy of the drifting
-    system, to which the momentum adds what no joint rate changes.
+    ``JOINTS``: the Euclidean norm [rad/s, m/s]. ``ENERGY``: the kinetic energy of the free-floating
+    system, apart from the momentum's constant contribution.
     """
 
     JOINTS = "joints"
@@ -51,7 +29,11 @@ class Metric(StrEnum):
 
 
 class Toward(StrEnum):
-    """What the null-space motion is drawn toward."""
+    """Objective of the null-space motion.
+
+    ``SIGMA``: manipulability, the product of the singular values of S*. ``MIDDLE``: the centres of
+    the joint ranges.
+    """
 
     NONE = "none"
     SIGMA = "sigma"
@@ -60,18 +42,15 @@ class Toward(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Redundancy:
-    """What a redundant arm does with its freedom.
+    """Null-space motion of a redundant arm, see :mod:`freefloat.dynamics.null_space`.
 
     Attributes:
-        metric: What of the rates is least; a map from joint to weight for the norm of weighted
-            rates, weight times rate squared, in which joints not named weigh 1.
-        toward: What the arm is drawn toward.
-        gain: How strongly, per path; the pull toward g is ``gain`` times g where W is 1.
-        bound: The null-space motion that this adds stays shorter than this, per path [rad, m]; it
-            does so smoothly.
+        metric: Norm of the joint rates that is minimized; a map from joint to weight for the sum of
+            weight times rate squared, in which the other joints have weight 1.
+        toward: Objective of the null-space motion.
+        gain: Gain of the attraction over the path, dimensionless.
+        bound: Smooth upper bound of the length of the null-space motion over the path [rad, m].
     """
-
-    __repr__ = brief
 
     metric: Metric | Mapping[str, float] = Metric.JOINTS
     toward: Toward = Toward.NONE
@@ -80,7 +59,7 @@ class Redundancy:
 
     def __post_init__(self) -> None:
         if not isinstance(self.metric, Metric):
-            object.__setattr__(self, "metric", self._checked_metric(self.metric))
+            object.__setattr__(self, "metric", _checked_metric(self.metric))
         if self.toward not in tuple(Toward):
             raise InputError("redundancy.toward", f"{self.toward!r} was given", ", ".join(Toward))
         object.__setattr__(self, "toward", Toward(self.toward))
@@ -93,28 +72,65 @@ class Redundancy:
         return Redundancy, (self.metric, self.toward, self.gain, self.bound)
 
     @property
-    def plain(self) -> bool:
-        """Whether the rates are those of least Euclidean norm."""
+    def minimum_norm(self) -> bool:
+        """Whether the joint rates are those of minimum Euclidean norm."""
         return self.metric is Metric.JOINTS and self.toward is Toward.NONE
 
     @property
     def weights(self) -> Mapping[str, float]:
-        """Of joints that do not weigh 1."""
+        """Weights by joint, apart from those that are 1."""
         return {} if isinstance(self.metric, Metric) else self.metric
 
-    @staticmethod
-    def _checked_metric(given: Any) -> Metric | Mapping[str, float]:
-        if isinstance(given, str):
-            if given in tuple(Metric):
-                return Metric(given)
-            raise InputError("redundancy.metric", f"{given!r} was given", _METRICS)
-        weights = {str(joint): float(weight) for joint, weight in dict(given).items()}
-        for joint, weight in weights.items():
-            if not 1.0 / _LARGEST_WEIGHT <= weight <= _LARGEST_WEIGHT:
-                raise InputError(
-                    f"redundancy.metric.{joint}", f"{weight} was given", "from 1e-06 to 1e+06"
-                )
-        return weights
+
+def _checked_metric(metric: Any) -> Metric | Mapping[str, float]:
+    if isinstance(metric, str):
+        if metric in tuple(Metric):
+            return Metric(metric)
+        raise InputError("redundancy.metric", f"{metric!r} was given", _METRICS)
+    weights = {str(joint): float(weight) for joint, weight in dict(metric).items()}
+    for joint, weight in weights.items():
+        if not 1.0 / _LARGEST_WEIGHT <= weight <= _LARGEST_WEIGHT:
+            raise InputError(
+                f"redundancy.metric.{joint}", f"{weight} was given", "from 1e-06 to 1e+06"
+            )
+    return weights
 
 
-_METRICS = "joints, energy, or a map from joint to weight"
+def check_redundancy(model: FreeFloatingModel, rows: int, redundancy: Redundancy) -> None:
+    """Raise an InputError if redundancy settings do not apply to an arm.
+
+    Args:
+        model: Robot.
+        rows: Number of rates that the task prescribes.
+        redundancy: Settings.
+    """
+    if model.dof <= rows:
+        raise InputError(
+            "redundancy",
+            f"the task prescribes {rows} rates and the arm has {model.dof} joints: not redundant",
+            "no such key, or a task that prescribes less",
+        )
+    for joint in redundancy.weights:
+        if joint not in model.joint_names:
+            raise InputError(
+                f"redundancy.metric.{joint}",
+                f"there is no such moving joint{did_you_mean(joint, model.joint_names)}",
+                ", ".join(model.joint_names),
+            )
+    if redundancy.toward is Toward.MIDDLE and not np.isfinite(range_centres(model)).any():
+        raise InputError(
+            "redundancy.toward", "middle, but no joint of this arm has a range", "none or sigma"
+        )
+
+
+def range_centres(model: FreeFloatingModel) -> Array:
+    """Centres of the joint ranges [rad, m], NaN for unlimited joints, shape (n,)."""
+    ranges = np.array([(body.lower, body.upper) for body in model.bodies[1:]])
+    finite = np.isfinite(ranges).all(axis=1)
+    return np.where(finite, np.where(finite[:, None], ranges, 0.0).mean(axis=1), np.nan)
+
+
+def joint_weights(model: FreeFloatingModel, redundancy: Redundancy) -> Array:
+    """Weights of the squared joint rates, divided by their mean, shape (n,)."""
+    weights = np.array([redundancy.weights.get(joint, 1.0) for joint in model.joint_names])
+    return np.asarray(weights / weights.mean())

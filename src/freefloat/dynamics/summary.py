@@ -22,18 +22,18 @@ from freefloat.so3 import Array
 
 @dataclass(frozen=True, eq=False)
 class RobotSummary:
-    """What a robot is, and what was found in its URDF.
+    """Summary of a robot and the diagnostics of its URDF.
 
     Attributes:
         model: The robot.
-        task: The task of its end-effector.
+        task: The task of the extremes.
         measure: The singularity measure of the extremes.
         barycentric_lengths: Of the virtual manipulator [m], shape (n + 1,).
         reach: Largest distance of the end-effector from the centre of mass [m].
         largest_s: Largest value of the measure over the joint space.
         largest_s_at: Joints of it, shape (n,).
         smallest_s: Smallest value of the measure over the joint space.
-        diagnostics: What validation found in the URDF.
+        diagnostics: Errors and warnings of the URDF.
     """
 
     model: FreeFloatingModel = field(repr=False)
@@ -92,23 +92,23 @@ class RobotSummary:
 def summarize(
     model: FreeFloatingModel,
     task: Task | None = None,
-    of: SingularityMeasure | None = None,
+    measure: SingularityMeasure | None = None,
     diagnostics: Sequence[UrdfDiagnostic] = (),
 ) -> RobotSummary:
     """Summarize a robot.
 
     Args:
         model: The robot.
-        task: Of its end-effector; the one with the most rows that the arm can do when left out.
-        of: A measure of the robot; ``gjm`` when left out.
-        diagnostics: What validation found in its URDF.
+        task: Task; that of :func:`natural_task` when left out.
+        measure: Singularity measure of the robot; ``gjm`` when left out.
+        diagnostics: Errors and warnings of its URDF.
     """
     virtual = VirtualManipulator.of(model)
     task = task or natural_task(model)
-    of = of or singularity_measure(model, task, "gjm")
-    extremes = joint_space_extremes(model, of)
+    measure = measure or singularity_measure(model, task, "gjm")
+    extremes = joint_space_extremes(model, measure)
     return RobotSummary(
-        model, task, of, virtual.lengths, virtual.reach, extremes.largest, extremes.largest_at,
+        model, task, measure, virtual.lengths, virtual.reach, extremes.largest, extremes.largest_at,
         extremes.smallest, tuple(diagnostics),
     )  # fmt: skip
 

@@ -1,7 +1,7 @@
-"""The virtual manipulator: seen from the spacecraft, a drifting arm is a fixed-base arm.
+"""The virtual manipulator: in the spacecraft frame a free-floating arm is a fixed-base arm.
 
-Its base stands at the system's centre of mass, its joints turn with the real ones, its links are
-the barycentric vectors (17). So what is known of fixed-base arms holds at a given attitude.
+Its base is at the system's centre of mass, its joints move with the real ones, its links are the
+barycentric vectors (17). At a given attitude the kinematics of fixed-base arms therefore apply.
 """
 
 from __future__ import annotations
@@ -16,29 +16,30 @@ from scipy.spatial.transform import Rotation
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen
 
-_TOUCHING = 1e-9
-"""Lines nearer than this share of the reach meet; directions off by less than this are parallel."""
+_TOLERANCE = 1e-9
+"""Largest distance of intersecting lines, relative to the reach, and sine of the angle between
+parallel directions."""
 
 
 @dataclass(frozen=True, eq=False)
 class VirtualManipulator:
-    """A chain of barycentric vectors, in the spacecraft's frame.
+    """A chain of barycentric vectors, in the spacecraft frame.
 
     Attributes:
         links: Barycentric vectors [m], shape (n + 1, 3): the first fixed to the spacecraft, from
             the centre of mass to the first joint, the others fixed to the body behind each joint.
             Their lengths are the paper's a, b, c, d.
-        turns: Constant rotation from each joint's frame at zero into the previous body's frame,
+        rotations: Constant rotation from each joint's frame at zero into the previous body's frame,
             shape (n, 3, 3).
-        axes: Joint axes in their own frames, shape (n, 3).
-        prismatic: Which joints slide, shape (n,).
-        strokes: Length that the virtual arm gains per metre of a sliding joint, shape (n,).
-        tool: Rotation from the end-effector's frame into the last body's, shape (3, 3).
-        reach: No configuration takes the end-effector farther from the centre of mass [m].
+        axes: Joint axes in the joint frames, shape (n, 3).
+        prismatic: Which joints are prismatic, shape (n,).
+        strokes: Displacement of the virtual arm per metre of a prismatic joint, shape (n,).
+        tool: Rotation from the end-effector frame into the last body's frame, shape (3, 3).
+        reach: Upper bound of the distance from the centre of mass to the end-effector [m].
     """
 
     links: Array
-    turns: Array
+    rotations: Array
     axes: Array
     prismatic: npt.NDArray[np.bool_]
     strokes: Array
@@ -50,15 +51,15 @@ class VirtualManipulator:
     def of(cls, model: FreeFloatingModel) -> VirtualManipulator:
         """The virtual manipulator of a robot."""
         bodies, arm = model.bodies, model.bodies[1:]
-        shares = np.array([body.mass for body in bodies]) / model.total_mass
-        beyond = np.append(np.cumsum(shares[::-1])[::-1][1:], 0.0)
+        fractions = np.array([body.mass for body in bodies]) / model.total_mass
+        outward = np.append(np.cumsum(fractions[::-1])[::-1][1:], 0.0)
         steps = [body.placement.position for body in arm] + [model.tool.position]
         links = np.array([
-            (1.0 - outer) * step - share * body.centre
-            for body, share, outer, step in zip(bodies, shares, beyond, steps, strict=True)
+            (1.0 - outer) * step - fraction * body.centre
+            for body, fraction, outer, step in zip(bodies, fractions, outward, steps, strict=True)
         ])  # fmt: skip
-        strokes = 1.0 - beyond[:-1]
-        sliding = sum(
+        strokes = 1.0 - outward[:-1]
+        extension = sum(
             stroke * max(abs(body.lower), abs(body.upper))
             for body, stroke in zip(arm, strokes, strict=True) if body.prismatic
         )  # fmt: skip
@@ -66,12 +67,12 @@ class VirtualManipulator:
         prismatic.setflags(write=False)
         return cls(
             links=frozen(links),
-            turns=frozen([body.placement.rotation for body in arm]),
+            rotations=frozen([body.placement.rotation for body in arm]),
             axes=frozen([body.axis for body in arm]),
             prismatic=prismatic,
             strokes=frozen(strokes),
             tool=frozen(model.tool.rotation),
-            reach=float(np.linalg.norm(links, axis=1).sum() + sliding),
+            reach=float(np.linalg.norm(links, axis=1).sum() + extension),
         )
 
     @property
@@ -80,21 +81,21 @@ class VirtualManipulator:
         return np.asarray(np.linalg.norm(self.links, axis=1))
 
     def kinematics(self, joints: npt.ArrayLike) -> tuple[Array, Array, Array, Array]:
-        """Where the virtual arm is, for many joint vectors at once.
+        """Forward kinematics for K joint vectors.
 
         Args:
             joints: Shape (K, n).
 
         Returns:
-            In the spacecraft's frame: end-effector positions from the centre of mass (K, 3) and
+            In the spacecraft frame: end-effector positions from the centre of mass (K, 3) and
             rotations (K, 3, 3); joint positions (n, K, 3) and joint axes (n, K, 3).
         """
         q = np.atleast_2d(np.asarray(joints, dtype=float))
         R = np.broadcast_to(np.eye(3), (len(q), 3, 3))
         p = np.broadcast_to(self.links[0], (len(q), 3))
         points, axes = [], []
-        for i, turn in enumerate(self.turns):
-            R = R @ turn
+        for i, rotation in enumerate(self.rotations):
+            R = R @ rotation
             axis = R @ self.axes[i]
             points.append(p)
             axes.append(axis)
@@ -106,16 +107,16 @@ class VirtualManipulator:
         return p, R @ self.tool, np.array(points), np.array(axes)
 
     def pose(self, joints: npt.ArrayLike) -> Pose:
-        """End-effector pose from the centre of mass, in the spacecraft's frame; joints (n,)."""
+        """End-effector pose from the centre of mass, spacecraft frame, at joints (n,)."""
         p, R, _, _ = self.kinematics(joints)
         return Pose(p[0], R[0])
 
     def axes_at(self, joints: npt.ArrayLike) -> Array:
-        """Directions of the joint axes in the spacecraft's frame, shape (n, 3)."""
+        """Directions of the joint axes in the spacecraft frame, shape (n, 3)."""
         return self.kinematics(joints)[3][:, 0]
 
     def jacobian(self, joints: npt.ArrayLike) -> Array:
-        """End-effector twist [linear; angular] per joint rate, the spacecraft held still.
+        """End-effector twist [linear; angular] per joint rate at constant attitude.
 
         Args:
             joints: Shape (K, n).
@@ -134,11 +135,11 @@ class VirtualManipulator:
 
     @cached_property
     def wrist_centre(self) -> Array | None:
-        """Where the last three axes meet at zero joints, spacecraft frame (3,), if they do."""
+        """Intersection of the last three axes at zero joints, spacecraft frame (3,), or None."""
         if len(self.axes) != 6 or self.prismatic.any():
             return None
         _, _, points, axes = self.kinematics(np.zeros(6))
-        centre = meeting_point(points[3:, 0], axes[3:, 0], _TOUCHING * self.reach)
+        centre = meeting_point(points[3:, 0], axes[3:, 0], _TOLERANCE * self.reach)
         return None if centre is None else frozen(centre)
 
     @cached_property
@@ -147,38 +148,42 @@ class VirtualManipulator:
         if self.wrist_centre is None:
             return False
         _, h2, h3 = self.axes_at(np.zeros(6))[:3]
-        return bool(np.linalg.norm(np.cross(h2, h3)) < _TOUCHING)
+        return bool(np.linalg.norm(np.cross(h2, h3)) < _TOLERANCE)
 
     @cached_property
     def has_three_parallel_axes(self) -> bool:
-        """Whether it has six turning joints, and the second to fourth axes are parallel."""
+        """Whether all of six joints are revolute and the second to fourth axes are parallel."""
         if len(self.axes) != 6 or self.prismatic.any():
             return False
         _, h2, h3, h4 = self.axes_at(np.zeros(6))[:4]
-        return bool(np.linalg.norm(np.cross(h2, [h3, h4]), axis=1).max() < _TOUCHING)
+        return bool(np.linalg.norm(np.cross(h2, [h3, h4]), axis=1).max() < _TOLERANCE)
 
     @cached_property
     def is_planar(self) -> bool:
-        """Whether every joint keeps the arm in the x-y plane: axes along z, slides across it."""
+        """Whether all revolute axes are along z and all prismatic axes normal to it."""
         axes = self.kinematics(np.zeros(len(self.axes)))[3]
-        along_z = np.abs(axes[:, 0, :2]).max(axis=1) < _TOUCHING
-        across_z = np.abs(axes[:, 0, 2]) < _TOUCHING
+        along_z = np.abs(axes[:, 0, :2]).max(axis=1) < _TOLERANCE
+        across_z = np.abs(axes[:, 0, 2]) < _TOLERANCE
         return bool(np.where(self.prismatic, across_z, along_z).all())
 
 
 def meeting_point(points: Array, axes: Array, tolerance: float) -> Array | None:
-    """Where three lines meet, each neighbour across the one before.
+    """Intersection point of three lines.
 
     Args:
-        points: One on each line, shape (3, 3).
+        points: A point on each line, shape (3, 3).
         axes: Unit directions, shape (3, 3).
-        tolerance: How near the third line has to pass [m].
+        tolerance: Largest distance from the lines [m].
 
     Returns:
-        The point, shape (3,), or None where the lines do not meet or neighbours are parallel.
+        The point, shape (3,), or None if the lines do not intersect or successive ones are
+        parallel.
     """
     normal = np.cross(axes[0], axes[1])
-    if np.linalg.norm(normal) < _TOUCHING or np.linalg.norm(np.cross(axes[1], axes[2])) < _TOUCHING:
+    if (
+        np.linalg.norm(normal) < _TOLERANCE
+        or np.linalg.norm(np.cross(axes[1], axes[2])) < _TOLERANCE
+    ):
         return None
     along = np.cross(points[1] - points[0], axes[1]) @ normal / (normal @ normal)
     centre = points[0] + along * axes[0]

@@ -1,7 +1,7 @@
-"""Very many motions at once: the numbers of a problem, and kernels that follow it on all cores.
+"""Integration of many motions of one problem by compiled code on all cores.
 
-Every motion is that of :func:`~freefloat.motion.integration.integrate_motion`, to the tolerance
-asked for, in about a hundredth of its time; what is kept of it is how it went, not the way it took.
+Each motion agrees with that of :func:`~freefloat.motion.integration.integrate_motion` within the
+tolerance and takes about a hundredth of its time; results are summaries, without trajectories.
 """
 
 from __future__ import annotations
@@ -10,18 +10,23 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from freefloat.dynamics.in_plane_factor import plane_axes
 from freefloat.dynamics.kernels.equation import LEVEL, METRIC, MIDDLE, WEIGHT
 from freefloat.dynamics.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
 from freefloat.dynamics.kernels.right_side import Robot
 from freefloat.dynamics.kernels.robot_arrays import robot_facts, robot_rows
-from freefloat.dynamics.measures import NAMES, arm_axes
-from freefloat.dynamics.null_space import middles, weights
-from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
+from freefloat.dynamics.measures import NAMES
+from freefloat.dynamics.redundancy import (
+    Metric,
+    Redundancy,
+    Toward,
+    joint_weights,
+    range_centres,
+)
 from freefloat.ensemble.kernels.integration import (
     EnsembleResult,
     integrate_many,
@@ -35,13 +40,12 @@ from freefloat.so3 import Array, whole_number
 
 TOLERANCE = 1e-6
 _CELLS = 512
-"""Cubics that stand for the path's tangent."""
+"""Number of cubics that approximate the path's tangent."""
 _THIRDS = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 _THROUGH_THIRDS = np.linalg.inv(np.vander(_THIRDS, increasing=True))
-"""Values at the thirds of an interval as powers of its share, lowest first."""
+"""Maps values at the thirds of [0, 1] to the cubic's coefficients, lowest power first."""
 _CHUNK = 128
-"""Motions between two looks at the clock and the keyboard."""
-
+"""Number of motions between two reports of progress or checks for an interruption."""
 
 Progress = Callable[[float], None]
 """Called with the fraction done, in [0, 1], during a long computation."""
@@ -51,11 +55,11 @@ class EnsembleIntegrator:
     """Integrates many motions of one problem."""
 
     def __init__(self, problem: Problem, threads: int | None = None) -> None:
-        """Prepare the numbers of a problem.
+        """Convert a problem to the arrays that the kernels read.
 
         Args:
             problem: Robot, path and momentum.
-            threads: How many cores to use; all this process may when left out.
+            threads: Number of threads; one for each core of this process when left out.
         """
         cores = len(os.sched_getaffinity(0))
         self.threads = cores if threads is None else whole_number("threads", threads, 1)
@@ -77,21 +81,21 @@ class EnsembleIntegrator:
         """Integrate the motions along the path from many states.
 
         Args:
-            attitudes: First ones, unit quaternions x, y, z, w, shape (K, 4).
-            joints: First ones, with the end-effector on the path, shape (K, n).
-            momenta: Angular momenta to drift with instead of the problem's, shape (K, 3).
-            starts: Times to begin at [s], shape (K,); 0 when left out.
-            ends: Times to stop at [s], shape (K,); the duration when left out. An end before its
-                start retraces a motion.
-            stop_below: Give up motions whose measure falls below this magnitude.
-            tolerance: Relative and absolute, per step.
-            progress: Called with the share done, in [0, 1].
+            attitudes: Initial attitudes, unit quaternions x, y, z, w, shape (K, 4).
+            joints: Initial joint values, with the end-effector on the path, shape (K, n).
+            momenta: Angular momenta [N m s], shape (K, 3); the problem's when left out.
+            starts: Initial times [s], shape (K,); 0 when left out.
+            ends: Final times [s], shape (K,); the duration when left out. With an end before its
+                start a motion is integrated backward.
+            stop_below: Stop motions whose measure falls below this magnitude.
+            tolerance: Relative and absolute tolerance of a step.
+            progress: Called with the fraction done, in [0, 1].
         """
         K, n = joints.shape
         duration = self.problem.path.duration
         states = (
-            np.array(attitudes, dtype=float, order="C"),  # copies, for kernels are compiled for
-            np.array(joints, dtype=float, order="C"),  # arrays that may be written to
+            np.array(attitudes, dtype=float, order="C"),  # copies: the kernels are compiled for
+            np.array(joints, dtype=float, order="C"),  # writable arrays
             np.array(
                 np.broadcast_to(self.problem.momentum if momenta is None else momenta, (K, 3)),
                 dtype=float,
@@ -109,13 +113,15 @@ class EnsembleIntegrator:
             )  # fmt: skip
 
         run_chunks(integrate_chunk, range(0, K, _CHUNK), self.threads, progress)
-        return EnsembleResult(*(_frozen(values) for values in result))
+        for values in result:
+            values.setflags(write=False)
+        return result
 
 
 def run_chunks(
     work: Callable[[int], None], chunks: range, threads: int, progress: Progress | None = None
 ) -> None:
-    """Do independent pieces of work on several threads; an interruption drops what is not begun."""
+    """Process independent chunks on several threads; an interruption cancels pending chunks."""
     if len(chunks) < 2 or threads == 1:
         for done, chunk in enumerate(chunks):
             work(chunk)
@@ -134,26 +140,22 @@ def run_chunks(
             raise
 
 
-def _frozen(values: Any) -> Any:
-    values.setflags(write=False)
-    return values
-
-
 def _robot(problem: Problem) -> Robot:
-    """A problem as the kernels want it."""
+    """The arrays that the kernels read of a problem."""
     model, task, path = problem.model, problem.task, problem.path
     name = problem.margin.measure.name
     facts, bodies = robot_facts(model, task), robot_rows(model)
     if name == "arm":
-        facts[LEVEL:METRIC] = arm_axes(model, task).ravel()
-    if problem.redundancy is not None and not problem.redundancy.plain:
-        _choose(problem.redundancy, model, bodies, facts)
+        facts[LEVEL:METRIC] = plane_axes(model, task).ravel()
+    if problem.redundancy is not None and not problem.redundancy.minimum_norm:
+        _set_redundancy(problem.redundancy, model, bodies, facts)
     ends = np.append(path.breaks, path.duration)
-    pieces = [path.timing.segments[path.timing.segment_at(t)] for t in _middles(ends)]
-    law = np.zeros((len(pieces), 2, max(len(piece.orders[0]) for piece in pieces)))
-    for number, piece in enumerate(pieces):
+    middles = [(low + high) / 2.0 for low, high in pairwise([0.0, *ends.tolist()])]
+    segments = [path.timing.segments[path.timing.segment_at(t)] for t in middles]
+    law = np.zeros((len(segments), 2, max(len(segment.orders[0]) for segment in segments)))
+    for number, segment in enumerate(segments):
         for order in (0, 1):
-            coefficients = piece.orders[order]
+            coefficients = segment.orders[order]
             law[number, order, law.shape[2] - len(coefficients) :] = coefficients
     return Robot(
         bodies=bodies,
@@ -161,44 +163,40 @@ def _robot(problem: Problem) -> Robot:
         rows=np.array(task.rows, dtype=np.int64),
         measure=NAMES.index(name),
         ends=ends,
-        origins=np.array([piece.origin for piece in pieces]),
-        spans=np.array([piece.span for piece in pieces]),
+        origins=np.array([segment.origin for segment in segments]),
+        spans=np.array([segment.span for segment in segments]),
         law=law,
         tangents=_tangents(path.path),
         duration=path.duration,
     )
 
 
-def _middles(ends: Array) -> list[float]:
-    """Of intervals that begin at 0 and end at the times given [s]."""
-    return [(low + high) / 2.0 for low, high in pairwise([0.0, *ends.tolist()])]
-
-
 def _tangents(path: EndEffectorPath) -> Array:
     """A path's tangent as cubics in s, see :class:`freefloat.dynamics.kernels.right_side.Robot`.
 
-    On equal intervals through the tangents at their ends; of a path whose derivatives jump, between
-    the jumps and through four places in each interval.
+    The cubics interpolate the tangent at the ends of equal intervals; where the path's derivatives
+    jump, at four points of each interval between the jumps.
     """
     if not len(path.breaks):
         s = np.linspace(0.0, 1.0, _CELLS + 1)
-        cubics = CubicSpline(s, [path.tangent(float(place)) for place in s]).c
+        cubics = CubicSpline(s, [path.tangent(float(value)) for value in s]).c
         return np.ascontiguousarray(cubics.transpose(1, 2, 0))
     cells = []
     for low, high in pairwise([0.0, *path.breaks.tolist(), 1.0]):
         tangent = path.tangent_within(low, high)
         edges = np.linspace(low, high, int(np.ceil(_CELLS * (high - low))) + 1)
         for start, width in zip(edges.tolist(), np.diff(edges).tolist(), strict=False):
-            values = [tangent(start + share * width) for share in _THIRDS]
+            values = [tangent(start + third * width) for third in _THIRDS]
             cubic = _THROUGH_THIRDS @ np.array(values) / width ** np.arange(4.0)[:, None]
             cells.append(np.vstack([cubic[::-1].T, [start, 0.0, 0.0, 0.0]]))
     return np.array(cells)
 
 
-def _choose(redundancy: Redundancy, model: FreeFloatingModel, bodies: Array, facts: Array) -> None:
-    """Tell the kernels what a redundant arm does with its freedom."""
-    bodies[1:, WEIGHT], bodies[1:, MIDDLE] = weights(model, redundancy), middles(model)
+def _set_redundancy(
+    redundancy: Redundancy, model: FreeFloatingModel, bodies: Array, facts: Array
+) -> None:
+    """Write the settings of a redundant arm into the arrays of the kernels."""
+    bodies[1:, WEIGHT], bodies[1:, MIDDLE] = joint_weights(model, redundancy), range_centres(model)
     metric = ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED
     codes = {Toward.NONE: 0, Toward.SIGMA: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
-    toward = codes[redundancy.toward]
-    facts[METRIC:] = metric, toward, redundancy.gain, redundancy.bound
+    facts[METRIC:] = metric, codes[redundancy.toward], redundancy.gain, redundancy.bound

@@ -82,8 +82,8 @@ class FeasibilityEvaluator:
     ) -> BranchResults:
         """Integrate the motions along the path from many attitudes.
 
-        Wrist-flipped branches 2 k and 2 k + 1 share their motion: where both exist, that of 2 k is
-        integrated and the other derived from it.
+        Wrist-flipped branches 2 k and 2 k + 1 have the same motion: where both exist,
+        that of 2 k is integrated and the other derived from it.
 
         Args:
             attitudes: Unit quaternions x, y, z, w, shape (K, 4).
@@ -92,7 +92,7 @@ class FeasibilityEvaluator:
             progress: Called with the fraction done, in [0, 1].
         """
         branches = self.problem.many_branches(attitudes, threads=self.integrator.threads)
-        joints, exist = branches.joints, branches.found
+        joints, exist = branches.joints, branches.exist
         columns = np.arange(joints.shape[1])
         columns = columns if branch is None else columns[branch : branch + 1]
         flipped = self.wrist_flipped and bool((exist[:, ::2] == exist[:, 1::2]).all())
@@ -112,32 +112,39 @@ class FeasibilityEvaluator:
         return BranchResults(attitudes, joints[:, columns], table)
 
     def margins(self, attitudes: Array, branch: int | None) -> Array:
-        """Margin that a branch, or the best of all, keeps from attitudes (K, 4); shape (K,)."""
+        """Minimum margin along a branch, or the largest of all branches, shape (K,).
+
+        Args:
+            attitudes: Unit quaternions x, y, z, w, shape (K, 4).
+            branch: Number of the arm branch; all when None.
+        """
         return np.asarray(self.evaluate(attitudes, branch).margins.max(axis=1, initial=0.0))
 
     def keeps(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
-        """Whether a branch, or any, keeps the problem's margin from attitudes (K, 4); (K,)."""
+        """Whether a branch, or any branch, keeps the problem's margin, shape (K,)."""
         motions = self.evaluate(attitudes, branch, stop_at_margin=True).motions
         return np.asarray(motions.keeps(self.problem.margin.threshold).any(axis=1))
 
     def regular(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
-        """Whether they keep it and stay :func:`clear` of all singularities; (K,)."""
+        """Whether a branch, or any, keeps the margin and avoids all singularities, shape (K,)."""
         motions = self.evaluate(attitudes, branch, stop_at_margin=True).motions
-        regular = motions.keeps(self.problem.margin.threshold) & clear(motions.determinant_ratios)
+        regular = motions.keeps(self.problem.margin.threshold) & is_regular(
+            motions.determinant_ratios
+        )
         return np.asarray(regular.any(axis=1))
 
 
-_CLEAR = 0.01
+_REGULAR_RATIO = 0.01
 
 
-def clear(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
-    """Where motions stay clear of every singularity, also of those the measure does not see.
+def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
+    """Which motions avoid every singularity, also those at which the measure does not vanish.
 
     A motion may pass such a singularity at any distance. The attitudes whose motions meet it form
-    surfaces that no sampling hits, but near them det S* becomes small: it is required to stay above
-    a hundredth of its largest magnitude along the motion.
+    surfaces that no sampling hits, but near them det S* becomes small: its minimum magnitude along
+    the motion must exceed a hundredth of its maximum.
     """
-    return np.asarray(determinant_ratios > _CLEAR)
+    return np.asarray(determinant_ratios > _REGULAR_RATIO)
 
 
 _NEGLIGIBLE = 1e-7
@@ -149,15 +156,15 @@ _FLIPPED_JOINT = 4
 def has_closed_form(problem: Problem) -> bool:
     """Whether the arm branches have a closed form, see :mod:`freefloat.ik.branches`."""
     virtual = VirtualManipulator.of(problem.model)
-    formula = virtual.has_elbow_and_spherical_wrist or virtual.has_three_parallel_axes
-    return problem.task is Task.POSE and formula
+    solvable = virtual.has_elbow_and_spherical_wrist or virtual.has_three_parallel_axes
+    return problem.task is Task.POSE and solvable
 
 
 def has_wrist_flipped_branches(problem: Problem) -> bool:
     """Whether branches that differ by the wrist flip alone have the same motion.
 
-    They do when adjacent wrist axes are perpendicular and the bodies between them are massless: a
-    half turn about the fourth and sixth joints with the fifth reversed gives the same end-effector
+    They do when adjacent wrist axes are perpendicular and the bodies between them are massless:
+    rotating the fourth and sixth joints by pi and reversing the fifth gives the same end-effector
     pose and moves no mass. Branch 2 k + 1 is then the wrist-flipped branch of branch 2 k.
     """
     virtual, model = VirtualManipulator.of(problem.model), problem.model
@@ -176,20 +183,20 @@ def has_wrist_flipped_branches(problem: Problem) -> bool:
 def _tabulated(
     result: EnsembleResult, exist: npt.NDArray[np.bool_], columns: npt.NDArray[np.intp]
 ) -> EnsembleResult:
-    """Results of motions put where their arm branches exist (K, B), and columns of that table."""
+    """Selected columns of the table (K, B) of results, filled where arm branches exist."""
 
-    def placed(table: Any, values: Any) -> Any:
+    def tabulated(table: Any, values: Any) -> Any:
         table[exist] = values
         return table[:, columns]
 
     empty = EnsembleResult.empty(exist.shape, result.joints.shape[1])
-    return EnsembleResult._make(map(placed, empty, result))
+    return EnsembleResult._make(map(tabulated, empty, result))
 
 
 def _flip_wrists(
     table: EnsembleResult, odd: npt.NDArray[np.bool_], integrated: Array, flipped: Array
 ) -> None:
-    """Turn results of branches 2 k into those of their wrist-flipped branches, in place.
+    """Replace results of branches 2 k by those of their wrist-flipped branches, in place.
 
     Args:
         table: Results, arrays of leading shape (K, B).

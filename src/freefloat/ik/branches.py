@@ -1,9 +1,8 @@
-"""All arm configurations that reach a pose at a given spacecraft attitude.
+"""Inverse kinematics: all arm branches that reach a pose at a given spacecraft attitude.
 
 Elbow arms with a spherical wrist, arms whose second to fourth axes are parallel and planar elbow
-arms are solved in closed form, every other arm by Newton's method from many starts. An arm with
-more joints than the task needs has infinitely many configurations: it gets a spread-out,
-reproducible set.
+arms are solved in closed form, every other arm by Newton's method from many starts. Of the
+infinitely many configurations of a redundant arm a reproducible, well-spread set is returned.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.brief import brief
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.robot.model import FreeFloatingModel
@@ -31,7 +29,7 @@ if TYPE_CHECKING:
 _STARTS = 512
 _REDUNDANT_STARTS = 64
 _SLICE = 16
-"""Fewest targets worth a thread's attention."""
+"""Minimum number of poses per task of a thread."""
 _ELBOWS = ("elbow+", "elbow-")
 _SIGNS = tuple(
     f"shoulder{shoulder} elbow{elbow} wrist{wrist}"
@@ -41,17 +39,15 @@ _SIGNS = tuple(
 
 @dataclass(frozen=True, eq=False)
 class ArmBranch:
-    """One arm configuration that reaches a pose.
+    """An arm configuration that reaches a pose.
 
     Attributes:
-        index: Its number. Where signs tell the branches apart, the same signs have the same number
-            at every attitude.
-        label: What tells it apart, e.g. ``"shoulder+ elbow- wrist+"``; the number otherwise.
-        joints: Joint values, turning joints within their URDF range where that is possible, else
-            in (-pi, pi], shape (n,).
+        index: Number of the branch. Branches identified by signs have the same number at every
+            attitude.
+        label: Signs of the branch, e.g. ``"shoulder+ elbow- wrist+"``, otherwise its number.
+        joints: Joint values, revolute joints within their URDF range where possible, else in
+            (-pi, pi], shape (n,).
     """
-
-    __repr__ = brief
 
     index: int
     label: str
@@ -60,19 +56,19 @@ class ArmBranch:
 
 @dataclass(frozen=True, eq=False)
 class BranchSets:
-    """The arm branches at K poses, each at the place of its number.
+    """The arm branches at K poses, in columns by branch number.
 
     Attributes:
-        joints: Joint values as in :class:`ArmBranch`, NaN where there is no such branch, shape
+        joints: Joint values as in :class:`ArmBranch`, NaN where a branch does not exist, shape
             (K, B, n).
-        names: What branches are called, shape (K, B): entries of ``labels``, -1 where there is
-            none. Place i holds name i, unless two branches without a closed form have the same
-            signs: the second of them stands at place 8 or beyond.
-        labels: The names.
+        names: Indices into ``labels``, shape (K, B); -1 where a branch does not exist. Column i
+            has name i, except that of two branches without closed form that have the same signs
+            the second is in column 8 or beyond.
+        labels: Labels of the branches.
     """
 
-    joints: Array
-    names: npt.NDArray[np.int64]
+    joints: Array = field(repr=False)
+    names: npt.NDArray[np.int64] = field(repr=False)
     labels: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -80,35 +76,33 @@ class BranchSets:
         self.names.setflags(write=False)
 
     @property
-    def found(self) -> npt.NDArray[np.bool_]:
-        """Which branches there are, shape (K, B)."""
+    def exist(self) -> npt.NDArray[np.bool_]:
+        """Which branches exist, shape (K, B)."""
         return np.asarray(self.names >= 0)
 
     def __len__(self) -> int:
         return len(self.joints)
 
-    def __getitem__(self, target: int) -> tuple[ArmBranch, ...]:
-        """The branches at one of the poses."""
+    def __getitem__(self, pose: int) -> tuple[ArmBranch, ...]:
+        """The branches at a pose."""
         return tuple(
-            ArmBranch(
-                int(index), self._label(target, int(index)), frozen(self.joints[target, index])
-            )
-            for index in np.flatnonzero(self.found[target])
+            ArmBranch(int(index), self._label(pose, int(index)), frozen(self.joints[pose, index]))
+            for index in np.flatnonzero(self.exist[pose])
         )
 
-    def _label(self, target: int, index: int) -> str:
-        name = int(self.names[target, index])
-        before = int((self.names[target, :index] == name).sum())
-        return self.labels[name] + (f" {ascii_lowercase[before]}" if before else "")
+    def _label(self, pose: int, index: int) -> str:
+        name = int(self.names[pose, index])
+        previous = int((self.names[pose, :index] == name).sum())
+        return self.labels[name] + (f" {ascii_lowercase[previous]}" if previous else "")
 
 
 def arm_branches(model: FreeFloatingModel, target: Pose, task: Task) -> tuple[ArmBranch, ...]:
-    """Every arm configuration that puts the end-effector at a pose.
+    """All arm branches at an end-effector pose.
 
     Args:
         model: Robot.
-        target: End-effector pose from the system's centre of mass, in the spacecraft's frame.
-        task: Which part of the pose counts.
+        target: End-effector pose from the system's centre of mass, spacecraft frame.
+        task: Part of the pose that is prescribed.
 
     Returns:
         The branches; none where the pose is out of reach. Joint ranges are not enforced.
@@ -123,20 +117,20 @@ def many_arm_branches(
     task: Task,
     threads: int | None = None,
 ) -> BranchSets:
-    """Every arm configuration at each of many poses.
+    """All arm branches at each of K end-effector poses.
 
     Args:
         model: Robot.
-        positions: Of the end-effector from the system's centre of mass, in the spacecraft's frame
-            [m], shape (K, 3).
-        rotations: From the end-effector's frame into the spacecraft's, shape (K, 3, 3).
-        task: Which part of the poses counts.
-        threads: How many to work with, by default one a processor. Results do not depend on it.
+        positions: End-effector positions from the system's centre of mass, spacecraft frame [m],
+            shape (K, 3).
+        rotations: Rotations from the end-effector frame into the spacecraft frame, (K, 3, 3).
+        task: Part of the poses that is prescribed.
+        threads: Number of threads, by default one per core. Results do not depend on it.
 
     Returns:
         The branches at each pose, as in :func:`arm_branches`.
     """
-    # compiled code takes half a second to import: not before it is needed
+    # imported late: Numba takes half a second
     from freefloat.ik import analytic as kernels
 
     virtual = VirtualManipulator.of(model)
@@ -164,7 +158,7 @@ def search_arm_branches(
     task: Task,
     threads: int | None = None,
 ) -> BranchSets:
-    """As :func:`many_arm_branches`, by Newton's method even where there is a closed form."""
+    """:func:`many_arm_branches` by Newton's method, also for arms with a closed form."""
     from freefloat.ik.numeric import solve_numerically
 
     return _searched(solve_numerically, model, positions, rotations, task, threads)
@@ -178,7 +172,7 @@ def _searched(
     task: Task,
     threads: int | None,
 ) -> BranchSets:
-    """By a kernel that takes starts and tells names."""
+    """Branches from a kernel that takes start configurations and returns names."""
     from freefloat.ik import numeric as kernels
 
     chain = _chain(VirtualManipulator.of(model), model)
@@ -198,9 +192,9 @@ def _searched(
 def nearest_configuration(
     model: FreeFloatingModel, target: Pose, task: Task, joints: Array
 ) -> list[ArmBranch]:
-    """The configuration that Newton's method reaches from given joints: one, or none.
+    """The configuration to which Newton's method converges from joints (n,), if it does.
 
-    For arms with more joints than the task needs, whose configurations are a continuum.
+    For redundant arms, whose configurations at a pose form a continuum.
     """
     from freefloat.ik import numeric as kernels
 
@@ -215,9 +209,9 @@ def nearest_configuration(
 def _chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:
     from freefloat.ik.chain import Chain
 
-    arrays = (virtual.links, virtual.turns, virtual.axes, virtual.prismatic, virtual.strokes)
+    arrays = (virtual.links, virtual.rotations, virtual.axes, virtual.prismatic, virtual.strokes)
     lower, upper = np.array([(body.lower, body.upper) for body in model.bodies[1:]]).T
-    # writable copies in C order: for another kind of array the kernels would be compiled again
+    # writable copies in C order, for which the kernels are compiled
     return Chain(*(np.array(a, order="C") for a in (*arrays, virtual.tool, lower, upper)))
 
 
@@ -237,7 +231,7 @@ def _in_slices(
     sliced: tuple[npt.NDArray[Any], ...],
     threads: int | None,
 ) -> None:
-    """Run a kernel on slices of the targets, side by side: it works without Python's lock."""
+    """Run a kernel, which releases the global lock, on slices of the poses in parallel."""
     workers, count = threads or os.cpu_count() or 1, len(sliced[0])
     size = max(_SLICE, -(-count // (4 * workers)))
     parts = [[array[i : i + size] for array in sliced] for i in range(0, count, size)]

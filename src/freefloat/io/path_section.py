@@ -72,7 +72,7 @@ def _orientation(
         return _law(section, curve)
     if sampled is not None:
         return sampled
-    if task.turns:
+    if task.prescribes_orientation:
         problem = f"it is missing, task {task} needs it"
         raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
     return FreeOrientation()

@@ -113,7 +113,9 @@ def certify(motion: Motion, base_positions: Array | None = None) -> Certificate:
         method=METHOD,
         intervals=intervals,
         end_effector_position=_worst(poses[:, 0], times),
-        end_effector_attitude=_worst(poses[:, 1], times) if motion.problem.task.turns else None,
+        end_effector_attitude=_worst(poses[:, 1], times)
+        if motion.problem.task.prescribes_orientation
+        else None,
         momentum=_worst(motion.momentum_errors(places), times),
         momentum_scale=scale,
         centre_of_mass=_worst(np.array(drift), motion.times),

@@ -40,7 +40,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task, system_matrix, system_matrix_slope
+from freefloat.dynamics.momentum import Task, system_matrix, system_matrix_derivative
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.joint_extents import joint_extents
 from freefloat.motion.motion import Motion
@@ -128,7 +128,7 @@ class ScaledSystem:
 
     def slope(self, joints: Array, rates: Array) -> Array:
         """The derivative of :meth:`matrix` while the joints (n,) move at rates (n,)."""
-        return self._scaled(system_matrix_slope(self.model, joints, rates, self.task))
+        return self._scaled(system_matrix_derivative(self.model, joints, rates, self.task))
 
     def _scaled(self, A: Array) -> Array:
         return np.asarray(self.rows[:, None] * A * self.columns)

@@ -249,7 +249,9 @@ class Motion:
         momentum = self._momentum_errors(panel, np.tile(NODES, self.panels))
         return Residuals(
             end_effector_position=float(position),
-            end_effector_attitude=float(attitude) if self.problem.task.turns else None,
+            end_effector_attitude=float(attitude)
+            if self.problem.task.prescribes_orientation
+            else None,
             momentum=float(np.max(momentum, initial=0.0, where=np.isfinite(momentum))),
         )
 

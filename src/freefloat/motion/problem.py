@@ -11,8 +11,9 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import SingularityMeasure
-from freefloat.dynamics.momentum import ResolvedRateSolver, Task, momentum_map
+from freefloat.dynamics.momentum import Task, momentum_map
 from freefloat.dynamics.redundancy import Redundancy
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError, require_type
 from freefloat.ik.branches import (
@@ -130,7 +131,9 @@ class Problem:
         momentum = finite_vector("momentum", self.momentum, 3)
         object.__setattr__(self, "momentum", frozen(momentum))
         self.resolved_rate_solver()
-        if self.task.turns and isinstance(self.path.path.orientation, FreeOrientation):
+        if self.task.prescribes_orientation and isinstance(
+            self.path.path.orientation, FreeOrientation
+        ):
             raise InputError(
                 "path.attitude",
                 f"it is missing, task {self.task} needs it",
@@ -181,7 +184,7 @@ class Problem:
                 f"it leaves the plane of the end-effector, z = {level:g} m",
                 f"a path with z = {level:g} m everywhere",
             )
-        for s in np.linspace(0.0, 1.0, 21) if self.task.turns else ():
+        for s in np.linspace(0.0, 1.0, 21) if self.task.prescribes_orientation else ():
             upright = self.path.path.orientation.rotation(float(s)) @ straight.T
             if upright[2, 2] < 1.0 - 1e-9:
                 raise InputError(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.feasibility import clear, has_wrist_flipped_branches
+from freefloat.ensemble.feasibility import has_wrist_flipped_branches, is_regular
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
 from freefloat.motion.problem import Problem, is_kept
 from freefloat.motion.reach import reach_message
@@ -155,7 +155,7 @@ class AttitudeMap:
 
     def regular(self, branch: int | None) -> npt.NDArray[np.bool_]:
         """Where a branch, or any, is feasible and stays clear of all singularities, shape (N,)."""
-        regular = self.feasible & clear(self.determinant_ratios)
+        regular = self.feasible & is_regular(self.determinant_ratios)
         return np.asarray(regular.any(axis=1) if branch is None else regular[:, branch])
 
     def branch_margins(self) -> list[tuple[int | None, Array]]:

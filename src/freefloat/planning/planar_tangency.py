@@ -112,7 +112,7 @@ class _Candidates:
         speed = timing.s(t, 1) if self._momentum else 1.0
         place, velocity = complex(*pose.position[:2]), complex(*tangent[:2])
         angle, rate = 0.0, 0.0
-        if self._problem.task.turns:
+        if self._problem.task.prescribes_orientation:
             last = pose.rotation @ self._virtual.tool.T @ self._virtual.links[-1]
             angle, rate = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0])), tangent[5]
             place, velocity = place - complex(*last[:2]), velocity - 1j * rate * complex(*last[:2])

@@ -176,7 +176,7 @@ def momentum_figure(motion: Motion) -> Figure:
     momentum, pose = figure.subplots(2, 1, sharex=True)
     errors = motion.momentum_errors(motion.node_parameters)
     _errors(momentum, motion.times, errors, 0, "momentum")
-    oriented = motion.problem.task.turns
+    oriented = motion.problem.task.prescribes_orientation
     for which, name in enumerate(("position", "orientation")[: 2 if oriented else 1]):
         label = f"end-effector {name}"
         _errors(pose, motion.times, motion.end_effector_errors[:, which], which, label)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.measures import arm_axes, singularity_measure
+from freefloat.dynamics.in_plane_factor import plane_axes
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
@@ -28,7 +29,7 @@ def elbow_arm(model: FreeFloatingModel) -> PlanarArm:
         InputError: For arms without that measure, see
             :func:`~freefloat.dynamics.measures.measure`.
     """
-    axes = arm_axes(model, Task.POSE)
+    axes = plane_axes(model, Task.POSE)
     virtual = VirtualManipulator.of(model)
     _, _, points, turning = virtual.kinematics(np.zeros(6))
     places = [points[1, 0], points[2, 0], _wrist(virtual)]

@@ -44,7 +44,7 @@ class PlanarArm:
         virtual = VirtualManipulator.of(model)
         zero = virtual.pose(np.zeros(model.dof))
         turns = [np.eye(3)]
-        for turn in virtual.turns:
+        for turn in virtual.rotations:
             turns.append(turns[-1] @ turn)
         return cls(
             links=np.array([_flat(R @ b) for R, b in zip(turns, virtual.links, strict=True)]),
