@@ -305,7 +305,7 @@ def test_an_arm_without_joints_to_spare_is_refused():
     with pytest.raises(InputError, match="6 rates and the arm has 6 joints") as caught:
         replace(problem, redundancy=Redundancy())
     assert caught.value.key == "redundancy"
-    assert replace(problem, task=Task.POSITION, redundancy=Redundancy()).redundancy.plain
+    assert replace(problem, task=Task.POSITION, redundancy=Redundancy()).redundancy.minimum_norm
 
 
 def test_weights_of_unknown_joints_are_refused():

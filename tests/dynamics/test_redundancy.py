@@ -53,12 +53,12 @@ def test_words_become_choices():
     assert Redundancy("energy").weights == {}
 
 
-def test_only_the_default_is_plain():
-    """ClosestApproach Euclidean norm, nothing else."""
-    assert Redundancy().plain
-    assert Redundancy("joints", "none", 5.0).plain
+def test_only_the_default_is_minimum_norm():
+    """Minimum Euclidean norm without objective."""
+    assert Redundancy().minimum_norm
+    assert Redundancy("joints", "none", 5.0).minimum_norm
     for other in (Redundancy("energy"), Redundancy(toward="middle"), Redundancy({"a": 1.0})):
-        assert not other.plain
+        assert not other.minimum_norm
 
 
 def test_it_is_frozen_and_survives_pickling():
