@@ -29,8 +29,8 @@ playback = ff.playback({"from 200 degrees": good, "from 140 degrees": bad}, titl
 print("written:", playback.save("playback.html"))
 print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 
-# playback.show() opens it at once, or fills a notebook's cell
-# to a meshcat.Visualizer(), whose own controls play the animation.
+# playback.show() opens the page in a browser or a notebook's cell; playback.into(visualizer) sends
+# the scene to a meshcat.Visualizer(), whose own controls play the animation.
 
 # Numbers of a motion at any times, such as the end of the shorter one:
 end = bad.final.time

@@ -5,11 +5,14 @@ from __future__ import annotations
 import gzip
 import re
 from base64 import b64decode
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import umsgpack
+from meshcat import Visualizer
+from meshcat.path import Path as ScenePath
 from scipy.spatial.transform import Rotation, Slerp
 
 from freefloat.dynamics.measures import SingularityMeasure
@@ -22,8 +25,10 @@ from freefloat.visualization.body_poses import body_poses_at
 from freefloat.visualization.camera import first_view
 from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.page import page
+from freefloat.visualization.playback import playback
 from freefloat.visualization.scene import key_times, motion_scene
 from freefloat.visualization.scene_builder import Scene
+from freefloat.visualization.visuals import robot_visuals
 
 GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]
 
@@ -126,6 +131,20 @@ def test_clips_move_known_objects_and_last_as_long(motion: Motion) -> None:
     known = set(objects(scene)) | {f"/{target}" for _, target in scene.copies}
     for clip in animation["animations"]:
         assert any(path == clip["path"] or path.startswith(clip["path"] + "/") for path in known)
+
+
+def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
+    sent: list[dict[str, Any]] = []
+    window = SimpleNamespace(send=lambda command: sent.append(command.lower()))
+    visualizer = Visualizer.view_into(window, ScenePath(("meshcat", "mine")))
+    playback({"first": motion, "second": motion}).into(visualizer)
+    objects = [command["path"] for command in sent if command["type"] == "set_object"]
+    shapes = len(robot_visuals(motion.problem.model).shapes)
+    for name in ("first", "second"):  # the second robot is a copy
+        root = f"/meshcat/mine/{name}/Robot/"
+        assert sum(path.startswith(root) for path in objects) == shapes
+    clips = [clip["path"] for clip in sent[-1]["animations"]]
+    assert "/meshcat/mine/second/Robot/spacecraft" in clips
 
 
 def test_planar_rings_have_the_radii_of_the_areas(planar: Problem) -> None:

@@ -7,7 +7,10 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
+
+import meshcat
 
 from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
@@ -16,7 +19,7 @@ from freefloat.motion.simulation import SimulatedBranch, Simulation
 from freefloat.planning.plan import Plan
 from freefloat.visualization.page import page
 from freefloat.visualization.scene import motion_scene
-from freefloat.visualization.scene_builder import Scene
+from freefloat.visualization.scene_builder import ROOT, Scene
 from freefloat.visualization.server import open_browser
 
 if TYPE_CHECKING:  # imports compiled kernels
@@ -96,6 +99,21 @@ class Playback:
             return
         folder = Path(tempfile.mkdtemp(prefix="freefloat-"))
         open_browser(self.save(folder / "playback.html").as_uri())
+
+    def into(self, visualizer: meshcat.Visualizer) -> None:
+        """Send the scene to a visualizer, whose own controls play the animation.
+
+        Panels, labels, the growing trail and the choice of a motion exist on pages only.
+
+        Args:
+            visualizer: The scene appears below its path.
+        """
+        root = visualizer.path.lower()
+        for command in self.scene.commands():
+            for item in (command, *command.get("animations", ())):
+                if item["path"].startswith(f"/{ROOT}/"):
+                    item["path"] = root + item["path"].removeprefix(f"/{ROOT}")
+            visualizer.window.send(SimpleNamespace(lower=lambda command=command: command))
 
     def _repr_html_(self) -> str:
         return self._cell(600)

@@ -5,7 +5,7 @@ Objects and tracks are kept apart: a viewer drops tracks of objects that it does
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
@@ -45,6 +45,19 @@ class Scene:
     copies: tuple[tuple[str, str], ...]
     animation: bytes | None
     about: Mapping[str, Any]
+
+    def commands(self) -> Iterator[dict[str, Any]]:
+        """Yield MeshCat's commands, unpacked: the objects, their copies, the animation."""
+        objects: dict[str, dict[str, Any]] = {}
+        for packed in self.objects:
+            command = umsgpack.unpackb(packed)
+            if command["type"] == "set_object":
+                objects[command["path"]] = command
+            yield command
+        for source, target in self.copies:
+            yield objects[f"/{source}"] | {"path": f"/{target}"}
+        if self.animation is not None:
+            yield umsgpack.unpackb(self.animation)
 
 
 class SceneBuilder:
