@@ -88,9 +88,9 @@ def test_curves_are_cut_where_they_leave_the_square() -> None:
 
 def some_map() -> HeadingMap:
     """Two branches from eight headings, a margin of 5; one branch does not always reach."""
-    least = np.array([[0, 2, 6, 8, 9, 7, 4, 0], [9, 9, 9, np.nan, 0, 1, 5, 9]], dtype=float)
+    margins = np.array([[0, 2, 6, 8, 9, 7, 4, 0], [9, 9, 9, np.nan, 0, 1, 5, 9]], dtype=float)
     headings = np.arange(8) * np.pi / 4
-    return HeadingMap(headings, (0, 3), least, np.full((2, 8), 100.0), 5.0)
+    return HeadingMap(PLANAR, headings, (0, 3), margins, np.full((2, 8), 100.0))
 
 
 def spans(axes: object) -> list[tuple[float, float]]:
@@ -110,7 +110,7 @@ def test_shaded_spans_are_the_ranges() -> None:
     assert labels(first)[0] == "elbow+"
     assert "chosen" not in labels(first)
     assert np.allclose(line(second, "chosen")[:, 0], np.degrees(6.0))
-    for axes, row in zip(figure.axes, some_map().least, strict=True):
+    for axes, row in zip(figure.axes, some_map().minimum_margins, strict=True):
         (curve,) = [one for one in axes.lines if len(one.get_xdata()) == 8]
         assert np.array_equal(curve.get_ydata(), row, equal_nan=True)
         assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
