@@ -28,8 +28,8 @@ from freefloat.io.scenario import load_scenario
 from freefloat.io.schema import ScenarioFile
 from freefloat.io.validation import validated
 from freefloat.limits.collision import collision_shapes
-from freefloat.motion.simulation import Simulation
 from freefloat.paths.samples import read_samples
+from freefloat.planning.simulation import Simulation
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError

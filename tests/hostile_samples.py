@@ -15,10 +15,10 @@ import yaml
 from freefloat.io.results import save
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.certificate import certify
-from freefloat.motion.simulation import simulate
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import BranchRanges, HeadingRange, RangeLimitCause
+from freefloat.planning.simulation import simulate
 from freefloat.robot.names import models_folder
 from freefloat.so3 import heading_quaternion
 from tests.example_studies import SHORT

@@ -21,7 +21,7 @@ from freefloat.errors import (
     UnreachableError,
 )
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.simulation import simulate
+from freefloat.planning.simulation import simulate
 
 INPUT = ("path.line.from", "[1, nan, 0] was given", "3 finite numbers", "wish.yaml")
 

@@ -16,8 +16,8 @@ from freefloat.io.scenario import load_scenario
 from freefloat.motion.arc_length import arc_flow
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Margin, Problem
-from freefloat.motion.simulation import simulate
 from freefloat.paths.timing import TimedPath, Timing
+from freefloat.planning.simulation import simulate
 
 HELPER = """
 from freefloat.dynamics.kernels.compilation import compiled

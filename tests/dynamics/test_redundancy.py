@@ -10,7 +10,7 @@ import pytest
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario, parse_scenario
-from freefloat.motion.simulation import _redundancy
+from freefloat.planning.simulation import _redundancy
 from freefloat.robot.names import models_folder
 
 PANDA = (models_folder() / "panda_servicer" / "line.yaml").read_text(encoding="utf-8")

@@ -20,7 +20,7 @@ from freefloat.errors import UnreachableError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin, Problem
-from freefloat.motion.simulation import simulate
+from freefloat.planning.simulation import simulate
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import angle_between, attitude_grid, heading_quaternion

@@ -21,7 +21,7 @@ from freefloat.io.scenario import load_scenario
 from freefloat.io.trajectory import Trajectory, even_times
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.simulation import SimulatedBranch, Simulation
+from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_quaternion
 from tests.sliding import sliding_motion, sliding_robot
 

@@ -17,8 +17,8 @@ from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.io.yaml import parse_yaml
 from freefloat.motion.problem import Problem
-from freefloat.motion.simulation import simulate
 from freefloat.paths.samples import read_samples
+from freefloat.planning.simulation import simulate
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh

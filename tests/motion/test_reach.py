@@ -50,13 +50,12 @@ def test_a_path_within_reach_is_left_alone() -> None:
 
 
 def test_a_simulation_tells_it_of_the_start_and_of_the_end() -> None:
-    from freefloat.planning.documents import simulation_document
-
     with pytest.raises(UnreachableError, match="begins out of reach"):
         ff.simulate(along([1000.0, 0.0, 0.0], [1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0])
     leaving = ff.simulate(along([1.0, 0.0, 0.0], [-5.0, 8.0, 0.33]), [0.0, 0.0, 0.0, 1.0])
-    document = simulation_document(leaving)
-    assert document["out_of_reach"].startswith("the path leaves the reach of 2.635 m at s = ")
+    assert leaving.to_dict()["out_of_reach"].startswith(
+        "the path leaves the reach of 2.635 m at s = "
+    )
 
 
 def test_a_spacecraft_lighter_than_its_arm_is_told() -> None:

@@ -14,11 +14,11 @@ from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHE
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem, is_kept
-from freefloat.motion.simulation import simulate
 from freefloat.planning import sampling
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.regions import depths, find_regions
 from freefloat.planning.sampling import sample_attitudes
+from freefloat.planning.simulation import simulate
 from freefloat.so3 import angle_between, attitude_grid, attitudes_within, grid_spacing
 
 SAMPLES = 512

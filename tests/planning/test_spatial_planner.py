@@ -15,12 +15,12 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem, is_kept
-from freefloat.motion.simulation import SimulatedBranch, simulate
 from freefloat.planning import robustness, tolerance
 from freefloat.planning import search as attitude_search
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.plan import Plan
 from freefloat.planning.sampling import sample_attitudes
+from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.so3 import angle_between, attitudes_within, frozen, grid_spacing
 
 MARGIN = 50.0

@@ -13,9 +13,9 @@ from freefloat.io.scenario import load_scenario
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
-from freefloat.motion.simulation import simulate
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath
+from freefloat.planning.simulation import simulate
 from freefloat.planning.tolerance import Tolerance, tolerance
 from freefloat.so3 import attitude_grid
 

@@ -10,7 +10,7 @@ import pytest
 
 from freefloat.io.results import load
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.simulation import simulate
+from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.files import study_files
 from freefloat.studies.row import Row

@@ -15,11 +15,11 @@ from typer.testing import CliRunner
 
 from freefloat.cli.app import app
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.simulation import simulate
 from freefloat.planning.heading_map import sample_headings
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
 from freefloat.planning.planner import plan
+from freefloat.planning.simulation import simulate
 from freefloat.visualization import figures as figures_module
 from freefloat.visualization.figure_style import save_figures
 from freefloat.visualization.figures import figures

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.colors import to_hex
 
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.simulation import SimulatedBranch, simulate
 from freefloat.motion.time_series import TimeSeries
+from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
 from freefloat.visualization.motion_figures import motion_figures, shown_times

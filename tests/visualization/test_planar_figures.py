@@ -10,9 +10,9 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Margin, Problem
-from freefloat.motion.simulation import simulate
 from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.planar_ranges import BranchRanges, HeadingRange, RangeLimitCause
+from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure, wrapped
 from freefloat.workspace.margin_curves import point_3, two_angles

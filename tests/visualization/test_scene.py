@@ -19,7 +19,7 @@ from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Margin, Problem
-from freefloat.motion.simulation import simulate
+from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.body_poses import body_poses_at
 from freefloat.visualization.camera import first_view

@@ -9,7 +9,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.motion import Motion
-from freefloat.motion.simulation import simulate
+from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.outlines import outlines
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure

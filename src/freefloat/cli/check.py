@@ -42,8 +42,8 @@ def check(
     """
     from freefloat.io.hdf5 import AlteredFileError
     from freefloat.io.results import load
-    from freefloat.motion.simulation import Simulation
     from freefloat.planning.plan import Plan
+    from freefloat.planning.simulation import Simulation
     from freefloat.verification.check import PINOCCHIO, CheckReport
     from freefloat.verification.check import check as verify
     from freefloat.verification.checks import Check

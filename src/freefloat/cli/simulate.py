@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,9 +23,8 @@ from freefloat.cli.options import (
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.limits.limits import LimitResult
     from freefloat.motion.problem import Problem
-    from freefloat.motion.simulation import SimulatedBranch, Simulation
+    from freefloat.planning.simulation import SimulatedBranch, Simulation
 
 
 def simulate(
@@ -62,14 +61,10 @@ def simulate(
     """
     from freefloat.io.results import save
     from freefloat.io.scenario import load_scenario
-    from freefloat.limits.check import LimitChecker
-    from freefloat.motion.simulation import simulate as simulate_branches
-    from freefloat.planning.documents import simulation_document
+    from freefloat.planning.simulation import simulate as simulate_branches
 
     console, loaded = Console(as_json, quiet), load_scenario(scenario)
-    problem = loaded.problem()
-    with loaded.error_context():
-        checker = LimitChecker(problem, loaded.limits())
+    problem, limits = loaded.problem(), loaded.limits()
     start = _start_attitude(problem, attitude, heading)
     prepare_outputs(loaded.source, output=output, html=html)
     with loaded.error_context(only="path"), console.progress("integrating motions"):
@@ -78,18 +73,17 @@ def simulate(
             start,
             branch=branch,
             joints=_joint_values(joints),
+            limits=limits,
             stop_at_margin=stop_at_margin,
         )
-        results = checker.results(simulation.chosen.motion)
-    document = simulation_document(simulation, results)
-    console.tables(_tables(scenario, simulation, results))
+    console.tables(_tables(scenario, simulation))
     if output is not None:
         save(simulation, output)
     if html is not None:
         from freefloat.visualization.playback import playback
 
         playback(simulation, scenario).save(html)
-    console.json(document)
+    console.json(simulation.to_dict())
     raise typer.Exit(DONE if simulation.chosen.motion.completed else NO)
 
 
@@ -120,14 +114,12 @@ def _joint_values(text: str | None) -> list[float] | None:
         raise InputError("joints", f"{text!r} was given", "numbers separated by commas") from None
 
 
-def _tables(
-    name: str, simulation: Simulation, results: Iterable[LimitResult]
-) -> Iterator[RenderableType]:
+def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
     """The branches, the chosen motion, and its limits."""
     from freefloat.cli.tables import limit_tables, motion_lines, short_label
     from freefloat.motion.reach import reach_message
 
-    problem = simulation.chosen.motion.problem
+    problem = simulation.problem
     redundant = problem.redundant
     yield f"{name}: arm {'configurations' if redundant else 'branches'} at this attitude"
     branches = table(
@@ -150,7 +142,7 @@ def _tables(
     reach = reach_message(problem)
     if reach is not None:
         yield Text(f"  {reach}", "red")
-    yield from limit_tables(results)
+    yield from limit_tables(simulation.limit_results)
 
 
 def _verdict(entry: SimulatedBranch) -> Text:

@@ -10,7 +10,7 @@ from rich.text import Text
 from freefloat.cli.console import decimals, table
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.simulation import SimulatedBranch
+from freefloat.planning.simulation import SimulatedBranch
 
 ANY = "any"
 """Label of all starting configurations of a redundant arm."""

@@ -12,7 +12,7 @@ from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE
 from freefloat.motion.problem import Problem
-from freefloat.motion.simulation import SimulatedBranch
+from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import Array, without_jumps
 
 QUATERNION = "1, quaternion x y z w"

@@ -13,8 +13,8 @@ from freefloat.io.hdf5 import TEXT, read_numbers
 from freefloat.io.map_file import read_attitude_map, write_attitude_map
 from freefloat.io.motion_group import read_branch, read_motion, write_branch, write_motion
 from freefloat.io.scenario import Scenario
+from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.problem import Margin, Problem
-from freefloat.motion.simulation import Simulation
 from freefloat.planning.plan import Plan, Segment
 from freefloat.planning.planar_ranges import (
     TURN,
@@ -24,15 +24,14 @@ from freefloat.planning.planar_ranges import (
     RangeLimitCause,
 )
 from freefloat.planning.planar_tangency import TangencyKind, TangencyPoint
+from freefloat.planning.simulation import Simulation
 
 
 def write_simulation(file: Any, simulation: Simulation) -> None:
     """Write the motions of a simulation, the chosen one as ``motion``."""
     chosen = simulation.chosen
-    margin = chosen.motion.problem.margin
-    file.attrs["feasible"] = chosen.motion.completed and margin.is_kept(
-        chosen.closest_approach.value
-    )
+    file.attrs["feasible"] = simulation.feasible
+    file.attrs["limits_checked"] = simulation.limits is not None
     for number, branch in enumerate(simulation.branches):
         if branch is chosen:
             file.attrs["chosen"] = number
@@ -48,12 +47,22 @@ def read_simulation(file: Any, scenario: Scenario, document: Document) -> Simula
     others = file.get("branches", {})
     branches = [read_branch(others[name], problem, -1) for name in sorted(others, key=int)]
     branches.insert(int(file.attrs.get("chosen", 0)), chosen)
-    return Simulation(tuple(branches), chosen)
+    limits, results = read_limits(file, scenario, document)
+    return Simulation(tuple(branches), chosen, limits, results)
+
+
+def read_limits(
+    file: Any, scenario: Scenario, document: Document
+) -> tuple[Limits | None, tuple[LimitResult, ...]]:
+    """Limits of a file and their results; version 0.1.0 always checked those of the scenario."""
+    checked = bool(file.attrs.get("limits_checked", True))
+    return scenario.limits() if checked else None, limit_results_of(document["limits"])
 
 
 def write_plan(file: Any, plan: Plan) -> None:
     """Write ranges, segments, motion and map of a plan."""
     file.attrs["feasible"], file.attrs["stretch"] = plan.feasible, plan.stretch
+    file.attrs["limits_checked"] = plan.limits is not None
     for entry in plan.ranges:
         values = np.reshape([(one.low, one.high) for one in entry.ranges], (-1, 2))
         ranges = file.create_dataset(f"ranges/branch_{entry.branch}", data=values)
@@ -77,8 +86,7 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
     from freefloat.planning.tolerance import Tolerance  # compiled kernels take half a second
 
     problem, tolerance = scenario.problem(), document.get("tolerance")
-    results = limit_results_of(document["limits"])
-    limited = bool(results) or "limits" in scenario.content.model_fields_set
+    limits, results = read_limits(file, scenario, document)
     stretched, radius = document["stretched_duration"], document["robust_radius_deg"]
     return Plan(
         problem=problem,
@@ -97,7 +105,7 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
         map=read_attitude_map(file["map"], problem) if "map" in file else None,
         tolerance=None if tolerance is None else Tolerance(**tolerance),
         disagreements=tuple(document["disagreements"]),
-        limits=scenario.limits() if limited else None,
+        limits=limits,
         limit_results=results,
         excluded=dict(document["excluded"]),
         needed_stretch=None if stretched is None else stretched / problem.path.duration,

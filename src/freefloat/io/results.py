@@ -20,9 +20,9 @@ from freefloat.errors import InputError
 from freefloat.io.decoding import Document, differences
 from freefloat.io.hdf5 import AlteredFileError, open_hdf5, read_text, write_hdf5, write_texts
 from freefloat.io.scenario import Scenario, parse_scenario, scenario_of
-from freefloat.motion.simulation import Simulation
 from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import Simulation
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
 
@@ -58,7 +58,7 @@ def save(result: Plan | Simulation | AttitudeMap | HeadingMap, path: str | Path)
     if isinstance(result, Plan):
         kind, scenario = _PLAN, scenario_of(result.problem, result.search, result.limits)
     elif isinstance(result, Simulation):
-        kind, scenario = _SIMULATION, scenario_of(result.chosen.motion.problem)
+        kind, scenario = _SIMULATION, scenario_of(result.problem, limits=result.limits)
     else:
         kind, scenario = _map_scenario(result)
     document = result.to_dict()

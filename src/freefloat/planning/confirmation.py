@@ -11,7 +11,7 @@ from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.joint_extents import unwrapped
 from freefloat.motion.problem import Problem
-from freefloat.motion.simulation import SimulatedBranch
+from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import Array
 
 

@@ -12,13 +12,13 @@ from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import light_spacecraft, reach_message, unreached_start
-from freefloat.motion.simulation import SimulatedBranch
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
 from freefloat.planning.confirmation import best_branch, integrate_branch
 from freefloat.planning.heading_map import attitudes_at
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.planar_ranges import TURN
 from freefloat.planning.search import largest_margins
+from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import angle_between
 from freefloat.workspace.margin_curves import (
     most_singular_place,

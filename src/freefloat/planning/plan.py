@@ -11,9 +11,9 @@ import numpy as np
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
-from freefloat.motion.simulation import SimulatedBranch
 from freefloat.planning.options import Search
 from freefloat.planning.planar_ranges import BranchRanges, RangeLimit, Span
+from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import angle_between, heading_of
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import

@@ -9,7 +9,6 @@ import numpy as np
 from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.motion.simulation import SimulatedBranch, simulate
 from freefloat.planning.confirmation import integrate_branch
 from freefloat.planning.diagnostics import (
     ALREADY,
@@ -28,6 +27,7 @@ from freefloat.planning.planar_ranges import (
     heading_ranges,
 )
 from freefloat.planning.searched_ranges import searched_ranges
+from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.workspace.margin_curves import has_two_angle_form
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.motion import Ending
-from freefloat.motion.simulation import SimulatedBranch, Simulation
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import BranchRanges
+from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_of
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
@@ -87,9 +87,9 @@ class Row:
     bytes: int | None = None
 
 
-def simulation_values(simulation: Simulation, limits: Sequence[LimitResult]) -> dict[str, Any]:
+def simulation_values(simulation: Simulation) -> dict[str, Any]:
     """Return the values of a row for a simulation."""
-    chosen, problem = simulation.chosen, simulation.chosen.motion.problem
+    chosen, problem, limits = simulation.chosen, simulation.problem, simulation.limit_results
     violated = [str(result.limit) for result in limits if not result.kept]
     reason = ""
     if not chosen.motion.completed:

@@ -16,9 +16,8 @@ from typing import Any
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.results import save
 from freefloat.io.scenario import Scenario
-from freefloat.limits.check import LimitChecker
 from freefloat.motion.problem import Problem
-from freefloat.motion.simulation import simulate
+from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.row import ERROR, Row, finite, map_values, plan_values, simulation_values
 from freefloat.studies.schema import Command
@@ -124,11 +123,9 @@ def _execute(run: Run, source: Path) -> RunResult:
 
 
 def _simulate(run: Run, scenario: Scenario, problem: Problem) -> tuple[Any, dict[str, Any]]:
-    with scenario.error_context():
-        checker = LimitChecker(problem, scenario.limits(problem.model))
-    simulation = simulate(problem, _attitude(problem, run.start), branch=run.start.get("branch"))
-    limits = checker.results(simulation.chosen.motion)
-    return simulation, simulation_values(simulation, limits)
+    attitude, branch = _attitude(problem, run.start), run.start.get("branch")
+    simulation = simulate(problem, attitude, branch=branch, limits=scenario.limits())
+    return simulation, simulation_values(simulation)
 
 
 def _attitude(problem: Problem, start: Mapping[str, Any]) -> Any:

@@ -15,9 +15,8 @@ from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, certify
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.motion import Motion
-from freefloat.motion.simulation import SimulatedBranch, Simulation
-from freefloat.planning.documents import limits_document
 from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.verification.checks import (
     Check,
     certificate_checks,
@@ -83,7 +82,7 @@ class CheckReport:
             "reasons": [check.reason for check in self.discrepancies],
             "checks": [check.to_dict() for check in self.checks],
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
-            "limits": limits_document(self.limits),
+            "limits": [result.to_dict() for result in self.limits],
             "engine": self.engine,
         }
 
@@ -128,24 +127,20 @@ class _Verification:
     """The checks of a result with a motion."""
 
     def __init__(self, result: Plan | Simulation, chosen: SimulatedBranch) -> None:
-        self.chosen, self.motion = chosen, chosen.motion
-        self.plan = result if isinstance(result, Plan) else None
-        margin = self.motion.problem.margin
-        kept = self.motion.completed and margin.is_kept(chosen.closest_approach.value)
-        self.feasible = True if self.plan is not None else kept
+        self.result, self.chosen, self.motion = result, chosen, chosen.motion
         self.checks: list[Check] = []
 
     def report(self, kind: str, engine: str) -> CheckReport:
         """Run all checks; one that cannot be completed counts as failed."""
-        motion, plan = self.motion, self.plan
+        motion, result = self.motion, self.result
         certificate, runs = certify(motion), None
-        self._run("certificate", lambda: certificate_checks(certificate, motion, self.feasible))
-        limits = check_limits(motion, self._limits())
+        self._run("certificate", lambda: certificate_checks(certificate, motion, result.feasible))
+        limits = check_limits(motion, result.limits or Limits())
         self._run("limits", lambda: self._limit_checks(limits))
         self._run("closest approach", self._branch_checks)
-        if plan is not None:
-            self._run("certificate", lambda: _same_certificate(plan.certificate, certificate))
-            self._run("robustness", lambda: _promise_checks(plan, self.chosen))
+        if isinstance(result, Plan):
+            self._run("certificate", lambda: _same_certificate(result.certificate, certificate))
+            self._run("robustness", lambda: _promise_checks(result, self.chosen))
         if engine == MUJOCO:
             inverse, forward = _mujoco_runs(motion)
             self._run(MUJOCO, lambda: _engine_checks(motion, inverse, forward))
@@ -158,18 +153,14 @@ class _Verification:
         except (FreeFloatError, np.linalg.LinAlgError) as error:
             self.checks.append(Check(name, False, f"it cannot be checked ({error})"))
 
-    def _limits(self) -> Limits:
-        stated = None if self.plan is None else self.plan.limits
-        return Limits() if stated is None else stated
-
     def _limit_checks(self, recomputed: tuple[LimitResult, ...]) -> Iterator[Check]:
         """Every limit is kept, and its stated value is the recomputed one."""
-        checked = self.plan is not None and self.plan.limits is not None
-        stated = {one.limit: one for one in self.plan.limit_results} if self.plan else {}
-        for limit in stated.keys() - {one.limit for one in recomputed}:
-            yield Check(f"limit {limit}", False, "it is stated, but it is no limit of the plan")
-        for one in recomputed:
-            yield _limit_check(one, stated.get(one.limit), checked, self.feasible)
+        checked = self.result.limits is not None
+        stated = {result.limit: result for result in self.result.limit_results}
+        for limit in stated.keys() - {result.limit for result in recomputed}:
+            yield Check(f"limit {limit}", False, "it is stated, but it is not a limit of the file")
+        for result in recomputed:
+            yield _limit_check(result, stated.get(result.limit), checked, self.result.feasible)
 
     def _branch_checks(self) -> Iterator[Check]:
         """The stated arm branch and closest approach are the recomputed ones."""

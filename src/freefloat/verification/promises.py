@@ -11,9 +11,9 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
-from freefloat.motion.simulation import SimulatedBranch
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import TURN
+from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.tolerance import Tolerance
 from freefloat.so3 import (
     Array,

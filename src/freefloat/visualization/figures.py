@@ -13,12 +13,12 @@ from freefloat.errors import UnreachableError, require_type
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.motion.simulation import Simulation, simulate
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_map import HeadingMap, sample_headings
 from freefloat.planning.options import Objective
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import TURN, BranchRanges
+from freefloat.planning.simulation import Simulation, simulate
 from freefloat.planning.slices import Mark, map_marks, map_slices
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.figure_style import axis_label

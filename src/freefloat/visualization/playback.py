@@ -15,8 +15,8 @@ import meshcat
 from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
-from freefloat.motion.simulation import SimulatedBranch, Simulation
 from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.visualization.page import page
 from freefloat.visualization.scene import motion_scene
 from freefloat.visualization.scene_builder import ROOT, Scene

@@ -16,11 +16,11 @@ from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.joint_extents import joint_extents
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin
-from freefloat.motion.simulation import simulate
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, Timing
+from freefloat.planning.simulation import simulate
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
 

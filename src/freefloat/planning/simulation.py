@@ -11,6 +11,8 @@ import numpy.typing as npt
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
+from freefloat.limits.check import LimitChecker
+from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.closest_approach import ClosestApproach, closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.joint_extents import unwrapped
@@ -90,17 +92,32 @@ class Simulation:
         branches: Every arm branch that reaches the start of the path.
         chosen: The requested one; else the one that completes with the largest minimum margin, or,
             where none completes, comes nearest to completing.
+        limits: Limits that were checked beside the joint ranges; None where none were checked.
+        limit_results: Limits along the chosen motion.
     """
 
     branches: tuple[SimulatedBranch, ...]
     chosen: SimulatedBranch = field(repr=False)
+    limits: Limits | None = None
+    limit_results: tuple[LimitResult, ...] = ()
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that was simulated."""
+        return self.chosen.motion.problem
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the chosen motion completes and keeps the margin."""
+        return self.chosen.feasible
 
     def to_dict(self) -> dict[str, Any]:
-        """The chosen motion, and every branch in brief, as a JSON document."""
+        """The chosen motion, its limits, and every branch in brief, as a JSON document."""
         return {
             **self.chosen.to_dict(),
             "branches": [branch.summary() for branch in self.branches],
-            "out_of_reach": reach_message(self.chosen.motion.problem),
+            "out_of_reach": reach_message(self.problem),
+            "limits": [result.to_dict() for result in self.limit_results],
         }
 
 
@@ -137,6 +154,7 @@ def simulate(
     *,
     branch: int | None = None,
     joints: npt.ArrayLike | None = None,
+    limits: Limits | None = None,
     stop_at_margin: bool = False,
     tolerance: float = 1e-10,
 ) -> Simulation:
@@ -149,15 +167,18 @@ def simulate(
         attitude: Of the spacecraft at the start, quaternion x, y, z, w.
         branch: Choose the branch with this number.
         joints: Choose the branch near these joint values, shape (n,).
+        limits: Check these limits and the joint ranges along the chosen motion.
         stop_at_margin: End motions where the problem's margin is used up.
         tolerance: As for :func:`~freefloat.motion.integration.integrate_motion`.
 
     Raises:
-        InputError: If a branch or joints are asked for that are none.
+        InputError: If there is no such branch, or the limits are not those of the robot's joints.
+        ModelError: If a clearance is required and the robot's shapes cannot be used.
         UnreachableError: If no arm configuration reaches the start of the path.
     """
     require_problem(problem)
     attitude = problem.attitude("attitude", attitude)
+    checker = None if limits is None else LimitChecker(problem, limits)
     branches, requested = _branches(problem, attitude, branch, joints)
     simulated = []
     for start in branches:
@@ -167,8 +188,9 @@ def simulate(
         approach = closest_approach(motion, problem.margin.measure)
         start = replace(start, joints=motion.initial.joints)
         simulated.append(SimulatedBranch(start, motion, approach))
-    best = max(simulated, key=_score)
-    return Simulation(tuple(simulated), best if requested is None else simulated[requested])
+    chosen = max(simulated, key=_score) if requested is None else simulated[requested]
+    results = () if checker is None else checker.results(chosen.motion)
+    return Simulation(tuple(simulated), chosen, limits, results)
 
 
 def _branches(
