@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 import freefloat as ff
-from freefloat.motion.simulation import Simulation
 from freefloat.motion.time_series import TimeSeries
 from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import Simulation
 from freefloat.robot.names import models_folder
 
 pytestmark = pytest.mark.usefixtures("kernels")

@@ -12,11 +12,11 @@ import pytest
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ik import branches as arm_branches
-from freefloat.motion.simulation import Simulation
 from freefloat.planning import diagnostics, spatial_planner
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
 from freefloat.planning.options import Objective
 from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import Simulation
 from freefloat.robot.parts import Attachment
 from tests.redundant import redundant
 

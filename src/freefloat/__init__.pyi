@@ -20,9 +20,6 @@ from .motion.integration import integrate_motion as integrate_motion
 # The problem
 from .motion.problem import Margin as Margin
 from .motion.problem import Problem as Problem
-
-# One motion
-from .motion.simulation import simulate as simulate
 from .paths.path import EndEffectorPath as EndEffectorPath
 from .paths.timing import TimedPath as TimedPath
 from .paths.timing import Timing as Timing
@@ -31,6 +28,9 @@ from .planning.mapping import attitude_map as attitude_map
 # All attitudes
 from .planning.options import Search as Search
 from .planning.planner import plan as plan
+
+# One motion
+from .planning.simulation import simulate as simulate
 from .robot.model import FreeFloatingModel as FreeFloatingModel
 from .robot.parts import Payload as Payload
 from .robot.parts import Spacecraft as Spacecraft

@@ -15,8 +15,8 @@ from freefloat.errors import InputError
 from freefloat.io.scenario import parse_scenario
 from freefloat.motion.certificate import Worst
 from freefloat.motion.motion import Ending
-from freefloat.motion.simulation import Simulation
 from freefloat.planning.planar_ranges import TURN, HeadingRange
+from freefloat.planning.simulation import Simulation
 from freefloat.so3 import angle_between
 from freefloat.verification import promises
 from freefloat.verification.checks import Check
