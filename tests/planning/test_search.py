@@ -47,9 +47,9 @@ def problem() -> Problem:
 
 
 class Landscape:
-    """An outlook whose margins are functions of the attitude, by branch."""
+    """An evaluator whose margins are functions of the attitude, by branch."""
 
-    thrift = 1
+    sample_reduction = 1
 
     def __init__(self, problem: Problem, **branches: Margins) -> None:
         self.problem = problem
@@ -63,7 +63,7 @@ class Landscape:
     def keeps(self, attitudes: np.ndarray, branch: int) -> np.ndarray:
         return self.margins(attitudes, branch) >= MARGIN
 
-    safe = keeps
+    regular = keeps
 
     def map(self, samples: int, seed: int = 0) -> AttitudeMap:
         attitudes, least = attitude_grid(samples, seed), np.zeros((samples, 8))
