@@ -32,7 +32,7 @@ from freefloat.planning.options import Objective, Search
 from freefloat.planning.planner import plan
 from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.search import nearest_feasible
-from freefloat.so3 import angle_between, frozen, turned
+from freefloat.so3 import angle_between, frozen, rotated
 
 SCENARIO = "spatial_6dof/line"
 BAD = (0.1, 0.5, 0.2, -0.8367)
@@ -132,7 +132,7 @@ def robust(problem: Problem, threads: int | None, seed: int) -> Iterator[Check]:
     axes /= np.linalg.norm(axes, axis=1)[:, None]
     center = found.chosen.motion.initial.attitude
     keeps = FeasibilityEvaluator(problem, threads).keeps(
-        turned(center, size[:, None] * axes), found.chosen.branch.index
+        rotated(center, size[:, None] * axes), found.chosen.branch.index
     )
     yield Check(
         f"robust, margin {problem.margin.threshold:g}",

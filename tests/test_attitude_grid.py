@@ -1,4 +1,4 @@
-"""Attitudes spread over SO(3) and in balls of it: even, complete, and turned as wholes."""
+"""Grids of SO(3), and attitudes in its balls."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from freefloat.so3 import (
     attitude_grid,
     attitudes_within,
     grid_spacing,
+    rotated,
     rotation_vector_to,
-    turned,
 )
 
 
@@ -29,7 +29,7 @@ def angles_to_nearest(attitudes: np.ndarray, others: np.ndarray, rank: int = 1) 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 100, 1000])
 @pytest.mark.parametrize("seed", [0, 3])
-def test_a_grid_of_any_size_is_made_of_distinct_unit_quaternions(count: int, seed: int) -> None:
+def test_grids_consist_of_distinct_unit_quaternions(count: int, seed: int) -> None:
     grid = attitude_grid(count, seed)
     assert grid.shape == (count, 4)
     np.testing.assert_allclose(np.linalg.norm(grid, axis=1), 1.0, atol=1e-14)
@@ -38,8 +38,7 @@ def test_a_grid_of_any_size_is_made_of_distinct_unit_quaternions(count: int, see
 
 
 @pytest.mark.parametrize("count", [256, 1024, 5000])
-def test_a_grid_leaves_no_hole_and_has_no_clump(count: int) -> None:
-    """Random attitudes leave wider gaps than these."""
+def test_grid_is_more_even_than_random_attitudes(count: int) -> None:
     grid, spacing = attitude_grid(count), grid_spacing(count)
     gap = angles_to_nearest(random_attitudes(20_000, 1), grid)
     assert gap.max() < 1.15 * spacing
@@ -48,13 +47,12 @@ def test_a_grid_leaves_no_hole_and_has_no_clump(count: int) -> None:
     assert angles_to_nearest(random_attitudes(20_000, 1), drawn).max() > 1.25 * spacing
 
 
-def test_every_attitude_of_a_grid_stands_for_the_same_share() -> None:
-    """Balls anywhere hold as many attitudes as their volume says."""
+def test_balls_contain_attitudes_in_proportion_to_their_volume() -> None:
     grid, radius = attitude_grid(4096), 1.0
-    share = (radius - np.sin(radius)) / np.pi
+    fraction = (radius - np.sin(radius)) / np.pi
     for center in random_attitudes(40, 3):
-        held = (angle_between(grid, center) < radius).mean()
-        assert held == pytest.approx(share, rel=0.06)
+        inside = (angle_between(grid, center) < radius).mean()
+        assert inside == pytest.approx(fraction, rel=0.06)
 
 
 def test_grid_spacing_is_the_side_of_a_cube() -> None:
@@ -63,14 +61,14 @@ def test_grid_spacing_is_the_side_of_a_cube() -> None:
     assert grid_spacing(8000) == pytest.approx(grid_spacing(1000) / 2.0)
 
 
-def test_a_seed_turns_the_grid_as_a_whole() -> None:
-    """Every attitude by the same rotation, so that all distances stay; the same at every call."""
+def test_seed_rotates_the_whole_grid() -> None:
+    """Every attitude by the same rotation; the same at every call."""
     plain, other = attitude_grid(300), attitude_grid(300, 7)
     np.testing.assert_array_equal(other, attitude_grid(300, 7))
     np.testing.assert_array_equal(plain, attitude_grid(300, 0))
-    turns = rotation_vector_to(plain, other)
-    np.testing.assert_allclose(turns, np.broadcast_to(turns[0], turns.shape), atol=1e-12)
-    assert np.linalg.norm(turns[0]) > 0.1
+    vectors = rotation_vector_to(plain, other)
+    np.testing.assert_allclose(vectors, np.broadcast_to(vectors[0], vectors.shape), atol=1e-12)
+    assert np.linalg.norm(vectors[0]) > 0.1
     np.testing.assert_allclose(
         angle_between(plain[:, None], plain), angle_between(other[:, None], other), atol=1e-7
     )
@@ -78,33 +76,34 @@ def test_a_seed_turns_the_grid_as_a_whole() -> None:
 
 
 @pytest.mark.parametrize("radius", [1e-4, 0.3, 2.0, np.pi])
-def test_a_ball_is_filled_evenly(radius: float) -> None:
-    """Shares of its volume, theta - sin theta, in balls inside and toward every side."""
+def test_ball_is_sampled_evenly(radius: float) -> None:
+    """By the volume theta - sin theta of smaller balls, and in all directions."""
     center = np.array([0.1, 0.5, 0.2, -0.8367])
     center /= np.linalg.norm(center)
     cloud = attitudes_within(center, radius, 4000, 5)
     np.testing.assert_allclose(np.linalg.norm(cloud, axis=1), 1.0, atol=1e-12)
     angles = angle_between(cloud, center)
     assert angles.max() <= radius * (1.0 + 1e-9)
-    for share in (0.25, 0.5, 0.8):
-        inner = share * radius
-        volume = (inner - np.sin(inner)) / (radius - np.sin(radius)) if radius > 0.01 else share**3
+    for fraction in (0.25, 0.5, 0.8):
+        inner = fraction * radius
+        volume = (
+            (inner - np.sin(inner)) / (radius - np.sin(radius)) if radius > 0.01 else fraction**3
+        )
         assert (angles < inner).mean() == pytest.approx(volume, abs=4e-3)
-    towards = rotation_vector_to(center, cloud) / angles[:, None]
+    directions = rotation_vector_to(center, cloud) / angles[:, None]
     for axis in np.vstack([np.eye(3), [[0.6, 0.0, -0.8]]]):
-        assert (towards @ axis > 0.0).mean() == pytest.approx(0.5, abs=0.01)
-        assert (towards @ axis > 0.5).mean() == pytest.approx(0.25, abs=0.01)
+        assert (directions @ axis > 0.0).mean() == pytest.approx(0.5, abs=0.01)
+        assert (directions @ axis > 0.5).mean() == pytest.approx(0.25, abs=0.01)
 
 
-def test_a_whole_ball_is_all_of_so3() -> None:
-    """With the largest radius the center does not matter."""
+def test_ball_of_radius_pi_is_all_of_so3() -> None:
     cloud = attitudes_within([0.0, 0.0, 0.0, 1.0], np.pi, 4096)
     for center in random_attitudes(10, 4):
-        held = (angle_between(cloud, center) < 1.2).mean()
-        assert held == pytest.approx((1.2 - np.sin(1.2)) / np.pi, rel=0.1)
+        inside = (angle_between(cloud, center) < 1.2).mean()
+        assert inside == pytest.approx((1.2 - np.sin(1.2)) / np.pi, rel=0.1)
 
 
-def test_a_seed_gives_other_attitudes_of_the_same_ball() -> None:
+def test_seed_gives_other_attitudes_of_a_ball() -> None:
     center = [0.0, 0.6, 0.0, 0.8]
     clouds = [attitudes_within(center, 0.4, 50, seed) for seed in (0, 0, 1)]
     np.testing.assert_array_equal(clouds[0], clouds[1])
@@ -112,30 +111,22 @@ def test_a_seed_gives_other_attitudes_of_the_same_ball() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.7, 3.0, np.pi - 1e-6, np.pi])
-def test_the_angle_between_attitudes_is_that_of_the_turn(angle: float) -> None:
-    """Whatever the signs of the quaternions, at a half turn, too."""
+def test_angle_between_attitudes(angle: float) -> None:
+    """Whatever the signs of the quaternions, up to pi."""
     start = random_attitudes(20, 6)
     axis = np.array([0.48, -0.6, 0.64])
     end = (Rotation.from_rotvec(angle * axis) * Rotation.from_quat(start)).as_quat()
     for sign in (1.0, -1.0):
         np.testing.assert_allclose(angle_between(start, sign * end), angle, atol=1e-7, rtol=1e-7)
         np.testing.assert_allclose(angle_between(-sign * end, start), angle, atol=1e-7, rtol=1e-7)
-        turns = rotation_vector_to(start, sign * end)
-        np.testing.assert_allclose(np.linalg.norm(turns, axis=1), angle, atol=1e-9)
-        np.testing.assert_allclose(angle_between(turned(start, turns), end), 0.0, atol=1e-7)
+        vectors = rotation_vector_to(start, sign * end)
+        np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), angle, atol=1e-9)
+        np.testing.assert_allclose(angle_between(rotated(start, vectors), end), 0.0, atol=1e-7)
 
 
-def test_tiny_angles_are_told_exactly() -> None:
-    """Not by a cosine, which knows them to 1e-8 only."""
+def test_tiny_angles_are_accurate() -> None:
+    """A cosine would give them to 1e-8 only."""
     start = np.array([0.5, 0.5, 0.5, 0.5])
-    (end,) = turned(start, [3e-9, 0.0, 0.0])
+    (end,) = rotated(start, [3e-9, 0.0, 0.0])
     assert angle_between(start, end) == pytest.approx(3e-9, rel=1e-6)
     assert angle_between(start, -end) == pytest.approx(3e-9, rel=1e-6)
-
-
-def test_angles_are_broadcast() -> None:
-    some, others = random_attitudes(3, 8), random_attitudes(5, 9)
-    table = angle_between(some[:, None], others)
-    assert table.shape == (3, 5)
-    assert table[2, 4] == angle_between(some[2], others[4])
-    assert table.max() <= np.pi

@@ -1,8 +1,7 @@
-"""Errors carry their evidence, tell a way out, and travel between processes."""
+"""Errors keep their attributes between processes."""
 
 from __future__ import annotations
 
-import copy
 import importlib
 import pickle
 import pkgutil
@@ -23,11 +22,11 @@ from freefloat.errors import (
 from freefloat.io.scenario import load_scenario
 from freefloat.planning.simulation import simulate
 
-INPUT = ("path.line.from", "[1, nan, 0] was given", "3 finite numbers", "wish.yaml")
+INPUT = ("path.line.from", "[1, nan, 0] was given", "3 finite numbers", "scenario.yaml")
 
 
 def every_error_class() -> list[type[FreeFloatError]]:
-    """All of them, wherever they are defined."""
+    """All classes of errors of the package."""
     for module in pkgutil.iter_modules(freefloat.__path__):
         if module.name != "__main__":
             importlib.import_module(f"freefloat.{module.name}")
@@ -41,7 +40,7 @@ def _below(kind: type[FreeFloatError]) -> Iterator[type[FreeFloatError]]:
 
 
 def example(kind: type[FreeFloatError]) -> FreeFloatError:
-    """An error of a class, made as the package makes it."""
+    """An error of a class."""
     if issubclass(kind, InputError):
         return kind(*INPUT)
     if issubclass(kind, IntegrationError):
@@ -50,7 +49,7 @@ def example(kind: type[FreeFloatError]) -> FreeFloatError:
 
 
 @pytest.mark.parametrize("protocol", range(2, pickle.HIGHEST_PROTOCOL + 1))
-def test_every_error_survives_pickling_with_its_evidence(protocol: int) -> None:
+def test_errors_keep_their_attributes_when_pickled(protocol: int) -> None:
     for kind in every_error_class():
         error = example(kind)
         again = pickle.loads(pickle.dumps(error, protocol))
@@ -60,15 +59,7 @@ def test_every_error_survives_pickling_with_its_evidence(protocol: int) -> None:
         assert again.args == error.args
 
 
-def test_every_error_survives_copying() -> None:
-    for kind in every_error_class():
-        error = example(kind)
-        for again in (copy.copy(error), copy.deepcopy(error)):
-            assert type(again) is kind
-            assert vars(again) == vars(error)
-
-
-def test_one_name_catches_everything_raised_on_purpose() -> None:
+def test_all_errors_derive_from_free_float_error() -> None:
     for kind in every_error_class():
         assert issubclass(kind, FreeFloatError)
         assert not issubclass(kind, ValueError | OSError)
@@ -79,47 +70,23 @@ def test_one_name_catches_everything_raised_on_purpose() -> None:
     assert not issubclass(IntegrationError, InputError)
 
 
-@pytest.mark.parametrize("kind", [InputError, ModelError, UnreachableError])
-def test_a_message_names_file_key_problem_and_what_is_accepted(kind: type[InputError]) -> None:
-    error = kind(*INPUT)
-    assert str(error) == (
-        "wish.yaml: path.line.from: [1, nan, 0] was given; accepted: 3 finite numbers"
-    )
+def test_input_error_names_file_key_problem_and_what_is_accepted() -> None:
+    error = InputError(*INPUT)
     assert (error.key, error.problem, error.accepted, error.source) == INPUT
-
-
-def test_a_message_without_a_file_begins_with_the_key() -> None:
-    error = InputError("momentum", "two numbers", "three")
-    assert str(error) == "momentum: two numbers; accepted: three"
-    assert error.source is None
-
-
-def test_an_integration_error_tells_when_why_and_what_to_try() -> None:
-    error = IntegrationError(12.3456789, "the step became too small")
-    assert "t = 12.3457 s" in str(error)
-    assert "the step became too small" in str(error)
-    assert "try" in str(error)
-    assert (error.time, error.reason) == (12.3456789, "the step became too small")
+    assert str(error).startswith("scenario.yaml: path.line.from: ")
 
 
 @pytest.mark.parametrize("kind", [InputError, ModelError, UnreachableError])
-def test_an_error_can_be_told_again_with_the_file_it_was_found_in(kind: type[InputError]) -> None:
+def test_found_in_adds_the_file_and_keeps_the_class(kind: type[InputError]) -> None:
     error = kind("line.from", "[1] was given", "3 finite numbers")
-    told = error.found_in("wish.yaml", "path.")
-    assert type(told) is kind
-    assert (told.key, told.source) == ("path.line.from", "wish.yaml")
-    assert (told.problem, told.accepted) == (error.problem, error.accepted)
-    assert (error.key, error.source) == ("line.from", None)
+    located = error.found_in("scenario.yaml", "path.")
+    assert type(located) is kind
+    assert (located.key, located.source) == ("path.line.from", "scenario.yaml")
+    assert located.found_in("other.yaml").source == "scenario.yaml"
 
 
-def test_an_error_that_names_a_file_keeps_it() -> None:
-    assert (
-        InputError("link", "no mass", "a mass", "arm.urdf").found_in("a.yaml").source == "arm.urdf"
-    )
-
-
-def test_errors_of_a_file_survive_pickling_as_they_are_raised(tmp_path: Path) -> None:
-    file = tmp_path / "wish.yaml"
+def test_error_of_a_file_keeps_the_file_when_pickled(tmp_path: Path) -> None:
+    file = tmp_path / "scenario.yaml"
     file.write_text("robot: [1]\n")
     with pytest.raises(InputError) as caught:
         load_scenario(file)
@@ -128,8 +95,8 @@ def test_errors_of_a_file_survive_pickling_as_they_are_raised(tmp_path: Path) ->
     assert again.source == str(file)
 
 
-def test_an_unreachable_start_survives_pickling_as_it_is_raised(tmp_path: Path) -> None:
-    file = tmp_path / "wish.yaml"
+def test_unreachable_error_keeps_its_class_when_pickled(tmp_path: Path) -> None:
+    file = tmp_path / "scenario.yaml"
     file.write_text(
         "robot: {urdf: planar_3dof, end_effector: end_effector}\n"
         "task: planar-position\n"

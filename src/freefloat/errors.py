@@ -1,7 +1,7 @@
-"""What can go wrong through misuse: one tree, evidence on the object, a way out in the message.
+"""Errors raised for unusable input, and the argument checks that raise them.
 
-Every error takes exactly the arguments it is raised with, so all of them survive pickling between
-processes. Expected endings of a computation (singular, infeasible) are data, not errors.
+An error takes exactly the arguments it is raised with, so that it survives pickling between
+processes. Expected outcomes of a computation (singular, infeasible) are data, not errors.
 """
 
 import difflib
@@ -11,31 +11,41 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
 _Words = TypeVar("_Words", bound=StrEnum)
 _PACKAGE = Path(__file__).parent
+_LONGEST = 1000
+"""Largest number of characters of a key and of a problem in a message."""
+_SHORTEST_PART, _LONGEST_NAME = 3, 100
+"""Lengths of misspelt words for which names that contain them, and similar names, are sought."""
 
 
 class FreeFloatError(Exception):
-    """Base of everything that freefloat raises on purpose."""
+    """Base class of all errors of freefloat."""
 
     def _render_traceback_(self) -> list[str]:
-        """What IPython and notebooks print: the lines of the user's own, and what is wrong."""
-        frames = traceback.extract_tb(self.__traceback__)
-        own = [one for one in frames if not Path(one.filename).is_relative_to(_PACKAGE)
-               and "IPython" not in Path(one.filename).parts]  # fmt: skip
-        told = f"{type(self).__name__}: {self}".replace("; accepted: ", "\n  accepted: ")
-        return [line.rstrip() for line in traceback.format_list(own)] + told.splitlines()
+        """The traceback in IPython and notebooks: the user's frames, and the message."""
+        frames = [
+            frame
+            for frame in traceback.extract_tb(self.__traceback__)
+            if not Path(frame.filename).is_relative_to(_PACKAGE)
+            and "IPython" not in Path(frame.filename).parts
+        ]
+        message = f"{type(self).__name__}: {self}".replace("; accepted: ", "\n  accepted: ")
+        return [line.rstrip() for line in traceback.format_list(frames)] + message.splitlines()
 
 
 class InputError(FreeFloatError):
-    """Something that was given cannot be used.
+    """An argument, option or file entry cannot be used.
 
     Attributes:
-        key: What was given: an argument, a key of a file, a link of a URDF.
-        problem: What is wrong with it, naming the value given.
-        accepted: What would be accepted instead.
-        source: The file it stands in, where it stands in one.
-        line: The line in that file, where it is known.
+        key: The argument, key of a file, or link of a URDF.
+        problem: What is wrong with it, including the value.
+        accepted: What is accepted instead.
+        source: The file that contains it, if any.
+        line: The line in that file, if known.
     """
 
     def __init__(
@@ -56,86 +66,21 @@ class InputError(FreeFloatError):
     def __str__(self) -> str:
         file = one_line(self.source or "", 8 * _LONGEST)
         file = f"{file}:{self.line}" if file and self.line else file
-        place = f"{file}: {self.key}" if file else self.key
-        return f"{place}: {self.problem}; accepted: {self.accepted}"
+        location = f"{file}: {self.key}" if file else self.key
+        return f"{location}: {self.problem}; accepted: {self.accepted}"
 
     def found_in(self, source: str, prefix: str = "") -> "InputError":
-        """The same error, told with the file it was found in and its key inside that file.
+        """The same error with the file that contains the key.
 
         Args:
-            source: The file.
+            source: The file; an error that already names a file keeps it.
             prefix: Put before the key, e.g. ``"path."``.
 
         Returns:
-            A new error of the same class; where this one already names a file, that file is kept.
+            A new error of the same class.
         """
         file = self.source or source
         return type(self)(prefix + self.key, self.problem, self.accepted, file, self.line)
-
-
-def require_type(key: str, given: object, kind: type, accepted: str) -> None:
-    """Raise an InputError unless what was given is of a kind.
-
-    Args:
-        key: Named in the error.
-        given: What was given; a text is told as it is, anything else by its type.
-        kind: What it must be.
-        accepted: How to come by one, in words.
-    """
-    if not isinstance(given, kind):
-        told = repr(given) if given is None or isinstance(given, str) else type(given).__name__
-        raise InputError(key, f"{told} was given", accepted)
-
-
-def member(key: str, kind: type[_Words], given: str) -> _Words:
-    """A member of an enumeration of words, or the one with that word.
-
-    Args:
-        key: Named in the error.
-        kind: The enumeration.
-        given: A member, or a text.
-
-    Raises:
-        InputError: Listing the words when it is none of them.
-    """
-    try:
-        return kind(given)
-    except ValueError:
-        known = [str(one) for one in kind]
-        near = did_you_mean(str(given), known)
-        raise InputError(key, f"{given!r} was given{near}", ", ".join(known)) from None
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`` (did you mean X?)`` with the name that a misspelt word is nearest to, or nothing."""
-    names = list(known)
-    if len(word) > _MOST:
-        return ""
-    near = difflib.get_close_matches(word, names, 1)
-    if not near and len(word) > _FEWEST:
-        near = [name for name in names if word in name]
-    return f" (did you mean {near[0]}?)" if near else ""
-
-
-_FEWEST = 2
-"""So many letters are part of too many names."""
-_MOST = 100
-"""No name is as long as that; to look for it would take a while."""
-
-
-_LONGEST = 1000
-"""Characters of a key and of a problem that are told."""
-
-
-def one_line(text: str, longest: int = _LONGEST) -> str:
-    """A text from who knows where as a terminal may get it: nothing in it moves the cursor."""
-    if len(text) > longest:
-        text = f"{text[: longest * 3 // 4]}...{text[-longest // 5 :]}"
-    if text.isprintable():
-        return text
-    return "".join(
-        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
-    )
 
 
 class ModelError(InputError):
@@ -143,15 +88,15 @@ class ModelError(InputError):
 
 
 class UnreachableError(InputError):
-    """The arm cannot put its end-effector where the path begins, from the attitude given."""
+    """No arm configuration reaches the start of the path from the attitude."""
 
 
 class IntegrationError(FreeFloatError):
-    """The integrator gave up for a reason that is not a dynamic singularity.
+    """The integrator failed for a reason other than a dynamic singularity.
 
     Attributes:
-        time: Where it gave up [s].
-        reason: In its own words.
+        time: Time of the failure [s].
+        reason: The integrator's message.
         advice: What to try.
     """
 
@@ -168,3 +113,100 @@ class IntegrationError(FreeFloatError):
             f"the motion could not be integrated beyond t = {self.time:.6g} s: {self.reason}; "
             f"try {self.advice}"
         )
+
+
+def require_type(key: str, value: object, kind: type, accepted: str) -> None:
+    """Raise an InputError unless a value is an instance of a class.
+
+    Args:
+        key: Named in the error.
+        value: The value; the error quotes a string, and names the type of anything else.
+        kind: The class.
+        accepted: How to obtain an instance.
+    """
+    if not isinstance(value, kind):
+        quoted = value is None or isinstance(value, str)
+        description = repr(value) if quoted else type(value).__name__
+        raise InputError(key, f"{description} was given", accepted)
+
+
+def member(key: str, kind: type[_Words], value: str) -> _Words:
+    """The member of an enumeration of words that a word names.
+
+    Args:
+        key: Named in the error.
+        kind: The enumeration.
+        value: A member, or its word.
+
+    Raises:
+        InputError: Listing the words, if it is none of them.
+    """
+    try:
+        return kind(value)
+    except ValueError:
+        words = [str(word) for word in kind]
+        near = did_you_mean(str(value), words)
+        raise InputError(key, f"{value!r} was given{near}", ", ".join(words)) from None
+
+
+def finite_vector(key: str, values: npt.ArrayLike, length: int) -> npt.NDArray[np.float64]:
+    """The values as an array of ``length`` finite numbers.
+
+    Raises:
+        InputError: Naming ``key``, if they are not.
+    """
+    accepted = f"{length} finite numbers"
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(key, f"{values!r} is not a list of numbers", accepted) from None
+    if array.shape != (length,) or not np.isfinite(array).all():
+        raise InputError(key, f"{array.tolist()} was given", accepted)
+    return array
+
+
+def finite_number(key: str, value: object, accepted: str) -> float:
+    """The value as a finite float.
+
+    Raises:
+        InputError: Naming ``key`` and what is ``accepted``, if it is none.
+    """
+    if not isinstance(value, int | float | np.integer | np.floating) or not np.isfinite(value):
+        raise InputError(key, f"{value!r} was given", accepted)
+    return float(value)
+
+
+def whole_number(key: str, value: object, minimum: int) -> int:
+    """The value as an integer of at least ``minimum``; floats are not accepted.
+
+    Raises:
+        InputError: Naming ``key``, if it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise InputError(key, f"{value!r} was given", f"a whole number, {minimum} or more")
+    if value < minimum:
+        raise InputError(key, f"{value} was given", f"{minimum} or more")
+    return int(value)
+
+
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """`` (did you mean X?)`` with the name most similar to a misspelt word, or nothing."""
+    names = list(names)
+    if len(word) > _LONGEST_NAME:
+        return ""
+    near = difflib.get_close_matches(word, names, 1)
+    if not near and len(word) >= _SHORTEST_PART:
+        near = [name for name in names if word in name]
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+def one_line(text: str, longest: int = _LONGEST) -> str:
+    """A text shortened, with everything escaped that would move the cursor of a terminal."""
+    if len(text) > longest:
+        text = f"{text[: longest * 3 // 4]}...{text[-longest // 5 :]}"
+    if text.isprintable():
+        return text
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+        for letter in text
+    )

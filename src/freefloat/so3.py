@@ -1,7 +1,7 @@
-r"""The conventions, stated once, and the few attitude helpers that follow from them.
+r"""Frame and sign conventions, attitudes, and sampling of SO(3).
 
 * The inertial origin is the system's centre of mass. It never moves.
-* A quaternion is Hamilton's, ordered ``x, y, z, w``. It turns spacecraft-frame vectors into the
+* A quaternion is Hamilton's, ordered ``x, y, z, w``. It rotates spacecraft-frame vectors into the
   inertial frame: Pinocchio's order and sense for a free-flyer root, and (8c) of the paper.
 * A twist is ``[linear; angular]``. End-effector twists are inertial (axes of the inertial frame, at
   the end-effector); the base twist is in the spacecraft frame.
@@ -19,10 +19,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_vector
 
 Array = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+
+_ORTHOGONALITY = 1e-6
+"""Largest deviation of the products of a rotation's columns from those of unit axes."""
+_SPIRALS = (np.sqrt(2.0), 1.533751168755204288118041)  # the second solves x**4 = x + 4
 
 
 def frozen(values: npt.ArrayLike) -> Array:
@@ -34,11 +38,11 @@ def frozen(values: npt.ArrayLike) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where a frame is.
+    """Pose of a frame relative to another one.
 
     Attributes:
         position: Its origin in the other frame [m], shape (3,).
-        rotation: Turns its own vectors into the other frame, shape (3, 3).
+        rotation: Rotates vectors of the frame into the other one, shape (3, 3).
     """
 
     position: Array
@@ -49,57 +53,21 @@ class Pose:
         object.__setattr__(self, "rotation", frozen(self.rotation))
 
     def __matmul__(self, inner: Pose) -> Pose:
-        """The pose, seen from outside, of what stands at ``inner`` in this frame."""
+        """The composition with the pose ``inner`` relative to this frame."""
         position = self.position + self.rotation @ inner.position
         return Pose(position, self.rotation @ inner.rotation)
 
     def seen_from(self, rotation: Array) -> Pose:
-        """The same pose in a frame with the same origin, turned by ``rotation`` (3, 3)."""
+        """The pose relative to a frame with the same origin, rotated by ``rotation`` (3, 3)."""
         return Pose(rotation.T @ self.position, rotation.T @ self.rotation)
 
 
-def finite_vector(key: str, values: npt.ArrayLike, length: int) -> Array:
-    """Check that ``values`` are ``length`` finite numbers.
-
-    Raises:
-        InputError: Naming ``key`` when they are not.
-    """
-    accepted = f"{length} finite numbers"
-    try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(key, f"{values!r} is not a list of numbers", accepted) from None
-    if array.shape != (length,) or not np.isfinite(array).all():
-        raise InputError(key, f"{array.tolist()} was given", accepted)
-    return array
-
-
-def finite_number(key: str, value: object, accepted: str) -> float:
-    """Check that ``value`` is a finite number; whole numbers become floats like any other.
-
-    Raises:
-        InputError: Naming ``key`` and what is ``accepted`` when it is not.
-    """
-    if not isinstance(value, int | float | np.integer | np.floating) or not np.isfinite(value):
-        raise InputError(key, f"{value!r} was given", accepted)
-    return float(value)
-
-
-def whole_number(key: str, value: object, least: int) -> int:
-    """Check that ``value`` is a whole number, ``least`` or more; 64.0 is none.
-
-    Raises:
-        InputError: Naming ``key`` when it is not.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise InputError(key, f"{value!r} was given", f"a whole number, {least} or more")
-    if value < least:
-        raise InputError(key, f"{value} was given", f"{least} or more")
-    return int(value)
-
-
 def unit_vector(key: str, values: npt.ArrayLike) -> Array:
-    """A direction, normalized; refused when it has none."""
+    """A normalized direction, shape (3,).
+
+    Raises:
+        InputError: Naming ``key``, for the zero vector and for anything but finite numbers.
+    """
     vector = finite_vector(key, values, 3)
     largest = np.abs(vector).max()
     if largest == 0.0:
@@ -109,10 +77,10 @@ def unit_vector(key: str, values: npt.ArrayLike) -> Array:
 
 
 def unit_quaternion(key: str, values: npt.ArrayLike) -> Array:
-    """A quaternion ``x, y, z, w``, normalized.
+    """A normalized quaternion ``x, y, z, w``, shape (4,).
 
-    Values printed with a few digits are welcome; a quaternion whose norm is off by more than one
-    percent is more likely a mistake and is refused.
+    Raises:
+        InputError: Naming ``key``, if the norm differs from one by more than one percent.
     """
     quaternion = finite_vector(key, values, 4)
     norm = float(np.linalg.norm(quaternion))
@@ -122,18 +90,16 @@ def unit_quaternion(key: str, values: npt.ArrayLike) -> Array:
 
 
 def attitude_axes(key: str, values: npt.ArrayLike) -> Array:
-    """The axes of an attitude, told by themselves or by a quaternion.
+    """The rotation (3, 3) of an attitude, read-only.
 
     Args:
         key: Named in errors.
-        values: Axes as columns, shape (3, 3), or a quaternion x, y, z, w, shape (4,), taken as by
-            :func:`unit_quaternion`.
-
-    Returns:
-        Shape (3, 3), read-only; axes are as they were given.
+        values: Axes as columns, shape (3, 3), or a quaternion x, y, z, w, shape (4,), as accepted
+            by :func:`unit_quaternion`.
 
     Raises:
-        InputError: If it is neither, or axes are no right-handed rotation to a millionth.
+        InputError: If it is neither, or the axes differ from a right-handed rotation by more than
+            1e-6.
     """
     accepted = "a rotation, shape (3, 3), or a unit quaternion x, y, z, w"
     try:
@@ -146,17 +112,13 @@ def attitude_axes(key: str, values: npt.ArrayLike) -> Array:
         raise InputError(key, f"an array of shape {array.shape} was given", accepted)
     if not np.isfinite(array).all():
         raise InputError(key, f"{array.tolist()} was given", accepted)
-    off, hand = float(np.abs(array.T @ array - np.eye(3)).max()), float(np.linalg.det(array))
-    if off > _SKEW:
-        problem = f"its columns are not square to each other and of length 1, off by {off:.3g}"
-        raise InputError(key, problem, accepted)
-    if hand < 0.0:
-        raise InputError(key, f"it is left-handed, its determinant is {hand:.3g}", accepted)
+    error = float(np.abs(array.T @ array - np.eye(3)).max())
+    if error > _ORTHOGONALITY:
+        raise InputError(key, f"its columns are not orthonormal, error {error:.3g}", accepted)
+    determinant = float(np.linalg.det(array))
+    if determinant < 0.0:
+        raise InputError(key, f"it is left-handed, determinant {determinant:.3g}", accepted)
     return array
-
-
-_SKEW = 1e-6
-"""By how much products of axes may differ from those of a rotation."""
 
 
 def cross(u: Array, v: Array) -> Array:
@@ -166,12 +128,12 @@ def cross(u: Array, v: Array) -> Array:
 
 
 def rotation_matrix(quaternion: npt.ArrayLike) -> Array:
-    """The rotation (3, 3) that a quaternion ``x, y, z, w`` stands for."""
+    """The rotation (3, 3) of a quaternion ``x, y, z, w``."""
     return np.asarray(Rotation.from_quat(quaternion).as_matrix())
 
 
 def quaternion(rotation: npt.ArrayLike) -> Array:
-    """The quaternion ``x, y, z, w`` of a rotation (3, 3), with the sign scipy chooses."""
+    """The quaternion ``x, y, z, w`` of a rotation (3, 3), with the sign that SciPy chooses."""
     return np.asarray(Rotation.from_matrix(rotation).as_quat())
 
 
@@ -181,45 +143,34 @@ def heading_quaternion(heading: float) -> Array:
 
 
 def heading_of(attitude: npt.ArrayLike) -> float:
-    """The heading [rad] in [0, 2 pi) of an attitude ``x, y, z, w`` that turns about z alone."""
+    """The heading [rad] in [0, 2 pi) of an attitude ``x, y, z, w`` about the z axis."""
     z, w = np.asarray(attitude, dtype=float)[2:]
     heading = float(2.0 * np.arctan2(z, w) % (2.0 * np.pi))
     return heading if heading < 2.0 * np.pi else 0.0  # a tiny negative angle rounds up
 
 
-def rotation_angle(rotation: npt.ArrayLike) -> float:
-    """The angle [rad] by which a rotation (3, 3) turns, in [0, pi]."""
-    return float(Rotation.from_matrix(rotation).magnitude())
-
-
 def axes_rotation(
-    key: str, kept: tuple[str, npt.ArrayLike], bent: tuple[str, npt.ArrayLike]
+    key: str, exact: tuple[str, npt.ArrayLike], other: tuple[str, npt.ArrayLike]
 ) -> Array:
-    """The rotation whose columns are given by two named axes.
+    """The right-handed rotation (3, 3) with two axes in given directions.
 
     Args:
         key: Named in errors.
-        kept: Letter of an axis (``x``, ``y`` or ``z``) and the direction it points to, kept.
-        bent: Another axis and its direction, made orthogonal to the first.
-
-    Returns:
-        Rotation of shape (3, 3), right-handed.
+        exact: Letter of an axis (``x``, ``y`` or ``z``) and its direction.
+        other: Letter of another axis and a direction, which is made orthogonal to the first.
 
     Raises:
         InputError: If the directions are parallel or the letters are equal.
     """
-    i, j = "xyz".index(kept[0]), "xyz".index(bent[0])
+    i, j = "xyz".index(exact[0]), "xyz".index(other[0])
     if i == j:
-        raise InputError(key, f"axis {kept[0]} was given twice", "two different axes of x, y, z")
-    first = unit_vector(f"{key}.{kept[0]}", kept[1])
-    second = unit_vector(f"{key}.{bent[0]}", bent[1])
+        raise InputError(key, f"axis {exact[0]} was given twice", "two different axes of x, y, z")
+    first = unit_vector(f"{key}.{exact[0]}", exact[1])
+    second = unit_vector(f"{key}.{other[0]}", other[1])
     across = second - first * (first @ second)
     if np.linalg.norm(across) < 1e-6:
-        raise InputError(
-            key,
-            f"axes {kept[0]} and {bent[0]} are parallel",
-            "two directions that are not parallel",
-        )
+        problem = f"axes {exact[0]} and {other[0]} are parallel"
+        raise InputError(key, problem, "two directions that are not parallel")
     columns = np.empty((3, 3))
     columns[:, i] = first
     columns[:, j] = across / np.linalg.norm(across)
@@ -228,101 +179,23 @@ def axes_rotation(
     return columns
 
 
-def low_discrepancy(count: int, dimension: int) -> Array:
-    """Evenly spread points of the unit cube, the same at every call: an additive recurrence.
-
-    The steps are powers of the inverse of the ``dimension``-th generalized golden ratio.
-
-    Returns:
-        Shape (count, dimension), in [0, 1).
-    """
-    ratio = 2.0
-    for _ in range(64):
-        ratio = (1.0 + ratio) ** (1.0 / (dimension + 1))
-    steps = ratio ** -np.arange(1.0, dimension + 1)
-    return np.asarray((0.5 + np.outer(np.arange(count), steps)) % 1.0)
+def rotated(attitudes: npt.ArrayLike, rotation_vectors: npt.ArrayLike) -> Array:
+    """Attitudes x, y, z, w rotated by inertial rotation vectors [rad], shape (K, 4)."""
+    q = Rotation.from_quat(np.atleast_2d(attitudes))
+    return np.asarray((Rotation.from_rotvec(np.atleast_2d(rotation_vectors)) * q).as_quat())
 
 
 def rotation_vector_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
-    """The rotation vector [rad] that turns one rotation (3, 3) into another, shape (3,).
+    """The rotation vector [rad] from one rotation (3, 3) to another, shape (3,).
 
-    Of many pairs at once, shapes (K, 3, 3), there are as many, shape (K, 3).
+    Rotations of shape (K, 3, 3) give vectors of shape (K, 3).
     """
-    turn = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).swapaxes(-1, -2))
-    return np.asarray(turn.as_rotvec())
-
-
-_SPIRALS = (np.sqrt(2.0), 1.533751168755204288118041)  # the second solves x**4 = x + 4
-
-
-def attitude_grid(count: int, seed: int = 0) -> Array:
-    """Evenly spread attitudes, any number of them: super-Fibonacci spirals (Alexa, CVPR 2022).
-
-    Every attitude stands for the same share of SO(3).
-
-    Args:
-        count: How many.
-        seed: Turns the whole grid by a random rotation; 0 leaves it as it is.
-
-    Returns:
-        Unit quaternions x, y, z, w, shape (count, 4).
-    """
-    place = np.arange(count) + 0.5
-    inner, outer = np.sqrt(place / count), np.sqrt(1.0 - place / count)
-    first, second = (2.0 * np.pi * place / turn for turn in _SPIRALS)
-    grid = np.column_stack([
-        inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second)
-    ])  # fmt: skip
-    if seed == 0:
-        return grid
-    turn = Rotation.random(rng=np.random.default_rng(seed))
-    return np.asarray((turn * Rotation.from_quat(grid)).as_quat())
-
-
-def grid_spacing(count: int) -> float:
-    """Side [rad] of a cube with the volume that each of ``count`` attitudes stands for."""
-    return float((8.0 * np.pi**2 / count) ** (1.0 / 3.0))
-
-
-def attitudes_within(center: npt.ArrayLike, radius: float, count: int, seed: int = 0) -> Array:
-    """Attitudes evenly spread in a geodesic ball.
-
-    Args:
-        center: Quaternion x, y, z, w.
-        radius: Largest angle from the center [rad], at most pi.
-        count: How many.
-        seed: Shifts the low-discrepancy sequence that they are made of.
-
-    Returns:
-        Unit quaternions x, y, z, w, shape (count, 4).
-    """
-    share, axes = _ball(count, seed)
-    angles = np.linspace(0.0, radius, 257)
-    volume = angles - np.sin(angles)  # of the ball with that angle, but for a factor
-    half = np.interp(share * volume[-1], volume, angles)[:, None] / 2.0
-    x, y, z, w = (np.asarray(center) / np.linalg.norm(center)).tolist()
-    by_center = np.array([[w, -z, y, -x], [z, w, -x, -y], [-y, x, w, -z], [x, y, z, w]])
-    return np.asarray(np.hstack([np.sin(half) * axes, np.cos(half)]) @ by_center)
-
-
-@lru_cache(maxsize=256)
-def _ball(count: int, seed: int) -> tuple[Array, Array]:
-    """Shares of a ball's volume, shape (count,), and directions from its center, (count, 3)."""
-    shift = np.random.default_rng(seed).random(3)
-    share, height, around = ((low_discrepancy(count, 3) + shift) % 1.0).T
-    z, azimuth = 2.0 * height - 1.0, 2.0 * np.pi * around
-    ring = np.sqrt(np.maximum(0.0, 1.0 - z * z))
-    return share, np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
-
-
-def turned(attitudes: npt.ArrayLike, turns: npt.ArrayLike) -> Array:
-    """Attitudes x, y, z, w turned further by inertial rotation vectors [rad], shape (K, 4)."""
-    q = Rotation.from_quat(np.atleast_2d(attitudes))
-    return np.asarray((Rotation.from_rotvec(np.atleast_2d(turns)) * q).as_quat())
+    difference = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).swapaxes(-1, -2))
+    return np.asarray(difference.as_rotvec())
 
 
 def rotation_vector_to(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
-    """The shortest inertial rotation vectors [rad] from attitudes to others, shape (K, 3)."""
+    """The shortest inertial rotation vectors [rad] between attitudes x, y, z, w, shape (K, 3)."""
     ends = Rotation.from_quat(np.atleast_2d(end))
     return np.asarray((ends * Rotation.from_quat(np.atleast_2d(start)).inv()).as_rotvec())
 
@@ -335,13 +208,84 @@ def angle_between(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
 
 
 def without_jumps(attitudes: Array) -> Array:
-    """The signs of unit quaternions (K, 4) chosen so that neighbours are near."""
+    """Unit quaternions (K, 4) with the signs for which neighbours are near."""
     along = (attitudes[1:] * attitudes[:-1]).sum(axis=1)
     signs = np.cumprod(np.append(1.0, np.where(along < 0.0, -1.0, 1.0)))
     return np.asarray(signs[:, None] * attitudes)
 
 
-def breaks_triangle(moments: npt.ArrayLike) -> bool:
-    """Whether no rigid body has these principal moments, ascending, shape (3,)."""
-    least, middle, most = np.asarray(moments, dtype=float).tolist()
-    return bool(least + middle < most * (1.0 - 1e-9))
+def low_discrepancy(count: int, dimension: int) -> Array:
+    """Evenly distributed points of the unit cube, shape (count, dimension), in [0, 1).
+
+    A deterministic additive recurrence. The steps are powers of the inverse of the
+    ``dimension``-th generalized golden ratio.
+    """
+    ratio = 2.0
+    for _ in range(64):
+        ratio = (1.0 + ratio) ** (1.0 / (dimension + 1))
+    steps = ratio ** -np.arange(1.0, dimension + 1)
+    return np.asarray((0.5 + np.outer(np.arange(count), steps)) % 1.0)
+
+
+def sphere_directions(points: Array) -> Array:
+    """Unit vectors (K, 3) at points (K, 2) of the unit square, by the equal-area projection."""
+    height, around = points.T
+    z, azimuth = 2.0 * height - 1.0, 2.0 * np.pi * around
+    ring = np.sqrt(np.maximum(0.0, 1.0 - z * z))
+    return np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
+
+
+def attitude_grid(count: int, seed: int = 0) -> Array:
+    """Evenly distributed attitudes: super-Fibonacci spirals (Alexa, CVPR 2022).
+
+    Args:
+        count: Number of attitudes, each of which represents the same fraction of SO(3).
+        seed: Rotates the whole grid by a random rotation; 0 leaves it as it is.
+
+    Returns:
+        Unit quaternions x, y, z, w, shape (count, 4).
+    """
+    index = np.arange(count) + 0.5
+    inner, outer = np.sqrt(index / count), np.sqrt(1.0 - index / count)
+    first, second = (2.0 * np.pi * index / pitch for pitch in _SPIRALS)
+    grid = np.column_stack([
+        inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second)
+    ])  # fmt: skip
+    if seed == 0:
+        return grid
+    rotation = Rotation.random(rng=np.random.default_rng(seed))
+    return np.asarray((rotation * Rotation.from_quat(grid)).as_quat())
+
+
+def grid_spacing(count: int) -> float:
+    """Side [rad] of a cube with the volume that each of ``count`` attitudes represents."""
+    return float((8.0 * np.pi**2 / count) ** (1.0 / 3.0))
+
+
+def attitudes_within(center: npt.ArrayLike, radius: float, count: int, seed: int = 0) -> Array:
+    """Evenly distributed attitudes of a geodesic ball.
+
+    Args:
+        center: Quaternion x, y, z, w.
+        radius: Largest angle from the center [rad], at most pi.
+        count: Number of attitudes.
+        seed: Shifts the low-discrepancy sequence.
+
+    Returns:
+        Unit quaternions x, y, z, w, shape (count, 4).
+    """
+    fraction, axes = _ball(count, seed)
+    angles = np.linspace(0.0, radius, 257)
+    volume = angles - np.sin(angles)  # of the ball with that angle, up to a factor
+    half = np.interp(fraction * volume[-1], volume, angles)[:, None] / 2.0
+    x, y, z, w = (np.asarray(center) / np.linalg.norm(center)).tolist()
+    by_center = np.array([[w, -z, y, -x], [z, w, -x, -y], [-y, x, w, -z], [x, y, z, w]])
+    return np.asarray(np.hstack([np.sin(half) * axes, np.cos(half)]) @ by_center)
+
+
+@lru_cache(maxsize=256)
+def _ball(count: int, seed: int) -> tuple[Array, Array]:
+    """Fractions of a ball's volume, shape (count,), and directions from its center, (count, 3)."""
+    shift = np.random.default_rng(seed).random(3)
+    points = (low_discrepancy(count, 3) + shift) % 1.0
+    return points[:, 0], sphere_directions(points[:, 1:])

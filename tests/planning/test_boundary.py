@@ -17,7 +17,7 @@ from freefloat.planning.boundary import boundary_points, tangent_boundary
 from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.search import EXACT, ROUGH, Inside, bisect, edge
 from freefloat.planning.simulation import simulate
-from freefloat.so3 import angle_between, attitude_grid, grid_spacing, turned
+from freefloat.so3 import angle_between, attitude_grid, grid_spacing, rotated
 
 MARGIN = 30.0
 
@@ -49,8 +49,8 @@ def test_bisection_ends_just_inside(rounds: int, share: float) -> None:
     rng = np.random.default_rng(3)
     axes = rng.normal(size=(50, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]
-    within = turned(center, rng.uniform(0.0, 0.69, (50, 1)) * axes)
-    beyond = turned(center, rng.uniform(0.71, 2.3, (50, 1)) * axes)
+    within = rotated(center, rng.uniform(0.0, 0.69, (50, 1)) * axes)
+    beyond = rotated(center, rng.uniform(0.71, 2.3, (50, 1)) * axes)
     whole = angle_between(within, beyond)
     edges = bisect(lambda some: angle_between(some, center) < radius, within, beyond, rounds)
     short = radius - angle_between(edges, center)
@@ -69,13 +69,13 @@ def test_bisection_goes_to_the_first_exit() -> None:
         angle = angle_between(some, center)
         return (angle < 0.5) | ((angle > 1.1) & (angle < 1.6))
 
-    (end,) = bisect(inside, center[None], turned(center, [2.0, 0.0, 0.0]))
+    (end,) = bisect(inside, center[None], rotated(center, [2.0, 0.0, 0.0]))
     assert angle_between(end, center) == pytest.approx(0.5, abs=1e-5)
 
 
 def test_bisection_takes_the_short_way_round_whatever_the_signs() -> None:
     center = np.array([0.0, 0.0, 0.0, 1.0])
-    beyond = -turned(center, [0.0, 0.0, 3.0])
+    beyond = -rotated(center, [0.0, 0.0, 3.0])
     (end,) = bisect(lambda some: angle_between(some, center) < 1.0, center[None], beyond)
     np.testing.assert_allclose(Rotation.from_quat(end).as_rotvec(), [0.0, 0.0, 1.0], atol=2e-5)
 

@@ -26,8 +26,8 @@ from freefloat.so3 import (
     attitude_grid,
     attitudes_within,
     grid_spacing,
+    rotated,
     rotation_vector_to,
-    turned,
 )
 
 MARGIN = 30.0
@@ -103,7 +103,7 @@ def near_ring(width: float) -> Margins:
 def test_the_highest_peak_is_climbed_though_samples_tell_of_another(problem: Problem) -> None:
     """A narrow peak between the samples beats a broad one on them."""
     grid = attitude_grid(512)
-    narrow, broad = turned(grid[7], [0.12, -0.1, 0.05])[0], grid[300]
+    narrow, broad = rotated(grid[7], [0.12, -0.1, 0.05])[0], grid[300]
 
     def peaks(some: np.ndarray) -> np.ndarray:
         high = 50.0 * np.exp(-4.0 * angle_between(some, narrow) ** 2)
@@ -133,7 +133,7 @@ def test_without_any_margin_there_is_no_peak(problem: Problem) -> None:
     assert largest_margins(land, land.map(64)) == []
 
 
-@pytest.mark.parametrize("now", [THERE, -THERE, turned(HERE, [0.5, 0.4, -0.6])[0]])
+@pytest.mark.parametrize("now", [THERE, -THERE, rotated(HERE, [0.5, 0.4, -0.6])[0]])
 def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
     problem: Problem, now: np.ndarray
 ) -> None:
@@ -153,9 +153,9 @@ def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
 
 def test_the_nearest_of_two_parts_and_two_branches_is_taken(problem: Problem) -> None:
     """Of a near small ball, a far large one, and another branch's in between."""
-    now = turned(HERE, [0.0, 0.0, 1.3])[0]
-    far = turned(now, [0.0, 2.2, 0.0])[0]
-    third = turned(now, [1.5, 0.0, 0.0])[0]
+    now = rotated(HERE, [0.0, 0.0, 1.3])[0]
+    far = rotated(now, [0.0, 2.2, 0.0])[0]
+    third = rotated(now, [1.5, 0.0, 0.0])[0]
     land = Landscape(problem, b0=either(ball(HERE, 0.5), ball(far, 1.0)), b6=ball(third, 0.6))
     candidates = nearest_feasible(land, land.map(2048), now)
     short = SURPLUS * MARGIN / 20.0
@@ -167,8 +167,8 @@ def test_the_nearest_of_two_parts_and_two_branches_is_taken(problem: Problem) ->
 
 def test_around_a_corner_the_nearest_is_the_corner_of_the_set(problem: Problem) -> None:
     """Where two balls overlap in a lens: the closest place by brute force."""
-    a, b = turned(HERE, [0.0, 0.4, 0.0])[0], turned(HERE, [0.0, -0.4, 0.0])[0]
-    now = turned(HERE, [1.5, 0.2, 0.3])[0]
+    a, b = rotated(HERE, [0.0, 0.4, 0.0])[0], rotated(HERE, [0.0, -0.4, 0.0])[0]
+    now = rotated(HERE, [1.5, 0.2, 0.3])[0]
     land = Landscape(problem, b2=both(ball(a, 0.8), ball(b, 0.8)))
     best = nearest_feasible(land, land.map(1024), now)[0]
     cloud = attitudes_within(now, best.score, 50_000)
@@ -180,7 +180,7 @@ def test_around_a_corner_the_nearest_is_the_corner_of_the_set(problem: Problem) 
 def test_where_the_margin_is_kept_already_nothing_is_nearer(problem: Problem) -> None:
     """In one branch; the other still tells its own."""
     land = Landscape(problem, b0=ball(HERE, 0.7), b2=ball(THERE, 0.7))
-    now = turned(HERE, [0.3, 0.0, 0.0])[0]
+    now = rotated(HERE, [0.3, 0.0, 0.0])[0]
     best, *others = nearest_feasible(land, land.map(512), now)
     assert (best.branch, best.score) == (0, 0.0)
     np.testing.assert_array_equal(best.attitude, now)
@@ -248,13 +248,13 @@ def test_the_safe_radius_in_a_ball_is_the_way_to_its_rim(
 ) -> None:
     """Whether the rim is nearer than the first look around, or far beyond it."""
     land = Landscape(problem, b0=ball(HERE, 0.7))
-    attitude = turned(HERE, [0.0, off, 0.0])[0]
+    attitude = rotated(HERE, [0.0, off, 0.0])[0]
     radius = safe_radius(land, attitude, 0, spacing)
     assert 0.94 * (0.7 - off) < radius <= 0.7 - off
 
 
 def test_a_small_hole_nearby_limits_the_safe_radius(problem: Problem) -> None:
-    hole = turned(HERE, [0.35, 0.0, 0.0])[0]
+    hole = rotated(HERE, [0.35, 0.0, 0.0])[0]
     land = Landscape(problem, b0=both(ball(HERE, 0.9), without(hole, 0.1)))
     assert 0.94 * 0.25 < safe_radius(land, HERE, 0, 0.4) <= 0.25
 
@@ -322,7 +322,7 @@ def test_the_nearest_feasible_attitude_lies_on_the_boundary(
             assert outlook.keeps(one.attitude[None], one.branch)[0]
         back = rotation_vector_to(best.attitude, now) / best.score
         for degrees in (0.1, 0.3, 1.0):
-            nearer = turned(best.attitude, np.radians(degrees) * back)
+            nearer = rotated(best.attitude, np.radians(degrees) * back)
             assert not outlook.keeps(nearer, best.branch)[0]
 
 
@@ -356,7 +356,7 @@ def test_the_safe_radius_is_that_of_the_nearest_failure(
     directions = np.random.default_rng(8).normal(size=(500, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     for share in (0.3, 0.6, 0.8, 0.9, 0.95, 1.0):
-        within = turned(best.attitude, share * radius * directions)
+        within = rotated(best.attitude, share * radius * directions)
         assert outlook.regular(within, best.branch).all(), share
-    beyond = turned(best.attitude, 1.1 * radius * directions)
+    beyond = rotated(best.attitude, 1.1 * radius * directions)
     assert not outlook.regular(beyond, best.branch).all()

@@ -33,10 +33,11 @@ from freefloat.ensemble.kernels.integration import (
     make_buffers,
 )
 from freefloat.ensemble.kernels.steps import TABLEAU
+from freefloat.errors import whole_number
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, whole_number
+from freefloat.so3 import Array
 
 TOLERANCE = 1e-6
 _CELLS = 512

@@ -16,7 +16,7 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from freefloat.dynamics.momentum import generalized_jacobian
-from freefloat.errors import InputError, IntegrationError
+from freefloat.errors import InputError, IntegrationError, finite_number
 from freefloat.motion.arc_length import ArcFlow, arc_flow
 from freefloat.motion.closest_approach import first_crossing
 from freefloat.motion.motion import Ending, Motion
@@ -24,7 +24,7 @@ from freefloat.motion.panels import NODES
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.residuals import path_errors
 from freefloat.paths.timing import Leg
-from freefloat.so3 import Array, finite_number
+from freefloat.so3 import Array
 
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000

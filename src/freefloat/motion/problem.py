@@ -15,7 +15,7 @@ from freefloat.dynamics.momentum import Task, momentum_map
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.errors import InputError, require_type
+from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.ik.branches import (
     ArmBranch,
     BranchSets,
@@ -26,15 +26,7 @@ from freefloat.ik.branches import (
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import (
-    Array,
-    finite_number,
-    finite_vector,
-    frozen,
-    low_discrepancy,
-    rotation_matrix,
-    unit_quaternion,
-)
+from freefloat.so3 import Array, frozen, low_discrepancy, rotation_matrix, unit_quaternion
 
 TOLERANCE = 1e-6
 """Fraction of a threshold or limit that rounding may use up."""

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_number, finite_vector
 from freefloat.paths.piecewise import breaks_that_count, segments_within
-from freefloat.so3 import Array, finite_number, finite_vector, frozen, unit_vector
+from freefloat.so3 import Array, frozen, unit_vector
 
 _NEGLIGIBLE = 1e-8
 """Fraction of its size by which a spline's jumps may move it unnoticed."""

@@ -16,18 +16,10 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_vector
 from freefloat.paths.curves import Curve
 from freefloat.paths.piecewise import breaks_of, within
-from freefloat.so3 import (
-    Array,
-    attitude_axes,
-    axes_rotation,
-    cross,
-    finite_vector,
-    frozen,
-    unit_vector,
-)
+from freefloat.so3 import Array, attitude_axes, axes_rotation, cross, frozen, unit_vector
 
 _SAMPLES = np.linspace(0.0, 1.0, 201)
 """Where a moving direction is inspected when it is made."""

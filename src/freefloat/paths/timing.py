@@ -15,9 +15,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
-from freefloat.errors import InputError, member, require_type
+from freefloat.errors import InputError, finite_number, member, require_type
 from freefloat.paths.path import EndEffectorPath
-from freefloat.so3 import Array, Pose, finite_number, frozen
+from freefloat.so3 import Array, Pose, frozen
 
 _BLEND = 0.25
 """Fraction of a trapezoidal profile spent accelerating, and again decelerating."""

@@ -16,7 +16,7 @@ from freefloat.motion.problem import is_kept
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
 from freefloat.planning.search import EXACT, bisect, edge
 from freefloat.planning.tangency import boundary_attitude, tangency_family
-from freefloat.so3 import Array, angle_between, attitudes_within, rotation_vector_to, turned
+from freefloat.so3 import Array, angle_between, attitudes_within, rotated, rotation_vector_to
 
 _RADIUS = 0.02
 """Distance from an attitude at which both sides of the boundary are searched for [rad]."""
@@ -90,7 +90,7 @@ def _gap(evaluator: FeasibilityEvaluator, attitude: Array, branch: int) -> float
     margins = evaluator.margins(cloud, branch)
     uphill = rotation_vector_to(attitude, cloud[int(np.argmax(margins))])[0]
     uphill *= _RADIUS / np.linalg.norm(uphill)
-    within, beyond = turned(attitude, uphill), turned(attitude, -uphill)
+    within, beyond = rotated(attitude, uphill), rotated(attitude, -uphill)
     inside, outside = evaluator.keeps(np.vstack([within, beyond]), branch)
     if outside or not inside:
         return float(np.pi)

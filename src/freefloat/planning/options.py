@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from freefloat.errors import InputError, member
-from freefloat.so3 import Array, whole_number
+from freefloat.errors import InputError, member, whole_number
+from freefloat.so3 import Array
 
 HEADINGS, PLAN_ATTITUDES, MAP_ATTITUDES = 360, 4096, 36_864
 """Default numbers of samples: planar tasks; spatial plans and maps."""

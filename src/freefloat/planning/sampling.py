@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
-from freefloat.errors import InputError
+from freefloat.errors import InputError, whole_number
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.so3 import Array, attitude_grid, frozen, whole_number
+from freefloat.so3 import Array, attitude_grid, frozen
 
 _BLOCK = 2048
 """Attitudes that are integrated together."""

@@ -21,8 +21,8 @@ from freefloat.so3 import (
     angle_between,
     attitudes_within,
     grid_spacing,
+    rotated,
     rotation_vector_to,
-    turned,
 )
 
 _CLOUD = 40
@@ -97,11 +97,11 @@ def bisect(inside: Inside, within: Array, beyond: Array, rounds: int = EXACT) ->
     for _ in range(rounds):
         fractions = low[:, None] + width * steps
         rotations = (fractions[:, :, None] * vectors[:, None]).reshape(-1, 3)
-        attitudes = turned(np.repeat(within, len(steps), axis=0), rotations)
+        attitudes = rotated(np.repeat(within, len(steps), axis=0), rotations)
         stays = inside(attitudes).reshape(fractions.shape)
         width /= _PARTS
         low = low + width * np.where(stays.all(axis=1), len(steps), np.argmin(stays, axis=1))
-    return turned(within, low[:, None] * vectors)
+    return rotated(within, low[:, None] * vectors)
 
 
 def edge(

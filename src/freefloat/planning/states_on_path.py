@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, low_discrepancy
+from freefloat.so3 import Array, low_discrepancy, sphere_directions
 
 _TIMES = 201
 _STEP = 1e-5
@@ -164,9 +164,7 @@ def _frames(x: Array, across: Array) -> Rotation:
 
 def _direction_across(vectors: Array) -> Array:
     """A direction as far as can be from parallel to all of some vectors."""
-    z, angle = low_discrepancy(64, 2).T * [[2.0], [2.0 * np.pi]] - [[1.0], [0.0]]
-    r = np.sqrt(1.0 - z * z)
-    choice = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+    choice = sphere_directions(low_discrepancy(64, 2))
     along = vectors / np.linalg.norm(vectors, axis=1, keepdims=True) @ choice.T
     return np.asarray(choice[np.abs(along).max(axis=0).argmin()])
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.so3 import Array, low_discrepancy
+from freefloat.so3 import Array, low_discrepancy, sphere_directions
 
 _DIRECTIONS = 128
 _LOOKS = 16
@@ -64,10 +64,7 @@ def tolerance(roller: EnsembleIntegrator, attitude: Array, joints: Array) -> Tol
 
     D, _ = inertia_matrices(problem.model, joints)
     limit = float(np.trace(D)) / 3.0 * 2.0 * np.pi / duration
-    height, around = low_discrepancy(_DIRECTIONS, 2).T
-    z, azimuth = 2.0 * height - 1.0, 2.0 * np.pi * around
-    ring = np.sqrt(1.0 - z * z)
-    directions = np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
+    directions = sphere_directions(low_discrepancy(_DIRECTIONS, 2))
     looks = limit * np.linspace(1.0 / _LOOKS, 1.0, _LOOKS)
     worst, toward = limit, np.zeros(3)
     for spread in _SPREADS:

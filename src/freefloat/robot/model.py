@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from freefloat.errors import InputError, ModelError
+from freefloat.errors import InputError, ModelError, finite_vector
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.diagnostics import UrdfDiagnostic
 from freefloat.robot.names import find_robot
@@ -21,7 +21,7 @@ from freefloat.robot.parsing import is_text, require_urdf
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
 from freefloat.robot.urdf import Joint, RobotDescription
-from freefloat.so3 import Array, Pose, finite_vector
+from freefloat.so3 import Array, Pose
 
 
 @dataclass(frozen=True, eq=False)

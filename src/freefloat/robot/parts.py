@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.errors import InputError, require_type
+from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.robot.names import is_file
 from freefloat.robot.parsing import require_urdf
+from freefloat.robot.shapes import breaks_triangle
 from freefloat.robot.urdf import roll_pitch_yaw, rpy_rotation
-from freefloat.so3 import Array, Pose, breaks_triangle, finite_vector, frozen
+from freefloat.so3 import Array, Pose, frozen
 
 INERTIA = (
     "three principal moments or a symmetric 3x3 matrix, or its six moments ixx ixy ixz iyy iyz izz "

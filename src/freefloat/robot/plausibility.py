@@ -9,9 +9,9 @@ import numpy as np
 
 from freefloat.robot.diagnostics import UrdfDiagnostic
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
+from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere, breaks_triangle
 from freefloat.robot.urdf import Joint, Link, LinkShape, RigidGroup, RobotDescription
-from freefloat.so3 import Array, breaks_triangle
+from freefloat.so3 import Array
 
 LONG = 0.2
 """Links are long from this fraction of the arm's length. Links of stock arms whose mass is a motor

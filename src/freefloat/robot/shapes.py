@@ -105,3 +105,9 @@ def along(position: npt.ArrayLike, direction: npt.ArrayLike) -> Pose:
     across = np.eye(3)[int(np.argmin(np.abs(direction)))]
     rotation = axes_rotation("direction", ("z", direction), ("x", across))
     return Pose(frozen(position), rotation)
+
+
+def breaks_triangle(moments: npt.ArrayLike) -> bool:
+    """Whether no rigid body has these principal moments of inertia, ascending, shape (3,)."""
+    smallest, middle, largest = np.asarray(moments, dtype=float).tolist()
+    return bool(smallest + middle < largest * (1.0 - 1e-9))

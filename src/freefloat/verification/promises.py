@@ -21,6 +21,7 @@ from freefloat.so3 import (
     heading_of,
     heading_quaternion,
     low_discrepancy,
+    sphere_directions,
 )
 from freefloat.verification.checks import Check, comparison_check
 
@@ -182,10 +183,7 @@ def _tolerance_check(plan: Plan, tolerance: Tolerance, chosen: SimulatedBranch) 
     The ensemble is integrated for many directions; the worst of them and the durations precisely.
     """
     problem, start = plan.problem, chosen.motion.initial
-    height, around = low_discrepancy(_DIRECTIONS, 2).T
-    z, azimuth = 2.0 * height - 1.0, 2.0 * np.pi * around
-    ring = np.sqrt(1.0 - z * z)
-    directions = np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
+    directions = sphere_directions(low_discrepancy(_DIRECTIONS, 2))
     momenta = problem.momentum + _INSIDE * tolerance.momentum * directions
     states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
     ensemble = EnsembleIntegrator(problem).integrate(*states, momenta=momenta)
