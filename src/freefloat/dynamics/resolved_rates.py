@@ -10,8 +10,9 @@ from scipy.linalg.lapack import dgesv, dtrtrs
 from freefloat.dynamics.momentum import Task, require_enough_joints
 from freefloat.dynamics.null_space import NullSpaceMotion
 from freefloat.dynamics.redundancy import Redundancy
+from freefloat.errors import finite_vector
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, finite_vector
+from freefloat.so3 import Array
 
 
 class ResolvedRateSolver:
