@@ -1,7 +1,7 @@
 """The right-hand side of (8) by arc length: the unit tangent of (time, attitude, joints).
 
 Near a dynamic singularity the rates grow without bound as functions of time, yet the curve stays
-smooth: there it turns back in time.
+smooth: there its time reverses.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from freefloat.so3 import Array
 _TIME_UNITS = 10.0
 """Arc length of the duration, beside the joints' radians and metres."""
 _STALLED = 5e-5
-"""Pace of time per arc length below which time stands still: a redundant arm may creep along a
-singularity instead of turning back in time there."""
+"""Pace of time per arc length below which time stands still: a redundant arm may move along a
+singularity instead of reversing time there."""
 
 
 class ArcFlow(Protocol):
@@ -41,7 +41,7 @@ class ArcFlow(Protocol):
             y: (time, attitude, joints), shape (5 + n,); the attitude of any length.
             leg: Part of the path and of its time law.
             reference: The last tangent, shape (5 + n,). The tangent keeps to its side, and so stays
-                continuous across a singularity, where time turns back.
+                continuous across a singularity, where time reverses.
         """
 
     @property

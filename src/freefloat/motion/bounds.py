@@ -10,8 +10,8 @@ with its analytic slope A' and b, the bound on its second derivative over the wh
     x = h |A0^-1 A'| + h^2 / 2 |A0^-1|_2 b,
 
 and intervals are used where x < 1/2. :class:`_Neighbourhood` bounds det A and the smallest singular
-value of S* with it. Intervals are halved until the bounds reach a fraction of the smallest value
-found; nothing but rounding is neglected.
+value of S* with it. Intervals are halved until the bounds reach a fraction of the smallest
+value along the motion; nothing but rounding is neglected.
 
 For a redundant arm, the columns are projected on V, an orthonormal basis of the row space of S* at
 the middle: det (S* V)^2 <= det (S* S*^T), and no singular value of S* V is above that of S*.
@@ -33,137 +33,138 @@ from freefloat.so3 import Array
 METHOD = (
     "interval subdivision: slope of the system matrix at the middle of each interval, its second "
     "derivative bounded by lengths and masses; intervals halved until the bound reaches "
-    "nine tenths of the least value found"
+    "nine tenths of the smallest value"
 )
-_SHARE = 0.9
+_FRACTION = 0.9
+"""Fraction of the smallest value that a bound must reach."""
 _FARTHEST = 0.5
 """Norm of X up to which the series are used."""
 _SHORTEST = 2.0**-24
-"""Intervals are not halved further: what is not proven then is singular but for rounding."""
+"""Shortest half of an interval: what is not proven there is singular up to rounding."""
 _MOST = 20_000
-"""Intervals looked at before it is given up."""
+"""Largest number of intervals."""
 _GRID = 16
-"""Of joints two and three, for the Fourier series of ``arm``: its degree is two."""
+"""Samples of joints two and three for the Fourier series of ``arm``, whose degree is two."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What was proven of a motion.
+    """Proven bounds of singularity measures along a motion.
 
     Attributes:
-        bounds: SingularityMeasure to magnitude that it keeps everywhere on the way.
-        intervals: How many it took.
+        bounds: Lower bound of the magnitude of each measure; 0 where nothing is proven.
+        intervals: Number of intervals of the proof.
     """
 
     bounds: Mapping[str, float]
     intervals: int
 
 
-class Unproven(FreeFloatError):
-    """No bound above zero was found."""
+class _UnprovenError(FreeFloatError):
+    """The subdivision ends without a bound above zero."""
 
 
-def lower_bounds(motion: Motion, found: Mapping[str, float]) -> Bounds:
-    """Bound measures from below along a whole motion.
+def lower_bounds(motion: Motion, smallest: Mapping[str, float]) -> Bounds:
+    """Proven lower bounds on measures along a motion that does not become singular.
 
     Args:
-        motion: One that keeps away from singularities.
-        found: Measures (``gjm``, ``system``, ``sigma``, ``arm``) and the least magnitude found of
-            each; ``gjm`` must be among them.
-
-    Returns:
-        Zeros where nothing could be proven.
+        motion: The motion.
+        smallest: Smallest magnitude of each measure (``gjm``, ``system``, ``sigma``, ``arm``) along
+            it; ``gjm`` must be among them.
     """
-    looks: list[_MatrixLook | _ArmLook] = [_MatrixLook(motion, found)]
-    if "arm" in found:
-        looks.append(_ArmLook(motion, found["arm"]))
-    bounds: dict[str, float] = dict(found)
+    parts: list[_MatrixBounds | _ArmBounds] = [_MatrixBounds(motion, smallest)]
+    if "arm" in smallest:
+        parts.append(_ArmBounds(motion, smallest["arm"]))
+    bounds: dict[str, float] = dict(smallest)
     count = 0
     try:
-        for look in looks:
+        for part in parts:
             for panel in range(motion.panels):
-                count += _subdivided(look.at(panel), bounds, _MOST - count)
-    except Unproven:
-        return Bounds(dict.fromkeys(found, 0.0), count)
+                count += _subdivide(part.in_panel(panel), bounds, _MOST - count)
+    except _UnprovenError:
+        return Bounds(dict.fromkeys(smallest, 0.0), count)
     return Bounds(bounds, count)
 
 
-Look = Callable[[float, float], Mapping[str, float] | None]
-"""Bounds about a place in a panel to some distance; None where they are not good enough."""
+IntervalBounds = Callable[[float, float], Mapping[str, float] | None]
+"""Bounds on an interval of a panel, by its middle and half; None where they are too low."""
 
 
-def _subdivided(look: Look, bounds: dict[str, float], most: int) -> int:
-    """Lower ``bounds`` to what is proven of a panel; tells in how many intervals."""
+def _subdivide(interval_bounds: IntervalBounds, bounds: dict[str, float], most: int) -> int:
+    """Lower ``bounds`` to those proven on a panel; returns the number of intervals."""
     todo, count = [(0.0, 1.0)], 0
     while todo:
         middle, half = todo.pop()
         count += 1
         if half < _SHORTEST or count > most:
-            raise Unproven()
-        kept = look(middle, half)
-        if kept is None:
+            raise _UnprovenError()
+        proven = interval_bounds(middle, half)
+        if proven is None:
             todo += [(middle - half / 2.0, half / 2.0), (middle + half / 2.0, half / 2.0)]
         else:
-            for name, value in kept.items():
+            for name, value in proven.items():
                 bounds[name] = min(bounds[name], value)
     return count
 
 
 def _value(x: float, c: Array) -> Array:
-    """Polynomials (9, c) at a place."""
+    """Values of polynomials with coefficients (9, c), shape (c,)."""
     return np.asarray(chebyshev.chebval(x, c))
 
 
-class _MatrixLook:
+class _MatrixBounds:
     """Bounds on determinants and singular values."""
 
-    def __init__(self, motion: Motion, found: Mapping[str, float]) -> None:
-        self._motion, self._system = motion, ScaledSystem.of(motion)
-        self._found = {name: value for name, value in found.items() if name != "arm"}
+    def __init__(self, motion: Motion, smallest: Mapping[str, float]) -> None:
+        self._motion, self._system = motion, ScaledSystem.from_motion(motion)
+        self._smallest = {name: value for name, value in smallest.items() if name != "arm"}
         base, rows = self._system.base, self._system.rows
-        self._slides = self._system.columns[base:]
+        self._joint_units = self._system.columns[base:]
         square = len(rows) == len(self._system.columns)
-        self._one_for_all = square or bool((self._slides == 1.0).all())
-        lengths = float(np.prod(rows[base:])) * (float(np.prod(self._slides)) if square else 1.0)
+        self._same_units = square or bool((self._joint_units == 1.0).all())
+        lengths = float(np.prod(rows[base:])) * (
+            float(np.prod(self._joint_units)) if square else 1.0
+        )
         self._units = {"gjm": lengths, "system": lengths * float(np.prod(rows[:base]))}
 
-    def at(self, panel: int) -> Look:
-        """Bounds in a panel."""
+    def in_panel(self, panel: int) -> IntervalBounds:
+        """Bounds on the intervals of a panel."""
         c = self._motion.coefficients[panel, :, 5:]
         rates = np.asarray(chebyshev.chebder(c), dtype=float)
         w, change = (
-            self._system.joint_speed(np.abs(some).sum(axis=0))
-            for some in (rates, chebyshev.chebder(rates))
+            self._system.joint_speed(np.abs(series).sum(axis=0))
+            for series in (rates, chebyshev.chebder(rates))
         )
         second = self._system.second_derivatives(w, change)
-        bends = second.whole, second.D
+        second_derivatives = second.whole, second.D
 
-        def look(middle: float, half: float) -> Mapping[str, float] | None:
+        def bounds(middle: float, half: float) -> Mapping[str, float] | None:
             joints, along = _value(middle, c), _value(middle, rates)
             A, slope = self._system.matrix(joints), self._system.slope(joints, along)
-            return self._kept(A, slope, half, bends)
+            return self._bounds(A, slope, half, second_derivatives)
 
-        return look
+        return bounds
 
-    def _kept(
-        self, A: Array, slope: Array, half: float, bends: tuple[float, float]
+    def _bounds(
+        self, A: Array, slope: Array, half: float, second_derivatives: tuple[float, float]
     ) -> dict[str, float] | None:
-        k, kept = self._system.base, {}
-        near = _Neighbourhood.of(A, slope, k, half, bends, self._slides)
+        k, bounds = self._system.base, {}
+        near = _Neighbourhood.about(A, slope, k, half, second_derivatives, self._joint_units)
         if near is None:
             return None
         for name, unit in self._units.items():
-            if name in self._found:
-                kept[name] = float(np.exp(near.log_determinant(by_locked=name == "gjm"))) / unit
-        if "sigma" in self._found:
+            if name in self._smallest:
+                bounds[name] = float(np.exp(near.log_determinant(by_locked=name == "gjm"))) / unit
+        if "sigma" in self._smallest:
             other: _Neighbourhood | None = near
-            if not self._one_for_all:
-                other = _Neighbourhood.of(A, slope, k, half, bends, np.ones_like(self._slides))
+            if not self._same_units:
+                ones = np.ones_like(self._joint_units)
+                other = _Neighbourhood.about(A, slope, k, half, second_derivatives, ones)
             if other is None:
                 return None
-            kept["sigma"] = other.smallest_singular_value()
-        good = all(value >= _SHARE * self._found[name] for name, value in kept.items())
-        return kept if good else None
+            bounds["sigma"] = other.smallest_singular_value()
+        high = all(value >= _FRACTION * self._smallest[name] for name, value in bounds.items())
+        return bounds if high else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,55 +175,59 @@ class _Neighbourhood:
         inverse: Of A0.
         trend: A0^-1 times the slope of Â.
         half: Half the length of the interval.
-        bend: Bound on the second derivative.
+        second_derivative: Bound on that of Â.
         size: Bound on the norm of X.
         base: Number of columns of the spacecraft's rate.
         log: Logarithm of the magnitude of det A0.
-        locked: The same of D, the slope of it, and what it bends by at most.
+        locked: The same of D, its slope, and a bound on its remainder.
     """
 
     inverse: Array
     trend: Array
     half: float
-    bend: float
+    second_derivative: float
     size: float
     base: int
     log: float
     locked: tuple[float, float, float]
 
     @classmethod
-    def of(
+    def about(
         cls,
         A: Array,
         slope: Array,
         k: int,
         half: float,
-        bends: tuple[float, float],
-        sliding: Array,
+        second_derivatives: tuple[float, float],
+        joint_units: Array,
     ) -> _Neighbourhood | None:
-        """About a matrix (k + m, k + n) with a slope; None where X may be large.
+        """The neighbourhood of a matrix (k + m, k + n) with a slope; None where X may be large.
 
-        ``sliding`` are the factors that are taken off the columns of joints before their row space
-        is taken, shape (n,); they cancel where the matrix is square.
+        ``joint_units`` are factors, shape (n,), removed from the columns of the joints for the row
+        space of a redundant arm; they cancel where the matrix is square.
         """
-        bend = bends[0]
-        D, turn = A[:k, :k], np.linalg.solve(A[:k, :k], slope[:k, :k])
+        second_derivative = second_derivatives[0]
+        D, trend_D = A[:k, :k], np.linalg.solve(A[:k, :k], slope[:k, :k])
         if A.shape[0] < A.shape[1]:
             S = A[k:, k:] - A[k:, :k] @ np.linalg.solve(D, A[:k, k:])
-            V = np.linalg.svd(S / sliding, full_matrices=False)[2].T / sliding[:, None]
-            A, slope = (np.hstack([one[:, :k], one[:, k:] @ V]) for one in (A, slope))
-            bend *= max(1.0, float(np.linalg.norm(V, 2)))
+            V = np.linalg.svd(S / joint_units, full_matrices=False)[2].T
+            V = V / joint_units[:, None]
+            A, slope = (np.hstack([M[:, :k], M[:, k:] @ V]) for M in (A, slope))
+            second_derivative *= max(1.0, float(np.linalg.norm(V, 2)))
         sign, log = np.linalg.slogdet(A)
         if sign == 0.0:
             return None
         inverse = np.asarray(np.linalg.inv(A), dtype=float)
         trend = np.asarray(inverse @ slope)
-        size = half * np.linalg.norm(trend) + half**2 / 2.0 * np.linalg.norm(inverse, 2) * bend
+        remainder = half**2 / 2.0 * np.linalg.norm(inverse, 2) * second_derivative
+        size = half * np.linalg.norm(trend) + remainder
         if not size < _FARTHEST:
             return None
-        most = half**2 / 2.0 * float(np.linalg.norm(np.linalg.inv(D))) * bends[1]
-        locked = float(np.linalg.slogdet(D)[1]), float(np.trace(turn)), most
-        return cls(inverse, trend, half, bend, float(size), k, float(log), locked)
+        remainder_D = (
+            half**2 / 2.0 * float(np.linalg.norm(np.linalg.inv(D))) * second_derivatives[1]
+        )
+        locked = float(np.linalg.slogdet(D)[1]), float(np.trace(trend_D)), remainder_D
+        return cls(inverse, trend, half, second_derivative, float(size), k, float(log), locked)
 
     def log_determinant(self, by_locked: bool) -> float:
         """Lower bound on log |det A|, or on log |det A / det D|.
@@ -232,7 +237,7 @@ class _Neighbourhood:
         h^2 / 2 |A0^-1| b. log det D is concave over the positive definite matrices: it stays below
         its tangent plane, log det D0 + t tr (D0^-1 D') + h^2 / 2 |D0^-1| b_D.
         """
-        second = self.half**2 / 2.0 * float(np.linalg.norm(self.inverse)) * self.bend
+        second = self.half**2 / 2.0 * float(np.linalg.norm(self.inverse)) * self.second_derivative
         rest = -np.log1p(-self.size) - self.size
         log, drift = self.log - second - rest, float(np.trace(self.trend))
         if by_locked:
@@ -252,20 +257,20 @@ class _Neighbourhood:
         norm = float(np.linalg.norm(inverse[k:, k:], 2))
         norm += self.half * float(np.linalg.norm((self.trend @ inverse)[k:, k:], 2))
         through = float(np.linalg.norm(inverse[k:], 2)) * across
-        norm += self.half**2 / 2.0 * through * self.bend
+        norm += self.half**2 / 2.0 * through * self.second_derivative
         norm += self.size**2 / (1.0 - self.size) * across
         return 1.0 / norm
 
 
-class _ArmLook:
+class _ArmBounds:
     """Bounds on ``arm``, a Fourier series of joints two and three.
 
     A term exp(i (k q2 + m q3)) has a second derivative of at most
     (|k q2'| + |m q3'|)^2 + |k q2''| + |m q3''| times its magnitude.
     """
 
-    def __init__(self, motion: Motion, found: float) -> None:
-        self._motion, self._found = motion, found
+    def __init__(self, motion: Motion, smallest: float) -> None:
+        self._motion, self._smallest = motion, smallest
         angles = 2.0 * np.pi * np.arange(_GRID) / _GRID
         value = motion.problem.margin.measure
         table = [[value(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q3 in angles] for q2 in angles]
@@ -273,25 +278,25 @@ class _ArmLook:
         self._orders = np.fft.fftfreq(_GRID, 1.0 / _GRID)
 
     def _series(self, x: Array, along: Array) -> tuple[float, float]:
-        """The measure and its slope; joints two and three and their rates, shape (2,) each."""
+        """The measure and its slope at joints two and three (2,) with rates (2,)."""
         k, m = self._orders[:, None], self._orders
         terms = self._terms * np.exp(1j * (k * x[0] + m * x[1]))
         return float(terms.sum().real), float(
             (1j * (k * along[0] + m * along[1]) * terms).sum().real
         )
 
-    def at(self, panel: int) -> Look:
-        """Bounds in a panel."""
+    def in_panel(self, panel: int) -> IntervalBounds:
+        """Bounds on the intervals of a panel."""
         c = self._motion.coefficients[panel, :, 6:8]
         rates = np.asarray(chebyshev.chebder(c), dtype=float)
-        w, change = (np.abs(some).sum(axis=0) for some in (rates, chebyshev.chebder(rates)))
+        w, change = (np.abs(c).sum(axis=0) for c in (rates, chebyshev.chebder(rates)))
         k, m = np.abs(self._orders)[:, None], np.abs(self._orders)
-        turn, more = k * w[0] + m * w[1], k * change[0] + m * change[1]
-        bend = float((np.abs(self._terms) * (turn**2 + more)).sum())
+        first, second = k * w[0] + m * w[1], k * change[0] + m * change[1]
+        second_derivative = float((np.abs(self._terms) * (first**2 + second)).sum())
 
-        def look(middle: float, half: float) -> Mapping[str, float] | None:
+        def bounds(middle: float, half: float) -> Mapping[str, float] | None:
             value, slope = self._series(_value(middle, c), _value(middle, rates))
-            kept = abs(value) - half * abs(slope) - half**2 / 2.0 * bend
-            return {"arm": kept} if kept >= _SHARE * self._found else None
+            bound = abs(value) - half * abs(slope) - half**2 / 2.0 * second_derivative
+            return {"arm": bound} if bound >= _FRACTION * self._smallest else None
 
-        return look
+        return bounds

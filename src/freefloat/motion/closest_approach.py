@@ -21,9 +21,9 @@ class ClosestApproach:
 
     Attributes:
         measure: Name of the measure.
-        value: The magnitude; zero where the measure changes sign on the way.
+        value: The magnitude; zero where the measure changes sign.
         sign: Sign of the measure at the start, 1 or -1.
-        time: When [s].
+        time: Its time [s].
     """
 
     measure: str
@@ -37,14 +37,14 @@ class ClosestApproach:
 
 
 def closest_approach(motion: Motion, measure: SingularityMeasure) -> ClosestApproach:
-    """Find where a singularity measure is smallest along a motion.
+    """The smallest magnitude of a singularity measure along a motion.
 
     Args:
         motion: The motion.
         measure: A measure of the same robot.
 
     Raises:
-        InputError: If they are something else.
+        InputError: If an argument is of another type.
     """
     require_type("motion", motion, Motion, "a Motion, such as simulate(...).chosen.motion")
     accepted = "singularity_measure(model, task, name), or margin.measure"
@@ -63,12 +63,12 @@ def closest_approach(motion: Motion, measure: SingularityMeasure) -> ClosestAppr
 
 
 def first_crossing(motion: Motion, f: Callable[[Array], float], level: float) -> float | None:
-    """Panel coordinate at which a function of the joints first changes sign or gets too small.
+    """Panel coordinate at which a function of the joints first changes sign or falls below a level.
 
     Args:
         motion: The motion.
         f: Function of joint values, shape (n,).
-        level: Magnitude that it must keep.
+        level: Required magnitude.
 
     Returns:
         None where it keeps its sign and that magnitude.

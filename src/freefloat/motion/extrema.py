@@ -22,7 +22,7 @@ _LAST = 3
 """Number of last Chebyshev coefficients from which the interpolation error is estimated."""
 _MOST_REFINED = 8
 _XATOL = 1e-9
-"""Of refined places; a minimum is flat, so that its value is exact to rounding."""
+"""Tolerance of refined parameters; a minimum is flat: its value is exact up to rounding."""
 
 Function = Callable[[int, float], Array]
 """Values of c functions, shape (c,), in a panel at its parameter x in [-1, 1]. Functions are smooth
@@ -60,7 +60,7 @@ def minimum(values: Array, f: Function | None = None) -> Extremum:
     """The smallest value that any of several functions takes along a motion.
 
     Args:
-        values: Their values at the nodes of every panel, see :func:`at_nodes`, at least of one.
+        values: Their values at the nodes of every panel, see :func:`at_nodes`.
         f: The functions; left out where they are the polynomials through ``values``.
     """
     if not np.isfinite(values).all():
@@ -95,13 +95,14 @@ def first_below(values: Array, f: Function, level: float) -> float | None:
     """
     if values[0, 0, 0] < level:
         return 0.0
-    low = (len(values), -1.0)  # panel and parameter of the first known place below the level
+    low = (len(values), -1.0)  # panel and parameter of the first known point below the level
     below = np.argwhere(values[:, :, 0] < level)
     if len(below):
         low = int(below[0, 0]), float(NODES[below[0, 1]])
-    dips = sorted(_stationary(values, level), key=lambda entry: entry[0].u)
-    for dip, _ in dips:
-        if (dip.panel, dip.x) < low and (refined := _refined(f, dip)).value < level:
+    candidates = sorted(_stationary(values, level), key=lambda entry: entry[0].u)
+    for candidate, _ in candidates:
+        before_low = (candidate.panel, candidate.x) < low
+        if before_low and (refined := _refined(f, candidate)).value < level:
             low = min(low, (refined.panel, refined.x))
             break
     panel, x = low
@@ -128,7 +129,7 @@ def _stationary(values: Array, level: float) -> list[tuple[Extremum, float]]:
     lowest = np.einsum("gi,kic->kgc", _GRID, coefficients).min(axis=1)
     errors = 4.0 * np.abs(coefficients[:, -_LAST:]).sum(axis=1)
     slack = errors + 0.01 * np.ptp(values, axis=1)  # the second: of the grid
-    found = []
+    minima = []
     for panel, index in np.argwhere(lowest - slack <= level):
         c = coefficients[panel, :, index]
         slope = chebyshev.chebder(c)
@@ -138,11 +139,11 @@ def _stationary(values: Array, level: float) -> list[tuple[Extremum, float]]:
         inside = (np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)
         x = roots.real[inside]
         x = x[chebyshev.chebval(x, chebyshev.chebder(c, 2)) >= 0.0]
-        for place, height in zip(x.tolist(), chebyshev.chebval(x, c).tolist(), strict=True):
+        for position, value in zip(x.tolist(), chebyshev.chebval(x, c).tolist(), strict=True):
             error = float(errors[panel, index])
-            if height - error <= level:
-                found.append((Extremum(height, int(index), int(panel), place), error))
-    return found
+            if value - error <= level:
+                minima.append((Extremum(value, int(index), int(panel), position), error))
+    return minima
 
 
 def _refined(f: Function, candidate: Extremum) -> Extremum:

@@ -1,8 +1,8 @@
 """Integration of (8) along its own arc length.
 
 Near a dynamic singularity the rates grow without bound as functions of time, yet the curve that
-the state draws through (time, attitude, joints) stays smooth: there it turns back in time. Followed
-along its arc length it is an ordinary curve, and the singularity is the point of its largest time.
+the state draws through (time, attitude, joints) stays smooth: there its time reverses. Along its
+arc length it is an ordinary curve, and the singularity is the point of its largest time.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _MAX_STEPS = 20_000
 _OVERSHOOT, _SLOWEST = 1.1, 1e-3
 """Factor on a step that is to reach a time; pace of time below which no step is aimed at it."""
 _FINEST, _ROUGHEST = 1e-13, 1e-2
-"""Accepted tolerances: finer ones are lost in rounding, rougher ones say nothing."""
+"""Accepted tolerances: finer ones are below rounding errors, rougher ones useless."""
 _RANK_LOST = 1e-9
 """A start is singular when S*'s smallest singular value is below this fraction of its largest."""
 _ON_PATH = 1e-6
@@ -61,16 +61,16 @@ def integrate_motion(
         end: Time at which to stop [s]; the duration when left out. An ``end`` before ``start``
             retraces the motion that leads to ``start``: the paper's reverse motion with -h
             (Appendix A).
-        stop_at_margin: End where the problem's margin is used up.
+        stop_at_margin: End where the measure falls below the margin.
         tolerance: Relative and absolute, of the integrator, per step; from 1e-13 to 1e-2.
 
     Returns:
         The motion, whatever its ending.
 
     Raises:
-        InputError: If it is no problem, the joints do not meet the path at ``start``, or a time or
-            the tolerance is not accepted.
-        IntegrationError: If the integrator gives up for a reason other than a singularity.
+        InputError: If the end-effector is not on the path at ``start``, or a time or the tolerance
+            is not accepted.
+        IntegrationError: If the integrator fails for a reason other than a singularity.
     """
     require_problem(problem)
     accepted = f"a number from {_FINEST:g} to {_ROUGHEST:g}"
@@ -108,7 +108,7 @@ def _require_on_path(problem: Problem, attitude: Array, joints: Array, start: fl
     if max(offset, angle) > _ON_PATH:
         raise InputError(
             "joints",
-            f"the end-effector would stand {offset:.3g} m and {angle:.3g} rad off the path at "
+            f"the end-effector is {offset:.3g} m and {angle:.3g} rad off the path at "
             f"t = {start:g} s",
             "joints that meet the path; Problem.branches(attitude) lists them",
         )
@@ -128,9 +128,9 @@ def _integrate(
     stepper = _Stepper(flow, tolerance, reference, bool(len(problem.path.path.breaks)))
     for leg_start, leg_end in pairwise(_legs(problem, start, end)):
         leg = problem.path.leg(leg_start, leg_end)
-        for panel, turned_back in stepper.panels(panels[-1][-1], leg, leg_end):
+        for panel, reversed_time in stepper.panels(panels[-1][-1], leg, leg_end):
             panels.append(panel[1:])
-            if turned_back:
+            if reversed_time:
                 return np.vstack(panels), Ending.SINGULAR
         panels[-1][-1, 0] = leg_end
     return np.vstack(panels), Ending.COMPLETED
@@ -165,7 +165,7 @@ class _Stepper:
         self._steps_left = _MAX_STEPS
 
     def panels(self, row: Array, leg: Leg, end: float) -> Iterator[tuple[Array, bool]]:
-        """Panels up to a time [s], each with whether time turns back at its end."""
+        """Panels up to a time [s], each with whether time reverses at its end."""
         unit, sign = self._flow.unit, self._direction
         goal = end / unit
         y = np.concatenate([[row[0] / unit], row[1:]])
@@ -189,7 +189,7 @@ class _Stepper:
             if solver.status == "failed":
                 raise IntegrationError(float(solver.y[0] * unit), str(message))
             dense, stop = solver.dense_output(), solver.t
-            turned_back = bool(sign * solver.f[0] <= self._flow.stalled)
+            reversed_time = bool(sign * solver.f[0] <= self._flow.stalled)
             if sign * solver.f[0] < 0.0:
                 stop = brentq(
                     lambda r, d=dense: tangent(r, d(r))[0], solver.t_old, stop, xtol=1e-14
@@ -199,15 +199,14 @@ class _Stepper:
                 yield _nodes(unit, dense, solver.t_old, stop), False
                 self._proposed = solver.h_abs if self._breaks else None
                 return
-            yield _nodes(unit, dense, solver.t_old, stop), turned_back
-            if turned_back:
+            yield _nodes(unit, dense, solver.t_old, stop), reversed_time
+            if reversed_time:
                 return
             self._reference = solver.f
         raise IntegrationError(
             float(solver.y[0] * unit),
             f"{_MAX_STEPS} steps were not enough",
-            "a shorter duration or less momentum: the system may tumble hundreds of times on the "
-            "way",
+            "a shorter duration or less momentum: the system may rotate hundreds of times",
         )
 
     def _tolerance_on(self, leg: float) -> float:

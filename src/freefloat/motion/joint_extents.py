@@ -1,4 +1,4 @@
-"""Joint values along a motion, and the whole turns that bring them into their ranges."""
+"""Joint values along a motion, and the multiples of 2 pi that shift them into their ranges."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class JointExtents:
 
 
 def joint_extents(motion: Motion) -> JointExtents:
-    """Find the minimum and maximum of every joint along a motion."""
+    """Minimum and maximum of every joint along a motion."""
     if not motion.panels:
         initial, zeros = motion.joints[0], np.zeros(motion.joints.shape[1])
         return JointExtents(initial, initial, zeros, zeros)

@@ -75,9 +75,9 @@ class SecondDerivatives:
 
 @dataclass(frozen=True, eq=False)
 class ScaledSystem:
-    """A of (5) without units, and what bounds its second derivative; see the module.
+    """A of (5) without units, and the factors of the bounds on its second derivative.
 
-    S* is scaled as the measure ``sigma`` wants it.
+    S* is scaled as in the measure ``sigma``.
 
     Attributes:
         model: The robot.
@@ -100,8 +100,8 @@ class ScaledSystem:
     moving: Array
 
     @classmethod
-    def of(cls, motion: Motion) -> ScaledSystem:
-        """The system of a motion's robot; prismatic joints with their strokes in the motion."""
+    def from_motion(cls, motion: Motion) -> ScaledSystem:
+        """The system of a motion's robot, with the strokes of prismatic joints in the motion."""
         model, task = motion.problem.model, motion.problem.task
         reach, m = VirtualManipulator.of(model).reach, model.total_mass
         base = 1 if task.planar else 3
@@ -152,7 +152,7 @@ class ScaledSystem:
 
 
 def _chain_length(motion: Motion, prismatic: Array) -> float:
-    """No two points that the matrix depends on are farther apart along the chain [m]."""
+    """Largest distance along the chain between points that the matrix depends on [m]."""
     model, extents = motion.problem.model, joint_extents(motion)
     centres = max(float(np.linalg.norm(body.centre)) for body in model.bodies)
     last = max(float(np.linalg.norm(model.tool.position)), centres)

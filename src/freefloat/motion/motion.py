@@ -111,7 +111,7 @@ class Motion:
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def __reduce__(self) -> tuple[type[Motion], tuple[Any, ...]]:
-        """Made anew on unpickling, so that its arrays are read-only there, too."""
+        """Arguments of the constructor, so that unpickled arrays are read-only, too."""
         return Motion, (self.problem, self.ending, self.times, self.attitudes, self.joints)
 
     @property
@@ -121,7 +121,7 @@ class Motion:
 
     @property
     def panel_nodes(self) -> IntArray:
-        """Numbers of the nodes of every panel, shape (panels, 9)."""
+        """Indices of the nodes of every panel, shape (panels, 9)."""
         return panel_nodes(self.panels)
 
     @property
@@ -200,7 +200,7 @@ class Motion:
         first, last = sorted((float(self.times[0]), float(self.times[-1])))
         if ((times < first) | (times > last)).any() or np.isnan(times).any():
             raise InputError(
-                "times", f"{times.min():g} to {times.max():g} s asked for",
+                "times", f"{times.min():g} to {times.max():g} s was given",
                 f"{first:g} to {last:g} s, where the motion is known",
             )  # fmt: skip
         sign = 1.0 if self.times[-1] >= self.times[0] else -1.0
@@ -211,7 +211,7 @@ class Motion:
             early = sign * self.evaluate(middle)[0] < sign * times
             low, high = np.where(early, middle, low), np.where(early, high, middle)
         u = np.where(times == self.times[0], 0.0, (low + high) / 2.0)
-        # where time turns back, at a singularity, u is known to half the digits only
+        # at a singularity, where time reverses, u is known to half the digits only
         return np.where(times == self.times[-1], float(self.panels), u)
 
     def sample(self, times: npt.ArrayLike) -> tuple[State, ...]:
@@ -231,19 +231,19 @@ class Motion:
     def cut(self, u: float, ending: Ending) -> Motion:
         """The motion up to a panel coordinate, ending there."""
         whole = min(int(u), max(self.panels - 1, 0))
-        kept = slice(0, DEGREE * whole + 1)
+        before = slice(0, DEGREE * whole + 1)
         nodes = NODES[1:] if u > whole else NODES[:0]
         t, a, q = self.evaluate(whole + (u - whole) * (nodes + 1.0) / 2.0)
         return Motion(
             self.problem,
             ending,
-            np.concatenate([self.times[kept], t]),
-            np.vstack([self.attitudes[kept], a]),
-            np.vstack([self.joints[kept], q]),
+            np.concatenate([self.times[before], t]),
+            np.vstack([self.attitudes[before], a]),
+            np.vstack([self.joints[before], q]),
         )
 
     def residuals(self) -> Residuals:
-        """How well the recorded configurations follow the path and keep the momentum."""
+        """Largest distance from the path and deviation of the momentum."""
         position, attitude = np.max(self.end_effector_errors, axis=0)
         panel = np.repeat(np.arange(self.panels), DEGREE + 1)
         momentum = self._momentum_errors(panel, np.tile(NODES, self.panels))
@@ -259,7 +259,7 @@ class Motion:
     def end_effector_errors(self) -> Array:
         """Distance from the path [m] and angle from its orientation [rad] at the nodes, (N, 2).
 
-        Only what the task prescribes counts.
+        Only components prescribed by the task count.
         """
         return frozen(path_errors(self.problem, self.times, self.attitudes, self.joints))
 
@@ -270,8 +270,8 @@ class Motion:
             u: Panel coordinates, shape (K,).
 
         Returns:
-            Magnitudes [N m s], shape (K,); nan where next to nothing changes or time nearly stands
-            still, so that there are no rates by time.
+            Magnitudes [N m s], shape (K,); nan in panels without motion and where time nearly
+            stands still.
         """
         if not self.panels:
             return np.full(np.size(u), np.nan)

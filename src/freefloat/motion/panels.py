@@ -1,4 +1,4 @@
-"""Panels: the polynomials in pieces of which a motion consists.
+"""Panels: the segments of the piecewise polynomial that represents a motion.
 
 Consecutive panels of 9 nodes share their end nodes. Inside a panel, everything is a polynomial of
 degree 8 of the panel's parameter x in [-1, 1]. The panel coordinate u is k + (x + 1) / 2 in panel
@@ -20,11 +20,11 @@ NODES = frozen(chebyshev.chebpts2(DEGREE + 1))
 TO_COEFFICIENTS = frozen(np.linalg.inv(chebyshev.chebvander(NODES, DEGREE)))
 """Maps values at the nodes of a panel to Chebyshev coefficients, shape (9, 9)."""
 _NEARLY_STILL = 1e-2
-"""Fraction of a panel's pace of time below which no rates by time are formed."""
+"""Fraction of a panel's largest pace of time below which there are no rates by time."""
 
 
 def panel_nodes(panels: int) -> IntArray:
-    """Numbers of the nodes of every panel, shape (panels, 9)."""
+    """Indices of the nodes of every panel, shape (panels, 9)."""
     return np.asarray(DEGREE * np.arange(panels)[:, None] + np.arange(DEGREE + 1))
 
 
@@ -36,14 +36,14 @@ def panel_parameters(u: npt.ArrayLike, panels: int) -> tuple[IntArray, Array]:
 
 
 def with_slopes(c: Array, x: Array) -> list[tuple[int, Array, Array]]:
-    """Values and derivatives by time of a panel's polynomials, where time does not stand still.
+    """Values and derivatives by time of a panel's polynomials, except where time stands still.
 
     Args:
         c: Chebyshev coefficients, those of time first, shape (9, c).
         x: Parameters, shape (K,).
 
     Returns:
-        For each parameter at which time passes: its number, the values and their derivatives by
+        For each parameter at which time passes: its index, the values and their derivatives by
         time, shape (c,) each.
     """
     slope = chebyshev.chebder(c)

@@ -29,9 +29,9 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen, low_discrepancy, rotation_matrix, unit_quaternion
 
 TOLERANCE = 1e-6
-"""Fraction of a threshold or limit that rounding may use up."""
+"""Relative deviation from a threshold or limit that is attributed to rounding."""
 _NEAR = 0.05
-"""How near joint values must be to mean a branch [rad, m]."""
+"""Largest difference of joint values from those of a branch [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +91,16 @@ def is_kept(values: float | Array, threshold: float) -> bool | npt.NDArray[np.bo
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A robot, a path for its end-effector, and the momentum the system drifts with.
+    """A robot, a path for its end-effector, and the angular momentum of the system.
 
     Attributes:
         model: Robot.
-        path: Where the end-effector should be, and when.
-        task: What of the path counts; its value, such as ``"pose"``, will do.
+        path: Pose of the end-effector by time.
+        task: Prescribed components of the end-effector twist, or its value, such as ``"pose"``.
         momentum: Angular momentum about the centre of mass, inertial axes [N m s], shape (3,).
-        margin: Distance to keep from dynamic singularities.
-        redundancy: What an arm with more joints than the task has rows does with its freedom; when
-            left out, it moves with the joint rates of least Euclidean norm.
+        margin: Required distance from dynamic singularities.
+        redundancy: Null-space motion of a redundant arm; by default the joint rates have the
+            smallest Euclidean norm.
     """
 
     model: FreeFloatingModel = field(repr=False)
@@ -135,9 +135,9 @@ class Problem:
             self._refuse_what_is_not_planar()
 
     def __reduce__(self) -> tuple[type[Problem], tuple[Any, ...]]:
-        """Made anew on unpickling, so that its arrays are read-only there, too."""
-        given = (self.model, self.path, self.task, self.momentum, self.margin, self.redundancy)
-        return Problem, given
+        """Arguments of the constructor, so that unpickled arrays are read-only, too."""
+        arguments = self.model, self.path, self.task, self.momentum, self.margin, self.redundancy
+        return Problem, arguments
 
     @property
     def redundant(self) -> bool:
@@ -149,7 +149,7 @@ class Problem:
         return replace(self, path=replace(self.path, timing=self.path.timing.stretched(factor)))
 
     def resolved_rate_solver(self) -> ResolvedRateSolver:
-        """Equation (4) of this problem, ready to be solved."""
+        """Solver of equation (4) for this problem."""
         return ResolvedRateSolver(self.model, self.task, self.momentum, self.redundancy)
 
     def _refuse_what_is_not_planar(self) -> None:
@@ -158,13 +158,13 @@ class Problem:
             raise InputError(
                 "task",
                 f"{self.task}, but this robot does not stay in the x-y plane",
-                "pose or position; planar tasks want joint axes along z and masses spread evenly "
-                "above and below z = 0",
+                "pose or position; planar tasks require joint axes along z and a mass distribution "
+                "symmetric about z = 0",
             )
         if self.momentum[0] != 0.0 or self.momentum[1] != 0.0:
             raise InputError(
                 "momentum",
-                f"{self.momentum.tolist()} turns the plane of a planar task",
+                f"{self.momentum.tolist()} has components other than z in a planar task",
                 "[0, 0, hz]",
             )
         level = float(virtual.pose(np.zeros(self.model.dof)).position[2])
@@ -182,26 +182,26 @@ class Problem:
                 raise InputError(
                     "path.attitude",
                     f"the end-effector would leave the plane at s = {s:.2g}",
-                    "attitudes that turn about z alone",
+                    "orientations about z only",
                 )
 
-    def attitude(self, key: str, given: npt.ArrayLike) -> Array:
-        """Check an attitude of the spacecraft.
+    def attitude(self, key: str, values: npt.ArrayLike) -> Array:
+        """A checked, normalized attitude of the spacecraft.
 
         Args:
             key: Named in errors.
-            given: Quaternion x, y, z, w.
+            values: Quaternion x, y, z, w.
 
         Returns:
             The unit quaternion, shape (4,).
 
         Raises:
-            InputError: If it is no unit quaternion or, for planar tasks, not about z alone.
+            InputError: If it is no unit quaternion or, for planar tasks, not a rotation about z.
         """
-        attitude = unit_quaternion(key, given)
+        attitude = unit_quaternion(key, values)
         if self.task.planar and np.abs(attitude[:2]).max() > 1e-9:
             raise InputError(
-                key, f"{attitude.tolist()} leaves the plane", "a turn about z: [0, 0, z, w]"
+                key, f"{attitude.tolist()} leaves the plane", "a rotation about z: [0, 0, z, w]"
             )
         return attitude
 
@@ -230,37 +230,37 @@ class Problem:
     def branch_near(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, branches: Sequence[ArmBranch]
     ) -> ArmBranch:
-        """The arm branch meant by roughly given joint values.
+        """The arm branch near joint values.
 
         Args:
             attitude: Of the spacecraft at the start, unit quaternion x, y, z, w.
-            joints: Joint values within 0.05 rad each (whole turns not counted) of a branch; for an
-                arm with more joints than the task needs, of any configuration on the path.
-            branches: Those found by :meth:`branches`.
+            joints: Joint values within 0.05 rad each, modulo 2 pi, of a branch; for a redundant
+                arm, of any configuration on the path.
+            branches: The result of :meth:`branches`.
 
         Raises:
             InputError: Listing the branches when the joints lie near none.
         """
-        given = self.model.joint_vector(joints)
+        values = self.model.joint_vector(joints)
         candidates = list(branches)
         if self.redundant:
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
-            candidates += nearest_configuration(self.model, target, self.task, given)
+            candidates += nearest_configuration(self.model, target, self.task, values)
         for branch in candidates:
-            if self.model.joint_distance(branch.joints, given) <= _NEAR:
+            if self.model.joint_distance(branch.joints, values) <= _NEAR:
                 return branch
         raise InputError(
             "joints",
-            f"{given.tolist()} lies near no arm branch at this attitude",
-            f"within {_NEAR} rad each of one of: "
+            f"{values.tolist()} is near no arm branch at this attitude",
+            f"within {_NEAR} rad each of: "
             + "; ".join(f"{b.index} {np.round(b.joints, 4).tolist()}" for b in branches),
         )
 
 
-def require_problem(given: object) -> None:
-    """Raise an InputError that tells the way to a problem where something else was given."""
+def require_problem(value: object) -> None:
+    """Raise an InputError unless the value is a problem."""
     accepted = "a Problem: problem() of a Scenario, such as load_scenario(...).problem()"
-    require_type("problem", given, Problem, accepted)
+    require_type("problem", value, Problem, accepted)
 
 
 def _drifts_in_plane(model: FreeFloatingModel) -> bool:

@@ -1,4 +1,4 @@
-"""How well recorded configurations follow the path and keep the momentum."""
+"""Errors of recorded configurations: distance from the path, deviation of the momentum."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray, cross, rotation_matrix, rotation_vector_between
 
 _UNRESOLVED = 1e-7
-"""Changes in a panel below which derivatives are rounding [rad, m, fraction of the duration]."""
+"""Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""
 
 
 def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array) -> Array:
     """Distances from the path [m] and angles from its orientation [rad], shape (K, 2).
 
-    Only what the task prescribes counts.
+    Only components prescribed by the task count.
 
     Args:
         problem: Robot, path and task.
@@ -45,7 +45,7 @@ def momentum_errors(problem: Problem, values: Array, panel: IntArray, x: Array) 
     """Magnitude of the angular momentum's deviation from the prescribed one [N m s], shape (K,).
 
     The momentum is recomputed from the recorded configurations alone, by the derivatives of the
-    panels' polynomials, time included. nan where next to nothing changes or time nearly stands
+    panels' polynomials, time included. nan in panels without motion and where time nearly stands
     still.
 
     Args:
@@ -61,14 +61,14 @@ def momentum_errors(problem: Problem, values: Array, panel: IntArray, x: Array) 
     for k in np.unique(panel):
         if (np.ptp(values[k, :, :-3], axis=0) / scale).max() < _UNRESOLVED:
             continue
-        own = np.flatnonzero(panel == k)
-        for i, value, rate in with_slopes(TO_COEFFICIENTS @ values[k], x[own]):
-            errors[own[i]] = _momentum_error(problem, value, rate)
+        points = np.flatnonzero(panel == k)
+        for i, value, rate in with_slopes(TO_COEFFICIENTS @ values[k], x[points]):
+            errors[points[i]] = _momentum_error(problem, value, rate)
     return errors
 
 
 def _momentum_error(problem: Problem, values: Array, rates: Array) -> float:
-    """From (time, attitude, joints, base position) and their derivatives by time."""
+    """The deviation from (time, attitude, joints, base position) and their derivatives by time."""
     size = np.linalg.norm(values[1:5])
     attitude = values[1:5] / size
     base = rotation_matrix(attitude).T @ rates[-3:]

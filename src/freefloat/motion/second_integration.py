@@ -1,7 +1,7 @@
-"""A motion followed a second time, by another integrator than the one that made it.
+"""A second integration of a motion, by an independent integrator, for comparison.
 
 Fixed steps in time, fourth order, on the group of rotations itself (Munthe-Kaas 1998): the
-attitude is advanced by the exponential of a rotation vector and needs no normalization. The first
+attitude is advanced by the exponential of a rotation vector and needs no normalization. The main
 integrator takes adaptive steps of eighth order along the arc length, in quaternions.
 """
 
@@ -17,23 +17,23 @@ from freefloat.so3 import Array, angle_between, cross
 
 NAME = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"
 _BEFORE_SINGULAR = 2
-"""Panels before a singularity that are left out: there the rates by time grow beyond all bounds."""
+"""Number of panels before a singularity that are omitted: the rates by time have no bound there."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A motion beside itself, followed again from its first state.
+    """Differences between a motion and its second integration.
 
     Attributes:
-        attitude: Largest angle between the two [rad].
-        attitude_time: When [s].
+        attitude: Largest angle between the attitudes [rad].
+        attitude_time: Its time [s].
         joints: Largest difference of a joint [rad or m].
-        joints_time: When [s].
-        joint: Which one.
-        halving_attitude: By how much the last attitude changes when steps are halved [rad].
-        halving_joints: Likewise the last joints [rad or m].
-        steps: Number of the shorter steps.
-        until: Time up to which it was followed [s].
+        joints_time: Its time [s].
+        joint: Name of that joint.
+        halving_attitude: Change of the last attitude when steps are halved [rad].
+        halving_joints: Change of the last joint values [rad or m].
+        steps: Number of the halved steps.
+        until: Time at which the comparison ends [s].
     """
 
     attitude: float
@@ -47,25 +47,25 @@ class Comparison:
     until: float
 
 
-def follow_again(motion: Motion) -> Comparison:
-    """Follow a motion from its first state, twice, with steps from node to node and half of them.
+def integrate_again(motion: Motion) -> Comparison:
+    """Integrate a motion from its first state with steps from node to node, whole and halved.
 
     Args:
-        motion: The motion; before a singular end it is followed up to the last panels.
+        motion: The motion; of one that ends singular, the last panels are omitted.
     """
-    left_out = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 0
-    panels = max(0, motion.panels - left_out)
-    whole = _followed(motion, panels, 1)
-    attitudes, joints = _followed(motion, panels, 2)
-    known = slice(0, DEGREE * panels + 1)
-    times = motion.times[known]
-    turns = angle_between(attitudes, motion.attitudes[known])
-    gaps = np.abs(joints - motion.joints[known])
-    node, joint = np.unravel_index(int(gaps.argmax()), gaps.shape)
+    omitted = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 0
+    panels = max(0, motion.panels - omitted)
+    whole = _integrated(motion, panels, 1)
+    attitudes, joints = _integrated(motion, panels, 2)
+    nodes = slice(0, DEGREE * panels + 1)
+    times = motion.times[nodes]
+    angles = angle_between(attitudes, motion.attitudes[nodes])
+    differences = np.abs(joints - motion.joints[nodes])
+    node, joint = np.unravel_index(int(differences.argmax()), differences.shape)
     return Comparison(
-        attitude=float(turns.max()),
-        attitude_time=float(times[turns.argmax()]),
-        joints=float(gaps.max()),
+        attitude=float(angles.max()),
+        attitude_time=float(times[angles.argmax()]),
+        joints=float(differences.max()),
         joints_time=float(times[node]),
         joint=motion.problem.model.joint_names[joint],
         halving_attitude=float(angle_between(attitudes[-1], whole[0][-1])),
@@ -75,15 +75,14 @@ def follow_again(motion: Motion) -> Comparison:
     )
 
 
-def _followed(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
-    """Attitudes (N, 4) and joints (N, n) at the nodes of panels, each interval cut into parts."""
-    timing = motion.problem.path.timing
+def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
+    """Attitudes (N, 4) and joints (N, n) at the nodes, with ``parts`` steps between nodes."""
     flow = _Flow(motion)
     attitude, joints = motion.attitudes[0], motion.joints[0]
     attitudes, rows = [attitude], [joints]
     for panel in range(panels):
         nodes = motion.times[DEGREE * panel : DEGREE * (panel + 1) + 1]
-        flow.piece = timing.segment_at(float(nodes.mean()))
+        flow.segment = motion.timing_segment(panel)
         for start, end in zip(nodes[:-1].tolist(), nodes[1:].tolist(), strict=True):
             h = (end - start) / parts
             for part in range(parts):
@@ -99,30 +98,32 @@ class _Flow:
     def __init__(self, motion: Motion) -> None:
         self._path = motion.problem.path
         self._equation = motion.problem.resolved_rate_solver()
-        self.piece = 0
+        self.segment = 0
 
     def step(self, t: float, h: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
-        """Attitude and joints a step later."""
-        still = np.zeros(3)
-        w1, r1 = self._rates(t, attitude, still, joints)
+        """Attitude and joints after a step."""
+        none = np.zeros(3)
+        w1, r1 = self._rates(t, attitude, none, joints)
         w2, r2 = self._rates(t + h / 2.0, attitude, h / 2.0 * w1, joints + h / 2.0 * r1)
         w3, r3 = self._rates(t + h / 2.0, attitude, h / 2.0 * w2, joints + h / 2.0 * r2)
         w4, r4 = self._rates(t + h, attitude, h * w3, joints + h * r3)
-        turn = h / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4)
-        return _turned(attitude, turn), joints + h / 6.0 * (r1 + 2.0 * r2 + 2.0 * r3 + r4)
+        vector = h / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4)
+        return _rotated(attitude, vector), joints + h / 6.0 * (r1 + 2.0 * r2 + 2.0 * r3 + r4)
 
-    def _rates(self, t: float, attitude: Array, turn: Array, joints: Array) -> tuple[Array, Array]:
+    def _rates(
+        self, t: float, attitude: Array, vector: Array, joints: Array
+    ) -> tuple[Array, Array]:
         """Rates of the rotation vector (the inverse of the exponential's derivative) and joints."""
-        wish = self._path.twist_and_speed(t, self.piece)
-        omega, rates = self._equation.rates(_turned(attitude, turn), joints, *wish)
-        bent = cross(turn, omega)
-        return omega + bent / 2.0 + cross(turn, bent) / 12.0, rates
+        task = self._path.twist_and_speed(t, self.segment)
+        omega, rates = self._equation.rates(_rotated(attitude, vector), joints, *task)
+        first = cross(vector, omega)
+        return omega + first / 2.0 + cross(vector, first) / 12.0, rates
 
 
-def _turned(attitude: Array, turn: Array) -> Array:
-    """An attitude turned further about spacecraft axes by a rotation vector [rad]."""
-    angle = float(np.sqrt(turn @ turn))
-    p, q, r = (np.sinc(angle / (2.0 * np.pi)) / 2.0 * turn).tolist()
+def _rotated(attitude: Array, vector: Array) -> Array:
+    """An attitude rotated about spacecraft axes by a rotation vector [rad]."""
+    angle = float(np.sqrt(vector @ vector))
+    p, q, r = (np.sinc(angle / (2.0 * np.pi)) / 2.0 * vector).tolist()
     s = float(np.cos(angle / 2.0))
     x, y, z, w = attitude.tolist()
     return np.array([

@@ -28,7 +28,7 @@ class SimulatedBranch:
 
     Attributes:
         branch: The arm at the start.
-        motion: How it follows the path.
+        motion: Its motion along the path.
         closest_approach: To a dynamic singularity, by the problem's measure.
     """
 
@@ -160,7 +160,7 @@ def simulate(
 ) -> Simulation:
     """Integrate the motion of every arm branch from one attitude.
 
-    Joints are shifted by whole turns into their ranges where possible.
+    Revolute joints are shifted by multiples of 2 pi into their ranges where possible.
 
     Args:
         problem: Robot, path and momentum.
@@ -196,9 +196,9 @@ def simulate(
 def _branches(
     problem: Problem, attitude: Array, branch: int | None, joints: npt.ArrayLike | None
 ) -> tuple[list[ArmBranch], int | None]:
-    """The arm branches at the start, and the place of the requested one among them."""
+    """The arm branches at the start, and the index of the requested one."""
     if branch is not None and joints is not None:
-        raise InputError("branch", f"{branch} was given, and joints, too", "branch or joints")
+        raise InputError("branch", f"{branch} was given together with joints", "branch or joints")
     branches = list(problem.branches(attitude))
     if not branches:
         raise _unreachable(problem, attitude)
