@@ -1,7 +1,7 @@
-"""Measure studies: the speed-up of two workers, the overhead of the machinery, its memory.
+"""Measure studies: speed-up by a second worker, overhead between runs, memory.
 
-``python scripts/measure_batch.py [speedup] [overhead] [memory]`` runs what is named, all when
-nothing is, on a machine that does nothing else. It takes about twenty minutes.
+``python scripts/measure_batch.py [speedup] [overhead] [memory]`` measures these, by default all, on
+an otherwise idle machine. It takes about twenty minutes.
 """
 
 from __future__ import annotations
@@ -46,10 +46,11 @@ TRIVIAL: dict[str, Any] = {
     "cases": 10_000,
     "vary": {"momentum.2": {"uniform": [-1, 1]}, "path.polynomial.z": {"list": [[1]]}},
 }
-"""Cases that are refused at once: the path leaves the plane."""
+"""Runs that end in an error at once: the path leaves the plane."""
 
 
 def started(study: dict[str, Any], folder: Path, workers: int) -> subprocess.Popen[str]:
+    """Start ``freefloat batch`` on a study, with its results in the folder out."""
     file = folder / "study.yaml"
     file.write_text(yaml.safe_dump(study | {"base": str(find_scenario(study["base"]))}))
     command = [sys.executable, "-m", "freefloat", "batch", str(file), "-o", str(folder / "out")]
@@ -70,30 +71,22 @@ def run(study: dict[str, Any], workers: int) -> tuple[dict[str, Any], list[dict[
     return json.loads(output), rows
 
 
-def say(text: str) -> None:
-    print(text, flush=True)
-
-
 def measure_speedup() -> None:
     seconds = {workers: run(SPEEDUP, workers)[0]["seconds"] for workers in (1, 2)}
-    say(f"{SPEEDUP['cases']} plans of Example 2: {seconds[1]:.1f} s with one worker, "
+    print(f"{SPEEDUP['cases']} plans of Example 2: {seconds[1]:.1f} s with one worker, "
           f"{seconds[2]:.1f} s with two: {seconds[1] / seconds[2]:.2f} times faster")  # fmt: skip
 
 
 def measure_overhead() -> None:
-    """From the first case to the last, without what starting and the tables take."""
+    """Measure from the start of the first run to the end of the last one."""
     document, rows = run(OVERHEAD, 1)
     work = sum(row["seconds"] for row in rows)
-    began = [time_of(row) for row in rows]
+    began = [datetime.fromisoformat(row["began"]).timestamp() for row in rows]
     span = max(began) - min(began) + rows[-1]["seconds"]
     between, around = span - work, document["seconds"] - span
-    say(f"{len(rows)} cases of {work / len(rows):.2f} s on one worker: {between:.2f} s between "
-          f"them, {between / work:.2%} of the work; {around:.1f} s to start and to write tables "
+    print(f"{len(rows)} runs of {work / len(rows):.2f} s on one worker: {between:.2f} s between "
+          f"them, {between / work:.2%} of their time; {around:.1f} s to start and to write tables "
           "and figure")  # fmt: skip
-
-
-def time_of(row: dict[str, Any]) -> float:
-    return datetime.fromisoformat(row["began"]).timestamp()
 
 
 def measure_memory() -> None:
@@ -101,22 +94,23 @@ def measure_memory() -> None:
         begin, running = time.monotonic(), started(TRIVIAL, Path(place), 2)
         database = Path(place) / "out" / "study.sqlite"
         first: dict[int, int] = {}
-        most: dict[int, int] = {}
+        largest: dict[int, int] = {}
         while running.poll() is None:
             if database.exists():
-                for one in [psutil.Process(running.pid), *psutil.Process(running.pid).children()]:
+                coordinator = psutil.Process(running.pid)
+                for process in [coordinator, *coordinator.children()]:
                     try:
-                        size = one.memory_info().rss
+                        size = process.memory_info().rss
                     except psutil.Error:
                         continue
-                    first.setdefault(one.pid, size)
-                    most[one.pid] = max(most.get(one.pid, 0), size)
+                    first.setdefault(process.pid, size)
+                    largest[process.pid] = max(largest.get(process.pid, 0), size)
             time.sleep(0.2)
         running.communicate()
-    grown = sum(most[pid] - first[pid] for pid in first) / 2**20
+    growth = sum(largest[pid] - first[pid] for pid in first) / 2**20
     seconds = time.monotonic() - begin
-    say(f"{TRIVIAL['cases']:,} trivial cases in {seconds:.0f} s: coordinator and workers grew by "
-          f"{grown:.0f} MiB, to {sum(most.values()) / 2**20:.0f} MiB")  # fmt: skip
+    print(f"{TRIVIAL['cases']:,} trivial runs in {seconds:.0f} s: coordinator and workers grew by "
+          f"{growth:.0f} MiB, to {sum(largest.values()) / 2**20:.0f} MiB")  # fmt: skip
 
 
 if __name__ == "__main__":

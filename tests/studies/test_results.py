@@ -15,16 +15,12 @@ import pyarrow.parquet
 import pytest
 
 from freefloat.errors import InputError
-from freefloat.studies.files import study_files
-from freefloat.studies.report import save_report
+from freefloat.studies.report import save_summary, save_tables, study_table
 from freefloat.studies.results import open_results
 from freefloat.studies.row import Row
-from freefloat.studies.run import RunResult
+from freefloat.studies.run import RunResult, study_files
 from freefloat.studies.study import Study
 from freefloat.studies.summary import StudyResult
-from freefloat.studies.table import parameter_columns, save_table, study_table
-from freefloat.visualization.figure_style import save_figures
-from freefloat.visualization.study_figure import study_figure
 from tests.example_studies import BASE, a_study
 
 VARY = {"momentum.2": {"uniform": [-1, 1]}}
@@ -134,8 +130,8 @@ def test_a_folder_that_cannot_be_used_is_an_error(kind: str, study: Study, tmp_p
 
 
 def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
-    parquet, comma = save_table(tmp_path, study_table(ROWS))
-    table = pyarrow.parquet.read_table(parquet).to_pydict()
+    files = save_tables(tmp_path, ROWS)
+    table = pyarrow.parquet.read_table(files["parquet"]).to_pydict()
     assert table["case"] == [0, 1, 2]
     assert table["timing.duration"] == [50.0, 60.0, 70.0]
     assert table["momentum.0"] == [0.0, None, 0.0]
@@ -148,7 +144,7 @@ def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
     assert table["attitude_ranges_deg.1"] == ["[[0.0, 9.5]]", "[[0.0, 9.5]]", None]
     assert table["joints.2"] == [0.3, 0.3, None]
     assert table["error"] == [None, None, ERROR.error]
-    with comma.open(newline="") as stream:
+    with files["csv"].open(newline="") as stream:
         lines = list(csv.DictReader(stream))
     assert list(lines[0]) == list(table)
     assert [line["margin"] for line in lines] == ["7.5", "2.5", ""]
@@ -191,14 +187,13 @@ class Tags(HTMLParser):
         self.text.append(data)
 
 
-def test_the_report_has_the_numbers_and_escapes_names(study: Study, tmp_path: Path) -> None:
-    table = study_table(ROWS)
-    columns = parameter_columns(table, ["timing.duration", "momentum"])
-    assert columns == ["momentum.0", "momentum.1", "momentum.2", "timing.duration", "momentum"]
-    _, picture = save_figures(tmp_path, {"summary": study_figure(table, columns)})
-    file = save_report(StudyResult(study, ROWS, tmp_path), table, columns, picture)
+def test_the_report_has_the_numbers_and_escapes_names(tmp_path: Path) -> None:
+    vary = {"timing.duration": {"list": [50, 60, 70]}, "momentum.2": {"uniform": [0, 1]}}
+    result = StudyResult(a_study(tmp_path, vary, cases=2), ROWS, tmp_path)
+    file = save_summary(result)["report"]
+    assert file is not None
     page = Tags(file.read_text())
     assert "script" not in page.tags
     assert page.tags.count("img") == 1
-    for text in ("3 of 4", "50.00% ± 22.36%", "7.5", "fast", str(ERROR.error)):
+    for text in ("3 of 6", "50.00% ± 22.36%", "7.5", "timing.duration", str(ERROR.error)):
         assert text in page.text

@@ -12,9 +12,9 @@ from freefloat.io.results import load
 from freefloat.io.scenario import load_scenario
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
-from freefloat.studies.files import study_files
 from freefloat.studies.row import Row
-from freefloat.studies.run import Run, RunResult, execute
+from freefloat.studies.run import Run, RunResult, execute, study_files
+from freefloat.studies.study import load_study
 from tests.example_studies import BASE, HEADINGS, a_study, write_study
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -30,9 +30,9 @@ def rows(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> list[
 
 
 def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -> None:
-    found = results(tmp_path, HEADINGS, branch=0)
+    simulated = results(tmp_path, HEADINGS, branch=0)
     problem = load_scenario(tmp_path / "base.yaml").problem()
-    for result, heading in zip(found, HEADINGS["heading_deg"]["list"], strict=True):
+    for result, heading in zip(simulated, HEADINGS["heading_deg"]["list"], strict=True):
         row, start = result.row, heading_quaternion(np.radians(heading))
         chosen = simulate(problem, start, branch=0).chosen
         assert row.completed == chosen.motion.completed
@@ -42,9 +42,9 @@ def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -
         assert result.content is not None
         (tmp_path / "run.h5").write_bytes(result.content)
         assert load(tmp_path / "run.h5").chosen.closest_approach.value == row.margin
-    assert [result.row.verdict for result in found] == ["feasible", "infeasible", "feasible"]
-    assert found[1].row.singular_time == pytest.approx(found[1].row.margin_time)
-    assert found[1].row.reason == "The arm became dynamically singular."
+    assert [result.row.verdict for result in simulated] == ["feasible", "infeasible", "feasible"]
+    assert simulated[1].row.singular_time == pytest.approx(simulated[1].row.margin_time)
+    assert simulated[1].row.reason == "The arm became dynamically singular."
 
 
 def test_a_plan_has_the_results_of_plan(tmp_path: Path) -> None:
@@ -79,10 +79,10 @@ def test_a_map_has_the_results_of_map(tmp_path: Path) -> None:
 
 def test_violated_margins_and_limits_are_infeasible(tmp_path: Path) -> None:
     vary = {"margin.value": {"list": [5, 200]}, "limits.base_rate": {"list": [1.0, 1e-4]}}
-    found = rows(tmp_path, vary, branch=0)
-    assert [row.verdict for row in found] == ["feasible", *["infeasible"] * 3]
-    assert [row.limits_kept for row in found] == [True, False, True, False]
-    ratios = [row.limits["base_rate"] for row in found if row.limits]
+    checked = rows(tmp_path, vary, branch=0)
+    assert [row.verdict for row in checked] == ["feasible", *["infeasible"] * 3]
+    assert [row.limits_kept for row in checked] == [True, False, True, False]
+    ratios = [row.limits["base_rate"] for row in checked if row.limits]
     assert ratios[0] < 1.0 < ratios[1]
 
 
@@ -141,7 +141,5 @@ def test_meshes_are_files_of_a_study(tmp_path: Path) -> None:
     robot = '<robot><mesh filename="part.stl"/><mesh filename="&a;"/><mesh filename="no.stl"/>'
     (tmp_path / "planar_3dof.urdf").write_text(robot)
     (tmp_path / "part.stl").write_bytes(b"solid")
-    from freefloat.studies.study import load_study
-
     names = [Path(path).name for path, _ in study_files(load_study(file))]
     assert names == ["part.stl", "planar_3dof.urdf"]

@@ -22,10 +22,11 @@ from typer.testing import CliRunner
 from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.results import load
-from freefloat.robot.names import bundled_studies
+from freefloat.robot.names import bundled_studies, models_folder
 from freefloat.studies.cluster import execute_all
+from freefloat.studies.results import open_results
 from freefloat.studies.row import Row
-from freefloat.studies.run import Run, RunResult, execute
+from freefloat.studies.run import Run, RunResult, execute, study_files
 from freefloat.studies.runner import estimate_study, run_study
 from freefloat.studies.study import load_study
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study
@@ -116,13 +117,13 @@ def wait_until(condition: Callable[[], bool], process: subprocess.Popen[str]) ->
 
 
 def workers(process: subprocess.Popen[str]) -> list[psutil.Process]:
-    found = []
+    processes = []
     for child in psutil.Process(process.pid).children(recursive=True):
         try:
-            found += [child] if any("spawn_main" in word for word in child.cmdline()) else []
+            processes += [child] if any("spawn_main" in word for word in child.cmdline()) else []
         except psutil.Error:
             continue
-    return found
+    return processes
 
 
 def test_no_finished_run_is_lost_or_repeated_whatever_process_is_killed(folder: Path) -> None:
@@ -162,13 +163,28 @@ def test_an_interruption_ends_all_processes_and_keeps_rows(finished: int, folder
     output, errors = process.communicate(timeout=60)
     assert time.monotonic() - begin < 20.0
     assert (process.returncode, output) == (130, "")
-    assert errors.splitlines()[-1] == "freefloat: interrupted"
+    assert errors.splitlines() == [
+        "freefloat: the same command continues the study", "freefloat: interrupted",
+    ]  # fmt: skip
     _, alive = psutil.wait_procs(processes, timeout=20)
     assert alive == []
     rows = table(folder / "out")["case"]
     assert finished - 1 <= len(rows) < 500  # the last file may have no row yet
     estimate = estimate_study(load_study("study.yaml"), folder / "out")
     assert sorted(estimate.finished) == rows
+
+
+def test_a_robot_that_changed_since_the_start_is_exit_code_2(folder: Path) -> None:
+    robot = folder / "arm.urdf"
+    robot.write_text((models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text())
+    base = SHORT | {"robot": {"urdf": "arm.urdf", "end_effector": "end_effector"}}
+    study = a_study(folder, RANDOM, base=base, cases=2)
+    with open_results(folder / "out", study, study_files(study)) as database:
+        database.add(execute(Run.of(study, 0)))
+    robot.write_text(robot.read_text().replace('value="40"', 'value="41"'))
+    result = run("study.yaml", "-o", "out", "--json")
+    assert result.exit_code == 2
+    assert json.loads(result.stdout)["error"]["key"] == "output"
 
 
 class Deadly:
@@ -195,8 +211,8 @@ def scheduler() -> Iterator[str]:
     address = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
     main = subprocess.Popen([*dask, "scheduler", *address], **options)
     assert main.stderr is not None
-    found = (re.search(r"Scheduler at: +(tcp://\S+)", line) for line in main.stderr)
-    url = next(match[1] for match in found if match)
+    matches = (re.search(r"Scheduler at: +(tcp://\S+)", line) for line in main.stderr)
+    url = next(match[1] for match in matches if match)
     worker = [*dask, "worker", url, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
     processes = [subprocess.Popen(worker, **options) for _ in range(2)]
     yield url

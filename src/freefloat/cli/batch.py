@@ -16,8 +16,7 @@ from freefloat.cli.options import Json, Quiet, make_folder, study_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.studies.runner import StudyEstimate
-    from freefloat.studies.summary import StudyResult
+    from freefloat.studies.summary import StudyEstimate, StudyResult
 
 _MAX_ROWS = 20
 """Runs listed by a dry run; --json lists all."""

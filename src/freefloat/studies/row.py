@@ -89,12 +89,12 @@ class Row:
 
 def simulation_values(simulation: Simulation) -> dict[str, Any]:
     """Return the values of a row for a simulation."""
-    chosen, problem, limits = simulation.chosen, simulation.problem, simulation.limit_results
+    chosen, limits = simulation.chosen, simulation.limit_results
     violated = [str(result.limit) for result in limits if not result.kept]
     reason = ""
     if not chosen.motion.completed:
         reason = chosen.motion.ending.value
-    elif not problem.margin.is_kept(chosen.closest_approach.value):
+    elif not chosen.feasible:
         reason = "The margin is not kept."
     elif violated:
         reason = f"Limits are not kept: {', '.join(violated)}."
@@ -129,7 +129,7 @@ def map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
         "margin_required": problem.margin.threshold,
         "robust_radius_deg": robust.get("radius_deg"),
         "feasible_fraction": result.feasible_fraction,
-        "motion_fraction": document["motion_fraction"],
+        "motion_fraction": result.motion_fraction,
         **{key: best.get(key) for key in ("branch", "attitude", "heading_deg")},
     }
 
@@ -168,7 +168,7 @@ def _ranges(branches: Sequence[BranchRanges]) -> dict[str, Any]:
     """Feasible heading ranges by branch, and the fraction of headings in any of them."""
     if not branches:
         return {}
-    ranges = {str(entry.branch): entry.to_dict()["ranges"] for entry in branches}
+    ranges = {str(entry.branch): entry.degrees for entry in branches}
     fraction, covered = 0.0, 0.0
     for low, high in sorted(span for spans in ranges.values() for span in spans):
         fraction += max(0.0, high - max(low, covered)) / 360.0

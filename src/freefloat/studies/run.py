@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
+import os
+import re
 import tempfile
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -15,15 +17,17 @@ from typing import Any
 
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.results import save
-from freefloat.io.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
+from freefloat.robot.names import MeshFileError, find_mesh, is_file
 from freefloat.so3 import heading_quaternion
 from freefloat.studies.row import ERROR, Row, finite, map_values, plan_values, simulation_values
 from freefloat.studies.schema import Command
 from freefloat.studies.study import Study, scenario_from
 
 Files = tuple[tuple[str, bytes], ...]
+"""Absolute paths of files and their contents."""
+_MESH = re.compile(rb"""<mesh\s[^>]*filename\s*=\s*["']([^"'&]+)["']""")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +42,7 @@ class Run:
         start: Start of a simulation: attitude or heading_deg, and branch.
         parameters: The varied keys and their values.
         save: Whether to return the result file.
-        files: Absolute paths and contents of the files that the scenario names; empty for a
-            worker that reads them itself.
+        files: Files that the scenario names; empty for a worker that reads them itself.
     """
 
     number: int
@@ -84,15 +87,15 @@ def error_result(run: Run, error: BaseException | str) -> RunResult:
 def execute(run: Run) -> RunResult:
     """Execute a run on one core; any error becomes its row."""
     began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
-    root = Path(_copies(run.files).name if run.files else "/")
+    root = _copies(run.files).name if run.files else "/"
     try:
         result = _execute(run, root / run.source.relative_to("/"))
     except Exception as error:
         result = error_result(run, error)
         if run.files:  # name the original files instead of their copies
-            message = str(result.row.error).replace(str(root), "")
-            result = RunResult(dataclasses.replace(result.row, error=message))
-    row = dataclasses.replace(result.row, began=began, seconds=time.perf_counter() - begin)
+            message = str(result.row.error).replace(root, "")
+            result = RunResult(replace(result.row, error=message))
+    row = replace(result.row, began=began, seconds=time.perf_counter() - begin)
     return RunResult(row, result.content)
 
 
@@ -111,24 +114,31 @@ def _execute(run: Run, source: Path) -> RunResult:
     source.parent.mkdir(parents=True, exist_ok=True)  # for names that begin with ..
     scenario = scenario_from(run.document, source)
     problem = scenario.problem()
-    execute_command = {Command.PLAN: _plan, Command.MAP: _map, Command.SIMULATE: _simulate}
-    record, values = execute_command[run.command](run, scenario, problem)
-    content = None
-    if run.save:
-        with tempfile.TemporaryDirectory(prefix="freefloat-") as folder:
-            file = Path(folder) / "result.h5"
-            save(record, file)
-            content = file.read_bytes()
-    return RunResult(Row(run.number, parameters=run.parameters, **finite(values)), content)
+    record: Any
+    if run.command is Command.SIMULATE:
+        attitude, branch = _initial_attitude(problem, run.start), run.start.get("branch")
+        limits = scenario.limits(problem.model)
+        record = simulate(problem, attitude, branch=branch, limits=limits)
+        values = simulation_values(record)
+    elif run.command is Command.PLAN:
+        from freefloat.planning.planner import plan  # compiled kernels are slow to import
+
+        limits = scenario.limits(problem.model)
+        with scenario.error_context():
+            record = plan(problem, scenario.search(), limits, threads=1)
+        values = plan_values(record)
+    else:
+        from freefloat.planning.mapping import attitude_map
+
+        search = scenario.search()
+        with scenario.error_context():
+            record = attitude_map(problem, search.samples, seed=search.seed, threads=1)
+        values = map_values(record)
+    row = Row(run.number, parameters=run.parameters, **finite(values))
+    return RunResult(row, _file_content(record) if run.save else None)
 
 
-def _simulate(run: Run, scenario: Scenario, problem: Problem) -> tuple[Any, dict[str, Any]]:
-    attitude, branch = _attitude(problem, run.start), run.start.get("branch")
-    simulation = simulate(problem, attitude, branch=branch, limits=scenario.limits())
-    return simulation, simulation_values(simulation)
-
-
-def _attitude(problem: Problem, start: Mapping[str, Any]) -> Any:
+def _initial_attitude(problem: Problem, start: dict[str, Any]) -> Any:
     if "heading_deg" not in start:
         return start["attitude"]
     heading = start["heading_deg"]
@@ -139,19 +149,56 @@ def _attitude(problem: Problem, start: Mapping[str, Any]) -> Any:
     return heading_quaternion(math.radians(heading))
 
 
-def _plan(_: Run, scenario: Scenario, problem: Problem) -> tuple[Any, dict[str, Any]]:
-    from freefloat.planning.planner import plan
-
-    with scenario.error_context():
-        limits = scenario.limits(problem.model)
-        result = plan(problem, scenario.search(), limits, threads=1)
-    return result, plan_values(result)
+def _file_content(record: Any) -> bytes:
+    with tempfile.TemporaryDirectory(prefix="freefloat-") as folder:
+        file = Path(folder) / "result.h5"
+        save(record, file)
+        return file.read_bytes()
 
 
-def _map(_: Run, scenario: Scenario, problem: Problem) -> tuple[Any, dict[str, Any]]:
-    from freefloat.planning.mapping import attitude_map
+def study_files(study: Study) -> Files:
+    """Read the files that the scenarios of a study name by relative paths, and their meshes.
 
-    search = scenario.search()
-    with scenario.error_context():
-        result = attitude_map(problem, search.samples, seed=search.seed, threads=1)
-    return result, map_values(result)
+    Results depend on them, and workers on other machines need them. Bundled robots and those of
+    example-robot-data are on every machine; absolute names must lead to a file there.
+
+    Raises:
+        InputError: If a file cannot be read.
+    """
+    folder = study.base_source.absolute().parent
+    names = set(_file_names(study.base))
+    for key, section in study.content.vary.items():
+        names |= set(_file_names(section.values, key.rpartition(".")[2]))
+    contents: dict[str, bytes] = {}
+    for name in names:
+        path = Path(os.path.normpath(folder / name))
+        if is_file(path) and not os.path.isabs(name):
+            contents[str(path)] = _read(path)
+            for mesh in _meshes(path, contents[str(path)]):
+                contents[str(mesh)] = _read(mesh)
+    return tuple(sorted(contents.items()))
+
+
+def _file_names(node: Any, key: str = "") -> Iterator[str]:
+    """Yield the names of files in a scenario's data, and in values of one of its keys."""
+    if isinstance(node, dict):
+        for inner, value in node.items():
+            yield from _file_names(value, inner)
+    elif isinstance(node, list):
+        for value in node:
+            yield from _file_names(value, key)
+    elif isinstance(node, str) and key in ("urdf", "mesh", "samples"):
+        yield node
+
+
+def _meshes(urdf: Path, content: bytes) -> Iterator[Path]:
+    for name in _MESH.findall(content):
+        with suppress(MeshFileError, UnicodeDecodeError):
+            yield Path(os.path.abspath(find_mesh(name.decode(), str(urdf))))
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError("file", str(error.strerror), "a readable file", str(path)) from None

@@ -1,25 +1,20 @@
-"""Runs of a study that are not finished yet, executed and summarized."""
+"""Execution of a study: runs that are not finished yet, then tables, figure and report."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from freefloat.errors import InputError
-from freefloat.studies.files import study_files
-from freefloat.studies.results import DATABASE, StudyDatabase, open_results
-from freefloat.studies.row import ERROR, Row, finite
-from freefloat.studies.run import Files, Run, execute
+from freefloat.studies.results import DATABASE, open_results
+from freefloat.studies.row import ERROR, Row
+from freefloat.studies.run import Run, execute, study_files
 from freefloat.studies.study import Study
-from freefloat.studies.summary import StudyResult
-
-_START_SECONDS = 3.0
-"""Typical time until local workers have started."""
+from freefloat.studies.summary import StudyEstimate, StudyResult
 
 
 def run_study(
@@ -50,126 +45,32 @@ def run_study(
         InputError: If the study cannot be run, the folder cannot be written to, holds another
             study or is in use, or the scheduler does not answer.
     """
+    from freefloat.studies.cluster import execute_all  # Dask and PyArrow are slow to import
+    from freefloat.studies.report import save_summary, save_tables
+
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
     begin, folder = time.perf_counter(), Path(folder)
     files = study_files(study)
     with open_results(folder, study, files) as database:
         missing = [number for number in range(study.count) if number not in database.rows]
-        if missing:
-            try:
-                _execute_missing(study, database, missing, files, workers, scheduler, progress)
-            except KeyboardInterrupt:
-                _export(StudyResult(study, database.rows, folder), figures=False, report=False)
-                raise
-        result = StudyResult(study, database.rows, folder, computed=len(missing))
-        result = replace(result, files=_export(result, figures=True, report=report))
-    return replace(result, seconds=time.perf_counter() - begin)
-
-
-def _execute_missing(
-    study: Study,
-    database: StudyDatabase,
-    missing: Sequence[int],
-    files: Files,
-    workers: int | None,
-    scheduler: str | None,
-    progress: Callable[[float], None] | None,
-) -> None:
-    if not any(key.partition(".")[0] == "robot" for key in study.content.vary):
-        study.scenario(missing[0]).model()  # an error of the robot is one of every run
-    from freefloat.studies.cluster import execute_all  # Dask is slow to import
-
-    sent = files if scheduler is not None else ()
-    runs = (Run.of(study, number, sent) for number in missing)
-    count = min(workers or len(os.sched_getaffinity(0)), len(missing))
-    with closing(execute_all(runs, workers=count, scheduler=scheduler)) as results:
-        for result in results:
-            database.add(result)
-            if progress is not None:
-                progress(len(database.rows) / study.count)
-
-
-def _export(result: StudyResult, *, figures: bool, report: bool) -> dict[str, Path | None]:
-    """Write the tables and figures of a study; return the files by kind."""
-    from freefloat.studies.table import parameter_columns, save_table, study_table
-
-    table = study_table(result.rows)
-    parquet, csv = save_table(result.folder, table)
-    files: dict[str, Path | None] = {"database": result.folder / DATABASE}
-    files |= {"parquet": parquet, "csv": csv}
-    if not figures:
-        return files
-    from freefloat.studies.report import save_report
-    from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.study_figure import study_figure
-
-    columns = parameter_columns(table, result.study.content.vary)
-    figure = study_figure(table, columns)
-    drawing, picture = save_figures(result.folder, {"summary": figure})
-    page = save_report(result, table, columns, picture) if report else None
-    return {
-        "database": result.folder / DATABASE,
-        **files,
-        "figure": drawing,
-        "picture": picture,
-        "report": page,
-    }
-
-
-@dataclass(frozen=True, eq=False)
-class StudyEstimate:
-    """Runs of a study and the expected duration of those that are not finished.
-
-    Attributes:
-        study: The study.
-        finished: Numbers of the finished runs.
-        workers: Number of workers; None for those of a scheduler.
-        run_seconds: Expected duration of a run [s]; None if no run could be timed.
-        timed: Which runs were timed, or why none was.
-    """
-
-    study: Study
-    finished: frozenset[int] = field(repr=False)
-    workers: int | None
-    run_seconds: float | None
-    timed: str | None
-
-    @property
-    def missing(self) -> int:
-        """Number of runs that are not finished."""
-        return self.study.count - len(self.finished)
-
-    @property
-    def start_seconds(self) -> float:
-        """Expected time until the workers have started [s]."""
-        return _START_SECONDS if self.workers is not None and self.missing else 0.0
-
-    @property
-    def seconds(self) -> float | None:
-        """Expected duration of the study [s]; with a scheduler on one worker."""
-        if self.run_seconds is None:
-            return None
-        parallel = min(self.workers or 1, len(os.sched_getaffinity(0)), self.missing or 1)
-        return self.start_seconds + self.run_seconds * self.missing / parallel
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the JSON document of ``batch --dry-run``."""
-        parameters = {n: finite(self.study.parameters(n)) for n in range(self.study.count)}
-        return {
-            "study": self.study.source,
-            "base": str(self.study.base_source),
-            "task": str(self.study.content.command),
-            "count": self.study.count,
-            "done": len(self.finished),
-            "workers": self.workers,
-            "seconds_each": self.run_seconds,
-            "start_up_seconds": self.start_seconds,
-            "timed": self.timed,
-            "seconds": self.seconds,
-            "cases": [{"case": number, "done": number in self.finished, "parameters": values}
-                      for number, values in parameters.items()],
-        }  # fmt: skip
+        if missing and not any(key.split(".")[0] == "robot" for key in study.content.vary):
+            study.scenario(missing[0]).model()  # an error of the robot is one of every run
+        sent = () if scheduler is None else files
+        runs = (Run.of(study, number, sent) for number in missing)
+        count = min(_processes(workers), len(missing))
+        try:
+            with closing(execute_all(runs, workers=count, scheduler=scheduler)) as results:
+                for result in results if missing else ():
+                    database.add(result)
+                    if progress is not None:
+                        progress(len(database.rows) / study.count)
+        except KeyboardInterrupt:
+            save_tables(folder, database.rows)
+            raise
+        summary = StudyResult(study, database.rows, folder, computed=len(missing))
+        paths = {"database": folder / DATABASE, **save_summary(summary, report)}
+    return replace(summary, files=paths, seconds=time.perf_counter() - begin)
 
 
 def estimate_study(
@@ -181,7 +82,7 @@ def estimate_study(
 ) -> StudyEstimate:
     """Estimate how long a study will take; nothing is written.
 
-    Two runs are executed and the second timed, unless finished runs tell their duration.
+    Without finished runs, two runs are executed and the second one is timed.
 
     Args:
         study: The study.
@@ -189,7 +90,6 @@ def estimate_study(
         workers: Number of processes on this machine; default is one per core.
         scheduler: Address of a Dask scheduler whose workers are used instead.
     """
-    count = None if scheduler is not None else workers or len(os.sched_getaffinity(0))
     rows: dict[int, Row] = {}
     if folder is not None and (Path(folder) / DATABASE).is_file():
         with open_results(Path(folder), study, study_files(study)) as database:
@@ -198,12 +98,14 @@ def estimate_study(
     missing = [number for number in range(study.count) if number not in rows]
     each, timed = (sum(seconds) / len(seconds), "finished runs") if seconds else (None, None)
     if each is None and missing:
-        results = [execute(Run.of(study, n)).row for n in (missing[0], missing[len(missing) // 2])]
-        answered = [row for row in results if row.verdict != ERROR]
-        each = answered[-1].seconds if answered else None
-        timed = (
-            f"case {answered[-1].number}"
-            if answered
-            else f"no case could be timed, case {results[0].number}: {results[0].error}"
-        )
+        first, second = (execute(Run.of(study, missing[k])).row for k in (0, len(missing) // 2))
+        row = first if second.verdict == ERROR else second
+        each, timed = row.seconds, f"run {row.number}"
+        if row.verdict == ERROR:
+            each, timed = None, f"no run could be timed, run {row.number}: {row.error}"
+    count = _processes(workers) if scheduler is None else None
     return StudyEstimate(study, frozenset(rows), count, each, timed)
+
+
+def _processes(workers: int | None) -> int:
+    return workers or len(os.sched_getaffinity(0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -14,28 +14,26 @@ from freefloat.io.field_types import Name, NotNegative, Number, Quaternion, Sect
 MAX_RUNS = 1_000_000
 """Largest number of runs of a study, and of values of one key."""
 
-_Vector = Annotated[list[Number], Field(min_length=1, max_length=100)]
+_Value = TypeVar("_Value")
+_List = Annotated[list[_Value], Field(min_length=1, max_length=100)]
 
 
 def _kind(value: object) -> str:
     return "[list]" if isinstance(value, list | tuple) else "[number]"
 
 
-Point = Annotated[
-    Annotated[Number, Tag("[number]")] | Annotated[_Vector, Tag("[list]")], Discriminator(_kind)
+_OneOrList = Annotated[
+    Annotated[_Value, Tag("[number]")] | Annotated[_List[_Value], Tag("[list]")],
+    Discriminator(_kind),
 ]
+Point = _OneOrList[Number]
 """A number or a list of numbers."""
-Deviation = Annotated[
-    Annotated[NotNegative, Tag("[number]")]
-    | Annotated[list[NotNegative], Field(min_length=1, max_length=100), Tag("[list]")],
-    Discriminator(_kind),
-]
 Count = Annotated[int, Field(strict=True, ge=1, le=MAX_RUNS)]
-Counts = Annotated[
-    Annotated[Count, Tag("[number]")]
-    | Annotated[list[Count], Field(min_length=1, max_length=100), Tag("[list]")],
-    Discriminator(_kind),
-]
+
+
+def _length(point: object) -> int | None:
+    """Number of components; None for a plain number."""
+    return len(point) if isinstance(point, list) else None
 
 
 class Command(StrEnum):
@@ -53,11 +51,6 @@ class Combine(StrEnum):
     ZIPPED = "zipped"
 
 
-def _length(point: object) -> int | None:
-    """Number of components; None for a plain number."""
-    return len(point) if isinstance(point, list) else None
-
-
 class GridSection(Section):
     """Evenly spaced values, both ends included."""
 
@@ -65,7 +58,7 @@ class GridSection(Section):
     """First value: a number or a list of numbers."""
     end: Point = Field(alias="to")
     """Last value, of the same form."""
-    count: Counts
+    count: _OneOrList[Count]
     """Number of values; for lists one number per component, and all combinations are taken."""
 
     @model_validator(mode="after")
@@ -82,7 +75,7 @@ class NormalSection(Section):
 
     mean: Point
     """A number or a list of numbers."""
-    sd: Deviation
+    sd: _OneOrList[NotNegative]
     """Standard deviation; for lists one number for all components, or one for each."""
 
     @model_validator(mode="after")
@@ -95,7 +88,7 @@ class NormalSection(Section):
 class BallSection(Section):
     """Points uniformly distributed in a ball."""
 
-    center: _Vector
+    center: _List[Number]
     """Centre of the ball."""
     radius: NotNegative
     """In the unit of the key."""

@@ -69,24 +69,18 @@ class Study:
         combination = number // (self.content.cases or 1)
         values: dict[str, Any] = {}
         for key, listed in reversed(self._listed.items()):  # the last key varies fastest
-            if self.content.combine is Combine.ZIPPED:
-                values[key] = listed[combination]
-            else:
-                combination, index = divmod(combination, len(listed))
-                values[key] = listed[index]
-        return {
-            key: values[key]
-            if key in values
-            else random_value(section, self.content.seed, key, number)
-            for key, section in self.content.vary.items()
-        }
+            values[key] = listed[combination % len(listed)]
+            if self.content.combine is Combine.CROSSED:
+                combination //= len(listed)
+        for key, section in self.content.vary.items():
+            if section.random:
+                values[key] = random_value(section, self.content.seed, key, number)
+        return {key: values[key] for key in self.content.vary}
 
     def document(self, number: int) -> dict[str, Any]:
         """Return the data of a run's scenario file."""
-        parameters = self.parameters(number)
-        return with_values(
-            self.base, {key: value for key, value in parameters.items() if key not in START_KEYS}
-        )
+        values = self.parameters(number)
+        return with_values(self.base, {k: v for k, v in values.items() if k not in START_KEYS})
 
     def scenario(self, number: int) -> Scenario:
         """Return the scenario of a run.
@@ -160,7 +154,7 @@ def load_study(name: str | Path) -> Study:
         study = Study(str(source), content, base, parse_yaml(read_text(base), base))
         _check_values(study)
         _check_start(study)
-        _check_keys(study)
+        _check_runs(study)
     except InputError as error:
         raise error.found_in(str(source)) from None
     return study
@@ -176,12 +170,12 @@ def _find_base(name: str, folder: Path) -> Path:
 
 
 def _check_values(study: Study) -> None:
-    """Check that listed and random values make a sensible number of runs."""
+    """Check that listed and random values make an accepted number of runs."""
     content = study.content
     for key, section in content.vary.items():
         if section.so3 is not None and section.so3.center is not None:
             unit_quaternion(f"vary.{key}.so3.center", section.so3.center)
-    numbers = sum(map(_size, content.vary.values()))
+    numbers = sum(map(_listed_numbers, content.vary.values()))
     if numbers > _MAX_VALUES:
         raise InputError("vary", f"{numbers:,} numbers are listed", f"at most {_MAX_VALUES:,}")
     lengths = {key: len(values) for key, values in study._listed.items()}
@@ -196,53 +190,55 @@ def _check_values(study: Study) -> None:
         raise InputError("cases", problem, f"no such key: there are {study.combinations} runs")
     if study.count > MAX_RUNS:
         raise InputError("vary", f"{study.count:,} runs", f"at most {MAX_RUNS:,}")
+    for key, other in itertools.permutations(content.vary, 2):
+        if other.startswith(f"{key}."):
+            raise InputError(f"vary.{other}", f"{key}, which holds it, varies too", "one of them")
 
 
-def _size(section: ValuesSection) -> int:
-    """Number of listed numbers, without listing them."""
-    if section.grid is not None and isinstance(section.grid.count, list):
-        return math.prod(section.grid.count) * len(section.grid.count)
+def _listed_numbers(section: ValuesSection) -> int:
+    """Return the number of listed numbers without listing them."""
+    if section.grid is not None:
+        counts = section.grid.count
+        return math.prod(counts) * len(counts) if isinstance(counts, list) else counts
     if section.steps is not None:
         first, last, step = section.steps
         return int((last - first) / step) + 1
-    return section.grid.count if section.grid else len(section.values or ())  # type: ignore[return-value]
+    return len(section.values or ())
 
 
 def _check_start(study: Study) -> None:
     """Check that exactly simulations have a start: an attitude, or in the plane a heading."""
     content = study.content
-    fixed = [key for key in START_KEYS if getattr(content, key) is not None]
-    varied = [key for key in START_KEYS if key in content.vary]
+    starts = [key for key in START_KEYS if getattr(content, key) is not None]
+    starts += [key for key in START_KEYS if key in content.vary]
     if content.command is not Command.SIMULATE:
-        unused = [*fixed, *varied, *(["branch"] if content.branch is not None else [])]
-        if unused:
+        if content.branch is not None:
+            starts.append("branch")
+        if starts:
             problem = f"command {content.command} does not use it"
-            raise InputError(unused[0], problem, "command: simulate, or a study without it")
+            raise InputError(starts[0], problem, "command: simulate, or a study without it")
         return
-    planar = study.base.get("task") in [str(task) for task in Task if task.planar]
-    wanted = "heading_deg" if planar else "attitude"
-    if len(fixed) + len(varied) != 1:
-        given = " and ".join([*fixed, *(f"vary.{key}" for key in varied)]) or "none"
+    task = study.base.get("task")
+    planar = task in [str(task) for task in Task if task.planar]
+    if len(starts) != 1:
+        wanted = "heading_deg" if planar else "attitude"
+        given = " and ".join(starts) or "none"
         raise InputError(wanted, f"{given} was given", f"one {wanted}, or it in vary")
-    if "task" not in content.vary and not planar and "heading_deg" in (*fixed, *varied):
-        problem = f"the task of the base scenario is {study.base.get('task')}, which is not planar"
+    if starts == ["heading_deg"] and not planar and "task" not in content.vary:
+        problem = f"the task of the base scenario is {task}, which is not planar"
         raise InputError("heading_deg", problem, "attitude")
 
 
-def _check_keys(study: Study) -> None:
-    """Refuse unknown keys, and a study with no valid run; of many runs a sample is validated."""
-    for key, other in itertools.permutations(study.content.vary, 2):
-        if other.startswith(f"{key}."):
-            raise InputError(f"vary.{other}", f"{key}, which holds it, varies too", "one of them")
-    first: InputError | None = None
+def _check_runs(study: Study) -> None:
+    """Check that a run is valid; of many runs a sample is validated."""
+    errors: list[InputError] = []
     for number in range(0, study.count, -(-study.count // _VALIDATED_RUNS)):
         try:
             validated(ScenarioFile, study.document(number), study.base_source)
             return
         except InputError as error:
-            first = first or error
-    if first is None:
-        return
+            errors.append(error)
+    first = errors[0]
     for key in study.content.vary:
         if f"{first.key}.".startswith(f"{key}."):
             raise InputError(f"vary.{first.key}", f"run 0: {first.problem}", first.accepted)

@@ -1,8 +1,9 @@
-"""Summary of a study: counts, margins and errors."""
+"""Records of a study: its results and the estimate of its duration."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.studies.row import ERROR, FEASIBLE, INFEASIBLE, Row
+from freefloat.studies.row import ERROR, FEASIBLE, INFEASIBLE, Row, finite
 from freefloat.studies.study import Study
 
 _MAX_LISTED = 20
 """Largest number of errors and of reasons in the document."""
+_START_SECONDS = 3.0
+"""Typical time until local workers have started."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,3 +111,58 @@ class StudyResult:
             "seconds": self.seconds,
             "files": files,
         }
+
+
+@dataclass(frozen=True, eq=False)
+class StudyEstimate:
+    """Runs of a study and the expected duration of those that are not finished.
+
+    Attributes:
+        study: The study.
+        finished: Numbers of the finished runs.
+        workers: Number of workers; None for those of a scheduler.
+        run_seconds: Expected duration of a run [s]; None if no run could be timed.
+        timed: Which runs were timed, or why none was.
+    """
+
+    study: Study
+    finished: frozenset[int] = field(repr=False)
+    workers: int | None
+    run_seconds: float | None
+    timed: str | None
+
+    @property
+    def missing(self) -> int:
+        """Number of runs that are not finished."""
+        return self.study.count - len(self.finished)
+
+    @property
+    def start_seconds(self) -> float:
+        """Expected time until the workers have started [s]."""
+        return _START_SECONDS if self.workers is not None and self.missing else 0.0
+
+    @property
+    def seconds(self) -> float | None:
+        """Expected duration of the study [s]; with a scheduler on one worker."""
+        if self.run_seconds is None:
+            return None
+        parallel = min(self.workers or 1, len(os.sched_getaffinity(0)), self.missing or 1)
+        return self.start_seconds + self.run_seconds * self.missing / parallel
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the JSON document of ``batch --dry-run``."""
+        parameters = {n: finite(self.study.parameters(n)) for n in range(self.study.count)}
+        return {
+            "study": self.study.source,
+            "base": str(self.study.base_source),
+            "task": str(self.study.content.command),
+            "count": self.study.count,
+            "done": len(self.finished),
+            "workers": self.workers,
+            "seconds_each": self.run_seconds,
+            "start_up_seconds": self.start_seconds,
+            "timed": self.timed,
+            "seconds": self.seconds,
+            "cases": [{"case": number, "done": number in self.finished, "parameters": values}
+                      for number, values in parameters.items()],
+        }  # fmt: skip
