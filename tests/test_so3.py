@@ -58,7 +58,6 @@ def test_quaternion_follows_from_its_definition(attitude: np.ndarray, x: float, 
 
 @given(heading=st.floats(-20.0, 20.0))
 def test_heading_of_its_quaternion(heading: float) -> None:
-    """Up to 2 pi, whatever the quaternion's sign."""
     attitude = heading_quaternion(heading)
     for sign in (1.0, -1.0):
         back = heading_of(sign * attitude)

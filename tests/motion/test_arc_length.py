@@ -41,9 +41,9 @@ def test_the_tangent_solves_the_drift_equation(name: str, rng: np.random.Generat
         expected = solved(problem, t, attitude, joints)
         expected[0] /= flow.unit
         y = np.concatenate([[t / flow.unit], 1.7 * attitude, joints])
-        found = flow(y, leg, forward(problem))
-        assert np.linalg.norm(found) == pytest.approx(1.0, abs=1e-14)
-        assert found == pytest.approx(expected / np.linalg.norm(expected), abs=1e-11)
+        result = flow(y, leg, forward(problem))
+        assert np.linalg.norm(result) == pytest.approx(1.0, abs=1e-14)
+        assert result == pytest.approx(expected / np.linalg.norm(expected), abs=1e-11)
 
 
 def test_the_tangent_keeps_to_the_side_of_the_last_one(rng: np.random.Generator) -> None:

@@ -1,4 +1,4 @@
-"""Bounds between points: they hold wherever one looks, and are close to what is found."""
+"""Bounds between points: they hold wherever one looks, and are close to what is result."""
 
 import numpy as np
 import pytest
@@ -101,8 +101,8 @@ def test_second_derivatives_of_every_block_are_bounded_and_reach_a_share_of_thei
 
 
 def proven(motion, names):
-    found = {name: closest_approach(motion, _measure(motion, name)).value for name in names}
-    return found, lower_bounds(motion, found)
+    result = {name: closest_approach(motion, _measure(motion, name)).value for name in names}
+    return result, lower_bounds(motion, result)
 
 
 def _measure(motion, name):
@@ -123,13 +123,13 @@ def test_bounds_hold_on_motions_of_random_robots(rng, chain, task):
     count = 0
     while count < 1:
         motion = wandering(rng, chain, task, 0.15)
-        found = {name: closest_approach(motion, _measure(motion, name)).value
+        result = {name: closest_approach(motion, _measure(motion, name)).value
                  for name in ("gjm", "system", "sigma")}  # fmt: skip
-        if found["sigma"] < 0.01:
+        if result["sigma"] < 0.01:
             continue
         count += 1
-        bounds = lower_bounds(motion, found)
-        assert all(bounds.bounds[name] >= 0.9 * value for name, value in found.items())
+        bounds = lower_bounds(motion, result)
+        assert all(bounds.bounds[name] >= 0.9 * value for name, value in result.items())
         holds(motion, bounds)
 
 
@@ -138,14 +138,14 @@ def test_bounds_hold_along_the_papers_examples():
     problem = load_scenario("spatial_6dof/line").problem()
     attitude = problem.attitude("attitude", [0.46008, 0.09337, 0.73519, -0.48898])
     motion = integrate_motion(problem, attitude, problem.branches(attitude)[2].joints)
-    found, bounds = proven(motion, ("gjm", "arm", "sigma"))
-    assert bounds.bounds["arm"] >= 0.9 * found["arm"]
+    result, bounds = proven(motion, ("gjm", "arm", "sigma"))
+    assert bounds.bounds["arm"] >= 0.9 * result["arm"]
     holds(motion, bounds)
     problem = load_scenario("planar_3dof/parabola").problem()
     attitude = heading_quaternion(np.deg2rad(200.0))
     motion = integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
-    found, bounds = proven(motion, ("gjm", "system"))
-    assert bounds.bounds["system"] >= 0.9 * found["system"]
+    result, bounds = proven(motion, ("gjm", "system"))
+    assert bounds.bounds["system"] >= 0.9 * result["system"]
     holds(motion, bounds)
 
 

@@ -1,4 +1,4 @@
-"""Certificates: a motion's own numbers found again, and another integrator beside it."""
+"""Certificates: recomputed errors and margins, and a second integrator."""
 
 import json
 from dataclasses import replace
@@ -23,7 +23,7 @@ from tests.sliding import sliding_motion, sliding_robot
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
-def followed(name, attitude, branch=0):
+def integrated(name, attitude, branch=0):
     problem = load_scenario(name).problem()
     attitude = problem.attitude("attitude", attitude)
     return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
@@ -36,58 +36,57 @@ def measure(certificate, name):
 
 @pytest.fixture(scope="module")
 def spatial():
-    return followed("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
+    return integrated("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
 
 
 @pytest.fixture(scope="module")
 def redundant():
-    return followed("panda_servicer/line", [0, 0, 0, 1])
+    return integrated("panda_servicer/line", [0, 0, 0, 1])
 
 
 @pytest.fixture(scope="module")
 def singular():
-    return followed("planar_3dof/parabola", heading_quaternion(np.deg2rad(140)))
+    return integrated("planar_3dof/parabola", heading_quaternion(np.deg2rad(140)))
 
 
-def test_a_certificate_tells_what_the_motion_tells_of_itself(spatial):
-    found, own = certify(spatial), spatial.residuals()
-    assert 0.99 * own.end_effector_position < found.end_effector_position.value < 1e-8
-    assert 0.99 * own.end_effector_attitude < found.end_effector_attitude.value < 1e-8
-    assert found.momentum.value == pytest.approx(own.momentum, rel=1.0)
-    assert found.momentum.value < 1e-6 * found.momentum_scale
-    assert found.rates.value < 1e-6
-    assert found.centre_of_mass.value == 0.0
-    for one in found.least:
+def test_certificate_agrees_with_residuals(spatial):
+    result, own = certify(spatial), spatial.residuals()
+    assert 0.99 * own.end_effector_position < result.end_effector_position.value < 1e-8
+    assert 0.99 * own.end_effector_attitude < result.end_effector_attitude.value < 1e-8
+    assert result.momentum.value == pytest.approx(own.momentum, rel=1.0)
+    assert result.momentum.value < 1e-6 * result.momentum_scale
+    assert result.rates.value < 1e-6
+    assert result.centre_of_mass.value == 0.0
+    for one in result.least:
         assert 0.9 * one.value <= one.bound <= one.value
     kept = closest_approach(spatial, spatial.problem.margin.measure)
-    assert (measure(found, "arm").value, measure(found, "arm").time) == (kept.value, kept.time)
-    assert json.loads(json.dumps(found.to_dict(), allow_nan=False)) == found.to_dict()
+    assert (measure(result, "arm").value, measure(result, "arm").time) == (kept.value, kept.time)
+    assert json.loads(json.dumps(result.to_dict(), allow_nan=False)) == result.to_dict()
 
 
-def test_an_error_is_told_with_its_time(spatial):
+def test_errors_have_their_time(spatial):
     places = spatial.base_positions.copy()
     places[30, 1] += 1e-5
-    found = certify(spatial, places)
-    assert found.centre_of_mass.value == pytest.approx(1e-5)
-    assert found.centre_of_mass.time == spatial.times[30]
+    result = certify(spatial, places)
+    assert result.centre_of_mass.value == pytest.approx(1e-5)
+    assert result.centre_of_mass.time == spatial.times[30]
 
 
-def test_redundant_joints_may_not_move_as_they_like(redundant):
-    """Hand and momentum stay right when the elbow swings; the equation's choice does not."""
+def test_other_null_space_motion_is_an_error_of_the_rates(redundant):
     assert certify(redundant).rates.value < 1e-6
     problem = replace(redundant.problem, redundancy=None)
     other = load_scenario("panda_servicer/line")
     text = other.text + "redundancy: {metric: energy}\n"
     wish = parse_scenario(text, other.source).problem()
     swung = integrate_motion(wish, redundant.initial.attitude, redundant.initial.joints)
-    found = certify(replace(swung, problem=problem))
-    assert found.end_effector_position.value < 1e-8
-    assert found.momentum.value < 1e-6 * found.momentum_scale
-    assert found.rates.value > 1e-3
-    assert found.integration.joints > 1e-3
+    result = certify(replace(swung, problem=problem))
+    assert result.end_effector_position.value < 1e-8
+    assert result.momentum.value < 1e-6 * result.momentum_scale
+    assert result.rates.value > 1e-3
+    assert result.integration.joints > 1e-3
 
 
-def test_the_other_integrator_agrees_and_is_of_fourth_order(spatial):
+def test_second_integrator_agrees_and_is_of_fourth_order(spatial):
     again = integrate_again(spatial)
     assert again.attitude < 1e-8
     assert again.joints < 1e-8
@@ -97,7 +96,7 @@ def test_the_other_integrator_agrees_and_is_of_fourth_order(spatial):
     assert again.halving_attitude < 1e-6
 
 
-def test_the_other_integrator_names_the_joint_that_is_elsewhere(spatial):
+def test_second_integrator_names_the_deviating_joint(spatial):
     joints = spatial.joints.copy()
     joints[77, 4] += 1e-3
     again = integrate_again(replace(spatial, joints=joints))
@@ -106,26 +105,25 @@ def test_the_other_integrator_names_the_joint_that_is_elsewhere(spatial):
     assert again.joints_time == spatial.times[77]
 
 
-def test_before_a_singularity_it_stops(singular):
+def test_second_integration_ends_before_a_singularity(singular):
     again = integrate_again(singular)
     assert again.until == singular.times[-1 - 2 * DEGREE]
     assert again.attitude < 1e-6
     assert {one.bound for one in certify(singular).least} == {0.0}
 
 
-def test_a_sliding_hand_and_a_motion_of_no_duration_have_certificates():
+def test_certificates_of_a_prismatic_arm_and_of_no_duration():
     motion = sliding_motion(sliding_robot())
-    found = certify(motion)
-    assert found.integration.attitude < 1e-12
-    assert found.integration.joints < 1e-6
-    assert measure(found, "gjm").bound >= 0.9 * measure(found, "gjm").value > 0.0
+    result = certify(motion)
+    assert result.integration.attitude < 1e-12
+    assert result.integration.joints < 1e-6
+    assert measure(result, "gjm").bound >= 0.9 * measure(result, "gjm").value > 0.0
     still = certify(motion.cut(0.0, Ending.MARGIN))
     assert still.rates.value == still.momentum.value == 0.0
     assert still.end_effector_position.value < 1e-12
 
 
 def test_mujoco_stands_held_joints_where_they_are_held(rng):
-    """Also those on the way to the hand: sliding and turning, other than at zero."""
     for _ in range(4):
         robot = random_robot(rng, "RPRCRRP", "RP")
         held = dict(zip(robot.joints[1:3], (0.7, -1.1), strict=True)) | {robot.others[0]: 0.4}
@@ -153,7 +151,6 @@ def test_mujoco_drifts_where_the_motion_drifts(redundant):
 
 
 def test_mujoco_is_not_fed_the_attitude(redundant):
-    """With other inertia the same joints turn the spacecraft elsewhere."""
     scenario = load_scenario("panda_servicer/line")
     heavier = scenario.text.replace("inertia: [16, 16, 16]", "inertia: [18, 16, 16]")
     model = parse_scenario(heavier, scenario.source).problem().model

@@ -70,13 +70,13 @@ def test_the_minimum_between_nodes_is_found(motions, of, name):
     if name == "arm" and "planar" in of:
         name = "system"
     measured = singularity_measure(motion.problem.model, motion.problem.task, name)
-    found = closest_approach(motion, measured)
+    result = closest_approach(motion, measured)
     value, time = brute_force(motion, measured)
-    assert found.measure == name
-    assert found.value == pytest.approx(value, rel=1e-7)
-    assert found.value <= value * (1.0 + 1e-12)
-    assert found.time == pytest.approx(time, abs=0.02)
-    assert found.sign == np.sign(measured(motion.joints[0]))
+    assert result.measure == name
+    assert result.value == pytest.approx(value, rel=1e-7)
+    assert result.value <= value * (1.0 + 1e-12)
+    assert result.time == pytest.approx(time, abs=0.02)
+    assert result.sign == np.sign(measured(motion.joints[0]))
 
 
 @pytest.mark.parametrize("of", ["singular", "planar singular"])
@@ -85,9 +85,9 @@ def test_a_motion_that_becomes_singular_comes_down_to_zero(motions, of, name):
     """Every measure vanishes at the end of it, and nowhere earlier."""
     motion = motions[of]
     measured = singularity_measure(motion.problem.model, motion.problem.task, name)
-    found, start = closest_approach(motion, measured), abs(measured(motion.joints[0]))
-    assert abs(found.value) < 1e-9 * start
-    assert found.time == pytest.approx(motion.final.time, abs=1e-9)
+    result, start = closest_approach(motion, measured), abs(measured(motion.joints[0]))
+    assert abs(result.value) < 1e-9 * start
+    assert result.time == pytest.approx(motion.final.time, abs=1e-9)
 
 
 def passing(joint, value, shape):
@@ -108,10 +108,10 @@ def test_the_depth_of_a_known_dip_is_known(near):
         joint = int(np.argmax(np.abs(near.sample(t + 1e-3 * (100 - t))[0].joints - joints)))
         for sign in (1.0, -1.0):
             dip = passing(joint, joints[joint], lambda x, sign=sign: sign * (x**2 + 1e-6))
-            found = closest_approach(near, dip)
-            assert found.value == pytest.approx(1e-6, abs=1e-12)
-            assert found.sign == sign
-            again = near.sample(found.time)[0].joints[joint]
+            result = closest_approach(near, dip)
+            assert result.value == pytest.approx(1e-6, abs=1e-12)
+            assert result.sign == sign
+            again = near.sample(result.time)[0].joints[joint]
             assert again == pytest.approx(joints[joint], abs=1e-6)
 
 
@@ -133,11 +133,11 @@ def test_a_change_of_sign_is_least_zero_where_it_happens(near):
     for t in (20.0, 42.0, 61.3):
         q1 = near.sample(t)[0].joints[1]
         for sign in (1.0, -1.0):
-            found = closest_approach(near, passing(1, q1, lambda x, sign=sign: sign * x))
-            assert found.value == 0.0
-            assert near.sample(found.time)[0].joints[1] == pytest.approx(q1, abs=1e-9)
+            result = closest_approach(near, passing(1, q1, lambda x, sign=sign: sign * x))
+            assert result.value == 0.0
+            assert near.sample(result.time)[0].joints[1] == pytest.approx(q1, abs=1e-9)
             first = np.argmax((near.joints[:, 1] - q1) * (near.joints[0, 1] - q1) <= 0.0)
-            assert near.times[first - 1] <= found.time <= near.times[first]
+            assert near.times[first - 1] <= result.time <= near.times[first]
 
 
 def test_a_graze_comes_before_a_crossing_that_every_node_sees(near):
@@ -151,10 +151,10 @@ def test_a_graze_comes_before_a_crossing_that_every_node_sees(near):
         roll, later = (state.joints[3] for state in near.sample([early, late]))
         gap = later - roll
         both = passing(3, roll, lambda x, gap=gap: (x**2 - depth) * (gap - x) / gap)
-        found = closest_approach(near, both)
-        assert found.value == 0.0
-        assert found.time < early
-        passed = near.sample(found.time)[0].joints[3]
+        result = closest_approach(near, both)
+        assert result.value == 0.0
+        assert result.time < early
+        passed = near.sample(result.time)[0].joints[3]
         assert abs(passed - roll) == pytest.approx(np.sqrt(depth), rel=1e-4)
 
 
@@ -169,10 +169,10 @@ def test_the_first_of_two_grazes_counts(near, first):
         def both(x, later=rolls[1] - rolls[0]):
             return (x**2 - depths[0]) * ((x - later) ** 2 - depths[1])
 
-        found = closest_approach(near, passing(3, rolls[0], both))
-        assert found.value == 0.0
-        assert found.time == pytest.approx(early, abs=0.2)
-        passed = near.sample(found.time)[0].joints[3]
+        result = closest_approach(near, passing(3, rolls[0], both))
+        assert result.value == 0.0
+        assert result.time == pytest.approx(early, abs=0.2)
+        passed = near.sample(result.time)[0].joints[3]
         assert abs(passed - rolls[0]) == pytest.approx(np.sqrt(depths[0]), rel=1e-3)
 
 
@@ -184,12 +184,11 @@ def test_a_dip_beside_either_end_is_found(near, share, first):
     q = near.evaluate([low, low + share * (high - low), high])[2]
     joint = int(np.argmax(np.abs(q[2] - q[0])))
     width = q[2, joint] - q[0, joint]
-    found = closest_approach(near, passing(joint, q[1, joint], lambda x: (x / width) ** 2 + 1e-3))
-    assert found.value == pytest.approx(1e-3, rel=1e-7)
+    result = closest_approach(near, passing(joint, q[1, joint], lambda x: (x / width) ** 2 + 1e-3))
+    assert result.value == pytest.approx(1e-3, rel=1e-7)
 
 
 def test_the_nearest_approach_is_the_same_just_before_the_end(spatial, near):
-    """Ending 3 ms after the minimum of S, the motion has the same least S, to seven digits."""
     arm = spatial.margin.measure
     whole = closest_approach(near, arm)
     short = integrate_motion(
@@ -199,7 +198,6 @@ def test_the_nearest_approach_is_the_same_just_before_the_end(spatial, near):
 
 
 def test_the_way_back_comes_as_near_as_the_way_there(spatial, near):
-    """Reversal changes neither the least magnitude nor when it is reached, nor the sign."""
     final = near.final
     back = integrate_motion(spatial, final.attitude, final.joints, start=100.0, end=0.0)
     there, again = (
@@ -213,10 +211,10 @@ def test_the_way_back_comes_as_near_as_the_way_there(spatial, near):
 
 def test_the_margin_of_example_2_is_as_printed(near):
     """The motion of Fig. 10 was made to touch S0 = -5 at tau_t = 0.4225 (4 digits of attitude)."""
-    found = closest_approach(near, near.problem.margin.measure)
-    assert found.sign == -1
-    assert found.value == pytest.approx(5.0, abs=0.05)
-    assert found.time == pytest.approx(42.25, abs=0.25)
+    result = closest_approach(near, near.problem.margin.measure)
+    assert result.sign == -1
+    assert result.value == pytest.approx(5.0, abs=0.05)
+    assert result.time == pytest.approx(42.25, abs=0.25)
 
 
 @pytest.mark.parametrize("share", [0.95, 0.5, 0.1, 1e-4])
@@ -238,16 +236,15 @@ def test_a_motion_stops_exactly_where_the_margin_is_used_up(spatial, name, share
 
 
 def test_a_margin_that_is_kept_stops_nothing(near):
-    """S0 just below the least S lets the motion complete, just above stops it at that minimum."""
-    found = closest_approach(near, near.problem.margin.measure)
+    result = closest_approach(near, near.problem.margin.measure)
     for factor, ending in ((1.0 - 1e-7, Ending.COMPLETED), (1.0 + 1e-7, Ending.MARGIN)):
-        margin = Margin(near.problem.margin.measure, factor * found.value)
+        margin = Margin(near.problem.margin.measure, factor * result.value)
         problem = replace(near.problem, margin=margin)
         start = near.initial
         motion = integrate_motion(problem, start.attitude, start.joints, stop_at_margin=True)
         assert motion.ending is ending
-    assert motion.final.time == pytest.approx(found.time, abs=0.1)
-    assert motion.final.time < found.time
+    assert motion.final.time == pytest.approx(result.time, abs=0.1)
+    assert motion.final.time < result.time
 
 
 def test_a_margin_used_up_from_the_start_leaves_no_motion(near):
@@ -257,8 +254,8 @@ def test_a_margin_used_up_from_the_start_leaves_no_motion(near):
     motion = integrate_motion(problem, start.attitude, start.joints, stop_at_margin=True)
     assert (motion.ending, motion.panels, motion.final.time) == (Ending.MARGIN, 0, 0.0)
     assert (motion.final.joints == start.joints).all()
-    found = closest_approach(motion, problem.margin.measure)
-    assert found.value == pytest.approx(abs(problem.margin.measure(start.joints)))
+    result = closest_approach(motion, problem.margin.measure)
+    assert result.value == pytest.approx(abs(problem.margin.measure(start.joints)))
 
 
 def test_the_first_place_is_where_the_magnitude_is_reached(near):

@@ -22,13 +22,12 @@ def motion():
 
 @pytest.mark.parametrize("peak", [0.3, 1.0, 1.77, 2.45])
 def test_peaks_between_nodes_are_found(motion, peak):
-    """Of a bell beside a lower, flat quantity."""
-    found = _largest(motion, lambda panel, x: np.array([
+    result = _largest(motion, lambda panel, x: np.array([
         0.9, np.exp(-((panel + (x + 1.0) / 2.0 - peak) ** 2))
     ]))  # fmt: skip
-    assert found.index == 1
-    assert_close(found.value, 1.0, atol=1e-13)
-    assert_close(found.panel + (found.x + 1.0) / 2.0, peak, atol=1e-6)
+    assert result.index == 1
+    assert_close(result.value, 1.0, atol=1e-13)
+    assert_close(result.panel + (result.x + 1.0) / 2.0, peak, atol=1e-6)
 
 
 def test_the_ends_count(motion):
@@ -39,14 +38,14 @@ def test_the_ends_count(motion):
 
 
 def test_jumps_between_panels_count_on_their_higher_side(motion):
-    found = _largest(motion, lambda panel, x: np.array([x if panel == 1 else -5.0]))
-    assert (found.value, found.panel, found.x) == (1.0, 1, 1.0)
+    result = _largest(motion, lambda panel, x: np.array([x if panel == 1 else -5.0]))
+    assert (result.value, result.panel, result.x) == (1.0, 1, 1.0)
 
 
 def test_what_has_no_bound_is_infinite(motion):
-    found = _largest(motion, lambda panel, x: np.array([1.0, np.nan if panel == 1 else 0.0]))
-    assert found.value == np.inf
-    assert (found.index, found.panel) == (1, 1)
+    result = _largest(motion, lambda panel, x: np.array([1.0, np.nan if panel == 1 else 0.0]))
+    assert result.value == np.inf
+    assert (result.index, result.panel) == (1, 1)
 
 
 def test_known_values_are_used(motion):

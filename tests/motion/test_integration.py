@@ -51,7 +51,6 @@ def test_the_singular_end_is_a_singularity(spatial):
 
 
 def test_the_singular_time_does_not_depend_on_the_tolerance(spatial):
-    """A turning point of time along the arc is found, not approached: 1e-8 and 1e-12 agree."""
     for branch in (2, 3, 4, 5):
         rough, fine = (followed(spatial, BAD, branch, tolerance=e) for e in (1e-8, 1e-12))
         assert rough.ending is fine.ending is Ending.SINGULAR
@@ -73,7 +72,6 @@ def test_joint_rates_grow_beyond_bounds_towards_the_singularity(spatial):
 
 
 def test_example_1_passes_the_stop_at_rest(planar):
-    """At F nothing moves but the drift with h: the rates there are those of a held hand."""
     motion = on_side(planar, 200.0, 1)
     assert 69.73 in motion.times
     before, at, after = motion.sample([69.729, 69.73, 69.731])
@@ -140,7 +138,6 @@ def test_stops_are_passed_in_both_directions(planar):
 
 
 def test_redundant_joints_move_as_little_as_they_can():
-    """Of all joint rates that do the task those of least Euclidean norm are taken."""
     problem, attitude, joints = seven(Task.POSE, [0.0, 0.0, 0.0])
     motion, h = integrate_motion(problem, attitude, joints), 1e-3
     model = problem.model
@@ -174,11 +171,6 @@ def test_a_redundant_arm_is_singular_where_it_is_stretched():
 
 
 def test_a_redundant_arm_does_not_creep_along_a_singularity(spatial, monkeypatch):
-    """Where S* loses rank the motion ends, as for any other arm, after some tens of steps.
-
-    Position along the line of Example 2, six joints: the least-norm rates of this configuration
-    lead into a rank loss, where time stands still.
-    """
     monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", 600)
     problem = replace(spatial, task=Task.POSITION)
     attitude = problem.attitude("attitude", GOOD)
@@ -224,21 +216,19 @@ def test_where_an_arm_becomes_singular_does_not_depend_on_time_without_momentum(
 
 
 def test_the_error_shrinks_with_the_tolerance(spatial):
-    """Each hundredth of the tolerance takes the end-effector's error down at least tenfold."""
     errors, ends = [], []
     exact = followed(spatial, GOOD, 2, tolerance=1e-13).final.joints
     for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
         motion = followed(spatial, GOOD, 2, tolerance=tolerance)
         errors.append(tracking(motion, np.linspace(0.0, 100.0, 200))[0])
         ends.append(np.abs(motion.final.joints - exact).max())
-    for found in (errors, ends):
-        assert (np.array(found[1:]) < 0.1 * np.array(found[:-1])).all()
-        assert found[-1] < 1e-8
-        assert found[0] > 1e-6  # it was not exact to begin with
+    for result in (errors, ends):
+        assert (np.array(result[1:]) < 0.1 * np.array(result[:-1])).all()
+        assert result[-1] < 1e-8
+        assert result[0] > 1e-6  # it was not exact to begin with
 
 
 def test_turning_the_whole_problem_turns_the_motion(spatial):
-    """Space has no preferred direction: path, momentum and attitude turned, joints the same."""
     turn = Rotation.from_rotvec([0.7, -1.1, 0.4])
     R = turn.as_matrix()
     path = spatial.path.path
@@ -260,12 +250,11 @@ def test_turning_the_whole_problem_turns_the_motion(spatial):
 
 
 def test_whole_turns_of_a_joint_do_not_matter(spatial):
-    """A joint that starts a turn further ends a turn further."""
     attitude = spatial.attitude("attitude", GOOD)
     joints, turns = spatial.branches(attitude)[2].joints, 2 * np.pi * np.array([0, 0, 1, -1, 0, 2])
     usual = integrate_motion(spatial, attitude, joints).final.joints
-    found = integrate_motion(spatial, attitude, joints + turns).final.joints
-    assert_close(found - turns, usual, atol=1e-8)
+    result = integrate_motion(spatial, attitude, joints + turns).final.joints
+    assert_close(result - turns, usual, atol=1e-8)
 
 
 def test_joints_off_the_path_are_refused(spatial):
@@ -341,7 +330,6 @@ def test_a_singularity_passed_at_finite_rates_ends_the_motion(spatial):
 
 
 def test_the_same_motion_the_other_way_round_completes(spatial):
-    """Pitching away from the straight wrist, nothing vanishes."""
     problem, motion = in_plane(spatial.model, pitched(-0.9))
     assert motion.completed
     assert np.abs(problem.momentum).max() > 0.0
@@ -386,7 +374,6 @@ def test_no_margin_left_at_a_singularity_is_still_a_singularity(spatial, planar,
 
 
 def test_a_circle_is_followed_with_the_hand_looking_along_it(spatial):
-    """An arc, an attitude that turns with it, no momentum: 1e-8 m and rad all the way round."""
     attitude = spatial.attitude("attitude", GOOD)
     arc = ArcCurve([0.9, 0.0, 0.0], [1.3, 0.0, 0.0], [0.0, 0.0, 1.0], 1.5)
     law = DirectedOrientation.follow(arc, "y", [0.0, 0.0, 1.0])

@@ -1,4 +1,4 @@
-"""What is asked: checked once against the robot, so that no motion starts from nonsense."""
+"""Problems: the robot, path, task and momentum must be consistent."""
 
 from dataclasses import FrozenInstanceError, replace
 from functools import partial
@@ -34,10 +34,6 @@ def planar():
     return load_scenario("planar_3dof/parabola").problem()
 
 
-def asking(problem, **changes):
-    return replace(problem, **changes)
-
-
 def lifted(model, axis, lift):
     """The planar arm with the mass of its second link moved across the plane."""
     text = model.description.text.replace(
@@ -62,14 +58,13 @@ def test_a_margin_is_a_magnitude(spatial, value):
 def test_momentum_is_three_finite_numbers(spatial, momentum):
     """h about the centre of mass has three components."""
     with pytest.raises(InputError) as caught:
-        asking(spatial, momentum=momentum)
+        replace(spatial, momentum=momentum)
     assert caught.value.key == "momentum"
 
 
 def test_a_task_cannot_prescribe_more_than_the_arm_has_joints(planar):
-    """Three joints follow no pose in space; the tasks they can do are listed."""
     with pytest.raises(InputError, match="prescribes 6 rates, the arm has 3 joints") as caught:
-        asking(planar, task=Task.POSE)
+        replace(planar, task=Task.POSE)
     assert "planar-pose" in caught.value.accepted
     assert "position" in caught.value.accepted
 
@@ -78,27 +73,26 @@ def test_a_task_cannot_prescribe_more_than_the_arm_has_joints(planar):
 def test_a_planar_task_wants_a_planar_arm(spatial, task):
     """An arm with axes off z leaves the plane."""
     with pytest.raises(InputError, match="does not stay in the x-y plane"):
-        asking(spatial, task=task, momentum=[0, 0, 0.1])
+        replace(spatial, task=task, momentum=[0, 0, 0.1])
 
 
 def test_a_planar_task_wants_masses_spread_evenly_about_the_plane(planar):
     """A centre of mass off the plane gives angular momentum about x and y: the plane tips."""
-    asking(planar, model=lifted(planar.model, "0 0 1", 0.0))
+    replace(planar, model=lifted(planar.model, "0 0 1", 0.0))
     with pytest.raises(InputError, match="does not stay in the x-y plane"):
-        asking(planar, model=lifted(planar.model, "0 0 1", 0.05))
+        replace(planar, model=lifted(planar.model, "0 0 1", 0.05))
 
 
 def test_a_planar_arm_may_turn_about_minus_z(planar):
     """The sense of the joints is a convention of the URDF, not of the plane."""
-    turned = asking(planar, model=lifted(planar.model, "0 0 -1", 0.0))
-    assert turned.task is planar.task
+    inverted = replace(planar, model=lifted(planar.model, "0 0 -1", 0.0))
+    assert inverted.task is planar.task
 
 
 @pytest.mark.parametrize("momentum", [[0.1, 0, 0.5], [0, -0.1, 0.5]])
 def test_a_planar_task_wants_momentum_about_z(planar, momentum):
-    """Any other momentum turns the plane."""
     with pytest.raises(InputError) as caught:
-        asking(planar, momentum=momentum)
+        replace(planar, momentum=momentum)
     assert caught.value.key == "momentum"
 
 
@@ -107,41 +101,31 @@ def test_a_planar_path_keeps_the_end_effector_upright(planar):
     tipping = SlerpOrientation(np.eye(3), Rotation.from_rotvec([0.5, 0.0, 1.0]).as_matrix())
     path = EndEffectorPath(planar.path.path.curve, tipping)
     with pytest.raises(InputError, match=r"leave the plane at s = 0\.05"):
-        asking(planar, path=TimedPath(path, Timing(100.0)))
+        replace(planar, path=TimedPath(path, Timing(100.0)))
     upside_down = EndEffectorPath(planar.path.path.curve, FixedOrientation(np.diag([1.0, -1, -1])))
     with pytest.raises(InputError, match="leave the plane at s = 0"):
-        asking(planar, path=TimedPath(upside_down, Timing(100.0)))
-    asking(planar, path=TimedPath(path, Timing(100.0)), task=Task.PLANAR_POSITION)
+        replace(planar, path=TimedPath(upside_down, Timing(100.0)))
+    replace(planar, path=TimedPath(path, Timing(100.0)), task=Task.PLANAR_POSITION)
 
 
-def test_a_planar_path_stays_at_the_height_of_the_hand(planar):
-    """A path that leaves the plane on the way, or lies beside it, cannot be followed."""
+def test_a_planar_path_stays_at_the_height_of_the_end_effector(planar):
     for rise, task in (([0, 0, 0.1], Task.PLANAR_POSE), ([0, 0, 0.0], Task.PLANAR_POSITION)):
         start = np.array([2.0, 0.0, 0.0 if any(rise) else 0.2])
         line = PolynomialCurve.line(start, start + np.array([-0.5, 0.3, 0.0]) + rise)
         path = EndEffectorPath(line, planar.path.path.orientation)
-        with pytest.raises(InputError, match="leaves the plane of the end-effector, z = 0 m"):
-            asking(planar, path=TimedPath(path, Timing(100.0)), task=task)
+        with pytest.raises(InputError, match="path"):
+            replace(planar, path=TimedPath(path, Timing(100.0)), task=task)
 
 
 def test_an_attitude_is_normalized(spatial):
-    """Four printed digits are welcome, a wrong norm is not."""
-    found = spatial.attitude("attitude", GOOD)
-    assert_close(found, np.array(GOOD) / np.linalg.norm(GOOD), atol=1e-15)
+    result = spatial.attitude("attitude", GOOD)
+    assert_close(result, np.array(GOOD) / np.linalg.norm(GOOD), atol=1e-15)
     with pytest.raises(InputError, match="norm 2") as caught:
         spatial.attitude("somewhere", 2 * np.array(GOOD) / np.linalg.norm(GOOD))
     assert caught.value.key == "somewhere"
 
 
-@pytest.mark.parametrize("attitude", [[1, 0, 0], [0, 0, 0, 0], [0, 0, np.nan, 1], "upright"])
-def test_what_is_no_quaternion_is_refused(spatial, attitude):
-    """x, y, z, w: four finite numbers of unit norm."""
-    with pytest.raises(InputError):
-        spatial.attitude("attitude", attitude)
-
-
 def test_a_planar_spacecraft_turns_about_z(planar):
-    """[0, 0, z, w] alone keeps the plane."""
     planar.attitude("attitude", heading_quaternion(2.0))
     with pytest.raises(InputError, match="leaves the plane"):
         planar.attitude("attitude", [0.6, 0.0, 0.0, 0.8])
@@ -149,7 +133,6 @@ def test_a_planar_spacecraft_turns_about_z(planar):
 
 @pytest.mark.parametrize("t", [0.0, 42.25, 100.0])
 def test_every_branch_puts_the_end_effector_on_the_path(spatial, t):
-    """Eight ways of the arm to hold the pose of that time, from one attitude of the spacecraft."""
     attitude = spatial.attitude("attitude", GOOD)
     branches, wanted = spatial.branches(attitude, t), spatial.path.pose(t)
     assert len(branches) == 8
@@ -161,7 +144,6 @@ def test_every_branch_puts_the_end_effector_on_the_path(spatial, t):
 
 @pytest.mark.parametrize("heading", [0.0, 2.0, 4.5])
 def test_a_planar_arm_has_two_branches(planar, heading):
-    """The elbow to either side of the same hand."""
     attitude = heading_quaternion(heading)
     branches, wanted = planar.branches(attitude, 30.0), planar.path.pose(30.0)
     assert [branch.label for branch in branches] == ["elbow+", "elbow-"]
@@ -174,12 +156,11 @@ def test_a_planar_arm_has_two_branches(planar, heading):
 def test_a_path_out_of_reach_has_no_branches(spatial):
     """No arm is longer than its barycentric vectors together."""
     far = EndEffectorPath(PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedOrientation(np.eye(3)))
-    problem = asking(spatial, path=TimedPath(far, Timing(10.0)))
+    problem = replace(spatial, path=TimedPath(far, Timing(10.0)))
     assert problem.branches(problem.attitude("attitude", GOOD)) == ()
 
 
-def test_a_branch_is_meant_by_joints_near_it(spatial):
-    """Within 0.05 rad each, whole turns not counted."""
+def test_branch_near_joints(spatial):
     attitude = spatial.attitude("attitude", GOOD)
     branches = spatial.branches(attitude)
     turns = 2.0 * np.pi * np.array([1, -1, 0, 2, 0, -3])
@@ -189,8 +170,7 @@ def test_a_branch_is_meant_by_joints_near_it(spatial):
         assert spatial.branch_near(attitude, near + turns, branches) is branch
 
 
-def test_joints_near_no_branch_are_refused_with_the_branches(spatial):
-    """A single joint 0.06 rad off means something else; what would do is listed."""
+def test_joints_near_no_branch_are_refused(spatial):
     attitude = spatial.attitude("attitude", GOOD)
     branches = spatial.branches(attitude)
     for joint in range(6):
@@ -204,7 +184,7 @@ def test_joints_near_no_branch_are_refused_with_the_branches(spatial):
 
 def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial):
     """Six joints, three coordinates: the configuration given is met, not one of a list."""
-    problem = asking(spatial, task=Task.POSITION)
+    problem = replace(spatial, task=Task.POSITION)
     attitude = problem.attitude("attitude", GOOD)
     branches = problem.branches(attitude)
     on_path = spatial.branches(attitude)[3].joints
@@ -212,13 +192,12 @@ def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial)
     assert np.abs(chosen.joints - on_path).max() < 0.05
     reached = problem.model.end_effector_pose(attitude, chosen.joints).position
     assert_close(reached, problem.path.pose(0.0).position, atol=1e-8)
-    with pytest.raises(InputError, match="lies near no arm branch"):
+    with pytest.raises(InputError, match="near no arm branch"):
         problem.branch_near(attitude, on_path + 0.3 * np.eye(6)[1], branches)
 
 
-def test_a_sliding_joint_has_no_whole_turns(spatial):
-    """Only angles repeat: a slide 2 pi metres further is somewhere else."""
-    slide = (
+def test_prismatic_joints_are_not_shifted_by_two_pi(spatial):
+    body = (
         '<link name="a"><inertial><mass value="10"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
         'ixz="0" iyz="0"/></inertial></link>'
     )
@@ -228,7 +207,7 @@ def test_a_sliding_joint_has_no_whole_turns(spatial):
         for axis, before, after, xyz in (("x", "a", "b", "1 0 0"), ("y", "b", "c", "0 1 0"),
                                          ("z", "c", "d", "0 0 1"))
     )  # fmt: skip
-    links = "".join(slide.replace('"a"', f'"{name}"') for name in "abcd")
+    links = "".join(body.replace('"a"', f'"{name}"') for name in "abcd")
     gantry = FreeFloatingModel.from_urdf(f'<robot name="gantry">{links}{joints}</robot>', "d")
     line = PolynomialCurve.line([0.1, 0.2, 0.3], [0.4, 0.5, 0.6])
     path = TimedPath(EndEffectorPath(line, FixedOrientation(np.eye(3))), Timing(10.0))
@@ -236,7 +215,7 @@ def test_a_sliding_joint_has_no_whole_turns(spatial):
     problem = Problem(gantry, path, Task.POSITION, [0, 0, 0], margin)
     (branch,) = problem.branches([0, 0, 0, 1])
     assert problem.branch_near([0, 0, 0, 1], branch.joints + 0.01, (branch,)) is branch
-    with pytest.raises(InputError, match="lies near no arm branch"):
+    with pytest.raises(InputError, match="near no arm branch"):
         problem.branch_near([0, 0, 0, 1], branch.joints + 2.0 * np.pi * np.eye(3)[1], (branch,))
 
 
@@ -247,13 +226,6 @@ def test_a_problem_cannot_be_changed(spatial):
     with pytest.raises(ValueError, match="read-only"):
         spatial.momentum[0] = 1.0
     given = np.array([0.1, 0.2, 0.3])
-    problem = asking(spatial, momentum=given)
+    problem = replace(spatial, momentum=given)
     given[0] = 7.0
     assert problem.momentum.tolist() == [0.1, 0.2, 0.3]
-
-
-def test_momentum_is_zero_when_that_is_what_is_given(spatial):
-    """Zero momentum is an ordinary problem, in space and in the plane."""
-    measured = singularity_measure(spatial.model, Task.POSE, "gjm")
-    problem = Problem(spatial.model, spatial.path, Task.POSE, [0, 0, 0], Margin(measured, 0.0))
-    assert not problem.momentum.any()

@@ -29,12 +29,12 @@ def along(start: list[float], end: list[float]) -> Problem:
 
 def test_the_place_where_a_path_leaves_the_reach_lies_on_the_reach() -> None:
     problem = along([1.0, 0.0, 0.0], [-5.0, 8.0, 0.33])
-    found = out_of_reach(problem)
-    assert found is not None
+    result = out_of_reach(problem)
+    assert result is not None
     reach = VirtualManipulator.of(problem.model).reach
-    assert np.linalg.norm(found.position) == pytest.approx(reach, rel=1e-9)
-    assert found.position == pytest.approx(problem.path.path.curve(found.s).tolist())
-    assert str(found) == f"the path leaves the reach of {reach:.4g} m at s = {found.s:.3g}"
+    assert np.linalg.norm(result.position) == pytest.approx(reach, rel=1e-9)
+    assert result.position == pytest.approx(problem.path.path.curve(result.s).tolist())
+    assert str(result) == f"the path leaves the reach of {reach:.4g} m at s = {result.s:.3g}"
 
 
 def test_a_start_beyond_it_is_told_with_the_unit_where_it_is_absurd() -> None:

@@ -38,9 +38,9 @@ def singular() -> Motion:
 
 @pytest.fixture(scope="module", params=["spatial", "planar"])
 def motion(request: pytest.FixtureRequest) -> Motion:
-    found = request.getfixturevalue(request.param)
-    assert isinstance(found, Motion)
-    return found
+    result = request.getfixturevalue(request.param)
+    assert isinstance(result, Motion)
+    return result
 
 
 INSIDE, STEP = np.linspace(3.0, 97.0, 12), 1e-3
@@ -89,8 +89,8 @@ def test_euler_angles_do_not_jump_by_full_turns() -> None:
     for axis in (0, 2):
         angles = np.zeros((60, 3))
         angles[:, axis], angles[:, 1] = turns, 0.3
-        found = euler_angles(Rotation.from_euler("XYZ", angles).as_quat())
-        assert np.allclose(found, angles, atol=1e-12)
+        result = euler_angles(Rotation.from_euler("XYZ", angles).as_quat())
+        assert np.allclose(result, angles, atol=1e-12)
 
 
 def test_headings_begin_in_the_first_turn_and_do_not_jump(planar: Motion) -> None:

@@ -98,7 +98,6 @@ def test_a_slerp_goes_from_start_to_end_by_the_shortest_turn_at_a_constant_rate(
 
 @pytest.mark.parametrize("axis", ["x", "-x", "y", "-y"])
 def test_follow_looks_along_the_path_with_z_nearest_to_the_normal(axis):
-    """The named axis is the unit tangent; z is the normal less its share along the tangent."""
     law = DirectedOrientation.follow(BEND, axis, NORMAL)
     for s in PLACES:
         R, tangent = law.rotation(s), BEND(s, 1) / np.linalg.norm(BEND(s, 1))
@@ -108,7 +107,6 @@ def test_follow_looks_along_the_path_with_z_nearest_to_the_normal(axis):
 
 
 def test_following_a_circle_turns_once_with_it():
-    """On an arc of angle phi about its own normal the hand turns by phi about that normal."""
     for s in PLACES:
         assert_close(LAWS["follow an arc"].rate(s), [0.0, 0.0, 2.0], atol=1e-13)
 
@@ -136,28 +134,19 @@ def test_point_at_keeps_its_axis_on_the_target(axis):
 
 @pytest.mark.parametrize(("axis", "second"), [("x", 1), ("-y", 2), ("z", 0)])
 def test_point_at_settles_roll_by_the_axis_farthest_from_all_sights(axis, second):
-    """Seen mostly along +-x, the next axis keeps to the inertial axis least looked along."""
     line = PolynomialCurve.line([2.0, 0.3, 0.1], [2.0, -0.3, 0.15])
     law = DirectedOrientation.point_at(line, axis, [0.0, 0.0, 0.0])
     for s in PLACES:
         sight = -line(s) / np.linalg.norm(line(s))
         near = np.array([0.0, 0.0, 1.0]) - sight[2] * sight
-        found = law.rotation(s)[:, second]
-        assert_close(found, near / np.linalg.norm(near), atol=1e-14)
+        result = law.rotation(s)[:, second]
+        assert_close(result, near / np.linalg.norm(near), atol=1e-14)
 
 
 @pytest.mark.parametrize("axis", ["z", "-z", "xy", "", "X"])
 def test_follow_knows_four_axes(axis):
-    """z keeps to the normal, so x and y are left for the travel."""
     with pytest.raises(InputError, match="x, -x, y or -y"):
         DirectedOrientation.follow(BEND, axis, NORMAL)
-
-
-@pytest.mark.parametrize("axis", ["--x", "w", ""])
-def test_point_at_knows_six_axes(axis):
-    """x, y, z, forwards or backwards."""
-    with pytest.raises(InputError, match="x, y, z, -x, -y or -z"):
-        DirectedOrientation.point_at(BEND, axis, TARGET)
 
 
 def turning_back(s_back):
@@ -167,43 +156,25 @@ def turning_back(s_back):
 
 @pytest.mark.parametrize("place", [0.0, 0.5, 1.0, 1.0 / 3.0, 0.123456])
 def test_a_path_that_stands_still_has_no_direction_to_follow(place):
-    """Where dr/ds vanishes the tangent is undefined: it would turn about in no time."""
     with pytest.raises(InputError, match="no direction of travel"):
         DirectedOrientation.follow(turning_back(place), "x", [0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("place", [0.0, 0.5, 1.0, 1.0 / 3.0, 0.123456])
 def test_a_path_along_the_normal_cannot_be_followed(place):
-    """Where the tangent is parallel to the normal nothing says where z points."""
     rising = PolynomialCurve([[0, 0, 0], [-2 * place, 0, 1.0], [1.0, 0, 0]])
     with pytest.raises(InputError, match="normal lies along the path"):
         DirectedOrientation.follow(rising, "x", [0.0, 0.0, 1.0])
 
 
-def test_a_line_along_the_normal_cannot_be_followed():
-    """Parallel everywhere, in either sense."""
-    for end in ([0, 0, 1], [0, 0, -1]):
-        with pytest.raises(InputError, match="normal lies along the path"):
-            DirectedOrientation.follow(PolynomialCurve.line([0, 0, 0], end), "y", [0, 0, 2.0])
-
-
-def test_follow_needs_a_normal_with_a_direction():
-    """The zero vector has none."""
-    with pytest.raises(InputError) as caught:
-        DirectedOrientation.follow(BEND, "x", [0, 0, 0])
-    assert caught.value.key == "attitude.follow.normal"
-
-
 @pytest.mark.parametrize("place", [0.0, 0.5, 1.0, 1.0 / 3.0, 0.123456])
 def test_a_target_on_the_path_is_refused(place):
-    """At the target there is nothing to point at; beyond it the hand would face about."""
     line = PolynomialCurve.line([1.0, 0.0, 0.2], [-1.0, 0.4, 0.3])
     with pytest.raises(InputError, match="passes through the target"):
         DirectedOrientation.point_at(line, "x", line(place))
 
 
 def test_a_target_beside_the_path_is_fine():
-    """A millimetre off, it can be looked at, however fast the hand has to turn."""
     line = PolynomialCurve.line([1.0, 0.0, 0.2], [-1.0, 0.4, 0.3])
     law = DirectedOrientation.point_at(line, "x", line(1.0 / 3.0) + np.array([0.0, 0.0, 1e-3]))
     assert_close(law.rotation(1.0 / 3.0)[:, 0], [0.0, 0.0, 1.0], atol=1e-9)
@@ -219,8 +190,8 @@ def test_a_target_that_has_to_be_seen_along_every_axis_is_refused():
 def test_a_sampled_attitude_passes_its_samples():
     """R(s_i) is the rotation of quaternion i."""
     for knot, rotation in zip(KNOTS, GENTLE, strict=True):
-        found = LAWS["sampled"].rotation(knot)
-        assert_close(found, rotation.as_matrix(), atol=1e-13)
+        result = LAWS["sampled"].rotation(knot)
+        assert_close(result, rotation.as_matrix(), atol=1e-13)
 
 
 def test_the_sign_of_a_sampled_quaternion_does_not_matter():

@@ -1,4 +1,4 @@
-"""Recorded paths: rounded samples, whose splines bend unevenly, are followed and proved precisely.
+"""Recorded paths: splines through rounded samples are integrated and checked precisely.
 
 Between neighbours a spline is smooth; at them its third derivative jumps, the more the rounder the
 numbers and the denser the samples. What steps across loses its order there.
@@ -70,7 +70,7 @@ def parabola(count: int) -> tuple[np.ndarray, Rotation]:
     return points, Rotation.from_rotvec(headings[:, None] * [0.0, 0.0, 1.0])
 
 
-def wish(kind: str, count: int) -> Scenario:
+def scenario_of(kind: str, count: int) -> Scenario:
     """A robot, a task and a recorded path for it."""
     arm, bent = "measure: arm, value: 5", parabola(count)
     written, samples = {
@@ -90,7 +90,7 @@ def wish(kind: str, count: int) -> Scenario:
             text("spatial_6dof", "pose", arm, FIXED), recorded(arch(count, 1e-3), 6)
         ),
     }[kind]  # fmt: skip
-    return parse_scenario(written, Path("wish.yaml"), samples)
+    return parse_scenario(written, Path("scenario.yaml"), samples)
 
 
 def first_motion(problem: Problem, **options: object) -> Motion:
@@ -109,9 +109,8 @@ def first_motion(problem: Problem, **options: object) -> Motion:
     [("spatial", 21), ("spatial", 61), ("spatial, quaternions", 201), ("planar", 201),
      ("planar, quaternions", 61), ("noise", 60)],
 )  # fmt: skip
-def test_recorded_paths_are_followed_as_precisely_as_others(kind: str, count: int) -> None:
-    """A hundredth of what is allowed; kernels as precise as they are asked to be."""
-    motion = first_motion(wish(kind, count).problem())
+def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: int) -> None:
+    motion = first_motion(scenario_of(kind, count).problem())
     for check in certificate_checks(certify(motion), motion, False):
         if check.unit and check.allowed and check.name != "singular end":
             assert check.found < (0.2 if "again" in check.name else 0.05) * check.allowed, check
@@ -124,8 +123,8 @@ def test_recorded_paths_are_followed_as_precisely_as_others(kind: str, count: in
 @pytest.mark.parametrize(
     ("kind", "count"), [("spatial, quaternions", 21), ("planar, quaternions", 21)]
 )
-def test_plans_for_recorded_paths_are_proved_again(kind: str, count: int, tmp_path: Path) -> None:
-    scenario = wish(kind, count)
+def test_plans_for_recorded_paths_are_confirmed(kind: str, count: int, tmp_path: Path) -> None:
+    scenario = scenario_of(kind, count)
     plan = ff.plan(scenario.problem(), scenario.search())
     assert plan.feasible
     ff.save(plan, tmp_path / "plan.h5")
@@ -135,7 +134,7 @@ def test_plans_for_recorded_paths_are_proved_again(kind: str, count: int, tmp_pa
 @pytest.mark.parametrize("backwards", [False, True])
 def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
     """At every break, of path and time law, forward and back."""
-    problem = wish("spatial, quaternions", 21).problem()
+    problem = scenario_of("spatial, quaternions", 21).problem()
     law = Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.33, 40.0),))
     problem = replace(problem, path=replace(problem.path, timing=law))
     motion = first_motion(problem)
@@ -157,17 +156,16 @@ def test_dense_exact_samples_take_no_more_steps_than_the_curve_itself() -> None:
     """Jumps too small to matter are stepped across; those of rounded samples are not."""
     exact = text("spatial_6dof", "pose", "measure: arm, value: 5", FIXED)
     rows = "\n".join(",".join(map(repr, row)) for row in arch(2001).tolist())
-    smooth = parse_scenario(exact, Path("wish.yaml"), f"x,y,z\n{rows}").problem()
+    smooth = parse_scenario(exact, Path("scenario.yaml"), f"x,y,z\n{rows}").problem()
     assert len(smooth.path.breaks) == 0
     assert first_motion(smooth).panels < 50
-    rounded = parse_scenario(exact, Path("wish.yaml"), recorded(arch(401), 4)).problem()
+    rounded = parse_scenario(exact, Path("scenario.yaml"), recorded(arch(401), 4)).problem()
     assert len(rounded.path.breaks) > 350
     assert first_motion(rounded).panels < 1.5 * 401
 
 
 def test_a_tangent_between_breaks_goes_on_smoothly_beyond() -> None:
-    """It is the path's own between, and a polynomial of s where the path's is none."""
-    path = wish("spatial", 21).problem().path.path
+    path = scenario_of("spatial", 21).problem().path.path
     low, high = path.breaks[3:5].tolist()
     own = path.tangent_within(low, high)
     for s in np.linspace(low, high, 7):

@@ -46,7 +46,6 @@ def test_every_law_rests_at_its_ends_and_stops(timing):
 @relentless
 @given(timings(), st.floats(0.001, 0.999))
 def test_every_order_is_the_derivative_of_the_one_below(timing, share):
-    """ds/dt and d2s/dt2 by central differences of eighth order, inside each piece of the law."""
     for piece, (low, high) in enumerate(zip((0.0, *timing.ends), timing.ends, strict=False)):
         t, h = low + share * (high - low), 1e-2 * (high - low)
         for order in (1, 2):
@@ -55,8 +54,8 @@ def test_every_order_is_the_derivative_of_the_one_below(timing, share):
                 w * (timing.s(t + k * h, order - 1, piece) - timing.s(t - k * h, order - 1, piece))
                 for k, w in weights.items()
             ) / h  # fmt: skip
-            found = timing.s(t, order, piece) * (high - low) ** order
-            assert found == pytest.approx(slope * (high - low) ** order, abs=1e-9)
+            result = timing.s(t, order, piece) * (high - low) ** order
+            assert result == pytest.approx(slope * (high - low) ** order, abs=1e-9)
 
 
 @relentless
@@ -75,7 +74,6 @@ def test_time_never_runs_backwards_along_the_path(timing):
 @relentless
 @given(timings())
 def test_place_and_speed_are_continuous_where_pieces_meet(timing):
-    """At every inner end of a piece both neighbours give the same s and ds/dt."""
     for piece, end in enumerate(timing.ends[:-1]):
         for order, tolerance in ((0, 1e-12), (1, 1e-9)):
             both = [timing.s(end, order, k) * timing.duration**order for k in (piece, piece + 1)]
@@ -107,7 +105,6 @@ def test_the_cubic_is_the_lowest_polynomial_from_rest_to_rest():
 
 
 def test_the_trapezoid_speeds_up_cruises_and_slows_down():
-    """A quarter of the time each for the ramps, 4/3 of the mean speed in between."""
     timing = Timing(100.0, TimeLaw.TRAPEZOIDAL)
     assert timing.ends == pytest.approx((25.0, 75.0, 100.0))
     for t in (25.0, 40.0, 75.0):
@@ -127,7 +124,6 @@ def test_every_law_is_symmetric_in_time(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_segment_has_the_law_to_itself(law):
-    """Between stops s is the law of the segment's own dimensionless time, as in Example 1."""
     timing, whole = Timing(100.0, law, EXAMPLE_1), Timing(1.0, law)
     s_F, t_F = EXAMPLE_1[0].s, EXAMPLE_1[0].t
     for tau in (0.1, 0.3, 0.5, 0.7, 0.9):
@@ -138,15 +134,13 @@ def test_a_segment_has_the_law_to_itself(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_end_effector_waits_before_and_after(law):
-    """Without a piece named, s rests at 0 before the start and at 1 after the end."""
     timing = Timing(5.0, law, (Stop(0.3, 2.0),))
     assert timing.s(-1.0) == 0.0
     assert timing.s(6.0) == pytest.approx(1.0, abs=1e-15)
     assert [timing.s(t, 1) for t in (-1.0, 6.0)] == pytest.approx([0.0, 0.0], abs=1e-14)
 
 
-def test_a_named_piece_goes_on_beyond_its_ends():
-    """An integrator may look ahead: the polynomial is not clamped."""
+def test_segments_continue_beyond_their_ends():
     timing = Timing(10.0, stops=(Stop(0.5, 4.0),))
     tau = 4.2 / 4.0
     ahead = 0.5 * (10 * tau**3 - 15 * tau**4 + 6 * tau**5)
@@ -154,8 +148,7 @@ def test_a_named_piece_goes_on_beyond_its_ends():
     assert timing.s(4.2) != pytest.approx(ahead, abs=1e-6)
 
 
-def test_pieces_are_found_by_time():
-    """A piece holds from its start to just before its end; the last one to the very end."""
+def test_segment_at_time():
     timing = Timing(100.0, TimeLaw.TRAPEZOIDAL, (Stop(0.5, 40.0),))
     assert timing.ends == pytest.approx((10.0, 30.0, 40.0, 55.0, 85.0, 100.0))
     assert [timing.segment_at(t) for t in (0.0, 9.9, 10.0, 35.0, 40.0, 99.0, 100.0)] == [
@@ -219,7 +212,6 @@ def test_the_end_effector_stands_still_at_ends_and_stops():
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_twist_rate_is_the_derivative_of_the_twist(law):
-    """Of a path that bends, turns and turns faster on the way, away from jumps of the law."""
     curve = PolynomialCurve([[2.0, 0.0, 0.0], [-3.0, 0.5, 0.3], [0.0, 1.5, -0.4]])
     path = EndEffectorPath(curve, DirectedOrientation.follow(curve, "x", [0.1, 0.2, 1.0]))
     timed, h = TimedPath(path, Timing(20.0, law, (Stop(0.4, 9.0),))), 1e-3
@@ -228,8 +220,7 @@ def test_the_twist_rate_is_the_derivative_of_the_twist(law):
         assert_close(timed.twist_rate(t), rate, atol=1e-6)
 
 
-def test_the_twist_rate_of_a_piece_holds_beyond_its_end():
-    """Where a trapezoid's ramp ends the acceleration jumps; each piece tells its own."""
+def test_twist_rate_of_a_segment_holds_beyond_its_end():
     path = EndEffectorPath(PolynomialCurve.line([0, 0, 0], [3, 0, 0]), FixedOrientation(np.eye(3)))
     timed = TimedPath(path, Timing(20.0, TimeLaw.TRAPEZOIDAL))
     assert_close(timed.twist_rate(5.0, 0), [3 * 16 / 3 / 400, 0, 0, 0, 0, 0], atol=1e-12)
