@@ -151,7 +151,7 @@ def test_position_tasks_need_no_orientation(problem: ff.Problem) -> None:
     assert error.key == "path.attitude"
 
 
-# --- playback --------------------------------------------------------------------------------------
+# --- playback -----------------------------------------------------------------------------------
 
 
 def test_playback_of_a_simulation_starts_with_the_chosen_branch(

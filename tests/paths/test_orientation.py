@@ -183,7 +183,7 @@ def test_a_target_beside_the_path_is_fine():
 def test_a_target_that_has_to_be_seen_along_every_axis_is_refused():
     """Roll cannot be settled where each inertial axis is a direction of sight."""
     corner = SplineCurve([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    with pytest.raises(InputError, match="no inertial axis stays clear"):
+    with pytest.raises(InputError, match="no inertial axis"):
         DirectedOrientation.point_at(corner, "x", [0, 0, 0])
 
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from freefloat.errors import InputError
-from freefloat.limits.limits import ROUNDING, LimitKind, LimitResult, Limits
+from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.extrema import Extremum, Function, at_nodes, maximum
 from freefloat.motion.joint_extents import joint_extents, joint_ranges
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import TOLERANCE, Problem
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ class LimitChecker:
     def _clearance(self, allowed: float, decide_only: bool, motion: Motion) -> LimitResult:
         from freefloat.limits.clearance import clearance
 
-        threshold = allowed * (1.0 - ROUNDING)
+        threshold = allowed * (1.0 - TOLERANCE)
         nearest = clearance(motion, self.pairs, threshold if decide_only else None)
         ratio = np.inf if nearest.distance <= 0.0 else allowed / nearest.distance
         name = self.pairs.name(nearest.pair)
@@ -194,7 +194,7 @@ _SINGULAR = Extremum(np.inf, 0, 0, -1.0)
 def _result(
     limit: LimitKind, worst: float, allowed: float, ratio: float, time: float, where: str
 ) -> LimitResult:
-    kept = bool(ratio <= 1.0 + ROUNDING)
+    kept = bool(ratio <= 1.0 + TOLERANCE)
     return LimitResult(limit, float(worst), float(allowed), time, where, kept, float(ratio))
 
 

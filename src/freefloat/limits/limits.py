@@ -13,9 +13,6 @@ import numpy as np
 from freefloat.errors import InputError
 from freefloat.so3 import Array, frozen
 
-ROUNDING = 1e-6
-"""Relative excess up to which a limit counts as kept."""
-
 
 class LimitKind(StrEnum):
     """What is limited."""

@@ -15,11 +15,11 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from freefloat.errors import InputError, finite_number, finite_vector
-from freefloat.paths.piecewise import breaks_that_count, segments_within
+from freefloat.paths.piecewise import segments_within, significant_breaks
 from freefloat.so3 import Array, frozen, unit_vector
 
 _NEGLIGIBLE = 1e-8
-"""Fraction of its size by which a spline's jumps may move it unnoticed."""
+"""Displacement by jumps of derivatives, as a fraction of a spline's size, that is ignored."""
 
 
 @runtime_checkable
@@ -140,7 +140,7 @@ class SplineCurve:
         self._spline = CubicSpline(self.knots, self.points)
         size = float(np.ptp(self.points, axis=0).max())
         third = 6.0 * self._spline.c[0]
-        self.breaks = breaks_that_count(self.knots, third, _NEGLIGIBLE * size)
+        self.breaks = significant_breaks(self.knots, third, _NEGLIGIBLE * size)
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""

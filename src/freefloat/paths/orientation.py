@@ -22,14 +22,14 @@ from freefloat.paths.piecewise import breaks_of, within
 from freefloat.so3 import Array, attitude_axes, axes_rotation, cross, frozen, unit_vector
 
 _SAMPLES = np.linspace(0.0, 1.0, 201)
-"""Where a moving direction is inspected when it is made."""
-_DIPS = 5
-"""Number of lowest minima between samples that are searched."""
+"""Values of s at which a moving direction is checked."""
+_MOST_REFINED = 5
+"""Largest number of minima between samples that are refined."""
 _GAP = 1e-6
-"""Fraction of its largest length below which a direction counts as none."""
+"""Fraction of its largest length below which a direction is undefined."""
 
 _Vector = tuple[float, float, float]
-"""Integrators ask for rates by the hundred thousand: of three numbers tuples are the fastest."""
+"""Rates are evaluated very often: for three numbers tuples are faster than arrays."""
 
 
 @runtime_checkable
@@ -68,10 +68,10 @@ class FixedOrientation:
 
 @dataclass(frozen=True, eq=False)
 class FreeOrientation(FixedOrientation):
-    """An orientation that is left to the arm, as position tasks leave it.
+    """An orientation that is not prescribed, for position tasks.
 
     Attributes:
-        axes: The inertial ones: where an orientation is printed or drawn they stand for it.
+        axes: Inertial axes, used where an orientation is printed or drawn.
     """
 
     axes: Array = field(default_factory=lambda: np.eye(3), repr=False)
@@ -134,7 +134,7 @@ class DirectedOrientation:
     """One end-effector axis along a moving direction, a second as near as possible to a fixed one.
 
     Attributes:
-        axis: Letter of the first axis, with a minus sign where it points backwards.
+        axis: Letter of the first axis, with a minus sign for the opposite direction.
         second: Letter of the second axis.
         reference: Unit vector for the second axis, inertial frame, shape (3,). The axis is its
             component orthogonal to the first.
@@ -148,15 +148,15 @@ class DirectedOrientation:
 
     @classmethod
     def follow(cls, curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedOrientation:
-        """An end-effector that looks along its direction of travel, its z axis along a normal.
+        """The orientation with one axis along the direction of travel and z near a normal.
 
         Args:
             curve: The curve of the end-effector.
             axis: ``x``, ``-x``, ``y`` or ``-y``: along the direction of travel.
-            normal: Inertial direction of the z axis, made orthogonal to the travel.
+            normal: Inertial direction of the z axis, made orthogonal to the direction of travel.
 
         Raises:
-            InputError: If the curve stands still somewhere or runs along the normal.
+            InputError: If the direction of travel is undefined or along the normal somewhere.
         """
         if axis not in ("x", "-x", "y", "-y"):
             raise InputError("attitude.follow.axis", f"{axis!r} was given", "x, -x, y or -y")
@@ -164,13 +164,13 @@ class DirectedOrientation:
         law = cls(axis, "z", frozen(reference), Travel(curve))
         law._require_defined(
             "attitude.follow", "the path has no direction of travel", "normal lies along the path",
-            "a path that never stands still and a normal across it",
+            "a path with a nonzero derivative and a normal that is not parallel to it",
         )  # fmt: skip
         return law
 
     @classmethod
     def point_at(cls, curve: Curve, axis: str, target: npt.ArrayLike) -> DirectedOrientation:
-        """An end-effector that points one axis at a fixed target.
+        """The orientation with one axis toward a fixed target.
 
         The next axis (y after x, z after y, x after z) is as near as possible to the inertial axis
         that is farthest from all lines of sight.
@@ -178,7 +178,7 @@ class DirectedOrientation:
         Args:
             curve: The curve of the end-effector.
             axis: ``x``, ``y``, ``z`` or one of them with a minus sign.
-            target: Inertial point looked at [m], shape (3,).
+            target: Inertial position of the target [m], shape (3,).
 
         Raises:
             InputError: If the curve passes through the target or no inertial axis is far enough
@@ -195,8 +195,8 @@ class DirectedOrientation:
         law = cls(axis, second, frozen(reference), LineOfSight(curve, point))
         law._require_defined(
             "attitude.point_at", "the path passes through the target",
-            "no inertial axis stays clear of the directions of sight",
-            "a target off the path, seen within less than half a sphere",
+            "no inertial axis is far from all lines of sight",
+            "a target off the path, in directions within less than half a sphere",
         )  # fmt: skip
         return law
 
@@ -261,11 +261,11 @@ class DirectedOrientation:
 
 
 def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
-    """The smallest value of a function on [0, 1], and where: samples, the lowest dips refined."""
+    """The smallest value of a function on [0, 1], and where: the lowest samples, refined."""
     values = np.array([function(s) for s in _SAMPLES])
     best = [(float(values.min()), float(_SAMPLES[np.argmin(values)]))]
-    dips = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
-    for i in dips[np.argsort(values[dips])][:_DIPS]:
+    minima = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
+    for i in minima[np.argsort(values[minima])][:_MOST_REFINED]:
         bounds, options = (_SAMPLES[i - 1], _SAMPLES[i + 1]), {"xatol": 1e-12}
         refined = minimize_scalar(function, bounds=bounds, method="bounded", options=options)
         best.append((float(refined.fun), float(refined.x)))

@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from freefloat.paths.piecewise import breaks_that_count, segments_within
+from freefloat.paths.piecewise import segments_within, significant_breaks
 from freefloat.so3 import Array, cross
 
 _NEGLIGIBLE = 1e-8
-"""Angle [rad] by which a spline's jumps may rotate it unnoticed."""
+"""Rotation by jumps of derivatives [rad] that is ignored."""
 _SMALL = 1e-3
 """Rotation vectors shorter than this [rad] are exponentiated by a series."""
 
@@ -38,7 +38,7 @@ class OrientationSpline:
                  for low, high in pairwise(self._knots)]  # fmt: skip
         seconds = np.diff(np.array(rates), 2, axis=1)[:, 0]
         seconds /= (np.diff(self._knots)[:, None] / 2.0) ** 2
-        self.breaks = breaks_that_count(self._knots, seconds, _NEGLIGIBLE)
+        self.breaks = significant_breaks(self._knots, seconds, _NEGLIGIBLE)
 
     def within(self, low: float, high: float) -> OrientationSpline:
         """See :class:`freefloat.paths.piecewise.Piecewise`."""

@@ -15,7 +15,7 @@ from freefloat.paths.piecewise import breaks_of, within
 from freefloat.so3 import Array, Pose, frozen
 
 _SAMPLES = np.linspace(0.0, 1.0, 101)
-"""Where a path is inspected when it is made."""
+"""Values of s at which a path is checked."""
 _STEP = 1e-4
 """Step of differences by s: their error and rounding are both far below 1e-9."""
 
@@ -40,7 +40,7 @@ class EndEffectorPath:
         positions = np.array([self.curve(float(s)) for s in _SAMPLES])
         rates = [np.linalg.norm(self.orientation.rate(float(s))) for s in _SAMPLES[::10]]
         if not np.isfinite(positions).all():
-            raise InputError("path", "it leaves the finite numbers", "finite coordinates")
+            raise InputError("path", "a coordinate is not finite", "finite coordinates")
         if np.ptp(positions, axis=0).max() == 0.0 and max(rates) == 0.0:
             raise InputError("path", "its length is zero", "a path that moves or rotates")
 

@@ -10,7 +10,7 @@ from scipy.interpolate import PPoly
 from freefloat.so3 import Array, frozen
 
 _ROUNDING = 1e-12
-"""Overlap in s below which a segment does not count."""
+"""Overlap in s below which a segment is ignored."""
 
 T = TypeVar("T")
 
@@ -47,14 +47,14 @@ def segments_within(spline: PPoly, low: float, high: float) -> PPoly:
     return PPoly(spline.c[:, first : final + 1], knots[first : final + 2])
 
 
-def breaks_that_count(knots: Array, third_derivatives: Array, negligible: float) -> Array:
+def significant_breaks(knots: Array, third_derivatives: Array, negligible: float) -> Array:
     """Inner knots where a jump of the third derivative shows.
 
     Args:
         knots: Rising, shape (N + 1,).
         third_derivatives: Between the knots, shape (N, c).
-        negligible: A jump counts where it moves the function by more than this over the longer of
-            the two intervals beside it.
+        negligible: Displacement of the function, over the longer adjacent interval, below which a
+            jump is ignored.
     """
     jumps = np.linalg.norm(np.diff(third_derivatives, axis=0), axis=1)
     widths = np.diff(knots)

@@ -1,4 +1,4 @@
-"""Sampled paths: CSV files of end-effector positions, with orientations where they have them."""
+"""Sampled paths: CSV files of end-effector positions and optional orientations."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def samples_text(file: str | Path) -> str:
     """The text of a CSV file, line ends as they are.
 
     Raises:
-        InputError: If there is no such file, or it is no text.
+        InputError: If the file is missing or not a text file.
     """
     path, text = Path(file), ""
     try:
@@ -39,7 +39,7 @@ def samples_text(file: str | Path) -> str:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             text = stream.read(_LONGEST + 1)
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        reason = error.strerror if isinstance(error, OSError) else "it is not a text file"
         raise _refusal(file, f"it cannot be read: {reason}", _COLUMNS) from None
     if len(text) > _LONGEST:
         raise _refusal(file, "it is too long", f"at most {_LONGEST:,} characters")

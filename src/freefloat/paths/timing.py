@@ -24,10 +24,10 @@ _BLEND = 0.25
 _SHORTEST, _LONGEST = 1e-6, 1e12
 """Accepted durations [s]: rates and their squares neither overflow nor underflow."""
 _APART = 1e-6
-"""Fraction of the duration by which breaks must be apart to count as several."""
+"""Smallest distance of breaks, as a fraction of the duration."""
 _STOPS = "a list of stops, such as [Stop(s=0.5, t=40)], t in seconds"
 _CLOSEST = 1e-9
-"""Fraction of the whole by which stops must be apart in s and t."""
+"""Smallest distance of stops in s and in t over the duration."""
 
 
 class TimeLaw(StrEnum):
@@ -58,7 +58,7 @@ class Stop:
     """A rest along the path.
 
     Attributes:
-        s: Place on the path, in (0, 1).
+        s: Value of s, in (0, 1).
         t: Time [s].
     """
 
@@ -168,7 +168,7 @@ class Timing:
 
 
 class Leg(NamedTuple):
-    """A part of a timed path without jumps of its derivatives; it holds a little beyond, too."""
+    """A part of a timed path without jumps of its derivatives, also valid a little beyond."""
 
     segment: int
     """Number of the segment of the time law."""
