@@ -97,7 +97,7 @@ def test_second_derivatives_of_every_block_are_bounded_and_reach_a_share_of_thei
             for name, ratio in norms.items():
                 assert ratio <= 1.0, name
                 reached[name] = max(reached[name], ratio)
-    assert all(reached[name] >= share for name, share in TIGHT.items()), reached
+    assert all(reached[name] >= fraction for name, fraction in TIGHT.items()), reached
 
 
 def proven(motion, names):

@@ -287,7 +287,7 @@ PITCH = np.array([0.0, 0.6, -1.3, 0.0, 0.3, 0.0])
 
 
 class Nod:
-    """Pitch of the hand about the inertial y axis that comes back: angle 4 a s (1 - s)."""
+    """Pitch of the end-effector about the inertial y axis that comes back: angle 4 a s (1 - s)."""
 
     def __init__(self, start, amplitude):
         self.start, self.amplitude = start, amplitude
@@ -336,7 +336,7 @@ def test_the_same_motion_the_other_way_round_completes(spatial):
     assert motion.residuals().momentum < 1e-6
 
 
-def test_a_wrist_that_just_straightens_is_told_from_one_that_does_not(spatial):
+def test_a_wrist_that_just_straightens_is_reported_from_one_that_does_not(spatial):
     """q5 dips to a hair below zero and comes back: singular; to a hair above: completed."""
 
     def lowest(amplitude):

@@ -26,7 +26,7 @@ GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 BAD = [0.1, 0.5, 0.2, -0.8367]
 
 
-def followed(problem, attitude, branch, **options):
+def integrated(problem, attitude, branch, **options):
     return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
 
 
@@ -38,13 +38,13 @@ def spatial():
 @pytest.fixture(scope="module")
 def motion(spatial):
     """Example 2, the branch with q1 near 1.25 that comes close to the margin."""
-    return followed(spatial, spatial.attitude("attitude", GOOD), 2)
+    return integrated(spatial, spatial.attitude("attitude", GOOD), 2)
 
 
 @pytest.fixture(scope="module")
 def singular(spatial):
     """Example 2 from the printed bad attitude."""
-    return followed(spatial, spatial.attitude("attitude", BAD), 2)
+    return integrated(spatial, spatial.attitude("attitude", BAD), 2)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def backwards(spatial, motion):
 def stopping():
     """Example 1 from 200 degrees, at rest at F on the way."""
     problem = load_scenario("planar_3dof/parabola").problem()
-    return followed(problem, heading_quaternion(np.deg2rad(200.0)), 0)
+    return integrated(problem, heading_quaternion(np.deg2rad(200.0)), 0)
 
 
 def test_a_motion_begins_and_ends_where_it_says(motion, spatial):

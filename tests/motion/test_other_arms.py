@@ -45,7 +45,7 @@ SLIDE = (
     + link_text("panel", inertial_text(6.0, 0.5 * np.eye(3), "-0.8 0 0"))
     + "</robot>"
 )
-"""In the plane: a turning and a sliding joint, and a panel on a hinge."""
+"""In the plane: a turning and a prismatic joint, and a panel on a hinge."""
 SLIDE_SCENARIO = """\
 robot: {urdf: slide.urdf, end_effector: end_effector, held: {hinge: 0.9}}
 task: planar-position
@@ -104,7 +104,7 @@ def run(*words: object) -> dict[str, Any]:
     return dict(json.loads(result.stdout))
 
 
-def followed(scenario: Path, heading: float = 0.0) -> Motion:
+def integrated(scenario: Path, heading: float = 0.0) -> Motion:
     problem = load_scenario(scenario).problem()
     attitude = np.array([0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)])
     return integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
@@ -155,7 +155,7 @@ class Whole:
 
 
 def assert_drifts(motion: Motion) -> None:
-    """MuJoCo finds the momentum of the problem, the hand on the path, no wrench on the base."""
+    """MuJoCo finds the momentum of the problem, the end-effector on the path, no wrench on the base."""
     whole, end = Whole(motion.problem.model), motion.final.time
     wrenches, torques = [], []
     for t in np.linspace(0.1 * end, 0.9 * end, 9):
@@ -179,7 +179,7 @@ def assert_drifts(motion: Motion) -> None:
 
 
 def test_a_sliding_arm_beside_a_held_panel_drifts_as_mujoco_says(slide: Path) -> None:
-    motion = followed(slide)
+    motion = integrated(slide)
     assert motion.completed
     assert [body.prismatic for body in motion.problem.model.bodies] == [False, False, True]
     assert np.ptp(motion.joints[:, 1]) > 0.02, "it slides"
@@ -188,9 +188,9 @@ def test_a_sliding_arm_beside_a_held_panel_drifts_as_mujoco_says(slide: Path) ->
 
 def test_where_a_panel_is_held_matters(slide: Path) -> None:
     """And a motion planned for one hinge is wrong for the other."""
-    motion = followed(slide)
+    motion = integrated(slide)
     slide.write_text(SLIDE_SCENARIO.replace("hinge: 0.9", "hinge: -0.9"))
-    other = followed(slide)
+    other = integrated(slide)
     gap = other.final.joints - motion.final.joints
     assert np.abs(gap).max() > 1e-3
     with pytest.raises(AssertionError):
@@ -249,7 +249,7 @@ def test_what_cannot_be_held_is_refused(slide: Path, held: str, key: str) -> Non
 
 
 def test_an_arm_on_a_rail_beside_a_held_arm_drifts_as_mujoco_says(rail: Path) -> None:
-    motion = followed(rail)
+    motion = integrated(rail)
     model = motion.problem.model
     assert motion.completed
     assert model.joint_names[0] == "rail"

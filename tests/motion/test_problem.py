@@ -37,12 +37,12 @@ def planar():
 def lifted(model, axis, lift):
     """The planar arm with the mass of its second link moved across the plane."""
     text = model.description.text.replace(
-        '<origin xyz="0.5 0 0" />\n      <mass value="30" />',
-        f'<origin xyz="0.5 0 {lift}" />\n      <mass value="30" />',
+        '<origin xyz="0.5 0 0"/>\n      <mass value="30"/>',
+        f'<origin xyz="0.5 0 {lift}"/>\n      <mass value="30"/>',
     )
     assert text != model.description.text or lift == 0.0
     return FreeFloatingModel.from_urdf(
-        text.replace('<axis xyz="0 0 1" />', f'<axis xyz="{axis}" />'), "end_effector"
+        text.replace('<axis xyz="0 0 1"/>', f'<axis xyz="{axis}"/>'), "end_effector"
     )
 
 

@@ -37,7 +37,7 @@ def test_the_place_where_a_path_leaves_the_reach_lies_on_the_reach() -> None:
     assert str(result) == f"the path leaves the reach of {reach:.4g} m at s = {result.s:.3g}"
 
 
-def test_a_start_beyond_it_is_told_with_the_unit_where_it_is_absurd() -> None:
+def test_a_start_beyond_it_is_reported_with_the_unit_where_it_is_absurd() -> None:
     told = "the path begins out of reach: [10.0, 0.0, 0.0] m is 10 m from the centre of mass, "
     assert (
         reach_message(along([10.0, 0.0, 0.0], [1.0, 0.0, 0.0])) == told + "the arm reaches 2.635 m"
@@ -58,7 +58,7 @@ def test_a_simulation_tells_it_of_the_start_and_of_the_end() -> None:
     )
 
 
-def test_a_spacecraft_lighter_than_its_arm_is_told() -> None:
+def test_a_spacecraft_lighter_than_its_arm_is_reported() -> None:
     """The UR5's base link alone, 4 kg, carries the arm."""
     bare = "urdf: 'example-robot-data:ur5', end_effector: tool0"
     text = EASY.replace("urdf: spatial_6dof, end_effector: end_effector", bare)

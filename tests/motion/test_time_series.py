@@ -14,7 +14,7 @@ from freefloat.motion.time_series import TimeSeries, euler_angles
 from freefloat.so3 import heading_quaternion
 
 
-def followed(name: str, attitude: list[float] | None, heading: float, branch: int) -> Motion:
+def integrated(name: str, attitude: list[float] | None, heading: float, branch: int) -> Motion:
     problem = load_scenario(name).problem()
     start = heading_quaternion(np.deg2rad(heading)) if attitude is None else attitude
     start = problem.attitude("attitude", start)
@@ -23,17 +23,17 @@ def followed(name: str, attitude: list[float] | None, heading: float, branch: in
 
 @pytest.fixture(scope="module")
 def spatial() -> Motion:
-    return followed("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 0.0, 2)
+    return integrated("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 0.0, 2)
 
 
 @pytest.fixture(scope="module")
 def planar() -> Motion:
-    return followed("planar_3dof/parabola", None, 200.0, 0)
+    return integrated("planar_3dof/parabola", None, 200.0, 0)
 
 
 @pytest.fixture(scope="module")
 def singular() -> Motion:
-    return followed("planar_3dof/parabola", None, 140.0, 0)
+    return integrated("planar_3dof/parabola", None, 140.0, 0)
 
 
 @pytest.fixture(scope="module", params=["spatial", "planar"])

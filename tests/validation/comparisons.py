@@ -46,7 +46,7 @@ COMPARISONS = tuple(Comparison(*row) for row in (
     ("test_mujoco", "test_mujoco_finds_the_same_generalized_jacobian",
      "S* of random arms of every structure", "MuJoCo", 1e-10, "of the largest"),
     ("test_mujoco", "test_mujoco_sees_the_end_effector_on_the_path",
-     "the hand in Examples 1 and 2", "MuJoCo's kinematics", 1e-8, "m, of 1"),
+     "the end-effector in Examples 1 and 2", "MuJoCo's kinematics", 1e-8, "m, of 1"),
     ("test_mujoco", "test_the_motion_needs_no_wrench_on_the_base",
      "wrench on the base in Examples 1 and 2", "none, by MuJoCo's inverse dynamics", 1e-4,
      "of the torques"),
@@ -79,7 +79,7 @@ WORST: dict[str, float] = {}
 
 
 def agrees(test: str, deviation: float) -> None:
-    """Keep a deviation found by a test, and fail when it is more than is allowed."""
+    """Keep a deviation result by a test, and fail when it is more than is allowed."""
     (row,) = (one for one in COMPARISONS if one.test == test)
     WORST[test] = max(WORST.get(test, 0.0), float(deviation))
     assert deviation <= row.allowed, f"{row.what}: off by {deviation:.3g}, allowed {row.allowed:g}"

@@ -34,7 +34,7 @@ def verify():
 
 @pytest.mark.parametrize("number", range(20))
 def test_random_ranges_agree_with_brute_force(verify, number):
-    """Random arms, paths, momenta: every range found, none invented, limits even in number."""
+    """Random arms, paths, momenta: every range result, none invented, limits even in number."""
     problem = verify.random_problem(np.random.default_rng(1000 + number))
     verdict = verify.judge(problem, number, spacing=1.0, steps=700)
     assert verdict.trouble == []
@@ -43,15 +43,15 @@ def test_random_ranges_agree_with_brute_force(verify, number):
 
 
 def test_a_map_agrees_with_precise_motions():
-    """Endings, and the least S beside its first value, of every fifth motion of a small map."""
+    """Endings, and the smallest |S| beside its first value, of every fifth motion of a small map."""
     problem = bundled("spatial_6dof/line")
-    found = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(10))
-    for at, branch in np.argwhere(found.motions.endings >= 0)[::5]:
-        joints = found.joints[at, branch]
-        motion = integrate_motion(problem, found.attitudes[at], joints)
-        assert motion.completed == (found.motions.endings[at, branch] == COMPLETED)
+    result = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(10))
+    for at, branch in np.argwhere(result.motions.endings >= 0)[::5]:
+        joints = result.joints[at, branch]
+        motion = integrate_motion(problem, result.attitudes[at], joints)
+        assert motion.completed == (result.motions.endings[at, branch] == COMPLETED)
         lowest = closest_approach(motion, problem.margin.measure)
-        off = abs(lowest.value - found.motions.minimum[at, branch])
+        off = abs(lowest.value - result.motions.minimum[at, branch])
         agrees(
             "test_a_map_agrees_with_precise_motions",
             off / abs(problem.margin.measure(joints)),

@@ -118,12 +118,12 @@ def test_a_path_that_starts_at_the_end_of_the_reach_is_answered(tmp_path, beyond
     """
     reach = (20.0 + 42.0 + 45.5) / 47.0 + beyond
     robot = models_folder() / "planar_2dof" / "planar_2dof.urdf"
-    (tmp_path / "wish.yaml").write_text(
+    (tmp_path / "scenario.yaml").write_text(
         f"robot: {{urdf: {robot}, end_effector: end_effector}}\ntask: planar-position\n"
         f"path: {{line: {{from: [{reach!r}, 0, 0], to: [1, 0.5, 0]}}}}\n"
         "timing: {law: quintic, duration: 30}\nmargin: {measure: system, value: 0.1}\n"
     )
-    words = ["simulate", str(tmp_path / "wish.yaml"), "--heading", "0", "--json"]
+    words = ["simulate", str(tmp_path / "scenario.yaml"), "--heading", "0", "--json"]
     result = CliRunner().invoke(app, words)
     if beyond > 0.0:
         assert result.exit_code == 2
@@ -140,8 +140,8 @@ def test_a_path_that_starts_at_the_end_of_the_reach_is_answered(tmp_path, beyond
 
 
 @pytest.mark.parametrize("above", [-1e-9, 1e-9])
-def test_a_margin_grazed_to_a_billionth_is_told(planar, above):
-    """Expected: S0 1e-9 below the least S is kept, 1e-9 above it is used up at the least S.
+def test_a_margin_grazed_to_a_billionth_is_reported(planar, above):
+    """Expected: S0 1e-9 below the smallest |S| is kept, 1e-9 above it is used up at the smallest |S|.
 
     The verdict on a finished motion allows a millionth of S0 for rounding.
     """
@@ -160,7 +160,7 @@ def test_a_margin_grazed_to_a_billionth_is_told(planar, above):
     assert fine.minimum[0] == pytest.approx(lowest.value, abs=1e-7)
 
 
-def test_a_motion_that_grazes_zero_is_told_from_one_that_does_not(planar):
+def test_a_motion_that_grazes_zero_is_reported_from_one_that_does_not(planar):
     """Expected: within 1e-7 rad of heading, completed with S as small as that, or singular.
 
     Two digits away compiled and precise motions agree on which.
@@ -413,7 +413,7 @@ def test_a_planar_hand_passes_through_the_centre_of_mass():
 
 
 def test_a_spatial_hand_passes_through_the_centre_of_mass(spatial):
-    """Expected: from some attitude the line is completed, and the hand is there to 1e-8 m."""
+    """Expected: from some attitude the line is completed, and the end-effector is there to 1e-8 m."""
     problem = along(spatial.model, Task.POSE, [1, 0, 0], [-1, 0, 0], LEVEL)
     found = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(16))
     completed = np.argwhere(found.motions.endings == COMPLETED)
@@ -449,7 +449,7 @@ HALF_TURNS = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 
 @pytest.mark.parametrize("attitude", [*HALF_TURNS, GOOD])
 def test_both_signs_of_a_quaternion_are_one_start(spatial, attitude):
-    """Expected: same joints, same endings, same least S to the last digits; also at half turns."""
+    """Expected: same joints, endings and smallest |S| to the last digits; also at half turns."""
     outlook = FeasibilityEvaluator(spatial, 1)
     unit = spatial.attitude("attitude", attitude)
     one, other = (outlook.evaluate(sign * unit[None]) for sign in (1.0, -1.0))

@@ -123,7 +123,7 @@ def test_without_momentum_the_end_does_not_depend_on_time(spatial, timing):
 
 @pytest.mark.parametrize("timing", LAWS[:4])
 def test_with_momentum_the_end_depends_on_time(spatial, timing):
-    """h != 0: the system drifts while the hand follows, and longer drifts differ."""
+    """h != 0: the system drifts while the end-effector follows, and longer drifts differ."""
     usual = timed(spatial, [0.5, 0.3, 0.1], Timing(100.0))
     other = timed(spatial, [0.5, 0.3, 0.1], timing)
     turn = Rotation.from_quat(other.attitude).inv() * Rotation.from_quat(usual.attitude)
@@ -131,7 +131,7 @@ def test_with_momentum_the_end_depends_on_time(spatial, timing):
 
 
 class JointLoop:
-    """The curve of the hand while q = (0.3 + 0.6 cos u, 0.7 + 0.6 sin u), h = 0, u = 2 pi s.
+    """The end-effector curve while q = (0.3 + 0.6 cos u, 0.7 + 0.6 sin u), h = 0, u = 2 pi s.
 
     In the plane as complex numbers, from masses and lengths alone: what moves with the spacecraft,
     with joint 1 and with joint 2 gives the angular momentum about the centre of mass.

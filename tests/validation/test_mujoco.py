@@ -72,10 +72,10 @@ def test_a_base_held_still_needs_a_wrench(motions, engines, name):
     for t in TIMES:
         value, rate, bend = differentiated(motions[name], t)
         rate[:7], bend[:7] = 0.0, 0.0
-        for kept, found in zip(
+        for kept, result in zip(
             (wrenches, torques), engines[name].inverse(value, rate, bend), strict=True
         ):
-            kept.append(found)
+            kept.append(result)
     assert np.abs(wrenches).max() > 0.1 * np.abs(torques).max()
 
 
@@ -105,7 +105,7 @@ def test_mujoco_counts_the_same_momentum(motions, engines, name):
 
 @pytest.mark.parametrize("name", ["spatial", "planar"])
 def test_mujoco_sees_the_end_effector_on_the_path(motions, engines, name):
-    """Its kinematics of the recorded states put the hand where the path wants it."""
+    """Its kinematics of the recorded states put the end-effector where the path wants it."""
     motion, engine = motions[name], engines[name]
     rest = np.zeros(7 + motion.problem.model.dof)
     for state in motion.sample(np.linspace(0.0, 100.0, 41)):
@@ -240,6 +240,6 @@ def test_mujoco_finds_the_same_generalized_jacobian(data: st.DataObject, robot: 
 def test_servos_lead_to_the_same_attitude(all_motions, name):
     """Servos follow the recorded joints, nothing holds the base: it ends as freefloat says."""
     motion = all_motions[name]
-    found = forward_run(motion, Engine(motion.problem.model))
-    agrees("test_servos_lead_to_the_same_attitude", found.attitude)
-    assert found.joints < 1e-3
+    result = forward_run(motion, Engine(motion.problem.model))
+    agrees("test_servos_lead_to_the_same_attitude", result.attitude)
+    assert result.joints < 1e-3

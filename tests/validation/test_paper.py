@@ -95,17 +95,17 @@ def test_example_1_at_140_and_200_degrees(planar):
 
 @pytest.mark.parametrize(("degrees", "limit"), [(160.5, "<"), (161.5, ">")])
 def test_the_limit_at_161_degrees_is_where_it_was_printed(planar, degrees, limit):
-    """Theta_AB = [0, 63] U [161, 360] at A: least S passes S0 = 5 at 161 degrees."""
-    found = closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
-    assert found.sign == 1
-    assert found.value < 5.0 if limit == "<" else found.value > 5.0
+    """Theta_AB = [0, 63] U [161, 360] at A: smallest |S| passes S0 = 5 at 161 degrees."""
+    result = closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
+    assert result.sign == 1
+    assert result.value < 5.0 if limit == "<" else result.value > 5.0
 
 
 @pytest.mark.parametrize(("degrees", "kept"), [(62.0, True), (63.6, False), (0.0, True)])
 def test_the_limit_at_63_degrees_is_where_it_was_printed(planar, degrees, kept):
     """ClosestApproach S passes S0 = 5 near 63 degrees, coming from 0."""
-    found = closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
-    assert (found.value >= 5.0) == kept
+    result = closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
+    assert (result.value >= 5.0) == kept
 
 
 TOUCH = [
@@ -133,8 +133,8 @@ def test_printed_touch_points_lead_to_the_printed_headings(
     assert planar.margin.measure(gaps[min(gaps)]) == pytest.approx(5.0, abs=0.03)
     motion = integrate_motion(planar, attitude, gaps[min(gaps)], start=t_touch, end=t)
     assert motion.completed
-    found = np.degrees(heading_of(motion.final.attitude))
-    off = abs((found - printed + 180.0) % 360.0 - 180.0)
+    result = np.degrees(heading_of(motion.final.attitude))
+    off = abs((result - printed + 180.0) % 360.0 - 180.0)
     agrees("test_printed_touch_points_lead_to_the_printed_headings", off)
 
 

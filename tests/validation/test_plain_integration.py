@@ -56,16 +56,16 @@ def plain(problem, attitude, joints, times, twist=None):
 
     start = problem.model.configuration(attitude, joints)
     breaks = [times[0], *(e for e in problem.path.timing.ends if times[0] < e < times[-1])]
-    found, y = [], start
+    result, y = [], start
     for low, high in zip(breaks, [*breaks[1:], times[-1]], strict=True):
         inside = [t for t in times if low <= t < high or t == high == times[-1]]
         answer = solve_ivp(
             rates, (low, high), y, "DOP853", dense_output=True, rtol=1e-11, atol=1e-12
         )
         assert answer.success
-        found += [answer.sol(t) for t in inside]
+        result += [answer.sol(t) for t in inside]
         y = answer.y[:, -1]
-    return np.array(found)
+    return np.array(result)
 
 
 def deviation(motion, reference, times):
@@ -115,8 +115,8 @@ CASES = {
     "seven joints, pose": lambda: seven(Task.POSE, [0.4, -0.2, 0.3]),
     "seven joints, no momentum": lambda: seven(Task.POSE, [0, 0, 0]),
     "seven joints, position": lambda: seven(Task.POSITION, [0.4, -0.2, 0.3]),
-    "sliding joint": lambda: sliding([0.2, 0.1, -0.3]),
-    "sliding joint, no momentum": lambda: sliding([0, 0, 0]),
+    "prismatic joint": lambda: sliding([0.2, 0.1, -0.3]),
+    "prismatic joint, no momentum": lambda: sliding([0, 0, 0]),
 }
 
 
@@ -149,7 +149,7 @@ def test_a_plain_integration_of_the_printed_path_agrees():
     assert deviation(motion, plain(problem, attitude, joints, times, twist), times) < 1e-7
 
 
-@pytest.mark.parametrize("case", ["spatial pose", "seven joints, pose", "sliding joint"])
+@pytest.mark.parametrize("case", ["spatial pose", "seven joints, pose", "prismatic joint"])
 def test_the_centre_of_mass_stays_put(case):
     """No force from outside: it rests at the origin, and what turns the base keeps it there."""
     problem, attitude, joints = CASES[case]()

@@ -68,12 +68,12 @@ def test_planar_golden_values(
     """det A, D and det S* of three planar systems, to all digits known from three other codes."""
     model = FreeFloatingModel.from_urdf(planar_robot(*table))
     task = planar_task(model.dof)
-    found = [
+    result = [
         np.linalg.det(system_matrix(model, joints, task)),
         inertia_matrices(model, joints)[0][2, 2],
         np.linalg.det(generalized_jacobian(model, joints, task)),
     ]
-    agrees("test_planar_golden_values", np.abs(np.array(found) - [S, D, gjm]).max())
+    agrees("test_planar_golden_values", np.abs(np.array(result) - [S, D, gjm]).max())
 
 
 def closed_form(
