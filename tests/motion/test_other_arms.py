@@ -155,7 +155,7 @@ class Whole:
 
 
 def assert_drifts(motion: Motion) -> None:
-    """MuJoCo finds the momentum of the problem, the end-effector on the path, no wrench on the base."""
+    """MuJoCo gives the momentum, the end-effector on the path, and no wrench on the base."""
     whole, end = Whole(motion.problem.model), motion.final.time
     wrenches, torques = [], []
     for t in np.linspace(0.1 * end, 0.9 * end, 9):

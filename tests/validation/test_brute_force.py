@@ -43,7 +43,7 @@ def test_random_ranges_agree_with_brute_force(verify, number):
 
 
 def test_a_map_agrees_with_precise_motions():
-    """Endings, and the smallest |S| beside its first value, of every fifth motion of a small map."""
+    """Endings and smallest |S| over its first value of every fifth motion of a small map."""
     problem = bundled("spatial_6dof/line")
     result = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(10))
     for at, branch in np.argwhere(result.motions.endings >= 0)[::5]:

@@ -141,7 +141,7 @@ def test_a_path_that_starts_at_the_end_of_the_reach_is_answered(tmp_path, beyond
 
 @pytest.mark.parametrize("above", [-1e-9, 1e-9])
 def test_a_margin_grazed_to_a_billionth_is_reported(planar, above):
-    """Expected: S0 1e-9 below the smallest |S| is kept, 1e-9 above it is used up at the smallest |S|.
+    """Expected: a threshold 1e-9 below the smallest |S| is kept, 1e-9 above it is not.
 
     The verdict on a finished motion allows a millionth of S0 for rounding.
     """
@@ -413,7 +413,7 @@ def test_a_planar_hand_passes_through_the_centre_of_mass():
 
 
 def test_a_spatial_hand_passes_through_the_centre_of_mass(spatial):
-    """Expected: from some attitude the line is completed, and the end-effector is there to 1e-8 m."""
+    """Expected: the line is completed from some attitude, with the end-effector there to 1e-8 m."""
     problem = along(spatial.model, Task.POSE, [1, 0, 0], [-1, 0, 0], LEVEL)
     found = FeasibilityEvaluator(problem, 1).evaluate(attitude_grid(16))
     completed = np.argwhere(found.motions.endings == COMPLETED)
