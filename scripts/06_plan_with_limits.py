@@ -36,7 +36,7 @@ print("with slow joints")
 show(results)
 
 # Without momentum a longer duration scales all joint rates alike.
-longer = scenario.stretched(needed_stretch(results)).problem()
+longer = problem.stretched(needed_stretch(results))
 start = plan.chosen.motion.initial
 motion = ff.simulate(longer, start.attitude, joints=start.joints).chosen.motion
 print("with slow joints and more time")

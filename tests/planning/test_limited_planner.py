@@ -121,11 +121,11 @@ def test_the_stretched_scenario_keeps_what_was_too_fast() -> None:
     problem = calm.problem()
     found = plan(problem, Search(), limits=limits)
     assert found.needed_stretch is not None
-    slower = PLANAR.stretched(1.00001 * found.needed_stretch)
-    assert slower.content.timing.duration == pytest.approx(100.0 * 1.00001 * found.needed_stretch)
-    assert slower.content.timing.stops[0].t == pytest.approx(69.73 * 1.00001 * found.needed_stretch)
-    path = replace(problem, path=slower.problem().path)
-    kept(path, limits, Search())
+    slower = problem.stretched(1.00001 * found.needed_stretch)
+    timing = slower.path.timing
+    assert timing.duration == pytest.approx(100.0 * 1.00001 * found.needed_stretch)
+    assert timing.stops[0].t == pytest.approx(69.73 * 1.00001 * found.needed_stretch)
+    kept(slower, limits, Search())
 
 
 def test_the_duration_told_is_enough_where_only_a_few_headings_keep_the_rates() -> None:
@@ -135,7 +135,7 @@ def test_the_duration_told_is_enough_where_only_a_few_headings_keep_the_rates() 
     found = plan(line.problem(), Search(), limits=limits)
     assert found.needed_stretch is not None
     for factor in (1.00001, 1.001):
-        kept(line.stretched(factor * found.needed_stretch).problem(), limits, Search())
+        kept(line.problem().stretched(factor * found.needed_stretch), limits, Search())
 
 
 def test_the_nearest_is_drawn_toward_the_present_attitude(planar: Problem) -> None:

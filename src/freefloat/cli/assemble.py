@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,8 +15,7 @@ from freefloat.cli.options import Json, Quiet, prepare_outputs, robot_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.io.robot_parts import RobotParts
-    from freefloat.robot.parts import Mount
+    from freefloat.robot.parts import Attachment, Mount
 
 Vector = tuple[float, float, float]
 Placement = tuple[float, float, float, float, float, float]
@@ -119,9 +117,10 @@ def assemble(
 
     Example: freefloat assemble ur5_servicer/arc -o servicer.urdf
     """
-    from freefloat.io.assembled import Assembled
     from freefloat.io.scenario import load_robot
-    from freefloat.robot.names import bundled_scenarios
+    from freefloat.io.urdf_file import write_urdf
+    from freefloat.robot.model import FreeFloatingModel
+    from freefloat.robot.names import bundled_scenarios, find_robot
     from freefloat.robot.parts import Payload, Spacecraft
 
     spacecraft = {
@@ -138,37 +137,35 @@ def assemble(
         if any(value is not None for value in (*values, *sum(additions.values(), ()))):
             accepted = "-o, --copy-meshes and --json"
             raise InputError("options", "the scenario has all parts of its robot", accepted)
-        parts = load_robot(robot)
+        model = load_robot(robot)
     else:
-        parts = _parts(robot, end_effector, additions)
-        parts = replace(
-            parts,
+        urdf = find_robot(robot, Path())
+        model = FreeFloatingModel.from_urdf(
+            urdf,
+            end_effector,
+            attached=_attachments(urdf, end_effector, additions),
             spacecraft=_body("spacecraft", Spacecraft, spacecraft),
             payload=_body("payload", Payload, payload),
         )
-    assembled = Assembled.of(parts)
-    prepare_outputs(parts.urdf, output=output)
-    meshes, missing = assembled.write(output, copy_meshes)
-    document = {"file": str(output), **assembled.document(), "meshes": meshes}
-    document["warnings"] += missing
+    prepare_outputs(Path(model.description.source), output=output)
+    document = write_urdf(model, output, copy_meshes).to_dict()
     console = Console(as_json, quiet)
     console.json(document)
     console.tables(_tables(document))
 
 
-def _parts(
-    robot: str,
+def _attachments(
+    urdf: Path,
     end_effector: str | None,
     additions: dict[str, tuple[str | None, Placement | None]],
-) -> RobotParts:
-    """An arm and the URDFs attached to it."""
-    from freefloat.io.robot_parts import RobotParts
+) -> list[Attachment]:
+    """The URDFs attached to an arm."""
     from freefloat.robot.assembly import end_effector_link
     from freefloat.robot.names import find_robot
     from freefloat.robot.parts import Attachment
     from freefloat.robot.validation import read_urdf
 
-    urdf, attached = find_robot(robot, Path()), []
+    attached = []
     for key, (name, placement) in additions.items():
         if name is None:
             if placement is not None:
@@ -181,7 +178,7 @@ def _parts(
         prefix = key.removesuffix("arm") if key == "second_arm" else f"{key}_"
         link = end_effector_link(read_urdf(urdf), end_effector) if key == "tool" else None
         attached.append(Attachment(file, link, _mount(f"{prefix}mount", placement), prefix))
-    return RobotParts(urdf, end_effector, attached=tuple(attached))
+    return attached
 
 
 def _body(name: str, kind: type[Any], options: dict[str, Any]) -> Any:

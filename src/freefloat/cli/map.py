@@ -107,7 +107,7 @@ def map_(
     else:
         console.tables(_attitude_tables(scenario, result))
     if output is not None:
-        save(result, output)
+        save(result, output, loaded)
     if plots is not None:
         document["plots"] = draw(console, plots, result, threads)
     console.json(document)

@@ -67,7 +67,7 @@ def plan(
     document = result.to_dict()
     console.tables(_tables(scenario, result))
     if output is not None:
-        save(result, output)
+        save(result, output, loaded)
     if html is not None:
         document["html"] = _save_page(html, scenario, result)
         console.tables([f"Page: {document['html'] or 'none, there is no motion to show'}"])

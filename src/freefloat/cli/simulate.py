@@ -78,7 +78,7 @@ def simulate(
         )
     console.tables(_tables(scenario, simulation))
     if output is not None:
-        save(simulation, output)
+        save(simulation, output, loaded)
     if html is not None:
         from freefloat.visualization.playback import playback
 

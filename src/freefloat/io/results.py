@@ -20,7 +20,6 @@ from freefloat.errors import InputError
 from freefloat.io.decoding import Document, differences
 from freefloat.io.hdf5 import AlteredFileError, open_hdf5, read_text, write_hdf5, write_texts
 from freefloat.io.scenario import Scenario, parse_scenario, scenario_of
-from freefloat.planning.options import Search
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.model import FreeFloatingModel
@@ -42,12 +41,18 @@ _INVALID = (
 """Errors of reading a file whose content does not fit together."""
 
 
-def save(result: Plan | Simulation | AttitudeMap | HeadingMap, path: str | Path) -> None:
+def save(
+    result: Plan | Simulation | AttitudeMap | HeadingMap,
+    path: str | Path,
+    scenario: Scenario | None = None,
+) -> None:
     """Write a result to a file: whole, or not at all.
 
     Args:
         result: A plan, a simulation or a map.
         path: The file; replaced if it exists.
+        scenario: The scenario that the result was computed from. If it poses the problem of the
+            result, its text is written, with comments; else the problem is described.
 
     Raises:
         InputError: If the file cannot be written, or scenario files cannot describe the path of
@@ -55,34 +60,45 @@ def save(result: Plan | Simulation | AttitudeMap | HeadingMap, path: str | Path)
     """
     if not str(path):
         raise InputError("output", "an empty name was given", "the name of a file")
-    if isinstance(result, Plan):
-        kind, scenario = _PLAN, scenario_of(result.problem, result.search, result.limits)
-    elif isinstance(result, Simulation):
-        kind, scenario = _SIMULATION, scenario_of(result.problem, limits=result.limits)
-    else:
-        kind, scenario = _map_scenario(result)
+    kind, described = _kind_of(result), _describe(result, scenario)
     document = result.to_dict()
 
     def build(file: Any) -> None:
-        _write_origin(file, kind, scenario)
+        _write_origin(file, kind, described)
         write_texts(file, document=json.dumps(document, allow_nan=False))
         _write_arrays(file, result, document)
 
     write_hdf5(Path(path), build)
 
 
-def _map_scenario(result: AttitudeMap | HeadingMap) -> tuple[str, Scenario]:
+def _kind_of(result: Any) -> str:
+    if isinstance(result, Plan | Simulation):
+        return _PLAN if isinstance(result, Plan) else _SIMULATION
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
 
-    if isinstance(result, HeadingMap):
-        search = Search(samples=len(result.headings))
-        return _HEADING_MAP, scenario_of(result.problem, search)
-    if isinstance(result, AttitudeMap):
-        search = Search(samples=result.samples, seed=result.seed)
-        return _ATTITUDE_MAP, scenario_of(result.problem, search)
+    if isinstance(result, HeadingMap | AttitudeMap):
+        return _HEADING_MAP if isinstance(result, HeadingMap) else _ATTITUDE_MAP
     problem = f"a {type(result).__name__} was given"
     raise InputError("result", problem, "a Plan, Simulation, AttitudeMap or HeadingMap")
+
+
+def _describe(result: Any, scenario: Scenario | None) -> Scenario:
+    """The given scenario if it poses the problem of a result, else a description of the problem."""
+    problem, search, limits = result.problem, None, None
+    if isinstance(result, Plan):
+        search = result.search
+    if isinstance(result, Plan | Simulation):
+        limits = result.limits
+    described = scenario_of(problem, search, limits)
+    if scenario is None or scenario.model() is not problem.model:
+        return described
+    posed = scenario_of(
+        scenario.problem(),
+        None if search is None else scenario.search(),
+        None if limits is None else scenario.limits(),
+    )
+    return scenario if posed.text == described.text else described
 
 
 def _write_origin(file: Any, kind: str, scenario: Scenario) -> None:

@@ -15,8 +15,7 @@ from freefloat.dynamics.measures import largest_magnitude, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy, Toward
 from freefloat.errors import InputError, did_you_mean
 from freefloat.io.path_section import path_of, section_of
-from freefloat.io.robot_parts import RobotParts
-from freefloat.io.robot_schema import RobotFile
+from freefloat.io.robot_section import RobotFile
 from freefloat.io.schema import JointLimits, ScenarioFile
 from freefloat.io.validation import error_context, validated
 from freefloat.io.yaml import parse_yaml, read_text
@@ -59,7 +58,7 @@ class Scenario:
 
     @cached_property
     def _model(self) -> FreeFloatingModel:
-        return self.robot or RobotParts.of(self.content.robot, self.source).model()
+        return self.robot or self.content.robot.to_model(self.source)
 
     def problem(self) -> Problem:
         """The problem that the scenario poses.
@@ -78,16 +77,16 @@ class Scenario:
             stops = tuple(Stop(stop.s, stop.t) for stop in content.timing.stops)
             timing = Timing(content.timing.duration, content.timing.law, stops)
             value = content.margin.value or 0.0
-            of = singularity_measure(model, content.task, content.margin.measure)
+            measure = singularity_measure(model, content.task, content.margin.measure)
             if content.margin.fraction is not None:
-                value = content.margin.fraction * largest_magnitude(model, of)
+                value = content.margin.fraction * largest_magnitude(model, measure)
             redundancy = content.redundancy
             return Problem(
                 model,
                 TimedPath(path, timing),
                 content.task,
                 np.array(content.momentum),
-                Margin(of, value),
+                Margin(measure, value),
                 None
                 if redundancy is None
                 else Redundancy(**redundancy.model_dump(exclude_none=True)),
@@ -125,15 +124,6 @@ class Scenario:
                 section.base_rate,
                 section.clearance,
             )
-
-    def stretched(self, factor: float) -> Scenario:
-        """The same scenario with all times of its path multiplied by a factor."""
-        data = parse_yaml(self.text, self.source)
-        data["timing"]["duration"] *= factor
-        for stop in data["timing"].get("stops", []):
-            stop["t"] *= factor
-        text = yaml.safe_dump(data, sort_keys=False)
-        return parse_scenario(text, self.source, self.samples, self.model())
 
     def error_context(
         self, prefix: str = "", only: str | None = None
@@ -174,8 +164,8 @@ def load_scenario(name: str | Path) -> Scenario:
     return parse_scenario(read_text(source), source)
 
 
-def load_robot(name: str | Path) -> RobotParts:
-    """Robot of a scenario, or of a file with nothing but ``robot``.
+def load_robot(name: str | Path) -> FreeFloatingModel:
+    """Model of the robot of a scenario, or of a file with nothing but ``robot``.
 
     Args:
         name: A file, or the name of a bundled scenario.
@@ -187,7 +177,7 @@ def load_robot(name: str | Path) -> RobotParts:
     text = read_text(source)
     data = parse_yaml(text, source)
     schema: type[RobotFile | ScenarioFile] = RobotFile if list(data) == ["robot"] else ScenarioFile
-    return RobotParts.of(validated(schema, data, source, text).robot, source)
+    return validated(schema, data, source, text).robot.to_model(source)
 
 
 def parse_scenario(

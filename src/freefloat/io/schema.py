@@ -20,7 +20,7 @@ from freefloat.io.field_types import (
     Vector,
     exactly_one_of,
 )
-from freefloat.io.robot_schema import RobotSection
+from freefloat.io.robot_section import RobotSection
 from freefloat.paths.timing import TimeLaw
 from freefloat.planning.options import Objective
 

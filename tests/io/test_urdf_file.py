@@ -417,7 +417,7 @@ def test_a_copy_of_the_file_is_the_same_robot(tmp_path: Path) -> None:
     assert ET.canonicalize(first.read_text()) == ET.canonicalize(second.read_text())
     shutil.copy(second, tmp_path / "third.urdf")
     assert (
-        load_robot("ur5_servicer/arc").model().total_mass
+        load_robot("ur5_servicer/arc").total_mass
         == FreeFloatingModel.from_urdf(tmp_path / "third.urdf", "tool0").total_mass
     )
 

@@ -1,9 +1,14 @@
-"""Keys of the ``robot`` section of scenario files."""
+"""The ``robot`` section of scenario files: its keys, and the model that they describe."""
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 from pydantic import Field
 
+from freefloat.errors import InputError
 from freefloat.io.field_types import (
     Factor,
     Inertia,
@@ -15,6 +20,10 @@ from freefloat.io.field_types import (
     Size,
     Vector,
 )
+from freefloat.io.validation import error_context
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import find_robot
+from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
 
 
 class MountSection(Section):
@@ -24,6 +33,10 @@ class MountSection(Section):
     """Origin [m]."""
     rpy: RollPitchYaw = (0.0, 0.0, 0.0)
     """Roll, pitch, yaw about the carrier's x, y, z axes, in this order [rad]."""
+
+    def to_mount(self) -> Mount:
+        """The mount."""
+        return Mount(np.array(self.xyz), np.array(self.rpy))
 
 
 class SpacecraftSection(Section):
@@ -43,6 +56,10 @@ class SpacecraftSection(Section):
     mesh: Name | None = None
     """Mesh file instead of a box, relative to the scenario file."""
 
+    def to_spacecraft(self, folder: Path) -> Spacecraft:
+        """The spacecraft; its mesh file is relative to a folder."""
+        return Spacecraft(mount=self.mount.to_mount(), **_body(self, folder))
+
 
 class PayloadSection(Section):
     """A rigid body held by the end-effector."""
@@ -59,6 +76,21 @@ class PayloadSection(Section):
     mesh: Name | None = None
     """Mesh file instead of a box, relative to the scenario file."""
 
+    def to_payload(self, folder: Path) -> Payload:
+        """The payload; its mesh file is relative to a folder."""
+        return Payload(**_body(self, folder))
+
+
+def _body(section: SpacecraftSection | PayloadSection, folder: Path) -> dict[str, Any]:
+    """Arguments of a spacecraft or payload, but for the mount."""
+    return {
+        "mass": section.mass,
+        "inertia": np.array(section.inertia),
+        "com": np.array(section.com),
+        "size": None if section.size is None else np.array(section.size),
+        "mesh": None if section.mesh is None else folder / section.mesh,
+    }
+
 
 class AttachedSection(Section):
     """Another URDF, fixed to a link: a tool, a second arm, an antenna."""
@@ -71,6 +103,15 @@ class AttachedSection(Section):
     """Pose of its root link in the frame of that link."""
     prefix: str = ""
     """Prefix of the names of its links and joints."""
+
+    def to_attachment(self, folder: Path, index: int) -> Attachment:
+        """The attachment; its URDF is relative to a folder, its index is named in errors."""
+        try:
+            urdf = find_robot(self.urdf, folder)
+        except InputError as error:
+            key = f"attached.{index}.{error.key}"
+            raise type(error)(key, error.problem, error.accepted, error.source) from None
+        return Attachment(urdf, self.link, self.mount.to_mount(), self.prefix)
 
 
 class RobotSection(Section):
@@ -91,6 +132,30 @@ class RobotSection(Section):
     """Further URDFs, fixed to links one after the other."""
     held: dict[Name, Number] = Field(default={})
     """Values [rad, m] of fixed joints; joints off the chain to the end-effector never move."""
+
+    def to_model(self, scenario: Path) -> FreeFloatingModel:
+        """Model of the robot, assembled of its parts.
+
+        Args:
+            scenario: The scenario file: file names are relative to its folder, and errors name it.
+
+        Raises:
+            InputError: If a part is invalid.
+            ModelError: If a URDF has errors, or the parts do not fit together.
+        """
+        folder, spacecraft, payload = scenario.parent, self.spacecraft, self.payload
+        with error_context(scenario, "robot."):
+            return FreeFloatingModel.from_urdf(
+                find_robot(self.urdf, folder),
+                self.end_effector,
+                scale_mass=self.scale_mass,
+                held=self.held,
+                spacecraft=None if spacecraft is None else spacecraft.to_spacecraft(folder),
+                payload=None if payload is None else payload.to_payload(folder),
+                attached=[
+                    part.to_attachment(folder, index) for index, part in enumerate(self.attached)
+                ],
+            )
 
 
 class RobotFile(Section):

@@ -1,0 +1,151 @@
+"""URDF files of assembled robots, with their meshes."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yourdfpy
+
+from freefloat.errors import InputError, ModelError
+from freefloat.io.files import written_beside
+from freefloat.robot.assembly import rename_meshes
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.so3 import Array
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfFile:
+    """A robot that was written to a URDF file.
+
+    Attributes:
+        file: The URDF file.
+        model: The robot.
+        meshes: Its mesh files as the URDF names them.
+        missing: A sentence for each mesh file that does not exist.
+    """
+
+    file: Path
+    model: FreeFloatingModel = field(repr=False)
+    meshes: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat assemble``."""
+        model, robot = self.model, ET.fromstring(self.model.description.text)
+        mass, centre, inertia = mass_properties(model)
+        return {
+            "file": str(self.file),
+            "robot": robot.get("name"),
+            "root": model.body_names[0],
+            "end_effector": model.end_effector,
+            "total_mass": mass,
+            "centre_of_mass": centre.tolist(),
+            "inertia": inertia.tolist(),
+            "joints": [
+                _joint_document(joint, model)
+                for joint in robot.findall("joint")
+                if joint.get("type") != "fixed"
+            ],
+            "warnings": [*map(str, model.warnings), *self.missing],
+            "meshes": list(self.meshes),
+        }
+
+
+def _joint_document(joint: ET.Element, model: FreeFloatingModel) -> dict[str, Any]:
+    name = str(joint.get("name"))
+    moves = name in model.joint_names
+    held = None if moves else float(model.held.get(name, 0.0))
+    return {"name": name, "type": joint.get("type"), "moves": moves, "held": held}
+
+
+def mass_properties(model: FreeFloatingModel) -> tuple[float, Array, Array]:
+    """Mass of a robot, its centre of mass, and its inertia about that, moving joints at zero.
+
+    Returns:
+        The mass [kg]; the centre in the root link's frame [m], shape (3,); the inertia in its axes
+        [kg m²], shape (3, 3).
+    """
+    poses = model.body_poses([0.0, 0.0, 0.0, 1.0], np.zeros(model.dof))
+    inertia = np.zeros((3, 3))
+    for body, pose in zip(model.bodies, poses, strict=True):
+        r = pose.position + pose.rotation @ body.centre  # from the centre of mass of all
+        inertia += pose.rotation @ body.inertia @ pose.rotation.T
+        inertia += body.mass * (r @ r * np.eye(3) - np.outer(r, r))
+    return model.total_mass, -poses[0].position, inertia
+
+
+def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) -> UrdfFile:
+    """Write the URDF of a robot.
+
+    Args:
+        model: The robot.
+        file: The URDF file.
+        copy_meshes: Copy mesh files into a folder beside the URDF and name them relative to it;
+            else they are named by their absolute paths.
+
+    Raises:
+        InputError: If the file cannot be written.
+        ModelError: If another reader of URDFs refuses the robot.
+    """
+    robot, source = ET.fromstring(model.description.text), model.description.source
+    _require_readable(robot)
+    found: dict[str, Path] = {}
+    missing: dict[str, str] = {}
+    for name in {str(mesh.get("filename")) for mesh in robot.iter("mesh")}:
+        try:
+            found[name] = find_mesh(name, source).resolve()
+        except MeshFileError as error:
+            missing[name] = f"mesh {name}: {error}"
+    names = {name: str(path) for name, path in found.items()}
+    if copy_meshes and found:
+        folder = file.resolve().parent / f"{file.stem}_meshes"
+        copies = _copy(sorted(set(found.values())), folder)
+        names = {name: f"{folder.name}/{copies[path]}" for name, path in found.items()}
+    rename_meshes(robot, lambda name: names.get(name, name))
+    ET.indent(robot)
+    with written_beside(file) as temporary:
+        ET.ElementTree(robot).write(temporary, encoding="utf-8", xml_declaration=True)
+    meshes, sentences = sorted(set(names.values())), sorted(missing.values())
+    return UrdfFile(file, model, tuple(meshes), tuple(sentences))
+
+
+def _require_readable(robot: ET.Element) -> None:
+    """Raise a ModelError unless yourdfpy loads the robot, too."""
+    try:
+        loaded: Any = yourdfpy.URDF.load(
+            io.BytesIO(ET.tostring(robot)), load_meshes=False, build_scene_graph=True
+        )
+        valid, errors = loaded.validate(), "; ".join(str(error) for error in loaded.errors)
+    except Exception as error:  # of any kind: yourdfpy does not check its input
+        valid, errors = False, str(error).strip() or type(error).__name__
+    if not valid:
+        raise ModelError("urdf", f"yourdfpy refuses the assembly ({errors})", "valid URDFs")
+
+
+def _copy(files: list[Path], folder: Path) -> dict[Path, str]:
+    """Copy mesh files, and material files of the same name, into a folder; the names of copies."""
+    names: dict[Path, str] = {}
+    try:
+        folder.mkdir(exist_ok=True)
+        for file in files:
+            taken = {name.casefold() for name in names.values()}
+            name, number = file.name, 2
+            while name.casefold() in taken:
+                name, number = f"{file.stem}_{number}{file.suffix}", number + 1
+            names[file] = name
+            for original in (file, *file.parent.glob(f"{file.stem}.mtl")):
+                target = folder / (name if original == file else original.name)
+                if not (target.exists() and os.path.samefile(original, target)):
+                    shutil.copyfile(original, target)
+    except OSError as error:
+        accepted = "an existing, writable folder with enough space"
+        raise InputError("output", f"{folder}: {error.strerror}", accepted) from None
+    return names
