@@ -1,6 +1,6 @@
-"""Make the pictures that README shows, one function each, into ``scripts/pictures``.
+"""Make the pictures of README in ``scripts/pictures``.
 
-Run it with ``python scripts/make_pictures.py``, or with the names of some pictures.
+Usage: ``python scripts/make_pictures.py [NAME ...]``.
 """
 
 from __future__ import annotations
@@ -26,36 +26,36 @@ from freefloat.visualization.video import write_gif
 from freefloat.workspace.margin_curves import planar_workspace
 
 DOTS = 120
-"""Per inch: a picture as wide as a page of README, and small."""
+"""Dots per inch."""
 FOLDER = Path(__file__).resolve().parent / "pictures"
 HEADINGS = (200.0, 140.0)
-"""Figs. 7 and 6 of the paper: the first serves, the second leads into a singularity [deg]."""
-TOUCHING = [0.46008, 0.09337, 0.73519, -0.48898]
-"""The initial attitude of Figs. 10 and 11, from which the margin is just kept."""
+"""Figs. 7 and 6 of the paper: the first is feasible, the second becomes singular [deg]."""
+TANGENT = [0.46008, 0.09337, 0.73519, -0.48898]
+"""The initial attitude of Figs. 10 and 11, whose motion is tangent to the margin surface."""
 
 
 def example_1() -> tuple[Problem, list[Motion]]:
-    """The planar example, followed from both headings with the paper's arm branch."""
+    """The planar example, simulated from both headings with the paper's arm branch."""
     problem = ff.load_scenario("planar_3dof/parabola").problem()
     starts = [heading_quaternion(np.deg2rad(heading)) for heading in HEADINGS]
     return problem, [ff.simulate(problem, start, branch=0).chosen.motion for start in starts]
 
 
 SINGULAR = [0.1, 0.5, 0.2, -0.8367]
-"""That of Fig. 9, from which half of the arm branches meet a singularity."""
+"""Initial attitude of Fig. 9, from which half of the arm branches become singular."""
 SIZE = (1200, 560)
-SMALL, MOVES, RATE = (720, 336), 40, 8.0
-"""Of the moving picture: pixels, pictures, pictures a second."""
+SMALL, FRAMES, RATE = (720, 336), 40, 8.0
+"""Animation: size [pixels], frames before the pause, frames per second."""
 
 
 @styled
 def snapshots() -> Figure:
     """Figs. 6 and 7 side by side."""
-    problem, (good, singular) = example_1()
+    problem, (feasible, singular) = example_1()
     workspace = planar_workspace(problem)
     figure = new_figure(PAGE, 4.1)
     panels = figure.subplots(1, 2, sharey=True)
-    for axes, motion, heading in zip(panels, (singular, good), HEADINGS[::-1], strict=True):
+    for axes, motion, heading in zip(panels, (singular, feasible), HEADINGS[::-1], strict=True):
         draw_snapshots(axes, motion, workspace)
         axes.text(0.02, 0.98, f"from {heading:g}°", transform=axes.transAxes, va="top")
     panels[1].set_ylabel("")
@@ -70,17 +70,17 @@ def joint_space() -> Figure:
 
 
 def motion() -> Figure:
-    """Fig. 11: the motion of Example 2 from the touch point's attitude."""
+    """Fig. 11: the motion of Example 2 from the attitude of the tangency point."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
-    chosen = ff.simulate(problem, TOUCHING, branch=2).chosen
+    chosen = ff.simulate(problem, TANGENT, branch=2).chosen
     return motion_figures(chosen.motion, chosen.closest_approach)["motion"]
 
 
 def taken(times: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
-    """Looks at the page: Example 2 from the attitudes of Figs. 10 and 9."""
+    """Pictures of the page: Example 2 from the attitudes of Figs. 10 and 9."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
     shown = {
-        "from 0.46 0.09 0.74 -0.49": ff.simulate(problem, TOUCHING, branch=2).chosen.motion,
+        "from 0.46 0.09 0.74 -0.49": ff.simulate(problem, TANGENT, branch=2).chosen.motion,
         "from 0.1 0.5 0.2 -0.84": ff.simulate(problem, SINGULAR, branch=2).chosen.motion,
     }
     page = ff.playback(shown).html()
@@ -88,7 +88,7 @@ def taken(times: Sequence[float], size: tuple[int, int]) -> Iterator[bytes]:
 
 
 def playback() -> Path:
-    """The last of them."""
+    """The page at the end of the motions."""
     file = FOLDER / "playback.png"
     (picture,) = taken([100.0], SIZE)
     with written_beside(file) as temporary:
@@ -97,9 +97,9 @@ def playback() -> Path:
 
 
 def door() -> Path:
-    """All of it, small: README's first picture."""
+    """Animation of the page, the first picture of README."""
     file = FOLDER / "door.gif"
-    times = np.concatenate([np.linspace(0.0, 100.0, MOVES), np.full(MOVES // 4, 100.0)])
+    times = np.concatenate([np.linspace(0.0, 100.0, FRAMES), np.full(FRAMES // 4, 100.0)])
     write_gif(file, taken(times.tolist(), SMALL), RATE)
     return file
 

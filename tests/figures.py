@@ -1,4 +1,4 @@
-"""What a figure holds: its lines and the texts of its legend."""
+"""Lines and legend texts of figures."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from freefloat.so3 import Array
 
 
 def line(axes: Any, label: str) -> Array:
-    """Points of the one line with a label, shape (K, 2)."""
-    (found,) = [drawn for drawn in axes.lines if drawn.get_label() == label]
-    return np.asarray(found.get_xydata(), dtype=float)
+    """Points of the line with a label, shape (K, 2)."""
+    (curve,) = [drawn for drawn in axes.lines if drawn.get_label() == label]
+    return np.asarray(curve.get_xydata(), dtype=float)
 
 
 def labels(axes: Any) -> list[str]:

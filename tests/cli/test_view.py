@@ -52,7 +52,7 @@ def refused_key(*words: str | Path) -> str:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a motion that completes, one that becomes singular, and a plan without."""
+    """A folder with a completed motion, a singular motion and a plan without a motion."""
     folder = tmp_path_factory.mktemp("files")
     assert run("simulate", *GOOD, "-o", folder / "good.h5").exit_code == 0
     assert run("simulate", *BAD, "-o", folder / "bad.h5").exit_code == 1
@@ -63,7 +63,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder that is neither the files' nor the checkout."""
+    """An empty working folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -89,7 +89,7 @@ def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
 
 @browser_only
 def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: Path) -> None:
-    """In a process of its own: Playwright runs once in each."""
+    """In a separate process: Playwright starts once per process."""
     words = ["view", files / "good.h5", files / "bad.h5", "--snapshots", "3", "--video", "v.gif"]
     words += ["--size", "480x300", "--scene", "bad", "--fps", "2", "--speed", "20", "--json"]
     program = [sys.executable, "-m", "freefloat", *map(str, words)]

@@ -37,7 +37,7 @@ def few_headings(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with scenarios: one that can be planned, one too strict, one too far."""
+    """A working folder with a feasible scenario, a large margin and a path out of reach."""
     (tmp_path / "good.yaml").write_text(SCENARIO)
     (tmp_path / "strict.yaml").write_text(SCENARIO.replace("value: 5", "value: 120"))
     (tmp_path / "far.yaml").write_text(SCENARIO.replace("x: [2, -3]", "x: [2, -6]"))
@@ -57,44 +57,44 @@ def drawn(name: str) -> dict[str, Figure]:
 
 
 def test_a_planar_plan_has_all_figures(folder: Path) -> None:
-    found = planned("good.yaml")
-    assert found.chosen is not None
+    result = planned("good.yaml")
+    assert result.chosen is not None
     fractions: list[float] = []
-    drawings = figures(found, progress=fractions.append)
+    drawings = figures(result, progress=fractions.append)
     assert list(drawings) == ["workspace", "joint_space", "headings", *OF_A_MOTION]
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
 
 
 def test_the_chosen_heading_is_marked_on_its_branch(folder: Path) -> None:
-    found = planned("good.yaml")
-    assert found.chosen is not None
+    result = planned("good.yaml")
+    assert result.chosen is not None
     drawings = drawn("good.yaml")
     panels = drawings["headings"].axes
     marked = [axes for axes in panels if "chosen" in labels(axes)]
-    assert [labels(axes)[0] for axes in marked] == [found.chosen.branch.label]
-    attitude = found.chosen.motion.initial.attitude
+    assert [labels(axes)[0] for axes in marked] == [result.chosen.branch.label]
+    attitude = result.chosen.motion.initial.attitude
     heading = np.degrees(2.0 * np.arctan2(attitude[2], attitude[3])) % 360.0
     assert line(marked[0], "chosen")[0, 0] == pytest.approx(heading)
     shaded = [len(axes.patches) for axes in panels]
     assert shaded == [
-        sum(1 + (one.high > 2.0 * np.pi) for one in entry.ranges) for entry in found.ranges
+        sum(1 + (item.high > 2.0 * np.pi) for item in entry.ranges) for entry in result.ranges
     ]
 
 
-def test_joint_space_shows_a_motion_that_fails_beside_the_chosen_one(folder: Path) -> None:
+def test_joint_space_compares_an_infeasible_motion(folder: Path) -> None:
     figure = drawn("good.yaml")["joint_space"]
-    told = [label for label in labels(figure.axes[0]) if label.startswith("from")]
-    assert len(told) == 2
-    markers = [one.get_marker() for one in figure.axes[0].lines]
+    compared = [label for label in labels(figure.axes[0]) if label.startswith("from")]
+    assert len(compared) == 2
+    markers = [item.get_marker() for item in figure.axes[0].lines]
     assert markers.count("X") == 1
 
 
 @pytest.mark.parametrize("name", ["strict.yaml", "far.yaml"])
 def test_plans_that_are_not_feasible_show_what_there_is(name: str, folder: Path) -> None:
-    found = planned(name)
-    assert not found.feasible
-    drawings = figures(found)
+    result = planned(name)
+    assert not result.feasible
+    drawings = figures(result)
     assert list(drawings) == ["workspace", "joint_space", "headings"]
     assert all(len(axes.patches) == 0 for axes in drawings["headings"].axes)
 

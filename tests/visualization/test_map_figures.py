@@ -1,4 +1,4 @@
-"""Figures of maps: bars and colours carry the map's numbers, words and units with them."""
+"""Figures of maps show the numbers of the map with names and units."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ BRANCHES = 4  # the others are wrist-flipped
 
 
 def drawn(problem, marks, samples=300):
-    outlook = FeasibilityEvaluator(problem)
-    found = sample_attitudes(outlook, samples)
-    slices = map_slices(outlook, marks, side=15)
+    evaluator = FeasibilityEvaluator(problem)
+    result = sample_attitudes(evaluator, samples)
+    slices = map_slices(evaluator, marks, side=15)
     return (
-        found,
+        result,
         slices,
         {
-            "map_slices": slices_figure(found, slices),
-            "map_histogram": histogram_figure(found),
+            "map_slices": slices_figure(result, slices),
+            "map_histogram": histogram_figure(result),
         },
     )
 
@@ -46,20 +46,20 @@ def shown(problem):
 
 
 def meshes(axes):
-    return [one for one in axes.collections if isinstance(one, QuadMesh)]
+    return [item for item in axes.collections if isinstance(item, QuadMesh)]
 
 
-def test_colours_are_the_margins_kept(shown):
-    """Where the margin is broken the colour mesh has a hole, filled by the grey one."""
+def test_colours_are_the_margins_of_feasible_motions(shown):
+    """Below the margin the colour mesh is masked and the grey mesh is drawn."""
     _, slices, figures = shown
     panels = figures["map_slices"].axes[:6]
     assert len(slices) == 6
     for axes, plane in zip(panels, slices, strict=True):
-        below, kept = (np.ma.filled(mesh.get_array(), np.nan) for mesh in meshes(axes))
+        below, feasible = (np.ma.filled(mesh.get_array(), np.nan) for mesh in meshes(axes))
         inside = np.isfinite(plane.least)
-        assert (np.isfinite(kept) == (inside & (plane.least > 0.0))).all()
+        assert (np.isfinite(feasible) == (inside & (plane.least > 0.0))).all()
         assert (np.isfinite(below) == (inside & plane.reached & (plane.least == 0.0))).all()
-        np.testing.assert_allclose(kept[np.isfinite(kept)], plane.least[plane.least > 0.0])
+        np.testing.assert_allclose(feasible[np.isfinite(feasible)], plane.least[plane.least > 0.0])
 
 
 def test_marks_are_where_their_attitudes_are(shown):
@@ -84,50 +84,50 @@ def ff_vector(attitude):
 
 
 def test_the_colour_scale_begins_at_the_margin_and_has_its_unit(shown, problem):
-    found, _, figures = shown
+    result, _, figures = shown
     bar = figures["map_slices"].axes[-1]
     low, high = bar.get_ylim()
     assert low == problem.margin.threshold
-    assert high >= found.margins.max()
+    assert high >= result.margins.max()
     assert "[m$^{4}$ kg]" in bar.get_ylabel()
 
 
-def test_bars_add_up_to_the_shares(shown, problem):
-    """Blue ones to the share that keeps the margin, grey ones to what completes below it."""
-    found, _, figures = shown
+def test_bars_add_up_to_the_percentages(shown, problem):
+    """Blue bars: feasible motions; grey bars: motions completed below the margin."""
+    result, _, figures = shown
     panels = figures["map_histogram"].axes
     assert len(panels) == BRANCHES
-    for axes, (branch, values) in zip(panels, found.branch_margins(), strict=True):
+    for axes, (branch, values) in zip(panels, result.branch_margins(), strict=True):
         heights = {
             colour: sum(bar.get_height() for bar in axes.patches
                         if bar.get_facecolor() == to_rgba(colour))
             for colour in (BLUE, GREY)
         }  # fmt: skip
-        kept = 100.0 * found.feasible[:, branch].mean()
-        assert heights[BLUE] == pytest.approx(kept)
+        percentage = 100.0 * result.feasible[:, branch].mean()
+        assert heights[BLUE] == pytest.approx(percentage)
         assert heights[BLUE] + heights[GREY] == pytest.approx(100.0 * (values > 0.0).mean())
-        assert f"{kept:.1f} % keep the margin" in axes.get_title(loc="left")
+        assert f"{percentage:.1f} % keep the margin" in axes.get_title(loc="left")
         assert axes.get_title(loc="left").startswith("shoulder")
         (line,) = axes.get_lines()
         assert set(line.get_xdata()) == {problem.margin.threshold}
 
 
 def test_a_map_with_nothing_feasible_is_drawn(problem, tmp_path):
-    """A margin that nobody has: grey all over, no colours, and files all the same."""
+    """With a margin above all motions the slices are grey."""
     margin = ff.Margin(problem.margin.measure, 1e6)
-    hopeless = ff.Problem(problem.model, problem.path, problem.task, problem.momentum, margin)
-    _, _, figures = drawn(hopeless, [], 50)
+    infeasible = ff.Problem(problem.model, problem.path, problem.task, problem.momentum, margin)
+    _, _, figures = drawn(infeasible, [], 50)
     for axes in figures["map_slices"].axes[:3]:
         assert axes.get_title().startswith("centre")
         assert not np.isfinite(np.ma.filled(meshes(axes)[1].get_array(), np.nan)).any()
     assert len(save_figures(tmp_path, figures)) == 4
 
 
-def test_plans_in_space_show_their_map_and_where_the_spacecraft_is_now(problem):
-    """Also infeasible ones, which have no motion to show."""
-    found = sample_attitudes(FeasibilityEvaluator(problem), 50)
+def test_spatial_plans_show_their_map_and_the_present_attitude(problem):
+    """Also without a feasible motion."""
+    result = sample_attitudes(FeasibilityEvaluator(problem), 50)
     search = ff.Search(Objective.NEAREST, np.array([0.0, 0.0, 0.0, 1.0]))
-    figures = ff.figures(Plan(problem, search, False, "for a test", map=found))
+    figures = ff.figures(Plan(problem, search, False, "for a test", map=result))
     assert list(figures) == ["workspace", "map_slices", "map_histogram"]
     assert figures["map_slices"].axes[0].get_title().startswith("now")
 
@@ -135,7 +135,7 @@ def test_plans_in_space_show_their_map_and_where_the_spacecraft_is_now(problem):
 @pytest.mark.slow
 def test_a_redundant_arm_has_one_panel_for_all_its_configurations():
     problem = ff.load_scenario("panda_servicer/line").problem()
-    found, _, figures = drawn(problem, [], 60)
+    result, _, figures = drawn(problem, [], 60)
     (axes,) = figures["map_histogram"].axes
     assert axes.get_title(loc="left").startswith("any\n")
-    assert f"{100.0 * found.feasible_fraction:.1f} % keep" in axes.get_title(loc="left")
+    assert f"{100.0 * result.feasible_fraction:.1f} % keep" in axes.get_title(loc="left")

@@ -54,14 +54,14 @@ def scene(result: AttitudeMap) -> Scene:
 
 def points(scene: Scene, title: str) -> dict[str, list[np.ndarray]]:
     """Positions and colours of the points of a scene, by item."""
-    found = {}
+    drawn = {}
     for command in map(umsgpack.unpackb, scene.objects):
         _, _, *path = command["path"].split("/")
         if command["type"] == "set_object" and path[0] == title and len(path) == 2:
             attributes = command["object"]["geometries"][0]["data"]["attributes"]
             arrays = [attributes[key]["array"].data for key in ("position", "color")]
-            found[path[1]] = [np.frombuffer(array, "<f4").reshape(-1, 3) for array in arrays]
-    return found
+            drawn[path[1]] = [np.frombuffer(array, "<f4").reshape(-1, 3) for array in arrays]
+    return drawn
 
 
 @pytest.mark.parametrize(("title", "columns"), [(BEST_BRANCH, slice(None)), (SECOND, [2])])
@@ -82,8 +82,8 @@ def test_points_are_rotation_vectors_coloured_by_the_margin(
 def test_marks_and_boundary_belong_to_their_branch(scene: Scene) -> None:
     """Wrist-flipped branches share a scene."""
     labels = {
-        one["title"]: [label["text"] for label in one["labels"] if label["item"] == MARKS]
-        for one in scene.about["scenes"]
+        item["title"]: [label["text"] for label in item["labels"] if label["item"] == MARKS]
+        for item in scene.about["scenes"]
     }
     assert list(labels) == [BEST_BRANCH, *(f"{label[:-1]}±" for label in LABELS[::2])]
     assert labels[BEST_BRANCH] == ["best", "robust"]

@@ -15,54 +15,54 @@ from freefloat.visualization.motion_figures import motion_figures, shown_times
 from tests.figures import labels, line
 
 
-def followed(name: str, attitude: list[float] | float, branch: int) -> SimulatedBranch:
+def simulated(name: str, attitude: list[float] | float, branch: int) -> SimulatedBranch:
     start = attitude if isinstance(attitude, list) else heading_quaternion(np.deg2rad(attitude))
     return simulate(load_scenario(name).problem(), start, branch=branch).chosen
 
 
 @pytest.fixture(scope="module")
 def planar() -> SimulatedBranch:
-    return followed("planar_3dof/parabola", 200.0, 0)
+    return simulated("planar_3dof/parabola", 200.0, 0)
 
 
 @pytest.fixture(scope="module")
 def singular() -> SimulatedBranch:
-    return followed("planar_3dof/parabola", 140.0, 0)
+    return simulated("planar_3dof/parabola", 140.0, 0)
 
 
 @pytest.fixture(scope="module")
 def spatial() -> SimulatedBranch:
-    return followed("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
+    return simulated("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
 
 
 @pytest.fixture(scope="module")
 def redundant() -> SimulatedBranch:
-    return followed("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 0)
+    return simulated("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 0)
 
 
 @pytest.fixture(params=["planar", "singular", "spatial", "redundant"])
-def one(request: pytest.FixtureRequest) -> SimulatedBranch:
-    found = request.getfixturevalue(request.param)
-    assert isinstance(found, SimulatedBranch)
-    return found
+def branch(request: pytest.FixtureRequest) -> SimulatedBranch:
+    value = request.getfixturevalue(request.param)
+    assert isinstance(value, SimulatedBranch)
+    return value
 
 
 def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
     motion = spatial.motion
     series = TimeSeries.of(motion, shown_times(motion))
-    joints, rates, angles, turning, tip, base = motion_figures(motion, spatial.closest_approach)[
-        "motion"
-    ].axes
+    joints, rates, angles, spacecraft_rates, end, base = motion_figures(
+        motion, spatial.closest_approach
+    )["motion"].axes
     for k in range(6):
-        for axes, values in ((joints, series.joints), (rates, series.joint_rates)):
-            drawn = line(axes, f"$q_{{{k + 1}}}$")
+        for panel, values in ((joints, series.joints), (rates, series.joint_rates)):
+            drawn = line(panel, f"$q_{{{k + 1}}}$")
             assert np.array_equal(drawn[:, 0], series.times)
             assert np.allclose(drawn[:, 1], np.degrees(values[:, k]))
     for k, letter in enumerate("xyz"):
         assert np.allclose(line(angles, f"${letter}$")[:, 1], np.degrees(series.euler_angles[:, k]))
-        spin = line(turning, rf"$\omega_{letter}$")[:, 1]
+        spin = line(spacecraft_rates, rf"$\omega_{letter}$")[:, 1]
         assert np.allclose(spin, np.degrees(series.angular_velocities[:, k]))
-        assert np.allclose(line(tip, f"${letter}$")[:, 1], series.end_effector[:, k])
+        assert np.allclose(line(end, f"${letter}$")[:, 1], series.end_effector[:, k])
         assert np.allclose(line(base, f"${letter}$")[:, 1], series.base_positions[:, k])
 
 
@@ -90,35 +90,35 @@ def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -
     assert line(axes[5], "singular")[:, 0].tolist() == [singular.motion.final.time] * 2
 
 
-def test_the_margin_is_drawn_where_it_is(one: SimulatedBranch) -> None:
-    (axes,) = motion_figures(one.motion, one.closest_approach)["margin"].axes
-    margin = one.motion.problem.margin
-    level = one.closest_approach.sign * margin.threshold
+def test_the_margin_is_drawn_where_it_is(branch: SimulatedBranch) -> None:
+    (axes,) = motion_figures(branch.motion, branch.closest_approach)["margin"].axes
+    margin = branch.motion.problem.margin
+    level = branch.closest_approach.sign * margin.threshold
     marks = [drawn for drawn in axes.lines if drawn.get_label().startswith("margin")]
     assert marks[0].get_ydata() == [level, level]
     assert to_hex(marks[0].get_color()) == VERMILION.lower()
     (band,) = [patch for patch in axes.patches if to_hex(patch.get_facecolor()) == PALE.lower()]
     assert sorted([band.get_y(), band.get_y() + band.get_height()]) == sorted([0.0, level])
     (curve,) = [drawn for drawn in axes.lines if len(drawn.get_xdata()) > 100]
-    series = TimeSeries.of(one.motion, curve.get_xdata())
+    series = TimeSeries.of(branch.motion, curve.get_xdata())
     assert np.array_equal(curve.get_ydata(), series.measure)
     assert axes.get_ylabel() == axis_label(f"$S$ ({margin.measure.name})", margin.measure.unit)
 
 
-def test_the_least_point_lies_on_the_curve(one: SimulatedBranch) -> None:
-    (axes,) = motion_figures(one.motion, one.closest_approach)["margin"].axes
+def test_the_minimum_lies_on_the_curve(branch: SimulatedBranch) -> None:
+    (axes,) = motion_figures(branch.motion, branch.closest_approach)["margin"].axes
     (point,) = [drawn for drawn in axes.lines if drawn.get_marker() in ("o", "X")]
-    assert point.get_marker() == ("o" if one.motion.completed else "X")
-    assert point.get_label().startswith("minimum" if one.motion.completed else "singular")
+    assert point.get_marker() == ("o" if branch.motion.completed else "X")
+    assert point.get_label().startswith("minimum" if branch.motion.completed else "singular")
     (time,), (value,) = point.get_data()
-    assert (time, abs(value)) == (one.closest_approach.time, one.closest_approach.value)
-    here = TimeSeries.of(one.motion, [time]).measure[0]
+    assert (time, abs(value)) == (branch.closest_approach.time, branch.closest_approach.value)
+    here = TimeSeries.of(branch.motion, [time]).measure[0]
     assert here == pytest.approx(value, abs=1e-4)
 
 
-def test_errors_are_those_of_the_motion(one: SimulatedBranch) -> None:
-    motion = one.motion
-    momentum, pose = motion_figures(motion, one.closest_approach)["momentum"].axes
+def test_errors_are_those_of_the_motion(branch: SimulatedBranch) -> None:
+    motion = branch.motion
+    momentum, pose = motion_figures(motion, branch.closest_approach)["momentum"].axes
     assert momentum.get_yscale() == pose.get_yscale() == "log"
     drawn = line(momentum, "momentum")
     errors = motion.momentum_errors(motion.node_parameters)

@@ -53,14 +53,14 @@ def test_motion_curves_are_the_joints_of_the_motions(motions: list[Motion]) -> N
         ends.append((S.min(), S[-1]))
     assert ends[0][0] > 60.0
     assert abs(ends[1][1]) < 1e-3
-    marks = [one.get_marker() for one in axes.lines if one.get_marker() in ("o", "X")]
+    marks = [item.get_marker() for item in axes.lines if item.get_marker() in ("o", "X")]
     assert marks == ["o", "o", "o", "X"]
 
 
 def test_distance_curves_are_where_the_path_begins_and_ends(motions: list[Motion]) -> None:
     (axes,), arm = joint_space_figure(PLANAR, motions).axes, PlanarArm.of(PLANAR.model)
     assert {"start radius", "end radius"} <= set(labels(axes))
-    (first, last) = (one for one in axes.collections)
+    (first, last) = (item for item in axes.collections)
     for drawn, place in ((first, 0), (last, -1)):
         corners = np.radians(np.vstack(drawn.get_paths()[0].vertices))
         joints = motions[0].joints[place, :2]
@@ -95,7 +95,7 @@ def some_map() -> HeadingMap:
 
 def spans(axes: object) -> list[tuple[float, float]]:
     patches = axes.patches  # type: ignore[attr-defined]
-    return [(one.get_x(), one.get_x() + one.get_width()) for one in patches]
+    return [(item.get_x(), item.get_x() + item.get_width()) for item in patches]
 
 
 def test_shaded_spans_are_the_ranges() -> None:
@@ -111,7 +111,7 @@ def test_shaded_spans_are_the_ranges() -> None:
     assert "chosen" not in labels(first)
     assert np.allclose(line(second, "chosen")[:, 0], np.degrees(6.0))
     for axes, row in zip(figure.axes, some_map().minimum_margins, strict=True):
-        (curve,) = [one for one in axes.lines if len(one.get_xdata()) == 8]
+        (curve,) = [item for item in axes.lines if len(item.get_xdata()) == 8]
         assert np.array_equal(curve.get_ydata(), row, equal_nan=True)
         assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
 

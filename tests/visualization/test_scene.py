@@ -22,10 +22,8 @@ from freefloat.motion.problem import Margin, Problem
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.body_poses import body_poses_at
-from freefloat.visualization.camera import first_view
 from freefloat.visualization.colours import MarginColours
-from freefloat.visualization.page import page
-from freefloat.visualization.playback import playback
+from freefloat.visualization.playback import Playback, playback
 from freefloat.visualization.scene import key_times, motion_scene
 from freefloat.visualization.scene_builder import Scene
 from freefloat.visualization.visuals import robot_visuals
@@ -50,32 +48,32 @@ def scene(motion: Motion) -> Scene:
 
 def objects(scene: Scene) -> dict[str, dict[str, Any]]:
     commands = map(umsgpack.unpackb, scene.objects)
-    return {one["path"]: one["object"] for one in commands if one["type"] == "set_object"}
+    return {c["path"]: c["object"] for c in commands if c["type"] == "set_object"}
 
 
-def attribute(thing: dict[str, Any], name: str = "position") -> np.ndarray:
-    packed = thing["geometries"][0]["data"]["attributes"][name]["array"]
+def attribute(item: dict[str, Any], name: str = "position") -> np.ndarray:
+    packed = item["geometries"][0]["data"]["attributes"][name]["array"]
     return np.frombuffer(packed.data, dtype="<f4").reshape(-1, 3)
 
 
 def tracks(scene: Scene) -> dict[str, dict[str, np.ndarray]]:
     """Times and values of float tracks by path and property."""
-    animation, found = umsgpack.unpackb(scene.animation), {}
+    animation, values = umsgpack.unpackb(scene.animation), {}
     for clip in animation["animations"]:
         for track in clip["clip"]["tracks"]:
             if track["type"] != "boolean":
                 key = f"{clip['path']}{track['name']}"
                 numbers = (track["times"].data, track["values"].data)
-                found[key] = [np.frombuffer(one, dtype="<f4").astype(float) for one in numbers]
-    return found
+                values[key] = [np.frombuffer(n, dtype="<f4").astype(float) for n in numbers]
+    return values
 
 
 def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> None:
-    found, names = tracks(scene), motion.problem.model.body_names
+    values, names = tracks(scene), motion.problem.model.body_names
     for body, name in enumerate(names):
-        times, positions = found[f"/meshcat/good/Robot/{name}.position"]
-        _, quaternions = found[f"/meshcat/good/Robot/{name}.quaternion"]
-        _, poses = body_poses_at(motion, motion.parameter_at(np.clip(times, 0.0, 100.0)))
+        times, positions = values[f"/meshcat/good/Robot/{name}.position"]
+        _, quaternions = values[f"/meshcat/good/Robot/{name}.quaternion"]
+        poses = body_poses_at(motion, motion.parameter_at(np.clip(times, 0.0, 100.0)))
         assert positions.reshape(-1, 3) == pytest.approx(poses.positions[:, body], abs=1e-6)
         shown = Rotation.from_quat(quaternions.reshape(-1, 4))
         off = shown * Rotation.from_matrix(poses.rotations[:, body]).inv()
@@ -92,13 +90,13 @@ def test_motions_are_nearly_straight_between_key_times(
     assert (np.diff(keys) > 0.0).all()
     assert 700 < len(keys) < 6000
     times = np.sort(rng.uniform(0.0, keys[-1], 2000))
-    (_, known), (_, wanted) = (body_poses_at(motion, motion.parameter_at(t)) for t in (keys, times))
+    known, exact = (body_poses_at(motion, motion.parameter_at(t)) for t in (keys, times))
     for body in range(known.positions.shape[1]):
         columns = known.positions[:, body].T
         drawn = np.column_stack([np.interp(times, keys, column) for column in columns])
-        assert drawn == pytest.approx(wanted.positions[:, body], abs=2e-4)
-        turned = Slerp(keys, Rotation.from_matrix(known.rotations[:, body]))(times)
-        off = turned.inv() * Rotation.from_matrix(wanted.rotations[:, body])
+        assert drawn == pytest.approx(exact.positions[:, body], abs=2e-4)
+        drawn_rotations = Slerp(keys, Rotation.from_matrix(known.rotations[:, body]))(times)
+        off = drawn_rotations.inv() * Rotation.from_matrix(exact.rotations[:, body])
         assert off.magnitude().max() < 2e-3
 
 
@@ -118,9 +116,9 @@ def test_the_trail_shows_the_measure_by_time_and_colour(scene: Scene, motion: Mo
 
 
 def test_the_momentum_arrow_points_along_the_momentum(scene: Scene, motion: Motion) -> None:
-    tip = attribute(objects(scene)["/meshcat/good/Momentum"])[-1]
+    end = attribute(objects(scene)["/meshcat/good/Momentum"])[-1]
     h = motion.problem.momentum
-    assert tip / np.linalg.norm(tip) == pytest.approx(h / np.linalg.norm(h), abs=1e-6)
+    assert end / np.linalg.norm(end) == pytest.approx(h / np.linalg.norm(h), abs=1e-6)
 
 
 def test_clips_move_known_objects_and_last_as_long(motion: Motion) -> None:
@@ -150,8 +148,8 @@ def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
 def test_planar_rings_have_the_radii_of_the_areas(planar: Problem) -> None:
     """The paper's areas of the last joint: dependent, independent, dependent."""
     motion = simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion
-    found = objects(motion_scene({"m": motion}))
-    rings = [attribute(found[f"/meshcat/m/Areas/{k}"])[:, :2] for k in (1, 2, 3)]
+    drawn = objects(motion_scene({"m": motion}))
+    rings = [attribute(drawn[f"/meshcat/m/Areas/{k}"])[:, :2] for k in (1, 2, 3)]
     radii = [np.linalg.norm(ring, axis=1) for ring in rings]
     assert radii[0].min() == pytest.approx(0.3928, abs=1e-3)
     assert radii[1].min() == pytest.approx(radii[0].max(), abs=1e-6)
@@ -169,17 +167,16 @@ def test_colours_show_what_is_below_the_margin() -> None:
     assert np.isfinite(MarginColours.over(Margin(measure, 0.0), [])(np.array([0.0]))).all()
 
 
-def test_the_first_view_holds_everything(motion: Motion) -> None:
-    _, poses = body_poses_at(motion, motion.node_parameters)
-    view = first_view([poses], [np.array([[0.5, 2.0, 0.5]])], np.array([[0.0, 0.0, -9.0]]), False)
-    points = np.concatenate([poses.positions[:, 0], poses.tips, [[0.0, 0.0, -9.0]]])
+def test_the_first_view_covers_the_motion(scene: Scene, motion: Motion) -> None:
+    view, poses = scene.about["view"], body_poses_at(motion, motion.node_parameters)
+    points = np.concatenate([poses.positions[:, 0], poses.end_effectors])
     assert np.linalg.norm(points - view["centre"], axis=1).max() <= view["radius"] + 0.05
     arm = poses.positions[:, 1:].mean(axis=1) - poses.positions[:, 0]
-    assert (arm @ view["direction"]).mean() > 0.0  # nearer than the spacecraft
+    assert (arm @ view["direction"]).mean() > 0.0  # in front of the spacecraft
 
 
 def test_a_page_carries_the_commands_and_may_request_nothing(scene: Scene) -> None:
-    text = page(scene)
+    text = Playback(scene).html()
     packed = re.search('id="scene">([^<]*)<', text)
     assert packed is not None
     raw = gzip.decompress(b64decode(packed[1]))

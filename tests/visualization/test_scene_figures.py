@@ -11,7 +11,7 @@ from freefloat.io.scenario import load_scenario
 from freefloat.motion.motion import Motion
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.outlines import outlines
+from freefloat.visualization.body_poses import outlines
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
 from freefloat.workspace.margin_curves import planar_workspace, point_3_on_path
 from freefloat.workspace.regions import workspace_regions
@@ -43,13 +43,13 @@ def spatial() -> Motion:
 
 def test_areas_are_rings_around_the_centre_of_mass() -> None:
     (axes,) = workspace_figure(PLANAR, AREAS).axes
-    rings = [one for one in axes.patches if isinstance(one, Wedge)]
+    rings = [item for item in axes.patches if isinstance(item, Wedge)]
     drawn = [(ring.r - ring.width, ring.r) for ring in rings]
     assert np.allclose(drawn, [*AREAS.path_dependent, *AREAS.path_independent])
-    colours = [one.get_facecolor() for one in rings]
+    colours = [item.get_facecolor() for item in rings]
     assert len(set(colours)) == 2
     assert colours[0] == colours[1] != colours[2]
-    circles = [one for one in axes.patches if isinstance(one, Circle)]
+    circles = [item for item in axes.patches if isinstance(item, Circle)]
     assert [circle.radius for circle in circles] == list(AREAS.reach)
     assert all(ring.center == (0.0, 0.0) for ring in rings)
 
@@ -93,7 +93,7 @@ def test_areas_that_are_not_known_are_not_drawn() -> None:
 
 def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motion) -> None:
     (axes,) = snapshots_figure(good, AREAS).axes
-    arms = [one for one in axes.lines if len(one.get_xdata()) == 5]
+    arms = [item for item in axes.lines if len(item.get_xdata()) == 5]
     wanted = outlines(good, np.linspace(0.0, 100.0, 5))
     assert len(arms) == len(wanted)
     for drawn, robot in zip(arms, wanted, strict=True):
@@ -101,7 +101,7 @@ def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motio
     greys = [float(drawn.get_color()) for drawn in arms]
     assert greys == sorted(greys, reverse=True)
     assert greys[-1] == 0.0
-    outline = [one for one in axes.patches if isinstance(one, Polygon)][-1].get_xy()
+    outline = [item for item in axes.patches if isinstance(item, Polygon)][-1].get_xy()
     corners = wanted[-1].spacecraft[:, :2]
     assert np.allclose(np.ptp(outline, axis=0), np.ptp(corners, axis=0))
     edges = np.linalg.norm(np.diff(outline, axis=0), axis=1)
@@ -111,7 +111,7 @@ def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motio
 def test_a_motion_ends_in_a_cross_where_it_is_singular(good: Motion, singular: Motion) -> None:
     (axes,) = snapshots_figure(singular, AREAS).axes
     cross = line(axes, f"singular at {singular.final.time:.4g} s")
-    arms = [one for one in axes.lines if len(one.get_xdata()) == 5]
+    arms = [item for item in axes.lines if len(item.get_xdata()) == 5]
     assert np.allclose(cross, arms[-1].get_xydata()[-1:], atol=1e-6)
     assert not any("singular" in text for text in labels(snapshots_figure(good, AREAS).axes[0]))
 
@@ -120,10 +120,10 @@ def test_snapshots_in_space_show_the_first_and_the_last_state(spatial: Motion) -
     figure = snapshots_figure(spatial)
     times = np.linspace(0.0, spatial.final.time, 3)
     for axes, robot, time in zip(figure.axes, outlines(spatial, times), times, strict=True):
-        arms = [one for one in axes.lines if len(one.get_data_3d()[0]) == 8]
+        arms = [item for item in axes.lines if len(item.get_data_3d()[0]) == 8]
         assert np.allclose(np.transpose(arms[0].get_data_3d()), robot.arm)
         assert axes.get_title() == f"{time:.4g} s"
-        faces = [one for one in axes.collections if isinstance(one, Poly3DCollection)]
+        faces = [item for item in axes.collections if isinstance(item, Poly3DCollection)]
         assert len(faces) == 1
         spans = [np.ptp(getattr(axes, f"get_{letter}lim")()) for letter in "xyz"]
         assert np.allclose(spans, spans[0])  # as long one way as the other

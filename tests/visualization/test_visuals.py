@@ -1,4 +1,4 @@
-"""What a robot looks like: its URDF's visuals in place, and shapes made for what has none."""
+"""Visuals of URDF files in place, and default shapes for bodies without visuals."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from tests.robots import (
 )
 
 
-def named(look: RobotVisuals, name: str) -> Visual:
-    (found,) = [visual for visual in look.shapes if visual.name == name]
-    return found
+def named(visuals: RobotVisuals, name: str) -> Visual:
+    (match,) = [visual for visual in visuals.shapes if visual.name == name]
+    return match
 
 
-def of_link(look: RobotVisuals, link: str) -> list[Visual]:
-    return [one for one in look.shapes if re.fullmatch(rf"{link}( \d+)?", one.name)]
+def link_visuals(visuals: RobotVisuals, link: str) -> list[Visual]:
+    return [item for item in visuals.shapes if re.fullmatch(rf"{link}( \d+)?", item.name)]
 
 
 def two_links(visual: str, head: str = "") -> str:
@@ -50,10 +50,10 @@ def two_links(visual: str, head: str = "") -> str:
 
 def test_the_planar_robot_is_boxes_and_cylinders(planar_3dof: FreeFloatingModel) -> None:
     """Sizes, places and colours of the file; a cylinder's axis is its z."""
-    look = robot_visuals(planar_3dof)
-    assert look.problems == ()
-    assert len({one.name for one in look.shapes}) == len(look.shapes) == 9
-    wing, hub = named(look, "spacecraft 2"), named(look, "link_2 1")
+    visuals = robot_visuals(planar_3dof)
+    assert visuals.problems == ()
+    assert len({item.name for item in visuals.shapes}) == len(visuals.shapes) == 9
+    wing, hub = named(visuals, "spacecraft 2"), named(visuals, "link_2 1")
     assert (wing.body, hub.body) == (0, 2)
     np.testing.assert_array_equal(wing.shape.size, [0.7, 1.1, 0.03])
     np.testing.assert_array_equal(wing.placement.position, [0, 1.1, 0])
@@ -64,9 +64,9 @@ def test_the_planar_robot_is_boxes_and_cylinders(planar_3dof: FreeFloatingModel)
 
 def test_hubs_of_the_spatial_robot_lie_along_their_joints(spatial_6dof: FreeFloatingModel) -> None:
     """The file turns each cylinder into its joint's axis."""
-    look = robot_visuals(spatial_6dof)
+    visuals = robot_visuals(spatial_6dof)
     for link, joint in (("link_1", 1), ("link_2 1", 2), ("link_3 1", 3), ("link_4", 4)):
-        hub = named(look, link)
+        hub = named(visuals, link)
         assert isinstance(hub.shape, Cylinder)
         assert hub.body == joint
         along = hub.placement.rotation[:, 2] @ spatial_6dof.bodies[joint].axis
@@ -78,8 +78,8 @@ def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, tip: str)
     """Bounds of every body at zero joints, in metres, against Pinocchio's geometry model."""
     path = find_robot(f"example-robot-data:{name}", Path())
     model = FreeFloatingModel.from_urdf(path, tip)
-    look = robot_visuals(model)
-    assert look.problems == ()
+    visuals = robot_visuals(model)
+    assert visuals.problems == ()
     whole = pin.buildModelFromUrdf(str(path))
     shown = pin.buildGeomFromUrdf(whole, str(path), pin.GeometryType.VISUAL,
                                   package_dirs=[str(examples_folder().parents[1])])  # fmt: skip
@@ -88,16 +88,16 @@ def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, tip: str)
     pin.updateGeometryPlacements(whole, data, shown, geometry)
     joints = np.zeros(model.dof)
     poses = model.body_poses([0, 0, 0, 1], joints)
-    for index, one in enumerate(shown.geometryObjects):
-        link = one.name.rsplit("_", 1)[0]
-        mine = [(poses[v.body] @ v.placement, v.shape) for v in of_link(look, link)]
-        points = np.vstack([m.vertices @ at.rotation.T + at.position for at, m in mine])
+    for index, item in enumerate(shown.geometryObjects):
+        link = item.name.rsplit("_", 1)[0]
+        shapes = [(poses[v.body] @ v.placement, v.shape) for v in link_visuals(visuals, link)]
+        points = np.vstack([m.vertices @ at.rotation.T + at.position for at, m in shapes])
         points -= poses[0].position
         placed = geometry.oMg[index]
-        theirs = one.geometry.vertices() @ placed.rotation.T + placed.translation
-        np.testing.assert_allclose(points.min(axis=0), theirs.min(axis=0), atol=1e-5)
-        np.testing.assert_allclose(points.max(axis=0), theirs.max(axis=0), atol=1e-5)
-    faces = sum(len(v.shape.faces) for v in look.shapes if isinstance(v.shape, Mesh))
+        expected = item.geometry.vertices() @ placed.rotation.T + placed.translation
+        np.testing.assert_allclose(points.min(axis=0), expected.min(axis=0), atol=1e-5)
+        np.testing.assert_allclose(points.max(axis=0), expected.max(axis=0), atol=1e-5)
+    faces = sum(len(v.shape.faces) for v in visuals.shapes if isinstance(v.shape, Mesh))
     assert 50_000 < faces < 200_000  # a few megabytes, no need to thin them out
 
 
@@ -106,14 +106,14 @@ def test_the_same_file_is_read_once() -> None:
     model = FreeFloatingModel.from_urdf(
         find_robot("example-robot-data:panda", Path()), "panda_hand"
     )
-    look = robot_visuals(model)
-    assert named(look, "panda_leftfinger 1").shape is named(look, "panda_rightfinger 1").shape
+    visuals = robot_visuals(model)
+    assert named(visuals, "panda_leftfinger 1").shape is named(visuals, "panda_rightfinger 1").shape
 
 
 def test_a_bare_arm_on_a_spacecraft_without_size_gets_a_box() -> None:
     """The base link's mesh alone would not show that a spacecraft is there."""
-    look = robot_visuals(FreeFloatingModel.from_urdf(ur5_on_spacecraft(), "tool0"))
-    bus, *_ = of_link(look, "spacecraft")
+    visuals = robot_visuals(FreeFloatingModel.from_urdf(ur5_on_spacecraft(), "tool0"))
+    bus, *_ = link_visuals(visuals, "spacecraft")
     np.testing.assert_allclose(bus.shape.size, np.sqrt(6 * 35 / 200), rtol=0.1)
     path = find_robot("example-robot-data:ur5", Path())
     spacecraft = Spacecraft(200.0, np.full(3, 35.0), size=np.array([1.0, 2.0, 3.0]))
@@ -135,14 +135,14 @@ BOX = "<geometry><box size='1 2 3'/></geometry>"
         (f"<visual>{BOX}{NAMED}</visual><visual>{BOX}{RED}</visual>", ""),
     ],
 )
-def test_colours_are_told_in_place_globally_or_elsewhere(visual: str, head: str) -> None:
-    """By the three ways in which URDF files do it."""
-    look = robot_visuals(FreeFloatingModel.from_urdf(two_links(visual, head)))
-    assert {one.colour for one in of_link(look, "arm")} == {(1.0, 0.0, 0.0, 1.0)}
+def test_colours_are_inline_global_or_named(visual: str, head: str) -> None:
+    """The three forms that URDF allows."""
+    visuals = robot_visuals(FreeFloatingModel.from_urdf(two_links(visual, head)))
+    assert {item.colour for item in link_visuals(visuals, "arm")} == {(1.0, 0.0, 0.0, 1.0)}
 
 
 def test_a_relative_mesh_takes_place_scale_and_colour_from_the_urdf(tmp_path: Path) -> None:
-    """The file has no colour of its own; a mesh with colours keeps them."""
+    """The STL file has no colour; a mesh with colours keeps them."""
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
     visual = (
         "<visual><origin xyz='1 0 0' rpy='0 0 1.5707963267948966'/><geometry>"
@@ -156,17 +156,17 @@ def test_a_relative_mesh_takes_place_scale_and_colour_from_the_urdf(tmp_path: Pa
     np.testing.assert_allclose(arm.placement.rotation @ [1, 0, 0], [0, 1, 0], atol=1e-15)
     dae = (examples_folder() / "ur_description/meshes/ur5/visual/base.dae").as_uri()
     painted = f"<visual><geometry><mesh filename='{dae}'/></geometry>{RED}</visual>"
-    look = robot_visuals(FreeFloatingModel.from_urdf(two_links(painted)))
-    assert (1.0, 0.0, 0.0, 1.0) not in {one.colour for one in of_link(look, "arm")}
+    visuals = robot_visuals(FreeFloatingModel.from_urdf(two_links(painted)))
+    assert (1.0, 0.0, 0.0, 1.0) not in {item.colour for item in link_visuals(visuals, "arm")}
 
 
-def test_a_missing_mesh_is_told_and_replaced(tmp_path: Path) -> None:
-    """One sentence, and a rod from the joint to the end."""
+def test_a_missing_mesh_is_reported_and_replaced(tmp_path: Path) -> None:
+    """By a rod from the joint to the end."""
     visual = "<visual><geometry><mesh filename='gone.stl'/></geometry></visual>"
     (tmp_path / "arm.urdf").write_text(two_links(visual))
-    look = robot_visuals(FreeFloatingModel.from_urdf(tmp_path / "arm.urdf"))
-    assert len(look.problems) == 1
-    (rod,) = of_link(look, "arm")
+    visuals = robot_visuals(FreeFloatingModel.from_urdf(tmp_path / "arm.urdf"))
+    assert len(visuals.problems) == 1
+    (rod,) = link_visuals(visuals, "arm")
     assert isinstance(rod.shape, Cylinder)
     partly = robot_visuals(
         FreeFloatingModel.from_urdf(two_links(f"<visual>{BOX}</visual>" + visual))
@@ -175,7 +175,7 @@ def test_a_missing_mesh_is_told_and_replaced(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "nonsense",
+    "invalid",
     [
         "<visual/>",
         "<visual><geometry/></visual>",
@@ -186,12 +186,11 @@ def test_a_missing_mesh_is_told_and_replaced(tmp_path: Path) -> None:
         "<visual><geometry><mesh/></geometry></visual>",
     ],
 )
-def test_nonsense_in_one_visual_spoils_no_other(nonsense: str) -> None:
-    """It is told, the others are drawn."""
+def test_an_invalid_visual_is_reported_and_skipped(invalid: str) -> None:
     ball = "<visual><geometry><sphere radius='0.5'/></geometry></visual>"
-    look = robot_visuals(FreeFloatingModel.from_urdf(two_links(nonsense + ball)))
-    assert named(look, "arm").shape == Sphere(0.5)
-    assert len(look.problems) == 1
+    visuals = robot_visuals(FreeFloatingModel.from_urdf(two_links(invalid + ball)))
+    assert named(visuals, "arm").shape == Sphere(0.5)
+    assert len(visuals.problems) == 1
 
 
 def ends(visual: Visual) -> np.ndarray:
@@ -202,7 +201,7 @@ def ends(visual: Visual) -> np.ndarray:
 
 def nearest_end(visuals: list[Visual], pose: Pose, point: np.ndarray) -> float:
     """From the ends of all cylinders of a body to a point, both in the inertial frame."""
-    all_ends = np.vstack([ends(one) for one in visuals if isinstance(one.shape, Cylinder)])
+    all_ends = np.vstack([ends(item) for item in visuals if isinstance(item.shape, Cylinder)])
     return float(np.linalg.norm(all_ends @ pose.rotation.T + pose.position - point, axis=1).min())
 
 
@@ -210,14 +209,14 @@ def nearest_end(visuals: list[Visual], pose: Pose, point: np.ndarray) -> float:
 def test_default_rods_lead_from_joint_to_joint(robot: Robot, seed: int) -> None:
     """In any configuration: a rod of every body ends where the next joint is; hubs lie along it."""
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
-    look = robot_visuals(model)
-    assert look.problems == ()
+    visuals = robot_visuals(model)
+    assert visuals.problems == ()
     joints = np.random.default_rng(seed).uniform(-3, 3, model.dof)
     poses = model.body_poses([0.5, 0.5, 0.5, 0.5], joints)
     for k, body in enumerate(model.bodies[1:], 1):
-        before = [one for one in look.shapes if one.body == k - 1]
+        before = [item for item in visuals.shapes if item.body == k - 1]
         assert nearest_end(before, poses[k - 1], poses[k].position) < 1e-9
-        hub = named(look, f"{model.body_names[k]} joint")
+        hub = named(visuals, f"{model.body_names[k]} joint")
         assert hub.body == k
         np.testing.assert_allclose(hub.placement.position, 0.0, atol=1e-12)
         assert hub.placement.rotation[:, 2] @ body.axis == pytest.approx(1.0)

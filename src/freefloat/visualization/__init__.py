@@ -1,1 +1,1 @@
-"""Figures, scenes and pages."""
+"""Figures, pages, pictures and videos of results."""

@@ -1,4 +1,4 @@
-"""Colours of a singularity measure, the same for all motions that are shown together."""
+"""Colour scale of a singularity measure, shared by all motions of a page."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from freefloat.so3 import Array
 
 _BELOW = (0.835, 0.369, 0.0)
 _DARKEST = 0.25
-"""Of the colour map; darker colours are lost on a dark background."""
+"""Lower end of the colour map; darker colours are invisible on the background."""
 _STOPS = 9
 
 
 @dataclass(frozen=True)
 class MarginColours:
-    """A scale from the margin (dark) to the largest value (bright); one colour for all below.
+    """Scale from the margin (dark) to the largest value (bright); a single colour below.
 
     Attributes:
-        margin: The measure and its required value.
-        largest: The value with the brightest colour.
+        margin: Measure and threshold.
+        largest: Value of the brightest colour.
     """
 
     margin: Margin
@@ -33,19 +33,19 @@ class MarginColours:
 
     @classmethod
     def over(cls, margin: Margin, values: Iterable[Array]) -> MarginColours:
-        """Return the scale that covers some values of the measure."""
+        """Return the scale that covers arrays of values of the measure."""
         highest = [float(np.max(array)) for array in values if len(array)]
         return cls(margin, max([1.2 * margin.threshold, 1e-12, *highest]))
 
     def __call__(self, values: Array) -> Array:
-        """Return red, green and blue, shape (K, 3), of values of the measure (K,)."""
+        """Return RGB colours, shape (K, 3), of values of the measure, shape (K,)."""
         fraction = (values - self.margin.threshold) / (self.largest - self.margin.threshold)
         shades = _DARKEST + (1.0 - _DARKEST) * fraction
         bright = np.asarray(colormaps["viridis"](shades))[:, :3]
         return np.where((fraction < 0.0)[:, None], _BELOW, bright)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what the page's legend shows."""
+        """Return the content of the page's legend."""
         stops = np.linspace(self.margin.threshold, self.largest, _STOPS)
         return {
             "measure": self.margin.measure.name,

@@ -1,6 +1,6 @@
-"""The look of all figures, and how they are saved.
+"""Style of all figures, and saving them.
 
-Figures are made without pyplot: nothing opens a window, nothing is kept between them.
+Figures are created without pyplot: no window opens and no global state is kept.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ COLUMN, PAGE = 3.5, 7.16
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7",
 )  # fmt: skip
-"""The colours of Okabe and Ito without yellow."""
+"""Okabe-Ito colours without yellow."""
 GREY, PALE = "#767676", "#E4E4E4"
 STROKES = tuple(
     zip(
@@ -58,16 +58,16 @@ _STYLE: Any = {
     "ytick.labelsize": 7.0,
     "ytick.major.width": 0.6,
 }
-_ACCEPTED = "a folder, there or to be made, that may be written to and has room"
+_ACCEPTED = "a writable folder, which is created if missing"
 _CROWDED = 6
-"""Entries from which on a legend in one line is set closer."""
+"""Number of entries above which a one-line legend is set tighter."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a function that makes, fills or saves a figure: it uses the style."""
+    """Decorate a function that creates, fills or saves a figure, so that it uses the style."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -79,23 +79,23 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 @styled
 def new_figure(width: float = COLUMN, height: float = 2.4) -> Figure:
-    """Return an empty figure with constrained layout, its size in inches."""
+    """Return an empty figure of a size in inches, with constrained layout."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def axis_label(quantity: str, unit: str) -> str:
-    """Return a quantity with its unit in brackets, powers raised (``m^2 kg``)."""
+    """Return a quantity and its unit in brackets; ``m^2`` becomes a superscript."""
     raised = re.sub(r"\^(-?[0-9]+)", r"$^{\1}$", unit)
     return f"{quantity} [{raised}]"
 
 
 def digits(value: float) -> str:
-    """Return a number with four digits and a typographic minus sign; 1e-12 and less is zero."""
+    """Return a number with four digits and a typographic minus sign; below 1e-12 it is zero."""
     return f"{0.0 if abs(value) < 1e-12 else value:.4g}".replace("-", "\N{MINUS SIGN}")
 
 
 def legend_above(axes: Any, columns: int | None = None) -> None:
-    """Put the legend above an axes: in one line, or centred with a number of columns."""
+    """Put the legend above the axes: in a single line, or centred in columns."""
     if columns is not None:
         axes.legend(
             loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, borderaxespad=0.2,
@@ -112,10 +112,10 @@ def legend_above(axes: Any, columns: int | None = None) -> None:
 
 
 def figure_folder(folder: str | Path) -> Path:
-    """Return the folder, made if missing; called before long work.
+    """Return a folder, created if missing.
 
     Raises:
-        InputError: If it cannot be made or written to.
+        InputError: If it cannot be created or written to.
     """
     path = Path(folder)
     try:
@@ -123,7 +123,7 @@ def figure_folder(folder: str | Path) -> Path:
         with tempfile.TemporaryFile(dir=path):
             pass
     except FileExistsError:
-        raise InputError("plots", f"{path} is there and is no folder", _ACCEPTED) from None
+        raise InputError("plots", f"{path} exists and is not a folder", _ACCEPTED) from None
     except OSError as error:
         raise InputError("plots", f"{path}: {error.strerror}", _ACCEPTED) from None
     return path
@@ -136,22 +136,22 @@ def save_figures(
     kinds: Sequence[str] = ("pdf", "png"),
     dots: float = 200.0,
 ) -> tuple[Path, ...]:
-    """Write figures and return the files, in the order of the figures.
+    """Write figures and return the files.
 
     Args:
-        folder: Made if missing.
-        figures: By name, which becomes the name of the files.
-        kinds: Formats.
-        dots: Of images, per inch.
+        folder: Output folder, created if missing.
+        figures: Figures by name; the names become file names.
+        kinds: File formats.
+        dots: Resolution of images [dots per inch].
 
     Raises:
-        InputError: If the folder cannot be made or written to.
+        InputError: If the folder cannot be created or written to.
     """
     files = []
     for name, figure in figures.items():
         for kind in kinds:
             file = figure_folder(folder) / f"{name}.{kind}"
-            with written_beside(file) as beside:
-                figure.savefig(beside, format=kind, dpi=dots)
+            with written_beside(file) as temporary:
+                figure.savefig(temporary, format=kind, dpi=dots)
             files.append(file)
     return tuple(files)

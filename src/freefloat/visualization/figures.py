@@ -1,4 +1,4 @@
-"""The figures of plans and maps, by name."""
+"""Figures of results by name."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ def figures(
 ) -> dict[str, Figure]:
     """Return the figures of a result by name.
 
-    Of a plan ``workspace``; with a motion ``snapshots``, ``motion``, ``margin`` and ``momentum``;
-    in the plane ``headings`` where some heading reaches the path, and ``joint_space`` where S
-    depends on two joint angles; in space ``map_slices`` and ``map_histogram``. Of a map
-    ``headings``, or the last two; of a motion or a simulation those of its motion.
+    Motions and simulations: ``snapshots``, ``motion``, ``margin`` and ``momentum``. Maps:
+    ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
+    their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
+    ``joint_space`` (if S depends on two joint angles).
 
     Args:
-        result: What to draw.
-        threads: Number of threads; all available when left out.
+        result: Result to draw.
+        threads: Number of threads; all available by default.
         progress: Called with the fraction done, in [0, 1].
 
     Raises:
-        InputError: If it is nothing that has figures.
+        InputError: If the result is of another class.
     """
     if isinstance(result, Simulation):
         result = result.chosen.motion
@@ -95,7 +95,7 @@ def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) ->
 
 
 def _marks(plan: Plan) -> list[Mark]:
-    """The chosen attitude, and the spacecraft's present one."""
+    """Return the marks of the chosen and of the present attitude."""
     marks = []
     if plan.chosen is not None:
         name, initial = _NAMES[plan.search.objective], plan.chosen.motion.initial
@@ -128,7 +128,7 @@ def _margin_label(problem: Problem) -> str:
 
 
 def _compared_motions(plan: Plan) -> list[Motion]:
-    """The chosen motion, and an infeasible one of the same arm branch."""
+    """Return the chosen motion and an infeasible motion of the same arm branch."""
     if plan.chosen is None:
         return []
     branch = plan.chosen.branch.index
@@ -138,10 +138,10 @@ def _compared_motions(plan: Plan) -> list[Motion]:
 
 
 def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
-    """A motion from the middle of the widest gap between ranges, if that reaches the path."""
+    """Return a motion from the middle of the widest gap between ranges, if it reaches the path."""
     limits = np.array(entry.limits)
     middles = (limits + np.diff(limits, append=limits[:1] + TURN) / 2.0) % TURN
-    depths = [(max(one.depth(float(m)) for one in entry.ranges), float(m)) for m in middles]
+    depths = [(max(span.depth(float(m)) for span in entry.ranges), float(m)) for m in middles]
     outside = [pair for pair in depths if pair[0] < 0.0]
     if not outside:
         return None
@@ -149,4 +149,4 @@ def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
         branches = simulate(problem, heading_quaternion(min(outside)[1])).branches
     except UnreachableError:
         return None
-    return next((one.motion for one in branches if one.branch.index == entry.branch), None)
+    return next((b.motion for b in branches if b.branch.index == entry.branch), None)

@@ -1,4 +1,4 @@
-"""Figures of maps over all attitudes: slices of the ball of rotation vectors, histograms."""
+"""Figures of maps over all attitudes: slices of the rotation-vector ball, histograms."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ _BINS = 48
 
 @styled
 def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
-    """Draw the minimum margin of the best arm branch in slices, a row for every mark.
+    """Return the figure of the best branch's minimum margin in slices, a row per mark.
 
     Args:
-        result: The map, for the measure and its range.
-        slices: Three for every mark.
+        result: Map with the measure and its range.
+        slices: Three slices per mark.
     """
     rows = len(slices) // 3
     figure = new_figure(PAGE, 0.75 + 2.2 * rows)
@@ -78,7 +78,7 @@ def _label(result: AttitudeMap, words: str = "") -> str:
 
 
 def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
-    """One plane: coloured where feasible, grey where not, hatched where not reached."""
+    """Draw a slice: coloured if feasible, grey if not, hatched if the start is not reached."""
     ticks, inside = np.degrees(plane.ticks), ~np.isnan(plane.least)
     ball = Circle((0.0, 0.0), _radius(plane), facecolor="white", edgecolor=GREY, linewidth=0.8)
     axes.add_patch(ball)
@@ -104,12 +104,12 @@ def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
 
 
 def _radius(plane: Slice) -> float:
-    """Of the disc in which the plane cuts the ball [deg]."""
+    """Return the radius of the disc in which the plane cuts the ball [deg]."""
     return float(np.degrees(np.sqrt(max(0.0, np.pi**2 - plane.offset**2))))
 
 
 def _frame(axes: Any, plane: Slice) -> None:
-    """Components and degrees along the axes, the plane on top."""
+    """Set limits, ticks, labels and the title."""
     right, up = (_COMPONENTS[component] for component in plane.across)
     axes.set(xlim=(-188.0, 188.0), ylim=(-188.0, 188.0), aspect="equal")
     axes.set_xticks(np.arange(-180, 181, 90))
@@ -124,9 +124,9 @@ def _frame(axes: Any, plane: Slice) -> None:
 
 @styled
 def histogram_figure(result: AttitudeMap) -> Figure:
-    """Draw the distribution of the minimum margin over the attitudes for each arm branch.
+    """Return the figure of the minimum margin's distribution over attitudes, per arm branch.
 
-    Motions that become singular are counted in the title.
+    The titles give the percentages of all outcomes.
     """
     groups, names = result.branch_margins(), result.branch_labels()
     flipped = has_wrist_flipped_branches(result.problem)
@@ -146,7 +146,7 @@ def histogram_figure(result: AttitudeMap) -> Figure:
 
 
 def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
-    """Bars: blue where the margin is kept, grey below it, and a line at it."""
+    """Draw bars, blue for feasible motions and grey below the margin, and the margin as a line."""
     weight = np.full(len(values), 100.0 / len(values))
     feasible = is_kept(values, margin)
     parts = (feasible, ~feasible & (values > 0.0))
@@ -159,7 +159,7 @@ def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
 
 
 def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> str:
-    """Percentages of attitudes by outcome; the first that applies counts."""
+    """Return the percentages of attitudes by best outcome of their branches."""
     endings = result.endings if branch is None else result.endings[:, [branch]]
     ahead = np.zeros(len(values), dtype=bool)
     texts = []

@@ -1,6 +1,6 @@
 """Scenes of maps over all attitudes: points in the ball of rotation vectors.
 
-One scene for each arm branch, and one for the best of all. A metre of the scene is a radian.
+One scene per arm branch, and one for the best branch. One metre in the scene is one radian.
 """
 
 from __future__ import annotations
@@ -18,37 +18,36 @@ from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.slices import Mark, map_marks, rotation_vectors
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.colours import MarginColours
-from freefloat.visualization.overlays import Labels, draw_axes
+from freefloat.visualization.overlays import Labels, draw_axes, tube
 from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, label, node
-from freefloat.visualization.tubes import tube
 
 FRONT, BACK = "Feasible, y < 0", "Feasible, y > 0"
 INFEASIBLE, BOUNDARY = "Below the margin", "Boundary"
 MARKS, BALL, AXES = "Marks", "Ball", "Axes"
 BEST_BRANCH = "best of all branches"
 
-_MOST = 40_000
-"""Samples drawn; of more a random choice."""
+_MAX_SAMPLES = 40_000
+"""Maximum number of samples drawn; a larger map is thinned at random."""
 _FEASIBLE, _OTHERS = 0.5, 0.2
-"""Sizes of points as fractions of the distance between samples."""
+"""Sizes of feasible and other points as fractions of the distance between samples."""
 _EDGE, _MARK = 0.06, 0.07
-"""Size of points of the boundary and radius of marks [m]."""
+"""Size of boundary points and radius of marks [m]."""
 _SPARSE = 0.25
-"""Fraction of the samples up to which they do not hide what lies behind them."""
+"""Fraction of the samples up to which points in front are shown at first."""
 _WHITE = (0.95, 0.96, 0.98)
-_PALE = (0.45, 0.50, 0.60, 1.0)
+_GREY = (0.45, 0.50, 0.60, 1.0)
 _MARK_COLOURS: dict[str, tuple[float, float, float, float]] = {
     "best": (1.0, 0.25, 0.45, 1.0), "robust": (1.0, 0.6, 0.1, 1.0), "nearest": (0.3, 0.8, 1.0, 1.0),
 }  # fmt: skip
 _VIEW = {
     "centre": (0.0, 0.0, 0.0), "radius": 3.6, "direction": (0.45, -1.0, 0.4), "flat": False,
-    "points": tuple(product((-2.2, 2.2), repeat=3)),  # leaves room for labels
+    "points": tuple(product((-2.2, 2.2), repeat=3)),  # with a margin for labels
 }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """What one scene shows: an arm branch, with its wrist-flipped one, or the best of all."""
+    """Margins of one scene: of a branch and its wrist-flipped branch, or of the best branch."""
 
     title: str
     branches: tuple[int, ...] | None
@@ -59,7 +58,7 @@ class _Group:
 
 
 def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
-    """Return the scene of a map over all attitudes; the title is that of the page."""
+    """Return the scene of a map over all attitudes, for a page with a title."""
     margin, groups = result.problem.margin, list(_groups(result))
     vectors, chosen = rotation_vectors(result.attitudes), _choice(result.samples)
     colours = MarginColours.over(margin, [result.margins.ravel()])
@@ -88,7 +87,7 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
 
 
 def _groups(result: AttitudeMap) -> Iterator[_Group]:
-    """The best of all first; wrist-flipped branches, whose motions are the same, as one."""
+    """Yield the best branch, then the branches; wrist-flipped ones share a group."""
     yield _Group(BEST_BRANCH, None, result.margins.max(axis=1, initial=0.0))
     flipped, labels = has_wrist_flipped_branches(result.problem), result.branch_labels()
     for branch, margins in result.branch_margins():
@@ -100,15 +99,15 @@ def _groups(result: AttitudeMap) -> Iterator[_Group]:
 
 
 def _choice(count: int) -> Any:
-    if count <= _MOST:
+    if count <= _MAX_SAMPLES:
         return slice(None)
-    return np.sort(np.random.default_rng(0).choice(count, _MOST, replace=False))
+    return np.sort(np.random.default_rng(0).choice(count, _MAX_SAMPLES, replace=False))
 
 
 def _draw_samples(
     builder: SceneBuilder, root: str, vectors: Array, margins: Array, colours: MarginColours
 ) -> None:
-    """Draw feasible samples in two halves, so that the inside can be seen, and the others small."""
+    """Draw feasible samples as two hemispheres, which can be hidden, and other samples small."""
     feasible, front = colours.margin.is_kept(margins), vectors[:, 1] < 0.0
     spacing = float(np.cbrt(4.0 / 3.0 * np.pi**4 / len(vectors)))
     parts = (
@@ -122,14 +121,14 @@ def _draw_samples(
 
 
 def _draw_ball(builder: SceneBuilder, root: str) -> Labels:
-    """Draw circles of half and quarter turns about all axes, and the axes; return their labels."""
+    """Draw circles of 180 and 90 degrees in the coordinate planes, and the axes."""
     angles = np.linspace(0.0, 2.0 * np.pi, 97)
     circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
     for radius, width in ((np.pi, 0.008), (np.pi / 2.0, 0.004)):
         for normal in range(3):
             path = f"{root}/{BALL}/{round(np.degrees(radius))} about {normal}"
             ring = tube(radius * np.roll(circle, normal, axis=1), width)
-            builder.mesh(path, ring, _PALE, shaded=False)
+            builder.mesh(path, ring, _GREY, shaded=False)
     draw_axes(builder, f"{root}/{AXES}", np.pi, 0.015)
     return [
         label(f"{name} 180°", np.pi * axis, AXES)
@@ -148,7 +147,7 @@ def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> Labe
 
 
 def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
-    """Text of a scene: how many attitudes are feasible, and what is known of the marks."""
+    """Text of a scene: the percentage of feasible attitudes and the scores of the marks."""
     margin = result.problem.margin
     percentage = 100.0 * margin.is_kept(group.margins).mean()
     yield "rotation vectors of the initial attitude"
@@ -162,7 +161,7 @@ def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
 
 
 def _items(fraction: float, boundary: bool) -> list[dict[str, Any]]:
-    """What can be hidden; at first what would hide the inside of the ball is."""
+    """Items that can be hidden; those that cover the inside of the ball start hidden."""
     shown = {FRONT: fraction < _SPARSE, BACK: True, INFEASIBLE: 1.0 - fraction < _SPARSE}
     if boundary:
         shown[BOUNDARY] = True

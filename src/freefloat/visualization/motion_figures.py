@@ -1,4 +1,4 @@
-"""Figures of one motion over time: joints and attitude, the margin, the errors."""
+"""Figures of a motion over time: joints and attitude, singularity measure, errors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from freefloat.visualization.figure_style import (
 
 _SAMPLES = 401
 _BOUNDED = 0.97
-"""Fraction of a motion with a singular end whose rates are shown in full."""
+"""Initial fraction of a singular motion whose rates set the axis limits."""
 _HEADROOM = 1.5
 
 
@@ -38,7 +38,7 @@ def motion_figures(motion: Motion, closest: ClosestApproach) -> dict[str, Figure
 
     Args:
         motion: The motion.
-        closest: Its closest approach to a singularity.
+        closest: Closest approach of the motion to a singularity.
     """
     series = TimeSeries.of(motion, shown_times(motion))
     return {
@@ -49,14 +49,14 @@ def motion_figures(motion: Motion, closest: ClosestApproach) -> dict[str, Figure
 
 
 def shown_times(motion: Motion) -> Array:
-    """Return evenly spread times and those of the nodes, which crowd at singularities [s]."""
+    """Return evenly spaced times and those of the integration nodes [s]."""
     even = np.linspace(motion.times.min(), motion.times.max(), _SAMPLES)
     return np.unique(np.concatenate([even, motion.times]))
 
 
 @styled
 def motion_figure(motion: Motion, series: TimeSeries) -> Figure:
-    """Draw joints, attitude, their rates, end-effector and spacecraft (Figs. 8 and 11)."""
+    """Return the figure of joints, attitude, rates and positions (Figs. 8 and 11)."""
     problem = motion.problem
     figure = new_figure(PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
@@ -84,7 +84,7 @@ def motion_figure(motion: Motion, series: TimeSeries) -> Figure:
 
 
 def _joint_scale(problem: Problem) -> tuple[float, str]:
-    """Factor and unit in which joints are shown: degrees unless some are prismatic."""
+    """Return factor and unit of the joint axis: degrees unless a joint is prismatic."""
     prismatic = any(body.prismatic for body in problem.model.bodies[1:])
     return (1.0, "rad, m") if prismatic else (float(np.degrees(1.0)), "deg")
 
@@ -98,7 +98,7 @@ def _italic(letters: str) -> list[str]:
 
 
 def _attitude(angles: Any, rates: Any, problem: Problem, series: TimeSeries) -> None:
-    """The spacecraft's attitude and angular velocity, in two axes."""
+    """Draw the spacecraft's attitude and angular velocity in two axes."""
     rates_deg = np.degrees(series.angular_velocities)
     if problem.task.planar:
         _curves(angles, series, np.degrees(series.headings)[:, None], ["heading"])
@@ -119,7 +119,7 @@ def _curves(axes: Any, series: TimeSeries, values: Array, names: list[str]) -> N
 
 
 def _mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
-    """Show the whole duration, rests, and the end of a motion that is not completed."""
+    """Set the time axis; mark stops and the end of a motion that is not completed."""
     axes.set_xlim(0.0, motion.problem.path.duration)
     for index, stop in enumerate(motion.problem.path.timing.stops):
         label = "at rest" if named and index == 0 else None
@@ -131,7 +131,7 @@ def _mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
 
 
 def _bound(axes: Any, motion: Motion, series: TimeSeries) -> None:
-    """Limit the axis of rates, which are unbounded towards a singular end."""
+    """Limit the axis of rates, which are unbounded near a singularity."""
     if motion.ending is not Ending.SINGULAR:
         return
     first, last = motion.initial.time, motion.final.time
@@ -145,7 +145,7 @@ def _bound(axes: Any, motion: Motion, series: TimeSeries) -> None:
 
 @styled
 def margin_figure(motion: Motion, series: TimeSeries, closest: ClosestApproach) -> Figure:
-    """Draw S over time with the margin and the closest approach."""
+    """Return the figure of S over time with the margin and the closest approach."""
     measure, threshold = motion.problem.margin.measure, motion.problem.margin.threshold
     figure = new_figure()
     axes = figure.subplots()
@@ -171,15 +171,15 @@ def margin_figure(motion: Motion, series: TimeSeries, closest: ClosestApproach) 
 
 @styled
 def momentum_figure(motion: Motion) -> Figure:
-    """Draw the errors of the recorded motion: of the momentum and of the end-effector."""
+    """Return the figure of momentum and end-effector errors at the integration nodes."""
     figure = new_figure(height=3.2)
     momentum, pose = figure.subplots(2, 1, sharex=True)
     errors = motion.momentum_errors(motion.node_parameters)
     _errors(momentum, motion.times, errors, 0, "momentum")
     oriented = motion.problem.task.prescribes_orientation
-    for which, name in enumerate(("position", "orientation")[: 2 if oriented else 1]):
+    for index, name in enumerate(("position", "orientation")[: 2 if oriented else 1]):
         label = f"end-effector {name}"
-        _errors(pose, motion.times, motion.end_effector_errors[:, which], which, label)
+        _errors(pose, motion.times, motion.end_effector_errors[:, index], index, label)
     momentum.set_ylabel(axis_label("error", "N m s"))
     pose.set_ylabel(axis_label("error", "m, rad" if oriented else "m"))
     pose.set_xlabel(axis_label("time", "s"))
@@ -191,11 +191,11 @@ def momentum_figure(motion: Motion) -> Figure:
     return figure
 
 
-def _errors(axes: Any, times: Array, errors: Array, which: int, name: str) -> None:
-    """Dots on a logarithmic axis, without zeros."""
+def _errors(axes: Any, times: Array, errors: Array, index: int, name: str) -> None:
+    """Draw nonzero errors as dots."""
     shown = np.where(errors > 0.0, errors, np.nan)
-    marker, size = (".", 2.0) if which == 0 else ("x", 2.5)
+    marker, size = (".", 2.0) if index == 0 else ("x", 2.5)
     axes.plot(
-        times, shown, color=STROKES[which][0], linestyle="none", marker=marker, markersize=size,
+        times, shown, color=STROKES[index][0], linestyle="none", marker=marker, markersize=size,
         markeredgewidth=0.6, label=name,
     )  # fmt: skip

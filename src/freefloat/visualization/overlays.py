@@ -1,11 +1,13 @@
-"""What is drawn beside the robot: path, trail, areas, momentum, axes, the end of a motion."""
+"""Geometry around the robot: path, trail, areas, momentum, axes, mark of an early end."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from meshcat import geometry as g
+from scipy.spatial.transform import Rotation
 from trimesh.creation import icosphere
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -13,14 +15,13 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.scene_builder import SceneBuilder, label
-from freefloat.visualization.tubes import SIDES, arrow, rod, tube
 from freefloat.workspace.margin_curves import Workspace
 
 PATH, TRAIL, AREAS = "End-effector path", "Trail", "Areas"
 CENTRE, MOMENTUM = "Centre of mass", "Momentum"
-BASE_AXES, TIP_AXES, SINGULARITY = "Spacecraft axes", "End-effector axes", "Singularity"
-ITEMS = (PATH, TRAIL, AREAS, CENTRE, MOMENTUM, BASE_AXES, TIP_AXES, SINGULARITY)
-"""Nodes of the scene tree that can be hidden, as the page names them."""
+BASE_AXES, END_EFFECTOR_AXES, SINGULARITY = "Spacecraft axes", "End-effector axes", "Singularity"
+ITEMS = (PATH, TRAIL, AREAS, CENTRE, MOMENTUM, BASE_AXES, END_EFFECTOR_AXES, SINGULARITY)
+"""Nodes of the scene tree that can be hidden, and their names on the page."""
 
 _PALE = (0.85, 0.88, 0.92, 0.55)
 _GOLD = (1.0, 0.84, 0.2, 1.0)
@@ -29,16 +30,19 @@ _DEPENDENT = (0.84, 0.37, 0.0)
 _INDEPENDENT = (0.0, 0.62, 0.45)
 _AXES = np.array([[0.90, 0.25, 0.20], [0.25, 0.75, 0.30], [0.30, 0.50, 1.00]])
 
+SIDES = 10
+"""Corners of the cross-section of a tube."""
+
 Labels = list[dict[str, Any]]
 
 
 def thickness(problem: Problem) -> float:
-    """Return the radius of what is drawn as a line [m]."""
+    """Return the radius of lines [m]."""
     return 0.006 * VirtualManipulator.of(problem.model).reach
 
 
 def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> Labels:
-    """Draw the whole path as a thin tube; return labels of its ends."""
+    """Draw the path as a thin tube; return the labels of its ends."""
     curve = problem.path.path.curve
     points = np.array([curve(float(s)) for s in np.linspace(0.0, 1.0, 201)])
     if not np.ptp(points, axis=0).any():
@@ -49,29 +53,22 @@ def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> Labels:
 
 
 def draw_trail(
-    builder: SceneBuilder, root: str, problem: Problem, tips: Array, colours: Array
+    builder: SceneBuilder, root: str, problem: Problem, points: Array, colours: Array
 ) -> int:
-    """Draw where the end-effector has been as a thick tube.
-
-    Args:
-        builder: Collects the commands.
-        root: Path of the motion.
-        problem: Of the motion.
-        tips: Positions of the end-effector [m], shape (K, 3).
-        colours: Red, green and blue there, shape (K, 3).
+    """Draw the end-effector positions [m], shape (K, 3), as a thick tube.
 
     Returns:
-        Indices of triangles from one position to the next; zero where the end-effector rests.
+        Number of triangle indices per segment; zero if the end-effector does not move.
     """
-    if np.ptp(tips, axis=0).max() <= 1e-6 * VirtualManipulator.of(problem.model).reach:
+    if np.ptp(points, axis=0).max() <= 1e-6 * VirtualManipulator.of(problem.model).reach:
         return 0
-    vertices, faces = tube(tips, thickness(problem))
+    vertices, faces = tube(points, thickness(problem))
     builder.coloured_mesh(f"{root}/{TRAIL}", vertices, faces, np.repeat(colours, SIDES, axis=0))
     return 6 * SIDES
 
 
 def draw_areas(builder: SceneBuilder, root: str, problem: Problem, areas: Workspace) -> None:
-    """Draw path-dependent and path-independent areas as rings, in space as spheres."""
+    """Draw path-dependent and path-independent areas: rings in the plane, spheres in space."""
     kinds = [(areas.path_dependent, _DEPENDENT), (areas.path_independent, _INDEPENDENT)]
     parts = [(interval, colour) for intervals, colour in kinds for interval in intervals or ()]
     below = float(problem.path.path.curve(0.0)[2]) - 3.0 * thickness(problem)
@@ -95,7 +92,7 @@ def _ring(inner: float, outer: float, z: float) -> tuple[Array, IntArray]:
 
 
 def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> Labels:
-    """Draw the centre of mass, which does not move, and the momentum as an arrow from it."""
+    """Draw the centre of mass and, from it, the angular momentum as an arrow."""
     size = thickness(problem)
     builder.mesh(f"{root}/{CENTRE}", g.Sphere(2.5 * size), _GOLD, overlay=True)
     magnitude = float(np.linalg.norm(problem.momentum))
@@ -108,7 +105,7 @@ def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> Labels:
 
 
 def draw_axes(builder: SceneBuilder, path: str, length: float, radius: float) -> None:
-    """Draw three axes: x red, y green, z blue."""
+    """Draw the axes of a frame: x red, y green, z blue."""
     rods = [rod(np.zeros(3), length * axis, radius) for axis in np.eye(3)]
     count = len(rods[0][0])
     builder.coloured_mesh(
@@ -121,14 +118,87 @@ def draw_axes(builder: SceneBuilder, path: str, length: float, radius: float) ->
 
 
 def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> Labels:
-    """Mark where a motion became singular or fell below the margin."""
+    """Mark the end of a motion that became singular or fell below the margin."""
     if motion.ending is Ending.COMPLETED:
         return []
     final = motion.final
-    tip = motion.problem.model.end_effector_pose(final.attitude, final.joints).position
-    path = f"{root}/{SINGULARITY}/mark"  # the item is hidden by the user, the mark by its track
+    position = motion.problem.model.end_effector_pose(final.attitude, final.joints).position
+    path = f"{root}/{SINGULARITY}/mark"  # the track hides the mark, the user its parent
     builder.mesh(path, g.Sphere(3.0 * thickness(motion.problem)), _RED, overlay=True)
-    builder.place(path, Pose(tip, np.eye(3)))
+    builder.place(path, Pose(position, np.eye(3)))
     builder.appear(path, final.time)
     word = "singular" if motion.ending is Ending.SINGULAR else "below the margin"
-    return [label(f"{word} at t = {final.time:.3f} s", tip, SINGULARITY, final.time)]
+    return [label(f"{word} at t = {final.time:.3f} s", position, SINGULARITY, final.time)]
+
+
+def tube(points: Array, radii: npt.ArrayLike) -> tuple[Array, IntArray]:
+    """Return a tube around a curve, its rings transported along the curve without twist.
+
+    Args:
+        points: Points of the curve [m], shape (K, 3), K at least 2; neighbours may coincide.
+        radii: Radii of the rings [m], scalar or shape (K,); zero closes an end.
+
+    Returns:
+        Vertices, ring by ring, shape (SIDES K, 3), and faces, shape (2 SIDES (K - 1), 3).
+
+    Raises:
+        ValueError: If all points coincide.
+    """
+    directions = _directions(points)
+    angles = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+    normal = np.cross(directions[0], np.eye(3)[int(np.argmin(np.abs(directions[0])))])
+    normal /= np.linalg.norm(normal)
+    rings, previous = [], directions[0]
+    widths = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
+    for point, direction, radius in zip(points, directions, widths, strict=True):
+        normal, previous = _transported(normal, previous, direction), direction
+        binormal = np.cross(direction, normal)
+        ring = np.outer(np.cos(angles), normal) + np.outer(np.sin(angles), binormal)
+        rings.append(point + radius * ring)
+    return np.vstack(rings), _faces(len(points))
+
+
+def rod(start: Array, end: Array, radius: float) -> tuple[Array, IntArray]:
+    """Return a straight tube with closed ends."""
+    return tube(np.array([start, start, end, end]), [0.0, radius, radius, 0.0])
+
+
+def arrow(start: Array, end: Array, radius: float) -> tuple[Array, IntArray]:
+    """Return a straight tube whose last quarter is a cone."""
+    neck = start + 0.75 * (end - start)
+    points = np.array([start, start, neck, neck, end])
+    return tube(points, [0.0, radius, radius, 2.5 * radius, 0.0])
+
+
+def _directions(points: Array) -> Array:
+    """Unit tangents; where neighbours coincide, that of the last distinct pair."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    (moving,) = np.nonzero(lengths > 1e-9 * lengths.max(initial=0.0))
+    if not len(moving):
+        raise ValueError("all points of the curve coincide")
+    last = moving[np.maximum(np.searchsorted(moving, np.arange(len(steps)), side="right") - 1, 0)]
+    units = steps[last] / lengths[last, None]
+    means = np.vstack([units[:1], units[:-1] + units[1:], units[-1:]])
+    sizes = np.linalg.norm(means, axis=1, keepdims=True)
+    ahead = np.vstack([units, units[-1:]])
+    return np.where(sizes > 1e-6, means / np.maximum(sizes, 1e-6), ahead)  # no mean at a reversal
+
+
+def _transported(normal: Array, before: Array, after: Array) -> Array:
+    """A unit normal of a direction, rotated with it to the next direction."""
+    axis = np.cross(before, after)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        return normal
+    angle = np.arctan2(sine, float(before @ after))
+    return np.asarray(Rotation.from_rotvec(axis / sine * angle).apply(normal))
+
+
+def _faces(rings: int) -> IntArray:
+    corner = np.arange(SIDES)
+    low = SIDES * np.arange(rings - 1)[:, None] + corner
+    low_next = low + (corner + 1) % SIDES - corner
+    high, high_next = low + SIDES, low_next + SIDES
+    pairs = np.stack([low, low_next, high, low_next, high_next, high], axis=-1)
+    return pairs.reshape(-1, 3)

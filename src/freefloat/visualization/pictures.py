@@ -15,29 +15,29 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 _SMALLEST, _LARGEST = 16, 4096
-"""Pixels a side."""
+"""Limits of width and height [pixels]."""
 _BROWSERS = (
     "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome",
     "microsoft-edge", "msedge", "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
 )  # fmt: skip
 _FLAGS = ("--enable-unsafe-swiftshader", "--disable-background-networking")
-"""The first: WebGL without a graphics card."""
+"""The first flag allows WebGL without a graphics card."""
 _TIMEOUT = 120_000
-"""Milliseconds for one picture."""
+"""Timeout of a picture [ms]."""
 
 
 def find_browser() -> str | None:
-    """Return the program that CHROMIUM_BIN names, else a Chromium, Chrome or Edge on PATH.
+    """Return the browser named by CHROMIUM_BIN, else a Chromium, Chrome or Edge on PATH.
 
     Raises:
-        InputError: If CHROMIUM_BIN is set and names no program.
+        InputError: If CHROMIUM_BIN is set to something else than a program.
     """
     named = os.environ.get("CHROMIUM_BIN")
     if not named:
         return next(filter(None, map(shutil.which, _BROWSERS)), None)
     program = shutil.which(named)
     if program is None:
-        raise InputError("CHROMIUM_BIN", f"{named} is no program", "a Chromium or Chrome")
+        raise InputError("CHROMIUM_BIN", f"{named} is not a program", "a Chromium or Chrome")
     return program
 
 
@@ -50,13 +50,13 @@ def take_pictures(
     progress: Callable[[float], None] | None = None,
     key: str = "snapshots",
 ) -> Generator[bytes]:
-    """Yield pictures of a page; close the iterator if it is not exhausted.
+    """Yield pictures of a page at some times; close the iterator if it is not exhausted.
 
     Args:
-        html: The page, see :mod:`freefloat.visualization.page`.
-        times: Of the pictures [s].
+        html: Page, see :meth:`freefloat.visualization.playback.Playback.html`.
+        times: Times of the pictures [s].
         size: Width and height [pixels].
-        scene: Title of the scene to show; the first when left out.
+        scene: Title of the scene; the first by default.
         progress: Called with the fraction done, in [0, 1].
         key: Option named in errors.
 
@@ -67,8 +67,8 @@ def take_pictures(
         InputError: If Playwright or a browser is missing, or the page cannot be drawn.
     """
     if not all(_SMALLEST <= side <= _LARGEST for side in size):
-        accepted = f"{_SMALLEST} to {_LARGEST} pixels a side"
-        raise InputError("size", f"{size[0]}x{size[1]} was given", accepted)
+        accepted = f"sides of {_SMALLEST} to {_LARGEST} pixels"
+        raise InputError("size", f"{size[0]}x{size[1]} is out of range", accepted)
     with _opened(html, size, key) as page:
         page.evaluate("title => freefloat.capture(title)", scene)
         for number, time in enumerate(times, start=1):
@@ -80,7 +80,7 @@ def take_pictures(
 
 @contextmanager
 def _opened(html: str, size: tuple[int, int], key: str) -> Iterator[Page]:
-    """A page in a headless browser without a network."""
+    """Open a page in a headless browser without a network."""
     try:
         from playwright.sync_api import Error, ViewportSize, sync_playwright
     except ModuleNotFoundError:
@@ -92,8 +92,7 @@ def _opened(html: str, size: tuple[int, int], key: str) -> Iterator[Page]:
         if program is None and not Path(playwright.chromium.executable_path).exists():
             raise InputError(
                 key, "no Chromium or Chrome was found",
-                "install one (apt install chromium, playwright install chromium) or set "
-                "CHROMIUM_BIN",
+                "a browser (apt install chromium, playwright install chromium) or CHROMIUM_BIN",
             )  # fmt: skip
         root = hasattr(os, "geteuid") and os.geteuid() == 0  # root cannot use the sandbox
         flags = [*_FLAGS, "--no-sandbox"] if root else [*_FLAGS]

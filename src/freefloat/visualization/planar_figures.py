@@ -1,4 +1,4 @@
-"""Figures of planar problems: joint space, and the minimum margin over heading."""
+"""Figures of planar problems: joint space, minimum margin over initial heading."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ Span = tuple[float, float]
 
 @styled
 def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
-    """Draw curves S = 0 and S = +-S0, distances of point 3, and motions (Fig. 3).
+    """Return the figure of S = 0, S = +-S0, radii of point 3 and motions (Fig. 3).
 
     Args:
-        problem: A planar problem whose S depends on two joint angles.
-        motions: The one chosen first.
+        problem: Planar problem whose S depends on two joint angles.
+        motions: Motions, the chosen motion first.
     """
     figure = new_figure(COLUMN, 3.9)
     axes = figure.subplots()
@@ -67,7 +67,7 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
 
 
 def _joined(parts: Iterable[Array]) -> Array:
-    """Rows of several curves as one, with a gap between them, shape (K, 2)."""
+    """Join curves, separated by NaN rows, shape (K, 2)."""
     gap = np.full((1, 2), np.nan)
     rows = [gap]
     for part in parts:
@@ -76,7 +76,7 @@ def _joined(parts: Iterable[Array]) -> Array:
 
 
 def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
-    """Where point 3 is as far out as at the start and at the end of the path (28)."""
+    """Draw where point 3 has the radius of the start and of the end of the path (28)."""
     axis = np.linspace(-np.pi, np.pi, _GRID)
     radii = np.abs(point_3(arm, np.stack(np.meshgrid(axis, axis), axis=-1)))
     for s, dashes, name in ((0.0, (0, (6, 2)), "start"), (1.0, (0, (1, 1.5)), "end")):
@@ -91,7 +91,7 @@ def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
 
 
 def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
-    """The first two joints of a motion, wrapped into one turn, its start a circle."""
+    """Draw the first two joints of a motion, wrapped to 360 degrees, from an open circle."""
     heading = np.degrees(2.0 * np.arctan2(*motion.initial.attitude[2:])) % 360.0
     places = np.linspace(0.0, motion.panels, 12 * motion.panels + 1)
     q = np.degrees(motion.evaluate(places)[2][:, :2])
@@ -107,11 +107,11 @@ def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
 
 
 def wrapped(degrees: Array) -> Array:
-    """A curve (K, 2) of angles in [-180, 180), with gaps where it leaves at an edge [deg]."""
+    """Return a curve (K, 2) wrapped to [-180, 180) [deg], with NaN rows at the jumps."""
     inside = (degrees + 180.0) % 360.0 - 180.0
-    turns = np.round((degrees - inside) / 360.0)
+    revolutions = np.round((degrees - inside) / 360.0)
     parts, first = [], 0
-    for last in [*(np.flatnonzero(np.diff(turns, axis=0).any(axis=1)) + 1), len(degrees)]:
+    for last in [*(np.flatnonzero(np.diff(revolutions, axis=0).any(axis=1)) + 1), len(degrees)]:
         parts.append(inside[first:last])
         first = int(last)
     gap = np.full((1, 2), np.nan)
@@ -126,12 +126,12 @@ def headings_figure(
     ranges: Sequence[BranchRanges] = (),
     chosen: tuple[int, float] | None = None,
 ) -> Figure:
-    """Draw the minimum margin over the initial heading, an axes for each arm branch.
+    """Return the figure of the minimum margin over heading, with an axes per arm branch.
 
     Args:
-        result: The map.
-        label: Of the margin's axis, with its unit.
-        ranges: Feasible headings; taken from the map's samples when left out.
+        result: Map over headings.
+        label: Label of the margin axis, with its unit.
+        ranges: Feasible heading ranges; by default those of the map's samples.
         chosen: Branch and heading [rad] to mark.
     """
     curves = _curves(result, ranges)
@@ -157,25 +157,25 @@ def headings_figure(
 def _curves(
     result: HeadingMap, ranges: Sequence[BranchRanges]
 ) -> list[tuple[int | None, str, Array, list[Span]]]:
-    """Branch, name, minimum margins and feasible spans of heading [rad] of each axes."""
+    """Return branch, name, minimum margins and feasible ranges [rad] per axes."""
     if any(entry.label == "any" for entry in ranges):
         with np.errstate(invalid="ignore"):
             best = np.fmax.reduce(result.minimum_margins, axis=0)
         return [(None, "best branch", best, _spans(ranges[0]))]
     entries = {entry.branch: entry for entry in ranges}
     curves: list[tuple[int | None, str, Array, list[Span]]] = []
-    for branch, values, kept in zip(
+    for branch, values, feasible in zip(
         result.branches, result.minimum_margins, result.feasible, strict=True
     ):
         entry = entries.get(branch)
         name = f"branch {branch}" if entry is None else entry.label
-        spans = _sampled_spans(result.headings, kept) if entry is None else _spans(entry)
+        spans = _sampled_spans(result.headings, feasible) if entry is None else _spans(entry)
         curves.append((branch, name, values, spans))
     return curves
 
 
 def _spans(entry: BranchRanges) -> list[Span]:
-    """Ranges within one turn: one that passes zero is cut there."""
+    """Return the ranges in [0, 2 pi]; a range that contains zero is cut there."""
     cut = []
     for span in entry.ranges:
         cut.append((span.low, min(span.high, TURN)))
@@ -184,11 +184,11 @@ def _spans(entry: BranchRanges) -> list[Span]:
     return cut
 
 
-def _sampled_spans(headings: Array, kept: Array) -> list[Span]:
-    """Feasible samples in a row, widened by half a step on either side."""
+def _sampled_spans(headings: Array, feasible: Array) -> list[Span]:
+    """Return runs of feasible samples, widened by half a step on either side."""
     half = TURN / len(headings) / 2.0
-    headings, kept = np.append(headings, TURN), np.append(kept, kept[0])
-    edges = np.flatnonzero(np.diff(np.concatenate([[0.0], kept, [0.0]])))
+    headings, feasible = np.append(headings, TURN), np.append(feasible, feasible[0])
+    edges = np.flatnonzero(np.diff(np.concatenate([[0.0], feasible, [0.0]])))
     return [
         (max(0.0, headings[first] - half), min(TURN, headings[last - 1] + half))
         for first, last in edges.reshape(-1, 2)

@@ -1,11 +1,16 @@
-"""Playback of motions and maps: in a file, a notebook's cell or a browser."""
+"""Pages that play motions and show maps: files, notebook cells, a browser."""
 
 from __future__ import annotations
 
+import base64
+import gzip
 import html
+import json
+import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -17,7 +22,6 @@ from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, Simulation
-from freefloat.visualization.page import page
 from freefloat.visualization.scene import motion_scene
 from freefloat.visualization.scene_builder import ROOT, Scene
 from freefloat.visualization.server import open_browser
@@ -26,39 +30,40 @@ if TYPE_CHECKING:  # imports compiled kernels
     from freefloat.planning.attitude_map import AttitudeMap
 
 SIDE_BY_SIDE = "side by side"
+_MESHCAT = Path(meshcat.viewer_assets_path())
 _ACCEPTED = "a Motion, Plan, Simulation or AttitudeMap, or motions by name: a Motion for each name"
 
 
 @dataclass(frozen=True, eq=False)
 class Playback:
-    """A scene, ready to be shown.
+    """A scene and its page.
 
     Attributes:
-        scene: What is shown.
+        scene: The scene.
     """
 
     scene: Scene = field(repr=False)
 
     @property
     def duration(self) -> float:
-        """Duration of the longest motion [s]; zero where nothing moves."""
+        """Duration of the longest motion [s]; zero for a map."""
         return float(self.scene.about["duration"])
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """Titles of the motions, or of the arm branches of a map."""
+        """Titles of the motions, or of a map's arm branches."""
         return tuple(scene["title"] for scene in self.scene.about["scenes"])
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What of the robot's URDF could not be drawn, such as missing meshes."""
+        """Visuals of the robot's URDF that cannot be drawn, such as missing meshes."""
         return tuple(self.scene.about["remarks"])
 
     def scene_duration(self, title: str | None = None) -> float:
-        """Return the duration [s] of what has a title: the first when left out.
+        """Return the duration [s] of a motion by its title; of the first by default.
 
         Raises:
-            InputError: If there is no such title.
+            InputError: If the title is unknown.
         """
         ends = {scene["title"]: float(scene["end"]) for scene in self.scene.about["scenes"]}
         if len(ends) > 1:
@@ -69,14 +74,29 @@ class Playback:
         return ends[title]
 
     def html(self, opens: str | None = None) -> str:
-        """Return the page as text; see :meth:`save`."""
-        return page(self.scene, opens)
-
-    def save(self, path: str | Path, opens: str | None = None) -> Path:
-        """Write the page: one file that plays without a network.
+        """Return the page as HTML text; its content security policy forbids all requests.
 
         Args:
-            path: The file.
+            opens: Title of the motion shown first, or ``"side by side"``.
+        """
+        about = {**self.scene.about, "copies": self.scene.copies, "opens": opens}
+        animation = self.scene.animation
+        parts = {
+            "TITLE": html.escape(str(self.scene.about["title"])),
+            "LICENCES": _licences(),
+            "VIEWER": (_MESHCAT / "dist" / "main.min.js").read_text(encoding="utf-8"),
+            "SCENE": _packed(self.scene.objects),
+            "TRACKS": _packed([] if animation is None else [animation]),
+            "ABOUT": json.dumps(about, allow_nan=False).replace("<", "\\u003c"),
+            "PLAYER": _text("player.js"),
+        }
+        return re.sub("@([A-Z]+)@", lambda match: parts[match[1]], _text("page.html"))
+
+    def save(self, path: str | Path, opens: str | None = None) -> Path:
+        """Write the page to a file, which needs no network, and return its path.
+
+        Args:
+            path: HTML file.
             opens: Title of the motion shown first, or ``"side by side"``.
 
         Raises:
@@ -87,10 +107,10 @@ class Playback:
         return Path(path)
 
     def show(self, height: int = 600) -> None:
-        """Show the page in a notebook's cell; elsewhere write a temporary file and open it.
+        """Show the page in a notebook cell, or write a temporary file and open a browser.
 
         Args:
-            height: Of the cell [pixels].
+            height: Height of the cell [pixels].
         """
         if _in_notebook():
             from IPython.display import HTML, display
@@ -101,12 +121,12 @@ class Playback:
         open_browser(self.save(folder / "playback.html").as_uri())
 
     def into(self, visualizer: meshcat.Visualizer) -> None:
-        """Send the scene to a visualizer, whose own controls play the animation.
+        """Send the scene to a visualizer, whose controls play the animation.
 
         Panels, labels, the growing trail and the choice of a motion exist on pages only.
 
         Args:
-            visualizer: The scene appears below its path.
+            visualizer: Visualizer; its path becomes the root of the scene.
         """
         root = visualizer.path.lower()
         for command in self.scene.commands():
@@ -123,6 +143,23 @@ class Playback:
         return f'<iframe style="{style}" srcdoc="{html.escape(self.html())}"></iframe>'
 
 
+def _packed(commands: Iterable[bytes]) -> str:
+    """Commands, each after its length, compressed; an empty text without commands."""
+    raw = b"".join(len(command).to_bytes(4, "little") + command for command in commands)
+    return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode() if raw else ""
+
+
+def _text(name: str) -> str:
+    return files("freefloat.visualization").joinpath(name).read_text(encoding="utf-8")
+
+
+def _licences() -> str:
+    """Licences of MeshCat and of the code in it, as the text of a comment."""
+    names = ("LICENSE", "dist/main.min.js.LICENSE.txt")
+    texts = [(_MESHCAT / name).read_text(encoding="utf-8") for name in names]
+    return "MeshCat\n\n" + "\n".join(texts).replace("--", "- -")
+
+
 def _in_notebook() -> bool:
     try:
         from IPython.core.getipython import get_ipython
@@ -133,7 +170,7 @@ def _in_notebook() -> bool:
 
 
 def show(result: Any, title: str = "freefloat", *, height: int = 600) -> None:
-    """Show a result in a notebook's cell or a browser; see :func:`playback`."""
+    """Show a result in a notebook cell or a browser; see :func:`playback`."""
     playback(result, title).show(height)
 
 
@@ -144,12 +181,12 @@ def playback(
     """Return the playback of a result.
 
     Args:
-        result: A motion; several by name; a plan, whose chosen motion is shown; a simulation, whose
-            arm branches are shown; or a map over all attitudes.
-        title: Of the page.
+        result: A motion, motions by name, a plan (its chosen motion), a simulation (its arm
+            branches) or a map over all attitudes.
+        title: Title of the page.
 
     Raises:
-        InputError: If it is none of them, or a plan without a motion.
+        InputError: If the result is of another class, or a plan without a motion.
     """
     if isinstance(result, Motion | Plan | Simulation | Mapping):
         return Playback(motion_scene(_named_motions(result), title))
@@ -161,16 +198,12 @@ def playback(
 
 
 def _named_motions(result: Any) -> dict[str, Motion]:
-    """Return the motions of a result by name; of a simulation the chosen one first.
-
-    Raises:
-        InputError: If there is none.
-    """
+    """Return the motions of a result by name; the chosen motion of a simulation first."""
     if isinstance(result, Motion):
         return {"motion": result}
     if isinstance(result, Plan):
         if result.chosen is None:
-            problem = f"it has no motion to show: {result.reason}"
+            problem = f"the plan has no motion: {result.reason}"
             raise InputError("plan", problem, "a feasible plan")
         return _by_title([result.chosen])
     if isinstance(result, Simulation):

@@ -1,12 +1,12 @@
-// Plays a scene in MeshCat's viewer: own clock, own panels, MeshCat's scene tree and camera.
+// Plays a scene with MeshCat's viewer, scene tree and camera; clock and panels are defined here.
 
 const ROOT = "meshcat";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
-const LONGEST = 30; // seconds of playback at first, see scene.py
+const MAX_PLAYBACK = 30; // initial playback [s], see scene.py
 const SIDE_BY_SIDE = "side by side";
 const INK = "#e8ecf2";
 const FIELD_OF_VIEW = 40; // degrees
-const FRAME = 0.88; // share of the picture for what should be seen
+const FRAME = 0.88; // fraction of the picture that the scene fills
 const element = id => document.getElementById(id);
 
 async function unpacked(text) {
@@ -15,7 +15,7 @@ async function unpacked(text) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-// The bytes of every command; each is preceded by its length.
+// Yields the bytes of each command, which follow their length.
 function* commands(bytes) {
   const view = new DataView(bytes.buffer);
   for (let at = 0; at < bytes.length;) {
@@ -30,17 +30,16 @@ class Player {
     this.viewer = viewer;
     this.time = 0;
     this.playing = false;
-    this.speed = SPEEDS.find(speed => about.duration / speed <= LONGEST) || SPEEDS.at(-1);
+    this.speed = SPEEDS.find(speed => about.duration / speed <= MAX_PLAYBACK) || SPEEDS.at(-1);
     this.shown = about.scenes.length ? [about.scenes[0]] : [];
     this.hidden = new Set(about.items.filter(item => !item.visible).map(item => item.name));
     this.trails = new Map(about.scenes.map(scene => [scene, this.geometry(scene)]));
   }
 
-  // The node of the scene tree at a path, or undefined: MeshCat's own search would make it.
+  // The node of the scene tree at a path, or undefined (MeshCat's search creates missing nodes).
   node(path) {
-    let found = this.viewer.scene_tree;
-    for (const name of path.split("/").filter(name => name)) found = found && found.children[name];
-    return found;
+    const names = path.split("/").filter(name => name);
+    return names.reduce((node, name) => node && node.children[name], this.viewer.scene_tree);
   }
 
   sceneNode(scene) { return this.node(`${ROOT}/${scene.node}`); }
@@ -50,7 +49,7 @@ class Player {
     return tube && tube.object.geometry;
   }
 
-  // Where a scene stands: in a row across the first line of sight when there are several.
+  // Offset of a scene: several scenes form a row across the initial line of sight.
   offset(scene) {
     const place = this.shown.indexOf(scene) - (this.shown.length - 1) / 2;
     const [x, y] = about.view.direction, level = Math.hypot(x, y);
@@ -78,7 +77,7 @@ class Player {
     this.seek(this.time);
   }
 
-  // Whether a motion that is shown has such an item.
+  // Whether a shown scene has an item.
   has(name) { return this.shown.some(scene => this.node(`${ROOT}/${scene.node}/${name}`)); }
 
   toggle(name, visible) {
@@ -87,7 +86,7 @@ class Player {
     this.arrange();
   }
 
-  // As near as lets everything be seen, from the first direction.
+  // Sets the initial direction and the smallest distance at which the scenes fit in the picture.
   look() {
     const { camera, controls, renderer } = this.viewer, { centre, direction } = about.view;
     const up = Math.tan(FIELD_OF_VIEW * Math.PI / 360) * FRAME;
@@ -137,7 +136,7 @@ class Player {
 
   pause() { this.playing = false; }
 
-  // The clock stands still while the tab is hidden: no jump when it comes back.
+  // Steps are limited to 0.25 s, so that time does not jump after the tab was hidden.
   tick(now) {
     if (!this.playing) return;
     this.seek(this.time + this.speed * Math.min((now - this.before) / 1000, 0.25));
@@ -145,20 +144,20 @@ class Player {
     if (this.time >= about.duration) this.pause();
   }
 
-  // What there is to say of a scene at the time.
+  // Text of a scene at the current time.
   lines(scene) {
     if (!scene.trail) return scene.lines || [];
     const { times, values, fractions } = scene.trail, { measure, margin } = about.scale;
     const now = Math.min(this.time, scene.end);
     const lines = [
       `t = ${now.toFixed(2)} s`,
-      `s = ${between(times, fractions, now).toFixed(3)}`,
-      `|${measure}| = ${shortened(between(times, values, now))}, margin ${shortened(margin)}`,
+      `s = ${interpolated(times, fractions, now).toFixed(3)}`,
+      `|${measure}| = ${shortened(interpolated(times, values, now))}, margin ${shortened(margin)}`,
     ];
-    return this.time >= scene.end ? [...lines, { verdict: scene.verdict, good: scene.ending === "completed" }] : lines;
+    return this.time >= scene.end ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" }] : lines;
   }
 
-  // Labels in sight, with their places on a canvas of a width and height.
+  // Visible labels with their positions on a canvas [pixels].
   labels(width, height) {
     const { camera } = this.viewer, placed = [];
     for (const scene of this.shown) {
@@ -184,11 +183,12 @@ function countUpTo(sorted, value) {
   return low;
 }
 
-function between(places, values, at) {
-  const next = Math.min(countUpTo(places, at), places.length - 1), last = Math.max(next - 1, 0);
-  const span = places[next] - places[last];
-  const share = span > 0 ? Math.min(Math.max((at - places[last]) / span, 0), 1) : 1;
-  return values[last] + share * (values[next] - values[last]);
+// Linear interpolation in a table.
+function interpolated(times, values, time) {
+  const next = Math.min(countUpTo(times, time), times.length - 1), last = Math.max(next - 1, 0);
+  const span = times[next] - times[last];
+  const fraction = span > 0 ? Math.min(Math.max((time - times[last]) / span, 0), 1) : 1;
+  return values[last] + fraction * (values[next] - values[last]);
 }
 
 function shortened(value) {
@@ -198,14 +198,14 @@ function shortened(value) {
 
 function plainLine(line) { return typeof line === "string" ? line : line.verdict; }
 
-function lineColour(line) { return typeof line === "string" ? INK : line.good ? "#9be3a0" : "#ffb27a"; }
+function lineColour(line) { return typeof line === "string" ? INK : line.feasible ? "#9be3a0" : "#ffb27a"; }
 
 function legendTitle() {
   const { measure, unit } = about.scale;
   return `|${measure}|` + (unit && unit !== "1" ? ` [${unit}]` : "");
 }
 
-// The panels, in step with the player.
+// The panels around the 3D view.
 class Panels {
   constructor(player) {
     this.player = player;
@@ -343,21 +343,21 @@ async function begin() {
     for (const command of packed ? commands(await unpacked(packed)) : []) viewer.handle_command_bytearray(command);
   };
   const pane = element("meshcat-pane");
-  viewer.fit = viewer.set_3d_pane_size; // which takes the window for the pane when it is not told
+  viewer.fit = viewer.set_3d_pane_size; // its default is the window's size
   viewer.set_3d_pane_size = () => viewer.fit(pane.clientWidth, pane.clientHeight);
   await run("scene");
   for (const [source, target] of about.copies) {
     const [original, copy] = [source, target].map(path => tree.find([...path.split("/"), "<object>"]));
     copy.set_object(original.object.clone());
   }
-  await run("tracks"); // a track finds only what is there
+  await run("tracks"); // tracks need existing objects
   const { animator } = viewer;
-  animator.folder.domElement.style.display = "none"; // its clock is not ours
-  animator.play(); // until it has played once it does not seek
+  animator.folder.domElement.style.display = "none"; // the player has its own clock
+  animator.play(); // required before the first seek
   animator.pause();
   const player = new Player(viewer), panels = new Panels(player);
-  const turn = now => {
-    requestAnimationFrame(turn);
+  const frame = now => {
+    requestAnimationFrame(frame);
     player.tick(now);
     if (!viewer.needs_render) return;
     viewer.render();
@@ -370,17 +370,17 @@ async function begin() {
     player.show(about.opens);
     element("motion").value = about.opens;
   }
-  let moved = false; // a view that somebody chose is kept
+  let moved = false; // whether the user has changed the view
   viewer.controls.addEventListener("start", () => { moved = true; });
   new ResizeObserver(() => {
     viewer.set_3d_pane_size();
     if (!moved) player.look();
   }).observe(pane);
-  requestAnimationFrame(turn);
+  requestAnimationFrame(frame);
   window.freefloat = api(player, panels);
 }
 
-// The page's functions for pictures, videos and tests.
+// Interface for pictures, videos and tests.
 function api(player, panels) {
   const placed = path => {
     const node = player.node(path);
@@ -388,12 +388,9 @@ function api(player, panels) {
     node.object.updateWorldMatrix(true, false);
     return node.object;
   };
-  const pose = path => { // in the scene's frame, z up
-    const { Matrix4, Vector3, Quaternion } = MeshCat.THREE;
-    const inScene = new Matrix4().copy(player.viewer.scene.matrixWorld).invert().multiply(placed(path).matrixWorld);
-    const position = new Vector3(), quaternion = new Quaternion();
-    inScene.decompose(position, quaternion, new Vector3());
-    return { position, quaternion };
+  const position = path => { // in the frame of the scene, z up
+    const point = new MeshCat.THREE.Vector3().setFromMatrixPosition(placed(path).matrixWorld);
+    return player.viewer.scene.worldToLocal(point).toArray();
   };
   return {
     about,
@@ -404,17 +401,9 @@ function api(player, panels) {
     pause: () => player.pause(),
     show: title => player.show(title),
     toggle: (name, visible) => player.toggle(name, visible),
-    position: path => pose(path).position.toArray(),
-    quaternion: path => pose(path).quaternion.toArray(),
+    position,
     visible: path => placed(path).visible,
-    onScreen: place => { // of a path or point, as shares of the width from the left, of the height from above
-      const point = new MeshCat.THREE.Vector3();
-      if (typeof place === "string") point.setFromMatrixPosition(placed(place).matrixWorld);
-      else player.viewer.scene.localToWorld(point.fromArray(place));
-      point.project(player.viewer.camera);
-      return [(1 + point.x) / 2, (1 - point.y) / 2];
-    },
-    capture: title => { // hides the controls and shows a scene
+    capture: title => { // hides the controls
       document.body.classList.add("capturing");
       player.viewer.set_3d_pane_size();
       if (title !== null) player.show(title);

@@ -1,4 +1,4 @@
-"""Scenes of motions: the robot and what is drawn beside it, moved by tracks."""
+"""Scenes of motions: the robots, their paths and trails, the animation and the first view."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array
 from freefloat.visualization.body_poses import BodyPoses, body_poses_at
-from freefloat.visualization.camera import first_view
 from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.overlays import (
     AREAS,
     BASE_AXES,
+    END_EFFECTOR_AXES,
     ITEMS,
-    TIP_AXES,
     draw_areas,
     draw_axes,
     draw_centre,
@@ -35,86 +34,95 @@ from freefloat.workspace.margin_curves import Workspace
 from freefloat.workspace.regions import exact_workspace
 
 ROBOT = "Robot"
-_POINT = (0.95, 0.90, 0.25, 1.0)
+_POINT_COLOUR = (0.95, 0.90, 0.25, 1.0)
 _RATE, _PLAYBACK = 25.0, 30.0
-"""Key frames per second of playback, and the seconds that a page takes at most at first."""
-_MOST_KEYS = 6000
-"""Of all motions together."""
+"""Key frames per second of playback; longest initial playback time [s]."""
+_MAX_KEYS = 6000
+"""Key frames of all motions together."""
+_DIRECTIONS, _INSTANTS = 400, 25
+"""View directions that are compared; instants of a motion that the view covers."""
+_ELEVATIONS = (-0.1, 0.75)
+"""Range of the sines of the view's elevation."""
+_PATH_WEIGHT = 0.3
+"""Penalty on viewing a path end-on, relative to viewing the arm in front of the spacecraft."""
 
 
 def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Scene:
-    """Return the scene of some motions, each below a node with its name.
+    """Return the scene of motions, each below a node with its name.
 
     Args:
-        motions: By name.
-        title: Of the page.
+        motions: Motions by name.
+        title: Title of the page.
 
     Raises:
-        InputError: If there is no motion, or they have not the same margin.
+        InputError: If there is no motion, names coincide, or measures or margins differ.
     """
     if not motions:
-        raise InputError("motions", "none was given", "one motion or more, by name")
+        raise InputError("motions", "there is no motion", "at least one motion, by name")
     nodes = [node(name) for name in motions]
     if len(set(nodes)) < len(nodes):
-        raise InputError("motions", f"names alike: {', '.join(motions)}", "names that differ")
-    _refuse_different_margins(motions)
-    known: dict[str, RobotVisuals] = {}
-    most = _MOST_KEYS // len(motions)
-    sampled = [_Sampled.of(motion, known, most) for motion in motions.values()]
-    colours = MarginColours.over(sampled[0].motion.problem.margin, [one.values for one in sampled])
+        raise InputError("motions", f"names coincide: {', '.join(motions)}", "distinct names")
+    _require_same_margin(motions)
+    visuals: dict[str, RobotVisuals] = {}
+    limit = _MAX_KEYS // len(motions)
+    samples = [_sampled(motion, visuals, limit) for motion in motions.values()]
+    colours = MarginColours.over(
+        samples[0].motion.problem.margin, [sampled.values for sampled in samples]
+    )
     builder = SceneBuilder()
     scenes = [
-        {"title": str(name), "node": path} | _draw(builder, path, one, colours)
-        for name, path, one in zip(motions, nodes, sampled, strict=True)
+        {"title": str(name), "node": path} | _draw(builder, path, sampled, colours)
+        for name, path, sampled in zip(motions, nodes, samples, strict=True)
     ]
-    planar = sampled[0].motion.problem.task.planar
+    planar = samples[0].motion.problem.task.planar
+    problems = [problem for sampled in samples for problem in sampled.visuals.problems]
     return builder.scene({
         "title": title,
-        "duration": float(max(one.times[-1] for one in sampled)),
+        "duration": float(max(sampled.times[-1] for sampled in samples)),
         "scenes": scenes,
         "items": [{"name": item, "visible": item != AREAS or planar} for item in (ROBOT, *ITEMS)],
         "scale": colours.to_dict(),
-        "view": _view(sampled, planar),
-        "remarks": list(dict.fromkeys(text for one in sampled for text in one.visuals.problems)),
+        "view": _view(samples, planar),
+        "remarks": list(dict.fromkeys(problems)),
     })  # fmt: skip
 
 
-def _refuse_different_margins(motions: Mapping[str, Motion]) -> None:
-    """A page has one colour scale, one margin and one view."""
+def _require_same_margin(motions: Mapping[str, Motion]) -> None:
+    """Raise InputError unless the motions share the measure, the margin and the dimension."""
     margins = {}
     for name, motion in motions.items():
         margin = motion.problem.margin
-        where = "in the plane" if motion.problem.task.planar else "in space"
-        margins[name] = f"{margin.measure.name} {margin.threshold:.6g} {where}"
+        dimension = "planar" if motion.problem.task.planar else "spatial"
+        margins[name] = f"{margin.measure.name} {margin.threshold:.6g} ({dimension})"
     first, *others = margins
     for name in others:
         if margins[name] != margins[first]:
             raise InputError(
                 "motions", f"the margin of {first} is {margins[first]}, that of {name} "
-                f"{margins[name]}", "motions with the same measure and margin on one page",
+                f"{margins[name]}", "motions with the same measure and margin",
             )  # fmt: skip
 
 
-def key_times(motion: Motion, most: int = _MOST_KEYS) -> Array:
-    """Return times at which the poses of a motion are recorded [s], shape (K,).
+def key_times(motion: Motion, limit: int = _MAX_KEYS) -> Array:
+    """Return the times of a motion's key frames [s], shape (K,), in single precision.
 
-    They are evenly spread, 25 for each second of playback, and those of the motion's nodes, which
-    crowd towards singularities; numbers of single precision, as the viewer has them.
+    The union of evenly spaced times, 25 per second of playback, and of the integration nodes,
+    which are dense near singularities.
 
     Args:
         motion: The motion.
-        most: Number of evenly spread times, and of nodes, at the most.
+        limit: Maximum number of key frames.
     """
     first, last = float(motion.times.min()), float(motion.times.max())
-    count = min(int(np.ceil(_RATE * min(last - first, _PLAYBACK))) + 1, most // 2)
-    nodes = motion.times[:: 1 + 2 * len(motion.times) // most]
+    count = min(int(np.ceil(_RATE * min(last - first, _PLAYBACK))) + 1, limit // 2)
+    nodes = motion.times[:: 1 + 2 * len(motion.times) // limit]
     times = np.concatenate([np.linspace(first, last, count), nodes]).astype(np.float32)
     return np.unique(np.clip(times.astype(float), first, last))
 
 
 @dataclass(frozen=True, eq=False)
 class _Sampled:
-    """A motion at its key times: body poses, values of the measure, place on the path."""
+    """A motion at its key times: body poses, |measure|, path parameter s."""
 
     motion: Motion
     visuals: RobotVisuals
@@ -124,27 +132,32 @@ class _Sampled:
     fractions: Array
     areas: Workspace | None
 
-    @classmethod
-    def of(cls, motion: Motion, known: dict[str, RobotVisuals], most: int) -> _Sampled:
-        problem, times = motion.problem, key_times(motion, most)
-        parameters = motion.parameter_at(times)
-        ends = [motion.times.min(), motion.times.max()]
-        parameters[[0, -1]] = motion.parameter_at(ends)  # to rounding: singularities are ends
-        _, poses = body_poses_at(motion, parameters)
-        measure, joints = problem.margin.measure, motion.evaluate(parameters)[2]
-        values = np.abs([measure(q) for q in joints])
-        fractions = np.array([problem.path.timing.s(float(t)) for t in times])
-        model = problem.model
-        key = f"{model.end_effector} {dict(model.held)} {model.description.text}"
-        if key not in known:
-            known[key] = robot_visuals(model)
-        return cls(motion, known[key], times, poses, values, fractions, exact_workspace(problem))
+
+def _sampled(motion: Motion, visuals: dict[str, RobotVisuals], limit: int) -> _Sampled:
+    """Sample a motion; visuals are cached by robot."""
+    problem, times = motion.problem, key_times(motion, limit)
+    parameters = motion.parameter_at(times)
+    # Exact end points: a singular motion has no state after its end.
+    parameters[[0, -1]] = motion.parameter_at([motion.times.min(), motion.times.max()])
+    model, measure = problem.model, problem.margin.measure
+    key = f"{model.end_effector} {dict(model.held)} {model.description.text}"
+    if key not in visuals:
+        visuals[key] = robot_visuals(model)
+    return _Sampled(
+        motion,
+        visuals[key],
+        times,
+        body_poses_at(motion, parameters),
+        np.abs([measure(q) for q in motion.evaluate(parameters)[2]]),
+        np.array([problem.path.timing.s(float(t)) for t in times]),
+        exact_workspace(problem),
+    )
 
 
 def _draw(
     builder: SceneBuilder, name: str, sampled: _Sampled, colours: MarginColours
 ) -> dict[str, Any]:
-    """Draw a motion below the node with its name; return what the page must know of it."""
+    """Draw a motion below a node; return its description for the page."""
     root, motion, problem = f"{ROOT}/{name}", sampled.motion, sampled.motion.problem
     times, poses, areas = sampled.times, sampled.poses, sampled.areas
     bodies = [node(name) for name in problem.model.body_names]
@@ -154,20 +167,21 @@ def _draw(
         path = f"{root}/{ROBOT}/{link}"
         builder.move(path, times, poses.positions[:, body], _quaternions(poses.rotations[:, body]))
     labels = draw_path(builder, root, problem)
-    indices = draw_trail(builder, root, problem, poses.tips, colours(sampled.values))
+    indices = draw_trail(builder, root, problem, poses.end_effectors, colours(sampled.values))
     labels += draw_centre(builder, root, problem) + draw_ending(builder, root, motion)
-    size = thickness(problem)
-    for name, positions, rotations in (
-        (BASE_AXES, poses.positions[:, 0], poses.rotations[:, 0]),
-        (TIP_AXES, poses.tips, poses.tip_rotations),
+    size, quaternions = thickness(problem), _quaternions(poses.end_effector_rotations)
+    for item, positions, rotations in (
+        (BASE_AXES, poses.positions[:, 0], _quaternions(poses.rotations[:, 0])),
+        (END_EFFECTOR_AXES, poses.end_effectors, quaternions),
     ):
-        draw_axes(builder, f"{root}/{name}", 25.0 * size, 0.6 * size)
-        builder.move(f"{root}/{name}", times, positions, _quaternions(rotations))
+        draw_axes(builder, f"{root}/{item}", 25.0 * size, 0.6 * size)
+        builder.move(f"{root}/{item}", times, positions, rotations)
     if areas is not None:
         draw_areas(builder, root, problem, areas)
-        path, points = f"{root}/{AREAS}/{areas.point}", poses.tips + poses.tip_rotations @ areas.tip
-        builder.mesh(path, g.Sphere(2.0 * size), _POINT)
-        builder.move(path, times, points, _quaternions(poses.tip_rotations))
+        path = f"{root}/{AREAS}/{areas.point}"
+        builder.mesh(path, g.Sphere(2.0 * size), _POINT_COLOUR)
+        points = poses.end_effectors + poses.end_effector_rotations @ areas.tip
+        builder.move(path, times, points, quaternions)
     return {
         "begin": float(times[0]),
         "end": float(times[-1]),
@@ -180,7 +194,6 @@ def _draw(
             "fractions": sampled.fractions.round(6).tolist(),
             "indices": indices,
         },
-        "areas": None if areas is None else areas.point,
     }
 
 
@@ -188,14 +201,54 @@ def _quaternions(rotations: Array) -> Array:
     return np.asarray(Rotation.from_matrix(rotations).as_quat())
 
 
-def _view(sampled: Sequence[_Sampled], planar: bool) -> dict[str, Any]:
-    """The first view; in the plane the whole reach is in it."""
-    others = [np.zeros((1, 3))]
-    if planar:
-        compass = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
-        others += [one.areas.reach[1] * compass for one in sampled if one.areas is not None]
-    corners = [
-        np.vstack([bounding_box(shape) for shape in one.visuals.shapes if shape.body == 0])
-        for one in sampled
-    ]
-    return first_view([one.poses for one in sampled], corners, np.vstack(others), planar)
+def _view(samples: Sequence[_Sampled], planar: bool) -> dict[str, Any]:
+    """Return the page's first view.
+
+    Its keys are ``centre`` and ``radius`` of a ball that contains the motions and, in the plane,
+    the reach [m]; ``points`` that the picture must contain [m]; ``direction`` to the eye;
+    ``flat`` for planar motions.
+    """
+    parts = [np.zeros((1, 3))]
+    for sampled in samples:
+        parts += _extent(sampled)
+        if planar and sampled.areas is not None:
+            axes = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
+            parts.append(sampled.areas.reach[1] * axes)
+    points = np.vstack(parts)
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    direction = np.array([0.0, -0.02, 1.0]) if planar else _direction(samples)
+    return {
+        "centre": centre.round(4).tolist(),
+        "radius": float(np.linalg.norm(points - centre, axis=1).max()),
+        "points": points.round(4).tolist(),
+        "direction": direction.round(4).tolist(),
+        "flat": planar,
+    }
+
+
+def _extent(sampled: _Sampled) -> list[Array]:
+    """Joints, end-effector and corners of the spacecraft at some instants [m]."""
+    poses = sampled.poses
+    chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))
+    corners = [bounding_box(shape) for shape in sampled.visuals.shapes if shape.body == 0]
+    box = np.einsum("kij,cj->kci", poses.rotations[chosen, 0], np.vstack(corners))
+    box += poses.positions[chosen, :1]
+    return [poses.positions[chosen].reshape(-1, 3), poses.end_effectors[chosen], box.reshape(-1, 3)]
+
+
+def _direction(samples: Sequence[_Sampled]) -> Array:
+    """Return the view direction with the arms in front and the paths across the line of sight."""
+    arms = np.vstack(
+        [(s.poses.positions[:, 1:] - s.poses.positions[:, :1]).mean(axis=1) for s in samples]
+    )
+    z = np.linspace(*_ELEVATIONS, _DIRECTIONS)
+    angle = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(_DIRECTIONS)
+    level = np.sqrt(1.0 - z**2)
+    eyes = np.column_stack([level * np.cos(angle), level * np.sin(angle), z])
+    score = eyes @ (arms.mean(axis=0) / np.linalg.norm(arms, axis=1).max())
+    for sampled in samples:
+        path = sampled.poses.end_effectors[-1] - sampled.poses.end_effectors[0]
+        length = float(np.linalg.norm(path))
+        if length > 0.0:
+            score = score - _PATH_WEIGHT / len(samples) * np.abs(eyes @ path) / length
+    return np.asarray(eyes[int(np.argmax(score))])

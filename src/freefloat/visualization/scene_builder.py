@@ -1,6 +1,6 @@
 """MeshCat commands of a scene, collected without a server.
 
-Objects and tracks are kept apart: a viewer drops tracks of objects that it does not know yet.
+Objects and tracks are separate, as a viewer drops the tracks of unknown objects.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ROOT = "meshcat"
 """First part of all paths except those of lights, camera and background."""
 _FLOAT32 = 0x17
 _UPRIGHT = Pose(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]))
-"""Rotates MeshCat's cylinder, which stands along y, to z."""
+"""Rotates MeshCat's cylinder from its y axis to z."""
 _BACKGROUND = {"top_color": [0.10, 0.13, 0.20], "bottom_color": [0.02, 0.03, 0.05]}
 
 Colour = Sequence[float]
@@ -32,13 +32,13 @@ Colour = Sequence[float]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene, its animation, and what a page must know to show them.
+    """MeshCat commands of a scene and its description for the page.
 
     Attributes:
-        objects: Commands that make the scene, msgpack, in order.
-        copies: Paths whose object is that of another path: from, to.
-        animation: The command with all tracks, msgpack; None where nothing moves.
-        about: Titles, labels, the colour scale and the first view, as JSON has them.
+        objects: Commands that create the scene, as MessagePack.
+        copies: Pairs of paths; the second has the object of the first.
+        animation: Command with all tracks, as MessagePack; None without an animation.
+        about: Titles, labels, colour scale and first view, as on the page.
     """
 
     objects: tuple[bytes, ...]
@@ -77,7 +77,7 @@ class SceneBuilder:
             self.set(f"Lights/{light}/<object>", "intensity", 0.25)
 
     def scene(self, about: Mapping[str, Any]) -> Scene:
-        """Return the scene; clips all last ``about["duration"]``: shorter ones would freeze."""
+        """Return the scene; all clips have the duration ``about["duration"]``, else they freeze."""
         duration, animation = float(about["duration"]), None
         if self._tracks:
             clips = [
@@ -102,11 +102,11 @@ class SceneBuilder:
         """Add a surface.
 
         Args:
-            path: Where.
-            geometry: A MeshCat geometry, or vertices (V, 3) and faces (F, 3).
+            path: Path of the object.
+            geometry: MeshCat geometry, or vertices (V, 3) and faces (F, 3).
             colour: Red, green, blue and opacity, in [0, 1].
-            shaded: Whether lights matter.
-            overlay: Whether it is drawn over what stands before it.
+            shaded: Whether lights affect the colour.
+            overlay: Whether it is drawn over objects in front of it.
         """
         if isinstance(geometry, tuple):
             geometry = g.TriangularMeshGeometry(*geometry)
@@ -123,7 +123,7 @@ class SceneBuilder:
     def coloured_mesh(
         self, path: str, vertices: Array, faces: IntArray, colours: Array, *, overlay: bool = False
     ) -> None:
-        """Add unshaded triangles (F, 3) with a colour (V, 3) at every vertex (V, 3)."""
+        """Add unshaded triangles (F, 3) with colours (V, 3) of the vertices (V, 3)."""
         geometry = g.TriangularMeshGeometry(vertices, faces, colours)
         material = g.MeshBasicMaterial(
             vertexColors=True, transparent=overlay, reflectivity=0.0, **_overlay(overlay)
@@ -131,7 +131,7 @@ class SceneBuilder:
         self._put(path, g.Mesh(geometry, material))
 
     def visual(self, path: str, visual: Visual) -> None:
-        """Add a shape of a robot at its place in the body."""
+        """Add a shape of a robot at its placement in the body."""
         shape, at = visual.shape, visual.placement
         if isinstance(shape, Box):
             geometry = g.Box([float(edge) for edge in shape.size])
@@ -145,12 +145,12 @@ class SceneBuilder:
         self.mesh(path, geometry, visual.colour)
 
     def points(self, path: str, points: Array, colours: Array, size: float) -> None:
-        """Add points (K, 3) with colours (K, 3), of a size in metres."""
+        """Add points (K, 3) with colours (K, 3) and a size [m]."""
         geometry = g.PointsGeometry(_single(points.T), _single(colours.T))
         self._put(path, g.Points(geometry, g.PointsMaterial(size=float(size))))
 
     def place(self, path: str, pose: Pose) -> None:
-        """Set the pose of a path in its parent."""
+        """Set the pose of a path relative to its parent."""
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
         command = SetTransform(matrix, _path(path)).lower()
@@ -158,17 +158,17 @@ class SceneBuilder:
         self._objects.append(umsgpack.packb(command))
 
     def set(self, path: str, key: str, value: Any) -> None:
-        """Set a property of a path, or of its object where the path ends in ``<object>``."""
+        """Set a property of a path, or of its object if the path ends in ``<object>``."""
         command = SetProperty(key, value, _path(path)).lower()
         self._objects.append(umsgpack.packb(command))
 
     def move(self, path: str, times: Array, positions: Array, quaternions: Array) -> None:
-        """Move a path: positions (K, 3), quaternions x, y, z, w (K, 4) at times (K,)."""
+        """Animate a path: positions (K, 3) and quaternions x, y, z, w (K, 4) at times (K,)."""
         self._track(path, "position", "vector3", times, _floats(positions))
         self._track(path, "quaternion", "quaternion", times, _floats(quaternions))
 
     def appear(self, path: str, time: float) -> None:
-        """Show a path from a time [s] on."""
+        """Hide a path before a time [s]."""
         if time > 0.0:
             self._track(path, "visible", "boolean", np.array([0.0, time]), [False, True])
 
@@ -176,28 +176,28 @@ class SceneBuilder:
         track = {"name": f".{name}", "type": kind, "times": _floats(times), "values": values}
         self._tracks.setdefault(_path(path).lower(), []).append(track)
 
-    def _put(self, path: str, thing: Any) -> None:
-        """Add an object, or note that it equals one that was added before."""
-        parts = thing, thing.geometry, thing.material
+    def _put(self, path: str, item: Any) -> None:
+        """Add an object, or a copy of an equal object that was added before."""
+        parts = item, item.geometry, item.material
         for part in parts:
-            part.uuid = ""  # MeshCat's are random
-        content = sha256(umsgpack.packb(thing.lower())).hexdigest()
+            part.uuid = ""  # MeshCat assigns random ones
+        content = sha256(umsgpack.packb(item.lower())).hexdigest()
         if content in self._known:
             self._copies.append((self._known[content], path))
             return
         for number, part in enumerate(parts):
             part.uuid = f"{len(self._known)}-{number}"
         self._known[content] = path
-        self._objects.append(umsgpack.packb(SetObject(thing, path=_path(path)).lower()))
+        self._objects.append(umsgpack.packb(SetObject(item, path=_path(path)).lower()))
 
 
 def node(name: str) -> str:
-    """Return a name as one node of a path: a slash would split it."""
+    """Return a name as a single node of a path, its slashes replaced."""
     return name.replace("/", "∕").strip() or "unnamed"
 
 
 def label(text: str, position: Array, item: str, since: float = 0.0) -> dict[str, Any]:
-    """Return a text at a place [m] as the page has it, shown with an item from a time [s] on."""
+    """Return a label of the page at a position [m], shown with an item from a time [s] on."""
     return {"text": text, "position": [float(x) for x in position], "item": item, "since": since}
 
 

@@ -1,4 +1,4 @@
-"""Figures of places: areas around the centre of mass, the path, the robot at several instants."""
+"""Figures of the workspace, of the path and of the robot at several instants."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
+from freefloat.visualization.body_poses import Outline, outlines
 from freefloat.visualization.figure_style import (
     BLACK,
     BLUE,
@@ -28,23 +29,22 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
-from freefloat.visualization.outlines import Outline, outlines
 from freefloat.workspace.margin_curves import Interval, Workspace
 
 _INSTANTS, _VIEWS = 5, 3
-"""How many times the robot is drawn, in the plane and in space."""
+"""Number of robots drawn in the plane and in space."""
 _LIGHTEST = 0.72
 _DEPENDENT, _INDEPENDENT = "#D0D0D0", "#E9F5EF"
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
-"""Corners of a box around its faces."""
+"""Corners of the faces of a box."""
 _FROM_ABOVE = [0, 2, 6, 4]
 
 
 @styled
 def workspace_figure(problem: Problem, workspace: Workspace) -> Figure:
-    """Draw where the arm can be singular, and the path through it.
+    """Return the figure of path-dependent and path-independent areas with the path.
 
-    In space by distance from the centre of mass, on which alone it depends.
+    In space the areas are spherical shells, drawn over the distance from the centre of mass.
     """
     figure = new_figure(COLUMN, COLUMN if problem.task.planar else 2.6)
     axes = figure.subplots()
@@ -71,16 +71,16 @@ def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
 
 
 def _sampled_path(problem: Problem, workspace: Workspace | None) -> tuple[Array, Array, Array]:
-    """S (K,), positions of the end-effector and of the workspace's point [m], shape (K, 3)."""
+    """Path parameter (K,), positions of the end-effector and of the reference point (K, 3) [m]."""
     s = np.linspace(0.0, 1.0, 301)
     poses = [problem.path.path.pose(float(value)) for value in s]
-    tip = np.zeros(3) if workspace is None else workspace.tip
+    offset = np.zeros(3) if workspace is None else workspace.tip
     path = np.array([pose.position for pose in poses])
-    return s, path, path + np.array([pose.rotation @ tip for pose in poses])
+    return s, path, path + np.array([pose.rotation @ offset for pose in poses])
 
 
 def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
-    """Label (of the first of each kind), interval and colour of all areas."""
+    """Yield label (for the first of each kind), interval and colour of each area."""
     sampled = "" if workspace.exact else ", sampled"
     for kind, intervals, colour in (
         ("dependent", workspace.path_dependent, _DEPENDENT),
@@ -92,11 +92,11 @@ def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval
 
 @styled
 def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figure:
-    """Draw the robot at several instants of a motion (Figs. 6, 7, 9 and 10).
+    """Return the figure of the robot at several instants (Figs. 6, 7, 9 and 10).
 
     Args:
         motion: The motion.
-        workspace: Planar: areas to draw it over.
+        workspace: Areas drawn behind a planar motion.
     """
     if motion.problem.task.planar:
         figure = new_figure(COLUMN, COLUMN)
@@ -112,25 +112,25 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         _draw_in_space(axes, motion.problem, robot)
         axes.set_title(f"{digits(time)} s", y=0.98)
     _mark_singular(views[-1], motion, 3)
-    _set_equal_cubes(views, np.vstack([np.vstack([one.spacecraft, one.arm]) for one in robots]))
+    _set_equal_cubes(views, np.vstack([np.vstack([r.spacecraft, r.arm]) for r in robots]))
     handles, labels = views[-1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(handles))
     return figure
 
 
 def draw_snapshots(axes: Any, motion: Motion, workspace: Workspace | None) -> None:
-    """Draw areas, path and a planar robot at evenly spread instants, from light to dark.
+    """Draw areas, path and a planar robot at evenly spaced instants, from light to dark.
 
-    The spacecraft, which moves little, is drawn at the first and the last instant.
+    The spacecraft is drawn at the first and the last instant only.
     """
     if workspace is not None:
         _draw_areas(axes, workspace)
     _draw_path(axes, motion.problem, workspace)
     robots = outlines(motion, np.linspace(motion.initial.time, motion.final.time, _INSTANTS))
     shades = [f"{shade:.3f}" for shade in np.linspace(_LIGHTEST, 0.0, _INSTANTS)]
-    for which in (0, -1):
-        corners = robots[which].spacecraft[_FROM_ABOVE, :2]
-        axes.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=shades[which]))
+    for k in (0, -1):
+        corners = robots[k].spacecraft[_FROM_ABOVE, :2]
+        axes.add_patch(Polygon(corners, closed=True, fill=False, edgecolor=shades[k]))
     for robot, shade in zip(robots, shades, strict=True):
         _draw_arm(axes, robot.arm[:, :2], shade)
     _mark_singular(axes, motion, 2)
@@ -145,15 +145,15 @@ def _draw_arm(axes: Any, points: Array, shade: str) -> None:
 
 def _mark_singular(axes: Any, motion: Motion, dimensions: int) -> None:
     if motion.ending is Ending.SINGULAR:
-        tip = motion.problem.path.pose(motion.final.time).position
+        position = motion.problem.path.pose(motion.final.time).position
         axes.plot(
-            *tip[:dimensions, None], marker="X", color=VERMILION, markersize=6.0, zorder=9,
+            *position[:dimensions, None], marker="X", color=VERMILION, markersize=6.0, zorder=9,
             linestyle="none", label=f"singular at {digits(motion.final.time)} s",
         )  # fmt: skip
 
 
 def _draw_areas(axes: Any, workspace: Workspace) -> None:
-    """Areas as rings, the reach outlined, the centre of mass marked."""
+    """Draw areas as rings, the reach as circles and the centre of mass."""
     for label, (low, high), colour in _labelled_areas(workspace):
         ring = Wedge(
             (0.0, 0.0), high, 0.0, 360.0, width=high - low, facecolor=colour, linewidth=0.0,
@@ -166,7 +166,7 @@ def _draw_areas(axes: Any, workspace: Workspace) -> None:
 
 
 def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
-    """A planar path, and that of the point whose distance from the centre counts (point 3)."""
+    """Draw a planar path and the path of the reference point (point 3 of the paper)."""
     _, path, points = _sampled_path(problem, workspace)
     axes.plot(*path[:, :2].T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
     if workspace is not None and workspace.tip.any():
@@ -197,7 +197,7 @@ def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
 
 
 def _set_equal_cubes(views: Any, points: Array) -> None:
-    """Show the same cube of space in all views."""
+    """Show the same cube in all views."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = float((high - low).max()) / 2.0
     for axes in views:

@@ -1,4 +1,4 @@
-"""One page, served on 127.0.0.1 until Ctrl-C or SIGTERM."""
+"""HTTP server of a single page on 127.0.0.1."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def serve(html: str, port: int, ready: Callable[[str], object]) -> None:
 
     Args:
         html: The page.
-        port: Where to listen; the next free port when it is taken, any free one for zero.
-        ready: Called with the page's address once the server listens.
+        port: Port, or the next free port if it is in use; zero for any free port.
+        ready: Called with the page's address when the server listens.
 
     Raises:
-        InputError: If there is no free port.
+        InputError: If no port is free.
     """
     with _bound(port) as server:
         server.page = html.encode()
@@ -82,8 +82,8 @@ def _bound(port: int) -> _Server:
 
 
 def open_browser(address: str) -> bool:
-    """Open a page in the user's browser if there is a screen; return whether it was opened."""
+    """Open a page in a browser if there is a display; return whether it was opened."""
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
     if sys.platform == "linux" and not any(os.environ.get(name) for name in screens):
-        return False  # a text browser would take over the terminal
+        return False  # a text browser would occupy the terminal
     return webbrowser.open(address)

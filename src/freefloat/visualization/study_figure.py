@@ -1,4 +1,4 @@
-"""Figure of a study: the minimum margin of each run over each varied parameter."""
+"""Figure of a study: minimum margins of the runs over the varied parameters."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ _LABEL_LENGTH = 28
 
 @styled
 def study_figure(table: pa.Table, parameters: Sequence[str]) -> Figure:
-    """Draw margins over each varied parameter; runs without a margin are on the lower edge.
+    """Return the figure of margins over parameters; runs without a margin are drawn at zero.
 
     Args:
         table: Table of the runs, with columns case, verdict, margin, margin_required and measure.
-        parameters: Columns to draw over.
+        parameters: Columns of the horizontal axes.
     """
     shown = [key for key in parameters if _varies(table[key].to_pylist())][:_MAX_PANELS] or ["case"]
     across = min(_COLUMNS, len(shown))
@@ -83,7 +83,7 @@ def _panel(
 
 
 def _places(values: Sequence[Any]) -> tuple[Array, list[str] | None]:
-    """Positions on an axis: numbers are their own, other values are numbered and named."""
+    """Return axis positions: the numbers themselves, or indices with names of other values."""
     if all(value is None or isinstance(value, int | float) for value in values):
         return np.array(values, dtype=float), None
     names = list(dict.fromkeys(map(str, values)))

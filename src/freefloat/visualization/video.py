@@ -1,4 +1,4 @@
-"""Snapshots and videos of a playback: PNG files, GIF by Pillow, MP4 by ffmpeg."""
+"""Snapshots and videos of a playback: PNG files, GIF (Pillow), MP4 (ffmpeg)."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from freefloat.visualization.pictures import take_pictures
 from freefloat.visualization.playback import Playback
 
 SIZE, GIF_SIZE = (1280, 720), (800, 450)
-"""Pixels unless asked otherwise."""
+"""Default sizes [pixels]."""
 _RATE = 20.0
-_LONGEST = 15.0
-"""Seconds that a video may take before it is sped up."""
-_MOST = 6000
-_FASTEST_GIF = 50.0
-"""Frames per second; browsers slow down faster GIFs to ten."""
+_MAX_DURATION = 15.0
+"""Longest video that is not sped up [s]."""
+_MAX_FRAMES = 6000
+_MAX_GIF_RATE = 50.0
+"""Frames per second; browsers play faster GIFs at ten."""
 _PALETTE_FRAMES = 8
 
 Progress = Callable[[float], None]
@@ -37,12 +37,12 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """The instants that a video shows.
+    """Frame times of a video.
 
     Attributes:
-        times: Of the motion [s].
+        times: Times of the motion [s].
         rate: Frames per second.
-        speed: Seconds of the motion in a second of the video.
+        speed: Seconds of the motion per second of the video.
     """
 
     times: tuple[float, ...]
@@ -58,50 +58,50 @@ class FrameTimes:
 def frame_times(
     file: Path, duration: float, rate: float | None = None, speed: float | None = None
 ) -> FrameTimes:
-    """Return the instants of a video; the last one is the end of the motion.
+    """Return the frame times of a video, up to the end of the motion.
 
-    Unless a speed is given the video is in real time or, if that would take more than 15 s, 2, 4,
-    5, 8, 10, 20 and so on times faster.
+    The default speed is real time or, if the video would be longer than 15 s, the smallest of 2,
+    4, 5, 8, 10, 20, ... that makes it shorter.
 
     Args:
-        file: The video.
-        duration: Of the motion [s].
-        rate: Frames per second, 20 when left out.
-        speed: Seconds of the motion in a second of the video.
+        file: Video file.
+        duration: Duration of the motion [s].
+        rate: Frames per second, 20 by default.
+        speed: Seconds of the motion per second of the video.
 
     Raises:
-        InputError: If a number is out of range, the file's kind is unknown, or ffmpeg is missing.
+        InputError: If a number is out of range, the file type is unknown, or ffmpeg is missing.
     """
     kind = file.suffix.lower()
     if kind not in (".gif", ".mp4"):
-        raise InputError("video", f"{file.name} is of an unknown kind", "a .gif or .mp4 file")
+        raise InputError("video", f"{file.name} has an unknown file type", "a .gif or .mp4 file")
     if kind == ".mp4" and shutil.which("ffmpeg") is None:
         raise InputError(
-            "video", "MP4 needs the program ffmpeg, which is not on PATH",
-            "install it (such as apt install ffmpeg), or a .gif file",
+            "video", "MP4 files need ffmpeg, which is not on PATH",
+            "ffmpeg (apt install ffmpeg) or a .gif file",
         )  # fmt: skip
     rate = _RATE if rate is None else _positive("fps", rate, 100.0)
-    if kind == ".gif":  # whose frame times are hundredths of a second
-        rate = 100.0 / max(round(100.0 / rate), 100.0 / _FASTEST_GIF)
+    if kind == ".gif":  # frame durations are multiples of 0.01 s
+        rate = 100.0 / max(round(100.0 / rate), 100.0 / _MAX_GIF_RATE)
     speed = _speed_up(duration) if speed is None else _positive("speed", speed, 1e6)
     step = speed / rate
     count = math.ceil(duration / step - 1e-9) + 1
-    if count > _MOST:
-        accepted = f"{_MOST:,} at most: a smaller --fps or a larger --speed"
-        raise InputError("video", f"{count:,} frames would be needed", accepted)
+    if count > _MAX_FRAMES:
+        accepted = f"at most {_MAX_FRAMES:,}: a smaller --fps or a larger --speed"
+        raise InputError("video", f"the video has {count:,} frames", accepted)
     return FrameTimes(tuple(min(k * step, duration) for k in range(count)), rate, speed)
 
 
-def _positive(key: str, value: float, most: float) -> float:
-    if not 0.0 < value <= most:
-        raise InputError(key, f"{value:g} was given", f"a positive number, {most:g} at most")
+def _positive(key: str, value: float, limit: float) -> float:
+    if not 0.0 < value <= limit:
+        raise InputError(key, f"{value:g} is out of range", f"a positive number, at most {limit:g}")
     return value
 
 
 def _speed_up(duration: float) -> float:
-    """Smallest of 1, 2, 4, 5, 8, 10, 20, ... that makes the video short enough."""
+    """Return the smallest of 1, 2, 4, 5, 8, 10, 20, ... that makes the video short enough."""
     factors = (digit * 10.0**power for power in itertools.count() for digit in (1, 2, 4, 5, 8))
-    return next(factor for factor in factors if factor >= duration / _LONGEST)
+    return next(factor for factor in factors if factor >= duration / _MAX_DURATION)
 
 
 def save_snapshots(
@@ -114,15 +114,15 @@ def save_snapshots(
     scene: str | None = None,
     progress: Progress | None = None,
 ) -> list[Path]:
-    """Write pictures evenly spread from the first to the last instant; return their files.
+    """Write pictures at evenly spaced times and return the files.
 
     Args:
-        playback: What to show.
+        playback: Scene and page.
         count: Number of pictures.
-        folder: Made if missing.
-        name: What the files' names begin with; number and time follow.
+        folder: Output folder, created if missing.
+        name: Prefix of the file names; number and time follow.
         size: Width and height [pixels].
-        scene: Title of the scene to show, or ``"side by side"``; the first when left out.
+        scene: Title of the scene, or ``"side by side"``; the first by default.
         progress: Called with the fraction done, in [0, 1].
 
     Raises:
@@ -153,11 +153,11 @@ def save_video(
     """Write a video.
 
     Args:
-        playback: What to show.
-        file: A ``.gif`` (repeats for ever) or ``.mp4`` (H.264, by the program ffmpeg).
-        frames: When the frames are taken, see :func:`frame_times`.
+        playback: Scene and page.
+        file: A ``.gif`` (repeats forever) or ``.mp4`` (H.264, needs ffmpeg) file.
+        frames: Frame times, see :func:`frame_times`.
         size: Width and height [pixels].
-        scene: Title of the scene to show, or ``"side by side"``; the first when left out.
+        scene: Title of the scene, or ``"side by side"``; the first by default.
         progress: Called with the fraction done, in [0, 1].
 
     Raises:
@@ -173,18 +173,18 @@ def save_video(
 
 
 def write_gif(file: Path, pictures: Iterable[bytes], rate: float) -> None:
-    """Write PNG pictures as a GIF with one palette for all frames: separate ones would flicker."""
+    """Write PNG pictures as a GIF with one palette for all frames, which avoids flicker."""
     images = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
     chosen = np.linspace(0, len(images) - 1, _PALETTE_FRAMES).astype(int)
     samples = Image.fromarray(np.vstack([np.asarray(images[k]) for k in chosen]))
     palette = samples.quantize(256, Image.Quantize.FASTOCTREE)
-    first, *others = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in images)
+    first, *others = (i.quantize(palette=palette, dither=Image.Dither.NONE) for i in images)
     duration = round(1000.0 / rate)
     first.save(file, "GIF", save_all=True, append_images=others, loop=0, duration=duration)
 
 
 def write_mp4(file: Path, pictures: Iterable[bytes], rate: float) -> None:
-    """Write PNG pictures as H.264 with ffmpeg."""
+    """Write PNG pictures as an H.264 video with ffmpeg."""
     program = [
         *("ffmpeg", "-loglevel", "error", "-y"),
         *("-f", "image2pipe", "-c:v", "png", "-framerate", repr(rate), "-i", "-"),

@@ -1,4 +1,4 @@
-"""The shapes that are drawn of a robot: its visuals, boxes and rods where it has none."""
+"""Shapes that are drawn for a robot: its visuals, or default shapes for bodies without."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _JOINT: Colour = (0.95, 0.55, 0.15, 1.0)
 _ROD, _HUB = 0.015, 0.026
 """Radii of rods and of joints as fractions of the arm's length."""
 _SMALLEST, _LARGEST = 0.05, 2.0
-"""Edges of a spacecraft without visuals, likewise."""
+"""Limits of the edges of a spacecraft without visuals, as fractions of the arm's length."""
 _CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 
 
 @dataclass(frozen=True, eq=False)
 class RobotVisuals:
-    """All that is drawn of a robot.
+    """Shapes of a robot.
 
     Attributes:
-        shapes: Each part of one body, named after its link.
-        problems: Visuals of the URDF that cannot be drawn, in words.
+        shapes: Shapes, each fixed to a body and named after its link.
+        problems: Messages on visuals of the URDF that cannot be drawn.
     """
 
     shapes: tuple[Visual, ...]
@@ -39,9 +39,9 @@ class RobotVisuals:
 
 
 def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
-    """Return what is drawn of a robot: the visuals of all links, one mesh for each colour.
+    """Return the visuals of all links, with a mesh per colour.
 
-    Bodies of the arm without visuals get rods, a spacecraft whose heaviest link has none a box.
+    Arm bodies without visuals get rods; a spacecraft whose heaviest link has none gets a box.
     """
     load = cache(partial(_load, model.description.source))
     spacecraft = max(
@@ -53,40 +53,40 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
     for link in model.description.links:
         body, place = model.link_places[link.name]
         default = _SPACECRAFT if body == 0 else _LINK
-        found: list[tuple[Pose, Shape, Colour]] = []
+        parts: list[tuple[Pose, Shape, Colour]] = []
         for number, visual in enumerate(link.visuals, start=1):
             geometry, colour = visual.geometry, visual.colour or default
             if geometry is None or geometry == MeshFile(""):
                 problems.append(f"link {link.name}: its <visual> {number} cannot be read")
             elif not isinstance(geometry, MeshFile):
-                found.append((place @ visual.origin, geometry, colour))
+                parts.append((place @ visual.origin, geometry, colour))
             else:
                 try:
                     for part in load(geometry.filename, *geometry.scale):
-                        found.append((place @ visual.origin, part.mesh, part.colour or colour))
+                        parts.append((place @ visual.origin, part.mesh, part.colour or colour))
                 except MeshFileError as error:
                     problems.append(f"link {link.name}: mesh {geometry.filename}: {error}")
-        for number, (at, shape, colour) in enumerate(found, start=1):
-            name = link.name if len(found) == 1 else f"{link.name} {number}"
+        for number, (at, shape, colour) in enumerate(parts, start=1):
+            name = link.name if len(parts) == 1 else f"{link.name} {number}"
             shapes.append(Visual(name, body, at, shape, colour))
-        if found and (body > 0 or link is spacecraft):
+        if parts and (body > 0 or link is spacecraft):
             drawn.add(body)
     shapes += _default_visuals(model, drawn, spacecraft.name)
     return RobotVisuals(tuple(shapes), tuple(problems))
 
 
 def _load(source: str, name: str, *scale: float) -> tuple[Part, ...]:
-    """The parts of a mesh file; the very same objects wherever the robot has it again."""
+    """Return the parts of a mesh file; the cache returns the same objects again."""
     return read_mesh(find_mesh(name, source), scale)
 
 
 def _default_visuals(
     model: FreeFloatingModel, drawn: set[int], spacecraft: str
 ) -> Iterator[Visual]:
-    """Shapes for bodies without visuals.
+    """Yield shapes for bodies without visuals.
 
-    The spacecraft is the box of uniform density with its mass and inertia, a body of the arm a
-    cylinder about its joint; a rod leads from either to the next joint.
+    The spacecraft becomes the uniform box of its mass and inertia, an arm body a cylinder about
+    its joint axis; a rod connects either with the next joint.
     """
     ends = [*(body.placement.position for body in model.bodies[1:]), model.tool.position]
     size = float(sum(np.linalg.norm(end) for end in ends[1:])) or 1.0
@@ -111,7 +111,7 @@ def _default_visuals(
 
 
 def bounding_box(visual: Visual) -> Array:
-    """Return the corners of the box around a shape in its body's frame [m], shape (8, 3).
+    """Return the corners of a shape's bounding box in its body's frame [m], shape (8, 3).
 
     z changes fastest, then y.
     """

@@ -1,11 +1,11 @@
-"""Tubes: closed where they should be, round everywhere, facing outwards."""
+"""Tubes: radius, volume, orientation of faces."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from freefloat.visualization.tubes import SIDES, arrow, rod, tube
+from freefloat.visualization.overlays import SIDES, arrow, rod, tube
 
 
 def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -31,8 +31,8 @@ def test_neighbouring_rings_are_not_twisted() -> None:
     points = np.column_stack([np.sin(s), np.cos(2.0 * s), 0.2 * s])
     vertices, _ = tube(points, 0.01)
     rings = vertices.reshape(300, SIDES, 3) - points[:, None]
-    turns = np.einsum("ki,ki->k", rings[1:, 0], rings[:-1, 0]) / 0.01**2
-    assert turns.min() > 0.9
+    cosines = np.einsum("ki,ki->k", rings[1:, 0], rings[:-1, 0]) / 0.01**2
+    assert cosines.min() > 0.9
 
 
 def test_a_closed_tube_has_the_volume_of_its_prism() -> None:
@@ -50,7 +50,7 @@ def test_an_arrow_points_to_its_end() -> None:
     assert np.abs(vertices[:, [0, 2]]).max() == pytest.approx(0.25, rel=0.06)
 
 
-def test_points_that_coincide_and_hairpins_do_no_harm() -> None:
+def test_coincident_points_and_reversals_are_accepted() -> None:
     points = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, 0]], dtype=float)
     vertices, _ = tube(points, 0.1)
     assert np.isfinite(vertices).all()
