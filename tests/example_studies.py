@@ -20,7 +20,7 @@ BASE: dict[str, Any] = {
     "timing": {"duration": 100},
     "margin": {"measure": "system", "value": 5},
 }
-"""Of the paper's first example, in one motion."""
+"""Example 1 of the paper without stops."""
 SHORT: dict[str, Any] = BASE | {
     "path": BASE["path"] | {"polynomial": {"x": [2, -0.05], "y": [0, 0.01], "z": [0]}},
     "timing": {"duration": 5},
@@ -33,7 +33,7 @@ HEADINGS: dict[str, Any] = {"heading_deg": {"list": [200.0, 140.0, 20.0]}}
 def write_study(
     folder: Path, vary: dict[str, Any], base: dict[str, Any] | None = None, **keys: Any
 ) -> Path:
-    """A study of simulations, its base beside it; keys with the value None are left out."""
+    """Write a study of simulations and its base scenario; keys with the value None are left out."""
     (folder / "base.yaml").write_text(yaml.safe_dump(base or BASE, sort_keys=False))
     start = {} if "heading_deg" in vary else {"heading_deg": 200.0}
     document = {"base": "base.yaml", "command": "simulate", **start, "vary": vary, **keys}
@@ -44,5 +44,5 @@ def write_study(
 
 
 def a_study(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> Study:
-    """The same, loaded."""
+    """Write a study and load it."""
     return load_study(write_study(folder, HEADINGS if vary is None else vary, **keys))

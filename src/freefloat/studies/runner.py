@@ -61,16 +61,17 @@ def run_study(
         count = min(_processes(workers), len(missing))
         try:
             with closing(execute_all(runs, workers=count, scheduler=scheduler)) as results:
-                for result in results if missing else ():
-                    database.add(result)
+                for finished in results if missing else ():
+                    database.add(finished)
                     if progress is not None:
                         progress(len(database.rows) / study.count)
         except KeyboardInterrupt:
             save_tables(folder, database.rows)
             raise
-        summary = StudyResult(study, database.rows, folder, computed=len(missing))
-        paths = {"database": folder / DATABASE, **save_summary(summary, report)}
-    return replace(summary, files=paths, seconds=time.perf_counter() - begin)
+        rows = dict(sorted(database.rows.items()))
+        result = StudyResult(study, rows, folder, computed=len(missing))
+        paths = {"database": folder / DATABASE, **save_summary(result, report)}
+    return replace(result, files=paths, seconds=time.perf_counter() - begin)
 
 
 def estimate_study(

@@ -106,7 +106,7 @@ def scenario_from(document: dict[str, Any], source: Path) -> Scenario:
 
 
 def with_values(document: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """Return a copy of a file's data with values set at dotted paths; missing sections are made.
+    """Return a copy of a file's data with values set at dotted paths, in new sections if needed.
 
     Raises:
         InputError: With the path as its key, if it leads through something that is no section.
@@ -141,7 +141,7 @@ def load_study(name: str | Path) -> Study:
         name: A file, or the name of a bundled study.
 
     Raises:
-        InputError: Naming the file, the key, what was given and what is accepted.
+        InputError: If a key or value is not accepted, or no run is valid.
     """
     source = find_study(str(name))
     text = read_text(source)

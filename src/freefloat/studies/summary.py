@@ -27,7 +27,7 @@ class StudyResult:
 
     Attributes:
         study: The study.
-        rows: The finished runs by number.
+        rows: The finished runs by number, in its order.
         folder: Where they are.
         computed: Number of runs that were executed this time; the others were finished before.
         seconds: Duration of the call [s].
@@ -74,15 +74,14 @@ class StudyResult:
     @property
     def reasons(self) -> dict[str, int]:
         """Number of infeasible runs by reason, the most frequent first."""
-        rows = (self.rows[number] for number in sorted(self.rows))
+        rows = self.rows.values()
         reasons = Counter(str(row.reason) for row in rows if row.verdict == INFEASIBLE)
         return dict(reasons.most_common(_MAX_LISTED))
 
     @property
     def errors(self) -> list[Row]:
         """The first runs that ended in an error."""
-        rows = (self.rows[number] for number in sorted(self.rows))
-        return [row for row in rows if row.verdict == ERROR][:_MAX_LISTED]
+        return [row for row in self.rows.values() if row.verdict == ERROR][:_MAX_LISTED]
 
     @property
     def run_seconds(self) -> float:
