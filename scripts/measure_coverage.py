@@ -41,7 +41,7 @@ QUICK = ("kernels", "arc_flow", "every_branch_of", "stretched", "determinant",
 PLAIN = """\
 import sys
 import freefloat.dynamics.kernels.compilation as compiled
-compiled.compiled = compiled.borrowed = lambda thing: thing
+compiled.compiled = compiled.unowned = lambda thing: thing
 import pytest
 sys.exit(pytest.main(sys.argv[1:]))
 """

@@ -93,7 +93,7 @@ class Laboratory:
     def try_out(self, source: str) -> tuple[str, str, float]:
         """What becomes of a source of the room, by which test, and in how many seconds."""
         if "kernels" in self.file.parts:
-            python = "borrowed = compiled = lambda thing: thing"
+            python = "unowned = compiled = lambda thing: thing"
             source = re.sub(
                 r"from freefloat.dynamics.kernels.compilation import .*", python, source
             )

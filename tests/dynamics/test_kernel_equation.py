@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.kernels.elimination import eliminate
 from freefloat.dynamics.kernels.equation import (
     DQ,
-    HAND,
     JAC,
     OMEGA,
+    TIP,
     WORK_COLUMNS,
     D,
     configure,
-    eliminate,
     form_jacobian,
     solve_rates,
 )
@@ -179,7 +179,7 @@ def assert_equal_parts(model: FreeFloatingModel, task: Task, q: np.ndarray) -> N
     np.testing.assert_allclose(found_q, Dq, rtol=0, atol=ROUNDING * size)
     reach = VirtualManipulator.of(model).reach + np.abs(q).sum()
     hand = VirtualManipulator.of(model).pose(q).position
-    np.testing.assert_allclose(kernels.w[0, HAND : HAND + 3], hand, rtol=0, atol=ROUNDING * reach)
+    np.testing.assert_allclose(kernels.w[0, TIP : TIP + 3], hand, rtol=0, atol=ROUNDING * reach)
     k = 1 if task.planar else 3
     J = system_matrix(model, q, task)[k:, k:]
     found_J = kernels.w[1:, JAC : JAC + 6].T[task.rows]

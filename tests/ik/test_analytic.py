@@ -20,13 +20,13 @@ from freefloat.ik.chain import (
     Chain,
     damped_step,
     into_range,
-    miss,
     pose_of,
+    residual,
+    rotation_vector,
     row,
     scratch_for,
-    turn_vector,
 )
-from freefloat.ik.numeric import places_by_name
+from freefloat.ik.numeric import columns_by_name
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Pose
 from tests.robots import AWKWARD, planar_robot, random_robot
@@ -256,7 +256,7 @@ def test_two_branches_of_one_name_are_told_apart(rng: np.random.Generator) -> No
 @given(st.lists(st.integers(0, 7), max_size=16))
 def test_every_branch_has_a_place_of_its_own(patterns: list[int]) -> None:
     """The first of a name at its number, the others in order from 8 on, sixteen in all."""
-    places = places_by_name(np.array(patterns, dtype=np.int64)).tolist()
+    places = columns_by_name(np.array(patterns, dtype=np.int64)).tolist()
     assert len(set(places)) == len(patterns)
     assert all(0 <= place < 16 for place in places)
     firsts = {pattern: patterns.index(pattern) for pattern in patterns}
@@ -285,7 +285,7 @@ def test_kinematics_are_the_virtual_manipulators(structure: str, rng: np.random.
         np.testing.assert_allclose(scratch.axes, axes[:, 0], atol=1e-13)
         goal = virtual.pose(target)
         goal_rotation = np.array(goal.rotation)
-        error = miss(chain, ALL_ROWS, row(goal.position[None], 0), goal_rotation, q, scratch)
+        error = residual(chain, ALL_ROWS, row(goal.position[None], 0), goal_rotation, q, scratch)
         turn = Rotation.from_matrix(goal.rotation @ R[0].T).as_rotvec()
         expected = np.concatenate([goal.position - p[0], turn])
         np.testing.assert_allclose(scratch.error, expected, atol=1e-12)
@@ -310,7 +310,7 @@ def test_turn_vectors_are_exact_at_no_turn_and_at_half_a_turn(
     start = Rotation.from_rotvec([0.3, -1.2, 0.7])
     end = (Rotation.from_rotvec(angle * np.array(axis)) * start).as_matrix()
     rows = tuple(tuple(values) for values in start.as_matrix().tolist())
-    vector = np.array(turn_vector(end, rows))
+    vector = np.array(rotation_vector(end, rows))
     assert np.linalg.norm(vector) <= np.pi + 1e-12
     turned = (Rotation.from_rotvec(vector) * start).as_matrix()
     np.testing.assert_allclose(turned, end, atol=2e-8 if abs(angle) > 3.14159 else 1e-14)

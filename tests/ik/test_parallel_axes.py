@@ -10,7 +10,7 @@ import pytest
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import BranchSets, many_arm_branches, search_arm_branches
-from freefloat.ik.parallel_axes import UNCLEAR, circle_angles, solve_parallel
+from freefloat.ik.parallel_axes import ILL_CONDITIONED, circle_angles, solve_parallel
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
 from freefloat.so3 import Array
@@ -146,10 +146,10 @@ def test_points_of_an_ellipse_on_the_unit_circle(seed: int) -> None:
     q = np.linspace(-np.pi, np.pi, 200_001)
     off = np.linalg.norm(N @ [np.cos(q), np.sin(q)] + m[:, None], axis=0) - 1.0
     crossed = q[:-1][off[:-1] * off[1:] < 0.0]
-    if count != UNCLEAR:
+    if count != ILL_CONDITIONED:
         np.testing.assert_allclose(np.sort(angles[:count]), crossed, atol=1e-4)
 
 
 def test_a_circle_on_the_unit_circle_is_not_clear() -> None:
     """Every angle would do."""
-    assert circle_angles(np.eye(2), np.zeros(2), np.empty(4)) == UNCLEAR
+    assert circle_angles(np.eye(2), np.zeros(2), np.empty(4)) == ILL_CONDITIONED

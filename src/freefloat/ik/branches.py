@@ -177,15 +177,15 @@ def _searched(
 
     chain = _chain(VirtualManipulator.of(model), model)
     poses, n, m = _poses(positions, rotations), model.dof, len(task.rows)
-    joints = np.empty((len(poses[0]), kernels.MOST, n))
-    names = np.empty((len(joints), kernels.MOST), dtype=np.int64)
+    joints = np.empty((len(poses[0]), kernels.MAX_BRANCHES, n))
+    names = np.empty((len(joints), kernels.MAX_BRANCHES), dtype=np.int64)
     fractions = low_discrepancy(_REDUNDANT_STARTS if n > m else _STARTS, n)
     lower = np.where(chain.prismatic, chain.lower, -np.pi)
     upper = np.where(chain.prismatic, chain.upper, np.pi)
     fixed = (chain, np.array(task.rows), lower + (upper - lower) * fractions)
     _in_slices(solve, fixed, (*poses, joints, names), threads)
     signs = n == m == 6 and not chain.prismatic.any()
-    labels = _SIGNS if signs else tuple(str(number) for number in range(kernels.MOST))
+    labels = _SIGNS if signs else tuple(str(number) for number in range(kernels.MAX_BRANCHES))
     return BranchSets(joints, names, labels)
 
 
@@ -202,7 +202,7 @@ def nearest_configuration(
     (position,), (rotation,) = _poses(target.position[None], target.rotation[None])
     q = np.array(joints, dtype=float)
     if kernels.solve_nearby(chain, np.array(task.rows), position, rotation, q):
-        return [ArmBranch(kernels.MOST, "given", frozen(q))]
+        return [ArmBranch(kernels.MAX_BRANCHES, "given", frozen(q))]
     return []
 
 

@@ -1,6 +1,6 @@
-"""A chain of joints in compiled code: vectors, kinematics, and Newton's method.
+"""Kinematics of a serial chain and Newton's method in compiled code.
 
-Vectors are tuples of three numbers, which cost no memory; a rotation is its three rows.
+Vectors are tuples of three numbers, which need no allocation; a rotation is a tuple of its rows.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ Vector = tuple[float, float, float]
 Rows = tuple[Vector, Vector, Vector]
 Booleans = npt.NDArray[np.bool_]
 
-NOTHING: Vector = (0.0, 0.0, 0.0)
-MET = 1e-9
-"""A target is met when it is missed by less than this [m, rad]."""
+ZERO: Vector = (0.0, 0.0, 0.0)
+CONVERGED = 1e-9
+"""Largest residual of a solution [m, rad]."""
 _EXACT = 1e-13
-"""No error is worth a further step when smaller than this [m, rad]."""
+"""Residual at which the iteration stops [m, rad]."""
 _DAMPING = 0.1
-_LEAST_DAMPING = 1e-13
+_MIN_DAMPING = 1e-13
 _GAIN = 0.9
 _PATIENCE = 6
-"""So many steps may fail to bring the squared error below ``_GAIN`` of the least so far."""
+"""Number of steps that may fail to reduce the minimum squared residual by the factor ``_GAIN``."""
 
 
 class Chain(NamedTuple):
-    """The virtual manipulator's arrays, see there, and the joint ranges."""
+    """Arrays of a :class:`VirtualManipulator` and the joint ranges."""
 
     links: Array
-    turns: Array
+    rotations: Array
     axes: Array
     prismatic: Booleans
     strokes: Array
@@ -43,16 +43,16 @@ class Chain(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory that Newton's method works in.
+    """Workspace of Newton's method.
 
     Attributes:
         points: Joint positions, shape (n, 3).
         axes: Joint axes, shape (n, 3).
         J: Jacobian, the task's rows, shape (m, n).
-        error: What is missing to the target, shape (m,).
+        error: Pose error, the task's rows, shape (m,).
         A: Damped normal matrix and its Cholesky factor, shape (m, m).
-        y: Shape (m,).
-        step: Shape (n,).
+        y: Solution of the normal equations, shape (m,).
+        step: Joint step, shape (n,).
     """
 
     points: Array
@@ -66,7 +66,7 @@ class Scratch(NamedTuple):
 
 @compiled
 def scratch_for(joints: int, rows: int) -> Scratch:
-    """Memory for an arm and a task."""
+    """Workspace for numbers of joints and of task rows."""
     return Scratch(
         np.empty((joints, 3)),
         np.empty((joints, 3)),
@@ -115,51 +115,53 @@ def times(R: Rows, v: Vector) -> Vector:
 
 
 @compiled
-def turned(v: Vector, axis: Vector, c: float, s: float) -> Vector:
-    """A vector turned about a unit axis by the angle with that cosine and sine."""
-    flat = plus(plus(NOTHING, v, c), cross(axis, v), s)
-    return plus(flat, axis, (1.0 - c) * dot(axis, v))
+def rotated_by(v: Vector, axis: Vector, c: float, s: float) -> Vector:
+    """A vector rotated about a unit axis by the angle with cosine ``c`` and sine ``s``."""
+    partial = plus(plus(ZERO, v, c), cross(axis, v), s)
+    return plus(partial, axis, (1.0 - c) * dot(axis, v))
 
 
 @compiled
 def rotated(v: Vector, axis: Vector, angle: float) -> Vector:
-    """A vector turned about a unit axis."""
-    return turned(v, axis, np.cos(angle), np.sin(angle))
+    """A vector rotated about a unit axis."""
+    return rotated_by(v, axis, np.cos(angle), np.sin(angle))
 
 
 @compiled
 def times_matrix(v: Vector, M: Array) -> Vector:
     """The row ``v M`` for a matrix (3, 3)."""
-    return plus(plus(plus(NOTHING, row(M, 0), v[0]), row(M, 1), v[1]), row(M, 2), v[2])
+    return plus(plus(plus(ZERO, row(M, 0), v[0]), row(M, 1), v[1]), row(M, 2), v[2])
 
 
 @compiled
 def pose_of(chain: Chain, q: Array, points: Array, axes: Array) -> tuple[Vector, Rows]:
-    """End-effector position and rotation at joint values (n,); joints go to ``points``, ``axes``.
+    """End-effector position and rotation at joint values (n,).
 
-    Positions are from the centre of mass, everything in the spacecraft's frame.
+    Joint positions and axes are written into ``points`` and ``axes``. Positions are from the centre
+    of mass; all quantities are in the spacecraft frame.
     """
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     p = row(chain.links, 0)
     for i in range(len(q)):
-        turn, own = chain.turns[i], row(chain.axes, i)
-        x, y, z = times_matrix(x, turn), times_matrix(y, turn), times_matrix(z, turn)
-        axis = times((x, y, z), own)
+        R, local = chain.rotations[i], row(chain.axes, i)
+        x, y, z = times_matrix(x, R), times_matrix(y, R), times_matrix(z, R)
+        axis = times((x, y, z), local)
         points[i, 0], points[i, 1], points[i, 2] = p
         axes[i, 0], axes[i, 1], axes[i, 2] = axis
         if chain.prismatic[i]:
             p = plus(p, axis, chain.strokes[i] * q[i])
         else:
             c, s = np.cos(q[i]), -np.sin(q[i])
-            x, y, z = turned(x, own, c, s), turned(y, own, c, s), turned(z, own, c, s)
+            x, y = rotated_by(x, local, c, s), rotated_by(y, local, c, s)
+            z = rotated_by(z, local, c, s)
         p = plus(p, times((x, y, z), row(chain.links, i + 1)), 1.0)
     tool = chain.tool
     return p, (times_matrix(x, tool), times_matrix(y, tool), times_matrix(z, tool))
 
 
 @compiled
-def turn_vector(target: Array, R: Rows) -> Vector:
-    """The rotation vector that takes a rotation to the target (3, 3)."""
+def rotation_vector(target: Array, R: Rows) -> Vector:
+    """The rotation vector from a rotation to the target (3, 3)."""
     x, y, z = row(target, 0), row(target, 1), row(target, 2)
     xx, yy, zz = dot(x, R[0]), dot(y, R[1]), dot(z, R[2])
     xy, yx, xz = dot(x, R[1]), dot(y, R[0]), dot(x, R[2])
@@ -168,39 +170,39 @@ def turn_vector(target: Array, R: Rows) -> Vector:
     sine, cosine = norm(twice), xx + yy + zz - 1.0
     if sine > 1e-7 or cosine > 0.0:
         factor = np.arctan2(sine, cosine) / sine if sine > 1e-7 else 0.5
-        return plus(NOTHING, twice, factor)
-    # half a turn: the longest row of (R + R') / 2 + 1 has the axis' direction
+        return plus(ZERO, twice, factor)
+    # rotation by pi: the longest row of (R + R') / 2 + 1 has the axis' direction
     if xx >= yy and xx >= zz:
         axis = (2.0 * xx + 2.0, xy + yx, xz + zx)
     elif yy >= zz:
         axis = (xy + yx, 2.0 * yy + 2.0, yz + zy)
     else:
         axis = (xz + zx, yz + zy, 2.0 * zz + 2.0)
-    return plus(NOTHING, axis, np.pi / norm(axis))
+    return plus(ZERO, axis, np.pi / norm(axis))
 
 
 @compiled
-def miss(
+def residual(
     chain: Chain, rows: IntArray, position: Vector, rotation: Array, q: Array, scratch: Scratch
 ) -> float:
-    """How far off a target joint values are, as a norm [m, rad].
+    """Norm of the pose error at joint values [m, rad].
 
-    Error and Jacobian, the task's rows, stay in ``scratch``.
+    Pose error and Jacobian, the task's rows, are written into ``scratch``.
     """
     p, R = pose_of(chain, q, scratch.points, scratch.axes)
-    linear, angular = plus(position, p, -1.0), turn_vector(rotation, R)
+    linear, angular = plus(position, p, -1.0), rotation_vector(rotation, R)
     squares = 0.0
-    for k, which in enumerate(rows):
-        value = linear[which] if which < 3 else angular[which - 3]
+    for k, index in enumerate(rows):
+        value = linear[index] if index < 3 else angular[index - 3]
         scratch.error[k] = value
         squares += value * value
     for i in range(len(q)):
         axis = row(scratch.axes, i)
-        push, twist = cross(axis, plus(p, row(scratch.points, i), -1.0)), axis
+        linear_rate, angular_rate = cross(axis, plus(p, row(scratch.points, i), -1.0)), axis
         if chain.prismatic[i]:
-            push, twist = plus(NOTHING, axis, chain.strokes[i]), NOTHING
-        for k, which in enumerate(rows):
-            scratch.J[k, i] = push[which] if which < 3 else twist[which - 3]
+            linear_rate, angular_rate = plus(ZERO, axis, chain.strokes[i]), ZERO
+        for k, index in enumerate(rows):
+            scratch.J[k, i] = linear_rate[index] if index < 3 else angular_rate[index - 3]
     return float(np.sqrt(squares))
 
 
@@ -216,7 +218,7 @@ def damped_step(scratch: Scratch, damping: float) -> float:
                 total += J[i, k] * J[j, k]
             for k in range(j):
                 total -= A[i, k] * A[j, k]
-            # never the root of a negative number: rounding may leave one where J is singular
+            # rounding may make the diagonal negative where J is singular
             A[i, j] = np.sqrt(max(total, damping)) if i == j else total / A[j, j]
         y[i] = scratch.error[i]
         for k in range(i):
@@ -236,7 +238,7 @@ def damped_step(scratch: Scratch, damping: float) -> float:
 
 
 @compiled
-def descend(
+def newton(
     chain: Chain,
     rows: IntArray,
     position: Vector,
@@ -245,48 +247,50 @@ def descend(
     scratch: Scratch,
     steps: int,
 ) -> float:
-    """Newton's method from joint values (n,), which it changes; damping fades with the error.
+    """Damped Newton iteration that updates joint values (n,) in place.
+
+    The damping decreases with the residual.
 
     Returns:
-        The error that is left [m, rad]; it gives up early where the error no longer falls.
+        The final residual [m, rad]; the iteration stops early where it no longer decreases.
     """
-    least, waited = np.inf, 0
-    error = miss(chain, rows, position, rotation, q, scratch)
+    minimum, stalled = np.inf, 0
+    error = residual(chain, rows, position, rotation, q, scratch)
     for _ in range(steps):
-        if error < _EXACT or waited > _PATIENCE:
+        if error < _EXACT or stalled > _PATIENCE:
             break
         square = error * error
-        size = damped_step(scratch, _DAMPING * min(1.0, square) + _LEAST_DAMPING)
+        size = damped_step(scratch, _DAMPING * min(1.0, square) + _MIN_DAMPING)
         for k in range(len(q)):
             q[k] += scratch.step[k] / max(1.0, size)
-        waited = 0 if square < _GAIN * least else waited + 1
-        least = min(least, square)
-        error = miss(chain, rows, position, rotation, q, scratch)
+        stalled = 0 if square < _GAIN * minimum else stalled + 1
+        minimum = min(minimum, square)
+        error = residual(chain, rows, position, rotation, q, scratch)
     return error
 
 
 @compiled
 def wrapped(angle: float) -> float:
-    """An angle by whole turns into (-pi, pi]."""
+    """An angle wrapped into (-pi, pi]."""
     return -((np.pi - angle) % (2.0 * np.pi) - np.pi)
 
 
 @compiled
 def into_range(chain: Chain, q: Array) -> None:
-    """Turn joints by whole turns into their range, as near to zero as that allows."""
+    """Shift revolute joints by multiples of 2 pi into their range, as close to zero as possible."""
     for i in range(len(q)):
         if chain.prismatic[i]:
             continue
         nearest = wrapped(q[i])
         q[i] = nearest
         lower, upper = chain.lower[i], chain.upper[i]
-        turns, outwards = 0.0, 0.0
+        cycles, direction = 0.0, 0.0
         if nearest < lower:
-            turns, outwards = np.ceil((lower - nearest) / (2.0 * np.pi)), 1.0
+            cycles, direction = np.ceil((lower - nearest) / (2.0 * np.pi)), 1.0
         elif nearest > upper:
-            turns, outwards = np.floor((upper - nearest) / (2.0 * np.pi)), -1.0
-        for rounding in (-1.0, 0.0, 1.0):  # the quotient is off by one where it is a whole number
-            value = nearest + 2.0 * np.pi * (turns + rounding * outwards)
+            cycles, direction = np.floor((upper - nearest) / (2.0 * np.pi)), -1.0
+        for rounding in (-1.0, 0.0, 1.0):  # an integer quotient may be off by one
+            value = nearest + 2.0 * np.pi * (cycles + rounding * direction)
             if lower <= value <= upper:
                 q[i] = value
                 break

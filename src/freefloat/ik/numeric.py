@@ -1,4 +1,4 @@
-"""All branches of any other arm, in compiled code: Newton's method from many starts."""
+"""Numerical inverse kinematics in compiled code: Newton's method from many starts."""
 
 from __future__ import annotations
 
@@ -6,42 +6,42 @@ import numpy as np
 
 from freefloat.dynamics.kernels.compilation import compiled
 from freefloat.ik.chain import (
-    MET,
+    CONVERGED,
     Chain,
     Scratch,
     Vector,
     cross,
-    descend,
     dot,
     into_range,
-    miss,
+    newton,
     plus,
+    residual,
     row,
     scratch_for,
     wrapped,
 )
 from freefloat.so3 import Array, IntArray
 
-MOST = 16
-"""Branches kept at a pose: as many as an arm of six turning joints can have."""
+MAX_BRANCHES = 16
+"""Maximum number of branches at a pose: that of an arm with six revolute joints."""
 _STEPS = 60
-_FEWEST_STARTS = 96
+_MIN_STARTS = 96
 _HITS = 3
-"""The search ends when every configuration was found this often and their number is even."""
+"""The search ends when each solution was found this often and their number is even."""
 SAME = 1e-5
-"""Configurations nearer than this in every joint are one [rad, m]."""
+"""Largest joint difference of equal solutions [rad, m]."""
 
 
 @compiled
-def keep(chain: Chain, q: Array, place: Array) -> None:
-    """Put joint values in a place, turning joints in (-pi, pi]."""
+def store(chain: Chain, q: Array, target: Array) -> None:
+    """Write joint values into an array, revolute joints in (-pi, pi]."""
     for i in range(len(q)):
-        place[i] = q[i] if chain.prismatic[i] else wrapped(q[i])
+        target[i] = q[i] if chain.prismatic[i] else wrapped(q[i])
 
 
 @compiled
-def gap(chain: Chain, a: Array, b: Array) -> float:
-    """Largest joint difference, whole turns not counted."""
+def joint_distance(chain: Chain, a: Array, b: Array) -> float:
+    """Largest joint difference, modulo 2 pi for revolute joints."""
     largest = 0.0
     for i in range(len(a)):
         difference = a[i] - b[i]
@@ -80,29 +80,33 @@ def search(
     position: Vector,
     rotation: Array,
     starts: Array,
-    found: Array,
+    solutions: Array,
     scratch: Scratch,
 ) -> int:
-    """All solutions that starts (S, n) lead to, sorted; returns how many went to ``found``.
+    """Write all solutions reached from starts (S, n), sorted, into ``solutions``.
 
-    Solutions come in pairs, born where the arm is singular, and all attract many starts.
+    Generic solutions come in pairs, which merge at singularities, and each is reached from many
+    starts.
+
+    Returns:
+        The number of solutions.
     """
-    hits = np.zeros(len(found), np.int64)
+    hits = np.zeros(len(solutions), np.int64)
     count, q = 0, np.empty(starts.shape[1])
     for tried in range(len(starts)):
         enough = count == 0 or (count % 2 == 0 and hits[:count].min() >= _HITS)
-        if count == len(found) or (tried >= _FEWEST_STARTS and enough):
+        if count == len(solutions) or (tried >= _MIN_STARTS and enough):
             break
         q[:] = starts[tried]
-        if descend(chain, rows, position, rotation, q, scratch, _STEPS) < MET:
+        if newton(chain, rows, position, rotation, q, scratch, _STEPS) < CONVERGED:
             known = 0
-            while known < count and gap(chain, q, found[known]) > SAME:
+            while known < count and joint_distance(chain, q, solutions[known]) > SAME:
                 known += 1
             hits[known] += 1
             if known == count:
-                keep(chain, q, found[count])
+                store(chain, q, solutions[count])
                 count += 1
-    sort(found[:count])
+    sort(solutions[:count])
     return count
 
 
@@ -113,39 +117,40 @@ def spread(
     position: Vector,
     rotation: Array,
     starts: Array,
-    found: Array,
+    solutions: Array,
     scratch: Scratch,
 ) -> int:
-    """As :func:`search` for joints to spare: the first solution, then always the farthest one."""
-    met, count = starts.copy(), 0
+    """Like :func:`search` for redundant arms, but by farthest-point sampling of the solutions."""
+    reached, count = starts.copy(), 0
     for start in starts:
-        q = met[count]
+        q = reached[count]
         q[:] = start
-        if descend(chain, rows, position, rotation, q, scratch, _STEPS) < MET:
-            keep(chain, q, q)
+        if newton(chain, rows, position, rotation, q, scratch, _STEPS) < CONVERGED:
+            store(chain, q, q)
             count += 1
-    sort(met[:count])
+    sort(reached[:count])
     distance, farthest = np.full(count, np.inf), 0
-    for chosen in range(min(len(found), count)):
+    for chosen in range(min(len(solutions), count)):
         if distance[farthest] < SAME:
             return chosen
-        found[chosen] = met[farthest]
+        solutions[chosen] = reached[farthest]
         for k in range(count):
-            distance[k] = min(distance[k], gap(chain, met[k], found[chosen]))
+            distance[k] = min(distance[k], joint_distance(chain, reached[k], solutions[chosen]))
         farthest = int(np.argmax(distance))
-    return min(len(found), count)
+    return min(len(solutions), count)
 
 
 @compiled
 def sign_pattern(
     chain: Chain, rows: IntArray, position: Vector, rotation: Array, q: Array, scratch: Scratch
 ) -> int:
-    """Which of eight names a configuration of six turning joints has.
+    """Number of the signs (shoulder, elbow, wrist) of a configuration of six revolute joints.
 
-    Elbow: how joint 3 is bent. Wrist: how joint 5 is. Shoulder: what the sign of the Jacobian's
-    determinant still leaves open, so that the arm is singular where a sign changes.
+    The elbow sign is that of the elbow angle, the wrist sign that of the fifth joint; the shoulder
+    sign makes the product of all three that of the Jacobian's determinant, so that signs change at
+    singularities only.
     """
-    miss(chain, rows, position, rotation, q, scratch)
+    residual(chain, rows, position, rotation, q, scratch)
     points, h = scratch.points, scratch.axes
     upper = plus(row(points, 2), row(points, 1), -1.0)
     fore = plus(row(points, 3), row(points, 2), -1.0)
@@ -156,43 +161,43 @@ def sign_pattern(
 
 
 @compiled
-def places_by_name(patterns: IntArray) -> IntArray:
-    """Where branches (count,) go: to the number of their pattern or, if taken, from 8 onwards."""
-    places, taken = np.full(len(patterns), -1), np.zeros(MOST, np.bool_)
+def columns_by_name(patterns: IntArray) -> IntArray:
+    """Columns of branches (count,): the number of their pattern or, if occupied, from 8 on."""
+    columns, occupied = np.full(len(patterns), -1), np.zeros(MAX_BRANCHES, np.bool_)
     for k, pattern in enumerate(patterns):
-        if not taken[pattern]:
-            places[k], taken[pattern] = pattern, True
-    spare = 8
+        if not occupied[pattern]:
+            columns[k], occupied[pattern] = pattern, True
+    following = 8
     for k in range(len(patterns)):
-        if places[k] < 0:
-            while taken[spare % MOST]:
-                spare += 1
-            places[k], taken[spare % MOST] = spare % MOST, True
-    return places
+        if columns[k] < 0:
+            while occupied[following % MAX_BRANCHES]:
+                following += 1
+            columns[k], occupied[following % MAX_BRANCHES] = following % MAX_BRANCHES, True
+    return columns
 
 
 @compiled
-def settle(
+def store_branches(
     chain: Chain,
     rows: IntArray,
     position: Vector,
     rotation: Array,
-    found: Array,
+    solutions: Array,
     joints: Array,
     patterns: IntArray,
     scratch: Scratch,
 ) -> None:
-    """Put the solutions of a pose, sorted, where their names say: joints (B, n), patterns (B,)."""
-    names = np.arange(len(found))
-    places = names
+    """Write the sorted solutions of a pose into columns of joints (B, n) and patterns (B,)."""
+    names = np.arange(len(solutions))
+    columns = names
     if len(chain.axes) == 6 and len(rows) == 6 and not chain.prismatic.any():
-        for k in range(len(found)):
-            names[k] = sign_pattern(chain, rows, position, rotation, found[k], scratch)
-        places = places_by_name(names)
+        for k in range(len(solutions)):
+            names[k] = sign_pattern(chain, rows, position, rotation, solutions[k], scratch)
+        columns = columns_by_name(names)
     joints[:], patterns[:] = np.nan, -1
-    for k in range(len(found)):
-        into_range(chain, found[k])
-        joints[places[k]], patterns[places[k]] = found[k], names[k]
+    for k in range(len(solutions)):
+        into_range(chain, solutions[k])
+        joints[columns[k]], patterns[columns[k]] = solutions[k], names[k]
 
 
 @compiled
@@ -205,24 +210,26 @@ def solve_numerically(
     joints: Array,
     patterns: IntArray,
 ) -> None:
-    """Any arm, from starts (S, n): all its branches, or a spread of them for joints to spare.
+    """Branches of any arm from starts (S, n), of a redundant arm a well-spread set of them.
 
-    ``patterns``, shape (K, B), gets the sign pattern of each branch of six turning joints, else its
-    number; -1 where there is none.
+    ``patterns``, shape (K, B), receives the sign pattern of each branch of six revolute joints,
+    otherwise its number; -1 where a branch does not exist.
     """
     n, m = len(chain.axes), len(rows)
-    scratch, found = scratch_for(n, m), np.empty((joints.shape[1], n))
+    scratch, solutions = scratch_for(n, m), np.empty((joints.shape[1], n))
     for t in range(len(positions)):
         position, rotation = row(positions, t), rotations[t]
         if n > m:
-            count = spread(chain, rows, position, rotation, starts, found, scratch)
+            count = spread(chain, rows, position, rotation, starts, solutions, scratch)
         else:
-            count = search(chain, rows, position, rotation, starts, found, scratch)
-        settle(chain, rows, position, rotation, found[:count], joints[t], patterns[t], scratch)
+            count = search(chain, rows, position, rotation, starts, solutions, scratch)
+        store_branches(
+            chain, rows, position, rotation, solutions[:count], joints[t], patterns[t], scratch
+        )
 
 
 @compiled
 def solve_nearby(chain: Chain, rows: IntArray, position: Array, rotation: Array, q: Array) -> bool:
-    """Newton's method from joint values (n,), which it changes; whether it meets the pose."""
+    """Update joint values (n,) by Newton's method; return whether it converges to the pose."""
     scratch, target = scratch_for(len(q), len(rows)), (position[0], position[1], position[2])
-    return descend(chain, rows, target, rotation, q, scratch, _STEPS) < MET
+    return newton(chain, rows, target, rotation, q, scratch, _STEPS) < CONVERGED

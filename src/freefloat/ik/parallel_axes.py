@@ -1,12 +1,14 @@
-"""All branches of arms of six turning joints whose second to fourth axes are parallel, compiled.
+"""Inverse kinematics of six revolute joints with parallel second to fourth axes, compiled.
 
-Seen along those axes, h, two numbers of a pose depend on the first and the fifth joint alone: how
-high it stands, and how the last axis leans. After Elias and Wen, "IK-Geo: unified robot inverse
-kinematics using subproblem decomposition", arXiv:2211.05737: two ellipses meet in up to four
-places, each with two ways to bend the elbow.
+The components of the sixth joint's position and of the last axis along those axes depend on the
+first and fifth joints alone. After Elias and Wen, "IK-Geo: unified robot inverse kinematics using
+subproblem decomposition", arXiv:2211.05737: two ellipses intersect in up to four points, each with
+two signs of the elbow.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,20 +17,20 @@ from freefloat.ik.analytic import (
     across_axis,
     angle_onto,
     angle_to_height,
-    shares,
+    height_terms,
+    required_rotation,
     sign_of,
-    turned_hand,
 )
 from freefloat.ik.chain import (
-    MET,
-    NOTHING,
+    CONVERGED,
+    ZERO,
     Chain,
     Rows,
     Scratch,
     Vector,
     cross,
-    descend,
     dot,
+    newton,
     norm,
     plus,
     pose_of,
@@ -37,20 +39,45 @@ from freefloat.ik.chain import (
     scratch_for,
     times,
 )
-from freefloat.ik.numeric import MOST, SAME, gap, keep, search, settle, sort
+from freefloat.ik.numeric import (
+    MAX_BRANCHES,
+    SAME,
+    joint_distance,
+    search,
+    sort,
+    store,
+    store_branches,
+)
 from freefloat.so3 import Array, IntArray
 
 _POLISHING_STEPS = 8
 _FLAT = 1e-6
-"""Ellipses, and wrists, flatter than this are left to a search."""
+"""Relative size below which ellipses and links count as degenerate."""
 _CLOSE = 1e-4
-"""How near roots may come to not being any, before a search has to tell."""
-UNCLEAR = -1
+"""Distance from a double root below which the closed form is ill-conditioned."""
+ILL_CONDITIONED = -1
+"""Returned where the numerical search must replace the closed form."""
+
+
+class ZeroPose(NamedTuple):
+    """The arm at zero joints.
+
+    Attributes:
+        points: Joint positions, shape (6, 3).
+        axes: Joint axes, shape (6, 3).
+        rotation: End-effector rotation.
+        offset: From the sixth joint to the end-effector.
+    """
+
+    points: Array
+    axes: Array
+    rotation: Rows
+    offset: Vector
 
 
 @compiled
 def circle_angles(N: Array, m: Array, angles: Array) -> int:
-    """Where ``N (cos, sin) + m`` is of unit length; returns how many, or that it is unclear."""
+    """Write the angles at which ``N (cos, sin) + m`` has unit length; return their number."""
     G = N.T @ N
     a, b = (G[0, 0] - G[1, 1]) / 2.0, G[0, 1]
     c, d = 2.0 * (N[0, 0] * m[0] + N[1, 0] * m[1]), 2.0 * (N[0, 1] * m[0] + N[1, 1] * m[1])
@@ -58,7 +85,7 @@ def circle_angles(N: Array, m: Array, angles: Array) -> int:
     # with z = cos + i sin: a cos 2q + b sin 2q + c cos q + d sin q + e = 0
     powers = np.array([(a - 1j * b) / 2, (c - 1j * d) / 2, e, (c + 1j * d) / 2, (a + 1j * b) / 2])
     if abs(powers[0]) < _FLAT * (e + 2.0):
-        return UNCLEAR
+        return ILL_CONDITIONED
     count = 0
     for z in np.roots(powers):
         off = abs(abs(z) - 1.0)
@@ -68,28 +95,28 @@ def circle_angles(N: Array, m: Array, angles: Array) -> int:
     for i in range(count):
         for j in range(i):
             if np.cos(angles[i] - angles[j]) > 1.0 - _CLOSE:
-                return UNCLEAR
+                return ILL_CONDITIONED
     return count
 
 
 @compiled
 def first_and_fifth(points: Array, h: Array, u: Vector, last: Vector, q1: Array, q5: Array) -> int:
-    """Pairs of the two joints that the height and the lean of a pose leave, as in the paper.
+    """Write the pairs (q1, q5) that satisfy the two conditions above; return their number.
 
     Args:
-        points: Positions of the joints at zero, shape (6, 3).
-        h: Their axes.
-        u: From the first joint to where the sixth has to be.
-        last: The direction that the last axis has to take.
-        q1: For the results, shape (4,).
-        q5: Likewise.
+        points: Joint positions at zero, shape (6, 3).
+        h: Joint axes at zero, shape (6, 3).
+        u: From the first joint to the required position of the sixth.
+        last: Required direction of the last axis.
+        q1: Receives the first joint, shape (4,).
+        q5: Receives the fifth joint, shape (4,).
     """
     h1, h2, h5, h6 = row(h, 0), row(h, 1), row(h, 4), row(h, 5)
     to_last = plus(row(points, 5), row(points, 4), -1.0)
     up = dot(h2, plus(row(points, 4), row(points, 0), -1.0))
     M1, M5, k = np.empty((2, 2)), np.empty((2, 2)), np.empty(2)
     for i, (v, w, known) in enumerate(((u, to_last, up), (last, h6, 0.0))):
-        first, fifth = shares(h1, v, h2), shares(h5, h2, w)
+        first, fifth = height_terms(h1, v, h2), height_terms(h5, h2, w)
         M1[i, 0], M1[i, 1] = first[1], first[2]
         M5[i, 0], M5[i, 1] = fifth[1], fifth[2]
         k[i] = known + fifth[0] - first[0]
@@ -100,7 +127,7 @@ def first_and_fifth(points: Array, h: Array, u: Vector, last: Vector, q1: Array,
     flat1 = abs(M1[0, 0] * M1[1, 1] - M1[0, 1] * M1[1, 0])
     flat5 = abs(M5[0, 0] * M5[1, 1] - M5[0, 1] * M5[1, 0])
     if not max(flat1, flat5) > _FLAT:
-        return UNCLEAR
+        return ILL_CONDITIONED
     if flat5 > flat1:
         inverse = np.linalg.inv(M5)
         N, m, free, bound = inverse @ M1, -(inverse @ k), q1, q5
@@ -115,36 +142,38 @@ def first_and_fifth(points: Array, h: Array, u: Vector, last: Vector, q1: Array,
 
 
 @compiled
-def bend_elbow(points: Array, h: Array, u: Vector, turned: Rows, q: Array, sign: float) -> int:
-    """The other joints, from the first and the fifth; 1 where there are any, 0, or UNCLEAR."""
+def remaining_joints(
+    points: Array, h: Array, u: Vector, rotation_change: Rows, q: Array, sign: float
+) -> int:
+    """Solve for the other joints from q1 and q5; return 1, 0 (no solution) or ILL_CONDITIONED."""
     h1, h2, h3, h4 = row(h, 0), row(h, 1), row(h, 2), row(h, 3)
     h5, h6 = row(h, 4), row(h, 5)
-    leant = rotated(times(turned, h6), h1, -q[0])
-    aimed = rotated(h6, h5, q[4])
-    if norm(cross(h2, aimed)) < _FLAT:
-        return UNCLEAR
-    total = angle_onto(h2, aimed, leant)
-    # what is left to the last joint: where it has to take a direction across its axis
+    required = rotated(times(rotation_change, h6), h1, -q[0])
+    direction = rotated(h6, h5, q[4])
+    if norm(cross(h2, direction)) < _FLAT:
+        return ILL_CONDITIONED
+    total = angle_onto(h2, direction, required)
+    # the last joint rotates a direction normal to its axis onto the required one
     across = rotated(h2, h5, -q[4])
-    seen = rotated(h2, h1, q[0])
-    back = plus(plus(plus(NOTHING, turned[0], seen[0]), turned[1], seen[1]), turned[2], seen[2])
-    q[5] = -angle_onto(h6, across, back)
-    hand = plus(
+    normal = rotated(h2, h1, q[0])
+    wanted = plus(plus(ZERO, rotation_change[0], normal[0]), rotation_change[1], normal[1])
+    q[5] = -angle_onto(h6, across, plus(wanted, rotation_change[2], normal[2]))
+    wrist = plus(
         plus(row(points, 4), row(points, 3), -1.0),
         rotated(plus(row(points, 5), row(points, 4), -1.0), h5, q[4]), 1.0,
     )  # fmt: skip
     v = plus(rotated(u, h1, -q[0]), plus(row(points, 1), row(points, 0), -1.0), -1.0)
-    v = plus(v, rotated(hand, h2, total), -1.0)
+    v = plus(v, rotated(wrist, h2, total), -1.0)
     upper = plus(row(points, 2), row(points, 1), -1.0)
     fore = plus(row(points, 3), row(points, 2), -1.0)
     v, upper, fore = across_axis(h2, v), across_axis(h2, upper), across_axis(h2, fore)
-    both = norm(upper) * norm(fore)
-    stretch = (dot(v, v) - dot(upper, upper) - dot(fore, fore)) / 2.0
-    if both < _FLAT * max(dot(upper, upper), dot(fore, fore)):
-        return UNCLEAR
-    if abs(abs(stretch) / both - 1.0) < _CLOSE:
-        return UNCLEAR
-    q[2] = angle_to_height(h3, fore, upper, stretch, sign)
+    product = norm(upper) * norm(fore)
+    cosine = (dot(v, v) - dot(upper, upper) - dot(fore, fore)) / 2.0
+    if product < _FLAT * max(dot(upper, upper), dot(fore, fore)):
+        return ILL_CONDITIONED
+    if abs(abs(cosine) / product - 1.0) < _CLOSE:
+        return ILL_CONDITIONED
+    q[2] = angle_to_height(h3, fore, upper, cosine, sign)
     if np.isnan(q[2]):
         return 0
     q[1] = angle_onto(h2, plus(upper, rotated(fore, h3, q[2]), 1.0), v)
@@ -156,39 +185,40 @@ def bend_elbow(points: Array, h: Array, u: Vector, turned: Rows, q: Array, sign:
 def parallel_branches(
     chain: Chain,
     rows: IntArray,
-    points: Array,
-    axes: Array,
-    straight: Rows,
-    hand: Vector,
+    zero: ZeroPose,
     position: Vector,
     rotation: Array,
-    found: Array,
+    solutions: Array,
     scratch: Scratch,
 ) -> int:
-    """All solutions, sorted; returns how many went to ``found``, or that they are not clear."""
-    turned = turned_hand(rotation, straight)
-    u = plus(plus(position, times(turned, hand), -1.0), row(points, 0), -1.0)
+    """Write all solutions, sorted, into ``solutions``; return their number or ILL_CONDITIONED."""
+    points, axes = zero.points, zero.axes
+    rotation_change = required_rotation(rotation, zero.rotation)
+    u = plus(plus(position, times(rotation_change, zero.offset), -1.0), row(points, 0), -1.0)
     q1, q5 = np.empty(4), np.empty(4)
-    pairs, count = first_and_fifth(points, axes, u, times(turned, row(axes, 5)), q1, q5), 0
-    if pairs == UNCLEAR:
-        return UNCLEAR
+    pairs, count = first_and_fifth(points, axes, u, times(rotation_change, row(axes, 5)), q1, q5), 0
+    if pairs == ILL_CONDITIONED:
+        return ILL_CONDITIONED
     for pair in range(pairs):
         for bit in range(2):
-            q = found[count]
+            q = solutions[count]
             q[0], q[4] = q1[pair], q5[pair]
-            there = bend_elbow(points, axes, u, turned, q, sign_of(bit, 1))
-            if there == UNCLEAR:
-                return UNCLEAR
-            if there == 0:
+            status = remaining_joints(points, axes, u, rotation_change, q, sign_of(bit, 1))
+            if status == ILL_CONDITIONED:
+                return ILL_CONDITIONED
+            if status == 0:
                 continue
-            if not descend(chain, rows, position, rotation, q, scratch, _POLISHING_STEPS) < MET:
-                return UNCLEAR
-            keep(chain, q, q)
+            if (
+                not newton(chain, rows, position, rotation, q, scratch, _POLISHING_STEPS)
+                < CONVERGED
+            ):
+                return ILL_CONDITIONED
+            store(chain, q, q)
             for known in range(count):
-                if gap(chain, q, found[known]) < SAME:
-                    return UNCLEAR
+                if joint_distance(chain, q, solutions[known]) < SAME:
+                    return ILL_CONDITIONED
             count += 1
-    sort(found[:count])
+    sort(solutions[:count])
     return count
 
 
@@ -202,16 +232,16 @@ def solve_parallel(
     joints: Array,
     patterns: IntArray,
 ) -> None:
-    """As ``solve_numerically``, which is asked where two branches are near to becoming one."""
+    """Like ``solve_numerically``, whose search is used close to double solutions."""
     scratch, points, axes = scratch_for(6, 6), np.empty((6, 3)), np.empty((6, 3))
-    found = np.empty((MOST, 6))
+    solutions = np.empty((MAX_BRANCHES, 6))
     p, straight = pose_of(chain, np.zeros(6), points, axes)
-    hand = plus(p, row(points, 5), -1.0)
+    zero = ZeroPose(points, axes, straight, plus(p, row(points, 5), -1.0))
     for t in range(len(positions)):
         position, rotation = row(positions, t), rotations[t]
-        count = parallel_branches(
-            chain, rows, points, axes, straight, hand, position, rotation, found, scratch
+        count = parallel_branches(chain, rows, zero, position, rotation, solutions, scratch)
+        if count == ILL_CONDITIONED:
+            count = search(chain, rows, position, rotation, starts, solutions, scratch)
+        store_branches(
+            chain, rows, position, rotation, solutions[:count], joints[t], patterns[t], scratch
         )
-        if count == UNCLEAR:
-            count = search(chain, rows, position, rotation, starts, found, scratch)
-        settle(chain, rows, position, rotation, found[:count], joints[t], patterns[t], scratch)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.analytic import spherical_wrist_angles
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, low_discrepancy, sphere_directions
 
@@ -98,7 +99,8 @@ class StatesOnPath:
         arm = self._upper * _about(self._h[2], q3)
         first = np.broadcast_to([self._q1, self.q2], (len(q3), 2))
         hand = (attitude * arm).inv() * turned
-        return attitude, np.column_stack([first, q3, _wrist_angles(self._h[3:], hand, bend)])
+        wrist = spherical_wrist_angles(np.array(self._h[3:]), hand.as_matrix(), float(bend))
+        return attitude, np.column_stack([first, q3, wrist])
 
     def measured(self, joints: Array) -> Array:
         """S at joints (K, 6), shape (K,); nan where those are."""
@@ -167,25 +169,3 @@ def _direction_across(vectors: Array) -> Array:
     choice = sphere_directions(low_discrepancy(64, 2))
     along = vectors / np.linalg.norm(vectors, axis=1, keepdims=True) @ choice.T
     return np.asarray(choice[np.abs(along).max(axis=0).argmin()])
-
-
-def _wrist_angles(h: Array, hand: Rotation, bend: float) -> Array:
-    """Angles of three meeting axes that turn the hand as wanted (K, 3), nan where none do."""
-    tip = hand.apply(h[2])
-    level = (h[1] @ h[0]) * (h[1] @ h[2])
-    cosine, sine = h[0] @ h[2] - level, h[0] @ np.cross(h[1], h[2])
-    share = (tip @ h[0] - level) / np.hypot(cosine, sine)
-    q5 = np.arctan2(sine, cosine) + bend * np.arccos(np.clip(share, -1.0, 1.0))
-    bent = _about(h[1], q5)
-    q4 = _angle_onto(h[0], bent.apply(h[2]), tip)
-    rest = (_about(h[0], q4) * bent).inv() * hand
-    q6 = _angle_onto(h[2], h[1], rest.apply(h[1]))
-    angles = np.column_stack([q4, q5, q6])
-    angles[np.abs(share) > 1.0 + 1e-9] = np.nan
-    return angles
-
-
-def _angle_onto(axis: Array, start: Array, end: Array) -> Array:
-    """Angles about an axis that bring directions onto others."""
-    a = start - (start @ axis)[..., None] * axis
-    return np.asarray(np.arctan2(np.cross(a, end) @ axis, (a * end).sum(axis=-1)))

@@ -1,1 +1,1 @@
-"""The equation of motion in compiled form."""
+"""Compiled kernels of the equation of motion."""

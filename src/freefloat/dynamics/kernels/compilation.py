@@ -1,4 +1,4 @@
-"""How kernels are compiled: to machine code, kept on disk, and run beside other threads."""
+"""Just-in-time compilation of kernels, cached on disk, that release Python's global lock."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from types import CellType, FunctionType
 from typing import Any, TypeVar, cast
 
 from numba import njit
@@ -18,30 +17,20 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def compiled(function: _Function) -> _Function:
-    """Compile a function at its first call; later processes find it on disk.
+    """Compile a function at its first call and cache the machine code on disk.
 
-    It runs without Python's lock, and divides by zero as numpy does. Where no folder can be written
-    to, it is compiled anew in every process.
+    The compiled function releases the global lock and divides by zero as NumPy does. Without a
+    writable cache folder, every process compiles it again.
     """
-    stamped = _stamped(cast(FunctionType, function))
     try:
-        return cast(_Function, njit(cache=True, **_OPTIONS)(stamped))
-    except RuntimeError:  # numba found no folder for its cache
-        return cast(_Function, njit(**_OPTIONS)(stamped))
-
-
-def _stamped(function: FunctionType) -> FunctionType:
-    """The same function with a closure that holds a digest of all kernels.
-
-    Numba compiles a kernel anew when its file or its closure changes, but would go on using old
-    machine code of the kernels it calls from other files.
-    """
-    code = function.__code__.replace(co_freevars=("kernels",))
-    closure = (CellType(_digest(_PACKAGE)),)
-    stamped = FunctionType(code, function.__globals__, function.__name__, None, closure)
-    stamped.__doc__, stamped.__module__ = function.__doc__, function.__module__
-    stamped.__qualname__ = function.__qualname__
-    return stamped
+        kernel = njit(cache=True, **_OPTIONS)(function)
+    except RuntimeError:  # Numba has no folder for its cache
+        return cast(_Function, njit(**_OPTIONS)(function))
+    # Numba compares the stamp of the kernel's own file only and would keep machine code of kernels
+    # that it calls from other files: the stamp is extended by a digest of all kernels
+    file = kernel._cache._cache_file
+    file._source_stamp = (file._source_stamp, _digest(_PACKAGE))
+    return cast(_Function, kernel)
 
 
 @cache
@@ -51,7 +40,7 @@ def _digest(folder: Path) -> str:
     return sha256(b"".join(text for text in texts if b"@compiled" in text)).hexdigest()
 
 
-def _borrow(_: Any, array: Any) -> Any:
+def _unowned(_: Any, array: Any) -> Any:
     """Code for the same array without an owner."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -62,6 +51,6 @@ def _borrow(_: Any, array: Any) -> Any:
     return array(array), generate
 
 
-borrowed: Any = intrinsic(_borrow)
-"""In a kernel: the same array without an owner, for which no references are counted. Counting costs
-more than the arithmetic of a small kernel. Whoever calls the kernel must hold on to the array."""
+unowned: Any = intrinsic(_unowned)
+"""In a kernel: the same array without an owner, whose references are not counted. Counting takes
+longer than the arithmetic of a small kernel. The caller of the kernel must keep the array alive."""

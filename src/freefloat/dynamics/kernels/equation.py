@@ -1,26 +1,25 @@
-"""Equation (4) compiled: the numbers of a robot in, rates and measures out, in a microsecond.
+"""Equation (4) compiled: inertia and Jacobian matrices, joint rates and determinants.
 
-The same quantities as in :mod:`freefloat.dynamics.momentum`, in the spacecraft's frame and with its
+The same quantities as in :mod:`freefloat.dynamics.momentum`, in the spacecraft frame and with its
 linear velocity eliminated: ``D`` and ``Dq`` of (1), ``J`` for J12 of (5), ``S`` for S* of (7).
-Kernels see plain arrays, few of them, because every array that changes hands costs as much as
-twenty products.
+Kernels take few, plain arrays: passing an array costs as much as twenty products.
 
 ``bodies`` has a row for the spacecraft and one for each body behind a joint, with the columns
 
-    OFFSET FIXED SINE COSINE AXIS   the joint; it turns by fixed + sin(q) sine + (1 - cos(q)) cosine
-    SLIDES                          1 where it slides
-    MASS CENTRE INERTIA             of the body; inertia xx yy zz xy xz yz about the centre
-    WEIGHT MIDDLE                   of the joint's rate in the metric; of its range, nan for none
+    OFFSET FIXED SINE COSINE AXIS   joint; rotation fixed + sin(q) sine + (1 - cos(q)) cosine
+    PRISMATIC                       1 for a prismatic joint
+    MASS CENTRE INERTIA             body; inertia xx yy zz xy xz yz about the centre of mass
+    WEIGHT MIDDLE                   joint's weight in the metric; centre of its range or nan
 
-and ``facts`` the numbers of the whole, those of a redundancy last. ``w`` is the work of one
-configuration: a row for each body,
+and ``facts`` has the robot's scalars and vectors, the settings of a redundant arm last. ``w`` is
+the workspace of a configuration, with a row for each body,
 
-    ROT PLACE                       its axes; its centre of mass from the spacecraft's origin
-    POINT LINE DQ JAC X             its joint, the joint's axis, columns of Dq, J and inverse(D) Dq
-    MOMENTUM                        linear, of all that the joint moves, for kinetic energies alone
+    ROT BODY                        rotation; centre of mass from the spacecraft's origin
+    POINT LINE DQ JAC X             joint position and axis, columns of Dq, J and inverse(D) Dq
+    MOMENTUM                        linear momentum per joint rate, for the energy metric alone
 
-where row 0 keeps D, its inverse, the end-effector from the centre of mass, the turn rate, and the
-centre of mass.
+whose row 0 holds D, its inverse, the end-effector position from the centre of mass, the angular
+velocity, and the centre of mass.
 """
 
 from __future__ import annotations
@@ -28,28 +27,29 @@ from __future__ import annotations
 import math
 
 from freefloat.dynamics.kernels.compilation import compiled
+from freefloat.dynamics.kernels.elimination import eliminate
 from freefloat.so3 import Array, IntArray
 
-OFFSET, FIXED, SINE, COSINE, AXIS, SLIDES, MASS, CENTRE, INERTIA = 0, 3, 12, 21, 30, 33, 34, 35, 38
+OFFSET, FIXED, SINE, COSINE, AXIS, PRISMATIC = 0, 3, 12, 21, 30, 33
+MASS, CENTRE, INERTIA = 34, 35, 38
 WEIGHT, MIDDLE, BODY_COLUMNS = 44, 45, 46
 TOTAL, REACH, PLANAR, TOOL, LEVEL = 0, 1, 2, 3, 6
 METRIC, TOWARD, GAIN, BOUND, FACTS = 15, 16, 17, 18, 19
-ROT, PLACE, POINT, LINE, DQ, JAC, X, MOMENTUM, WORK_COLUMNS = 0, 9, 12, 15, 18, 21, 27, 30, 33
-D, INVERSE, HAND, OMEGA, CENTRE_OF = 12, 18, 24, 27, 30
-"""In row 0 of the work."""
+ROT, BODY, POINT, LINE, DQ, JAC, X, MOMENTUM, WORK_COLUMNS = 0, 9, 12, 15, 18, 21, 27, 30, 33
+D, INVERSE, TIP, OMEGA, CENTRE_OF = 12, 18, 24, 27, 30
+"""Columns of row 0 of the workspace."""
 DEMAND = 9
-"""Numbers of a demand: the end-effector's twist and the angular momentum."""
+"""Length of a demand: end-effector twist and angular momentum."""
 
 
 @compiled
 def configure(bodies: Array, facts: Array, q: Array, w: Array) -> None:
-    """Everything of (1) and (5) that depends on the joints alone."""
+    """Write the matrices of (1) and (5) at joint values ``q`` into ``w``."""
     n = len(q)
     A00, A01, A02, A10, A11, A12, A20, A21, A22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
     for j in range(9):
         w[0, ROT + j] = 1.0 if j % 4 == 0 else 0.0
-    x, y, z = 0.0, 0.0, 0.0
-    cx, cy, cz = 0.0, 0.0, 0.0
+    x, y, z, cx, cy, cz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(n + 1):
         if k > 0:
             o0, o1, o2 = bodies[k, OFFSET], bodies[k, OFFSET + 1], bodies[k, OFFSET + 2]
@@ -57,9 +57,9 @@ def configure(bodies: Array, facts: Array, q: Array, w: Array) -> None:
             y += A10 * o0 + A11 * o1 + A12 * o2
             z += A20 * o0 + A21 * o1 + A22 * o2
             w[k, POINT], w[k, POINT + 1], w[k, POINT + 2] = x, y, z
-            slides = bodies[k, SLIDES] != 0.0
+            prismatic = bodies[k, PRISMATIC] != 0.0
             s, v = 0.0, 0.0
-            if not slides:
+            if not prismatic:
                 s, v = math.sin(q[k - 1]), 1.0 - math.cos(q[k - 1])
             for j in range(3):
                 f0 = bodies[k, FIXED + j] + s * bodies[k, SINE + j] + v * bodies[k, COSINE + j]
@@ -82,7 +82,7 @@ def configure(bodies: Array, facts: Array, q: Array, w: Array) -> None:
             a1 = A10 * o0 + A11 * o1 + A12 * o2
             a2 = A20 * o0 + A21 * o1 + A22 * o2
             w[k, LINE], w[k, LINE + 1], w[k, LINE + 2] = a0, a1, a2
-            if slides:
+            if prismatic:
                 x += q[k - 1] * a0
                 y += q[k - 1] * a1
                 z += q[k - 1] * a2
@@ -92,36 +92,36 @@ def configure(bodies: Array, facts: Array, q: Array, w: Array) -> None:
             y + A10 * o0 + A11 * o1 + A12 * o2,
             z + A20 * o0 + A21 * o1 + A22 * o2,
         )
-        w[k, PLACE], w[k, PLACE + 1], w[k, PLACE + 2] = o0, o1, o2
+        w[k, BODY], w[k, BODY + 1], w[k, BODY + 2] = o0, o1, o2
         cx += bodies[k, MASS] * o0
         cy += bodies[k, MASS] * o1
         cz += bodies[k, MASS] * o2
-    share = 1.0 / facts[TOTAL]
-    cx, cy, cz = share * cx, share * cy, share * cz
+    scale = 1.0 / facts[TOTAL]
+    cx, cy, cz = scale * cx, scale * cy, scale * cz
     o0, o1, o2 = facts[TOOL], facts[TOOL + 1], facts[TOOL + 2]
-    w[0, HAND] = x + A00 * o0 + A01 * o1 + A02 * o2 - cx
-    w[0, HAND + 1] = y + A10 * o0 + A11 * o1 + A12 * o2 - cy
-    w[0, HAND + 2] = z + A20 * o0 + A21 * o1 + A22 * o2 - cz
-    _composites(bodies, w, n, share, cx, cy, cz)
+    w[0, TIP] = x + A00 * o0 + A01 * o1 + A02 * o2 - cx
+    w[0, TIP + 1] = y + A10 * o0 + A11 * o1 + A12 * o2 - cy
+    w[0, TIP + 2] = z + A20 * o0 + A21 * o1 + A22 * o2 - cz
+    _composites(bodies, w, n, scale, cx, cy, cz)
 
 
 @compiled
 def _composites(
-    bodies: Array, w: Array, n: int, share: float, cx: float, cy: float, cz: float
+    bodies: Array, w: Array, n: int, scale: float, cx: float, cy: float, cz: float
 ) -> None:
-    """Columns of Dq and J from the tip inward, over the composite body that each joint moves.
+    """Columns of Dq and J from the tip inward, by the composite body that each joint moves.
 
     ``M`` is its mass, ``u`` its first moment and ``xx`` to ``yz`` its inertia, about the system's
-    centre of mass; ``share`` one over the total mass.
+    centre of mass; ``scale`` is one over the total mass.
     """
     M, ux, uy, uz = 0.0, 0.0, 0.0, 0.0
     xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    r0, r1, r2 = w[0, HAND], w[0, HAND + 1], w[0, HAND + 2]
+    r0, r1, r2 = w[0, TIP], w[0, TIP + 1], w[0, TIP + 2]
     for step in range(n + 1):
         k = n - step
         mass = bodies[k, MASS]
         if mass > 0.0:
-            x, y, z = w[k, PLACE] - cx, w[k, PLACE + 1] - cy, w[k, PLACE + 2] - cz
+            x, y, z = w[k, BODY] - cx, w[k, BODY + 1] - cy, w[k, BODY + 2] - cz
             M += mass
             ux += mass * x
             uy += mass * y
@@ -149,22 +149,26 @@ def _composites(
         if k == 0:
             break
         a0, a1, a2 = w[k, LINE], w[k, LINE + 1], w[k, LINE + 2]
-        if bodies[k, SLIDES] != 0.0:
+        if bodies[k, PRISMATIC] != 0.0:
             w[k, DQ], w[k, DQ + 1] = uy * a2 - uz * a1, uz * a0 - ux * a2
             w[k, DQ + 2] = ux * a1 - uy * a0
-            stroke = 1.0 - M * share
+            stroke = 1.0 - M * scale
             w[k, JAC], w[k, JAC + 1], w[k, JAC + 2] = stroke * a0, stroke * a1, stroke * a2
             w[k, JAC + 3], w[k, JAC + 4], w[k, JAC + 5] = 0.0, 0.0, 0.0
             continue
         x, y, z = w[k, POINT] - cx, w[k, POINT + 1] - cy, w[k, POINT + 2] - cz
-        e0, e1, e2 = y * a2 - z * a1, z * a0 - x * a2, x * a1 - y * a0  # of the axis at the centre
+        e0, e1, e2 = (
+            y * a2 - z * a1,
+            z * a0 - x * a2,
+            x * a1 - y * a0,
+        )  # velocity of the centre of mass
         w[k, DQ] = xx * a0 + xy * a1 + xz * a2 + uy * e2 - uz * e1
         w[k, DQ + 1] = xy * a0 + yy * a1 + yz * a2 + uz * e0 - ux * e2
         w[k, DQ + 2] = xz * a0 + yz * a1 + zz * a2 + ux * e1 - uy * e0
-        left = 1.0 - M * share
-        x = r0 - left * x - share * ux
-        y = r1 - left * y - share * uy
-        z = r2 - left * z - share * uz
+        ratio = 1.0 - M * scale
+        x = r0 - ratio * x - scale * ux
+        y = r1 - ratio * y - scale * uy
+        z = r2 - ratio * z - scale * uz
         w[k, JAC], w[k, JAC + 1], w[k, JAC + 2] = a1 * z - a2 * y, a2 * x - a0 * z, a0 * y - a1 * x
         w[k, JAC + 3], w[k, JAC + 4], w[k, JAC + 5] = a0, a1, a2
     w[0, D], w[0, D + 1], w[0, D + 2] = xx, yy, zz
@@ -173,7 +177,7 @@ def _composites(
 
 @compiled
 def form_jacobian(facts: Array, rows: IntArray, w: Array, S: Array) -> float:
-    """``S`` of (7) at the configuration; returns det D, in the plane its zz element."""
+    """Write ``S`` of (7) at the configuration; return det D, for planar tasks its zz element."""
     xx, yy, zz = w[0, D], w[0, D + 1], w[0, D + 2]
     xy, xz, yz = w[0, D + 3], w[0, D + 4], w[0, D + 5]
     cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
@@ -185,8 +189,8 @@ def form_jacobian(facts: Array, rows: IntArray, w: Array, S: Array) -> float:
     )  # fmt: skip
     w[0, INVERSE], w[0, INVERSE + 1], w[0, INVERSE + 2] = ixx, iyy, izz
     w[0, INVERSE + 3], w[0, INVERSE + 4], w[0, INVERSE + 5] = ixy, ixz, iyz
-    r0, r1, r2 = w[0, HAND], w[0, HAND + 1], w[0, HAND + 2]
-    whole = len(rows) == 6
+    r0, r1, r2 = w[0, TIP], w[0, TIP + 1], w[0, TIP + 2]
+    pose = len(rows) == 6
     for j in range(S.shape[1]):
         d0, d1, d2 = w[j + 1, DQ], w[j + 1, DQ + 1], w[j + 1, DQ + 2]
         x = ixx * d0 + ixy * d1 + ixz * d2
@@ -197,7 +201,7 @@ def form_jacobian(facts: Array, rows: IntArray, w: Array, S: Array) -> float:
         s1 = w[j + 1, JAC + 1] - (z * r0 - x * r2)
         s2 = w[j + 1, JAC + 2] - (x * r1 - y * r0)
         s3, s4, s5 = w[j + 1, JAC + 3] - x, w[j + 1, JAC + 4] - y, w[j + 1, JAC + 5] - z
-        if whole:
+        if pose:
             S[0, j], S[1, j], S[2, j], S[3, j], S[4, j], S[5, j] = s0, s1, s2, s3, s4, s5
         else:
             for k in range(len(rows)):
@@ -206,61 +210,19 @@ def form_jacobian(facts: Array, rows: IntArray, w: Array, S: Array) -> float:
 
 
 @compiled
-def eliminate(S: Array, L: Array) -> float:
-    """Gauss elimination of ``S``, or of ``S S^T`` where there are more joints than rows.
-
-    Args:
-        S: Shape (m, n).
-        L: Shape (m, m + 1); the right side in the last column is carried along.
-
-    Returns:
-        det S, or sqrt(det(S S^T)).
-    """
-    m, n = S.shape
-    for i in range(m):
-        if m == n:
-            for j in range(m):
-                L[i, j] = S[i, j]
-            continue
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(n):
-                total += S[i, k] * S[j, k]
-            L[i, j] = total
-            L[j, i] = total
-    determinant = 1.0
-    for k in range(m):
-        pivot, best = k, abs(L[k, k])
-        for i in range(k + 1, m):
-            if abs(L[i, k]) > best:
-                pivot, best = i, abs(L[i, k])
-        if pivot != k:
-            determinant = -determinant
-            for j in range(k, m + 1):
-                L[k, j], L[pivot, j] = L[pivot, j], L[k, j]
-        determinant *= L[k, k]
-        inverse = 1.0 / L[k, k]
-        for i in range(k + 1, m):
-            factor = L[i, k] * inverse
-            for j in range(k + 1, m + 1):
-                L[i, j] -= factor * L[k, j]
-    return float(determinant if m == n else math.sqrt(max(0.0, determinant)))
-
-
-@compiled
 def solve_rates(
     facts: Array, rows: IntArray, demand: Array, w: Array, S: Array, L: Array, rates: Array
 ) -> float:
-    """Equation (4) at the configuration that :func:`configure` has left in ``w``.
+    """Solve equation (4) at the configuration that :func:`configure` wrote into ``w``.
 
     Args:
-        facts: Of the robot.
-        rows: Of the task.
-        demand: The end-effector's twist and the angular momentum, spacecraft frame, shape (9,);
-            the share that the drifting spacecraft has in the twist is taken off.
-        w: Work; the spacecraft's turn rate is left in it.
-        S: Room, shape (m, n).
-        L: Room, shape (m, m + 1).
+        facts: Scalars of the robot.
+        rows: Rows of the task.
+        demand: End-effector twist and angular momentum, spacecraft frame, shape (9,); the twist due
+            to the momentum is subtracted.
+        w: Workspace; receives the spacecraft's angular velocity.
+        S: Buffer, shape (m, n).
+        L: Buffer, shape (m, m + 1).
         rates: Receives the joint rates, shape (n,).
 
     Returns:
@@ -274,7 +236,7 @@ def solve_rates(
     x = ixx * h0 + ixy * h1 + ixz * h2
     y = ixy * h0 + iyy * h1 + iyz * h2
     z = ixz * h0 + iyz * h1 + izz * h2
-    r0, r1, r2 = w[0, HAND], w[0, HAND + 1], w[0, HAND + 2]
+    r0, r1, r2 = w[0, TIP], w[0, TIP + 1], w[0, TIP + 2]
     demand[0] -= y * r2 - z * r1
     demand[1] -= z * r0 - x * r2
     demand[2] -= x * r1 - y * r0

@@ -1,4 +1,4 @@
-"""The right side of (8) compiled: how attitude and joints change along a path."""
+"""The right-hand side of (8) compiled: rates of attitude and joints along a path."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from freefloat.so3 import Array, IntArray
 
 
 class Robot(NamedTuple):
-    """What stays the same for all motions; see :mod:`freefloat.dynamics.kernels.equation`."""
+    """Data common to all motions of a problem, see :mod:`freefloat.dynamics.kernels.equation`."""
 
     bodies: Array
     facts: Array
     rows: IntArray
     measure: int
-    ends: Array  # of the pieces of the time law, (P,)
+    ends: Array  # of the segments of the time law, (P,)
     origins: Array  # (P,)
     spans: Array  # (P,)
     law: (
         Array  # (P, 2, K): s and its derivative by time, highest power of (t - origin) / span first
     )
-    # the path's tangent by s, cubics on N equal intervals of [0, 1], (N, 6, 4); where they are not
-    # equal, (N, 7, 4), the last row begins with their beginnings
+    # the path's tangent as cubics in s on N equal intervals of [0, 1], (N, 6, 4); for unequal
+    # intervals (N, 7, 4), where the last row starts with their lower ends
     tangents: Array
     duration: float  # [s]
 
 
 @compiled
 def twist_at(
-    t: float, piece: int, origins: Array, spans: Array, law: Array, tangents: Array, twist: Array
+    t: float, segment: int, origins: Array, spans: Array, law: Array, tangents: Array, twist: Array
 ) -> float:
-    """The end-effector's twist in inertial axes at a time [s]; returns the path's speed [1/s]."""
-    tau = (t - origins[piece]) / spans[piece]
+    """Write the end-effector twist, inertial frame, at a time [s]; return the path speed [1/s]."""
+    tau = (t - origins[segment]) / spans[segment]
     s, rate = 0.0, 0.0
     for k in range(law.shape[2]):
-        s = s * tau + law[piece, 0, k]
-        rate = rate * tau + law[piece, 1, k]
+        s = s * tau + law[segment, 0, k]
+        rate = rate * tau + law[segment, 1, k]
     cells = len(tangents)
     if tangents.shape[1] > 6:
         cell, beyond = 0, cells
@@ -51,9 +51,9 @@ def twist_at(
                 beyond = middle
         u = s - tangents[cell, 6, 0]
     else:
-        place = s * cells
-        cell = min(max(math.floor(place), 0), cells - 1)
-        u = (place - cell) / cells
+        position = s * cells
+        cell = min(max(math.floor(position), 0), cells - 1)
+        u = (position - cell) / cells
     for i in range(6):
         value = tangents[cell, i, 0]
         for k in range(1, 4):
@@ -65,10 +65,10 @@ def twist_at(
 @compiled
 def flow(
     bodies: Array, facts: Array, rows: IntArray, origins: Array, spans: Array, law: Array,
-    tangents: Array, duration: float, piece: int, h: Array, t: float, y: Array, f: Array,
+    tangents: Array, duration: float, segment: int, h: Array, t: float, y: Array, f: Array,
     w: Array, S: Array, L: Array, q: Array, rates: Array, demand: Array,
 ) -> float:  # fmt: skip
-    """The rate of (attitude, joints) per duration, (8), into ``f``.
+    """Write the rate (8) of (attitude, joints), times the duration, into ``f``.
 
     Returns:
         det S, or sqrt(det(S S^T)).
@@ -78,7 +78,7 @@ def flow(
     a, b, c, e = norm * y[0], norm * y[1], norm * y[2], norm * y[3]
     for j in range(n):
         q[j] = y[4 + j]
-    speed = twist_at(t * duration, piece, origins, spans, law, tangents, demand)
+    speed = twist_at(t * duration, segment, origins, spans, law, tangents, demand)
     R00, R01, R02 = 1 - 2 * (b * b + c * c), 2 * (a * b - c * e), 2 * (a * c + b * e)
     R10, R11, R12 = 2 * (a * b + c * e), 1 - 2 * (a * a + c * c), 2 * (b * c - a * e)
     R20, R21, R22 = 2 * (a * c - b * e), 2 * (b * c + a * e), 1 - 2 * (a * a + b * b)

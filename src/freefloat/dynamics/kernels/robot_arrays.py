@@ -1,4 +1,4 @@
-"""The arrays of a robot that the kernels read; see :mod:`freefloat.dynamics.kernels.equation`."""
+"""Arrays of a robot for the kernels, see :mod:`freefloat.dynamics.kernels.equation`."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from freefloat.so3 import Array
 
 
 def robot_rows(model: FreeFloatingModel) -> Array:
-    """``bodies``: a row for the spacecraft and one for each body behind a joint."""
+    """Array ``bodies``: a row for the spacecraft and one for each body behind a joint."""
     return np.array([_row(body) for body in model.bodies])
 
 
 def robot_facts(model: FreeFloatingModel, task: Task) -> Array:
-    """``facts`` of a robot, zeros where those of a measure or a redundancy belong."""
+    """Array ``facts``, zero where values of a measure or of a redundant arm belong."""
     facts = np.zeros(FACTS)
     facts[:LEVEL] = [
         model.total_mass, VirtualManipulator.of(model).reach, task.planar, *model.tool.position,
@@ -27,7 +27,7 @@ def robot_facts(model: FreeFloatingModel, task: Task) -> Array:
 
 
 def _row(body: Body) -> Array:
-    """A body's row; its joint turns by Rodrigues' formula."""
+    """A body's row; the joint rotation follows Rodrigues' formula."""
     x, y, z = body.axis
     hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     P, inertia = body.placement.rotation, body.inertia

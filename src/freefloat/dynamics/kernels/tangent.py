@@ -1,11 +1,12 @@
-"""The flow of (8) by its own arc length compiled, for one motion followed precisely."""
+"""The flow of (8) by arc length compiled, for the integration of single motions."""
 
 from __future__ import annotations
 
 import math
 
-from freefloat.dynamics.kernels.compilation import borrowed, compiled
-from freefloat.dynamics.kernels.equation import configure, eliminate, form_jacobian
+from freefloat.dynamics.kernels.compilation import compiled, unowned
+from freefloat.dynamics.kernels.elimination import eliminate
+from freefloat.dynamics.kernels.equation import configure, form_jacobian
 from freefloat.dynamics.kernels.right_side import flow
 from freefloat.so3 import Array, IntArray
 
@@ -16,19 +17,19 @@ def tangent_at(
     duration: float, h: Array, y: Array, reference: Array, f: Array, w: Array, S: Array, L: Array,
     vectors: Array,
 ) -> bool:  # fmt: skip
-    """The unit tangent of the curve (time, attitude, joints) into ``f``, on ``reference``'s side.
+    """Write the unit tangent of the curve (time, attitude, joints) into ``f``.
 
-    The first entry of ``y`` is time, in any unit; the first of ``f`` must hold the duration in that
-    unit. ``clock``, ``law`` and ``tangents`` are a time law and a path that never change: twist and
-    speed of the moment.
+    Of its two directions the one with a positive product with ``reference`` is taken. The first
+    entry of ``y`` is time, in any unit; that of ``f`` must hold the duration in the same unit.
+    ``clock``, ``law`` and ``tangents`` describe a path of constant twist and speed.
 
     Returns:
-        Whether there is one: not where (4) is singular to the last digit.
+        Whether the tangent exists: it does not where (4) is exactly singular.
     """
     return _tangent_at(
-        borrowed(bodies), borrowed(facts), borrowed(rows), borrowed(clock), borrowed(law),
-        borrowed(tangents), duration, borrowed(h), borrowed(y), borrowed(reference), borrowed(f),
-        borrowed(w), borrowed(S), borrowed(L), borrowed(vectors),
+        unowned(bodies), unowned(facts), unowned(rows), unowned(clock), unowned(law),
+        unowned(tangents), duration, unowned(h), unowned(y), unowned(reference), unowned(f),
+        unowned(w), unowned(S), unowned(L), unowned(vectors),
     )  # fmt: skip
 
 
@@ -59,7 +60,7 @@ def _tangent_at(
 def determinant_at(
     bodies: Array, facts: Array, rows: IntArray, q: Array, w: Array, S: Array, L: Array
 ) -> float:
-    """Det S* of (6) at joint values; the last three are room."""
-    configure(borrowed(bodies), borrowed(facts), borrowed(q), borrowed(w))
-    form_jacobian(borrowed(facts), borrowed(rows), borrowed(w), borrowed(S))
-    return eliminate(borrowed(S), borrowed(L))
+    """Det S* of (6) at joint values; the last three arguments are buffers."""
+    configure(unowned(bodies), unowned(facts), unowned(q), unowned(w))
+    form_jacobian(unowned(facts), unowned(rows), unowned(w), unowned(S))
+    return eliminate(unowned(S), unowned(L))

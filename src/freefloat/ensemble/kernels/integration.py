@@ -1,9 +1,9 @@
-"""The flow of (8) compiled: one motion after another, by Dormand and Prince's method.
+"""Integration of (8) compiled, motion by motion, by the Dormand-Prince method.
 
-Time is the variable, in units of the duration. At a singularity no motion goes on: a step that
-tries to pass it meets the determinant with the other sign, is taken back and halved until what is
-left is below any interest. The measure is known at the ends of the steps; where a parabola through
-three of them says that it may set a new minimum in between, the steps' interpolant is searched.
+The independent variable is time in units of the duration. A motion ends at a singularity: a step
+across it finds a determinant of the other sign, is rejected and shortened until it is negligible.
+The measure is evaluated at the ends of the steps; where a parabola through three of its values
+admits a new minimum in between, the interpolant of the steps is searched.
 """
 
 from __future__ import annotations
@@ -14,11 +14,17 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.kernels.compilation import borrowed, compiled
+from freefloat.dynamics.kernels.compilation import compiled, unowned
 from freefloat.dynamics.kernels.equation import DEMAND, WORK_COLUMNS, form_jacobian
 from freefloat.dynamics.kernels.right_side import Robot, flow
 from freefloat.ensemble.kernels.measures import ARM, GJM, SIGMA, measure_at
-from freefloat.ensemble.kernels.steps import dip, error_of, inside, make_stages, may_dip
+from freefloat.ensemble.kernels.steps import (
+    error_of,
+    has_lower_minimum,
+    inside,
+    local_minimum,
+    make_stages,
+)
 from freefloat.motion.problem import is_kept
 from freefloat.so3 import Array, IntArray
 
@@ -31,26 +37,26 @@ _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-11
 _SINGULAR_STEP = 1e-7
 _MAX_STEPS = 20_000
 _TOO_FAST = 2e4
-"""Speed, in radians and metres per duration, at which a redundant arm stands still in time."""
+"""Joint speed per duration at which a redundant arm counts as singular [rad, m]."""
 _SMALL, _STRICTER, _UNDECIDED = 0.15, 0.01, 0.9
 
 
 class Buffers(NamedTuple):
-    """Workspace of one thread; kept by the caller, see ``borrowed``."""
+    """Workspace of one thread; the caller keeps it alive, see ``unowned``."""
 
     last: Array  # (4 + n,)
     extent: Array  # (3, n)
-    w: Array  # see drift_kernels, also S and L
+    w: Array  # see freefloat.dynamics.kernels.equation, also S and L
     S: Array
     L: Array
-    stages: Array  # (2, 7, 4 + n), of this step and the one before
+    stages: Array  # (2, 7, 4 + n), of this step and the previous one
     states: Array  # (3, 4 + n)
-    vectors: Array  # (4, max(n, DEMAND)): joints, their rates, room for a measure, a demand
+    vectors: Array  # (4, max(n, DEMAND)): joints, joint rates, buffer of a measure, demand
 
 
 def make_buffers(n: int, m: int) -> Buffers:
     """Workspace for a robot of n joints and a task of m rows."""
-    equations = (m, m + 1) if n == m else (n + m, n + m + 2)  # with the choice of a redundant arm
+    equations = (m, m + 1) if n == m else (n + m, n + m + 2)  # redundant: see choose_rates
     return Buffers(
         last=np.zeros(4 + n), extent=np.zeros((3, n)), w=np.zeros((n + 1, WORK_COLUMNS)),
         S=np.zeros((m, n)), L=np.zeros(equations), stages=np.zeros((2, 7, 4 + n)),
@@ -62,11 +68,11 @@ class EnsembleResult(NamedTuple):
     """Results of K motions; in tables of arm branches the leading shape is (K, B) instead.
 
     Attributes:
-        endings: 0 completed, 1 singular, 2 margin violated, 3 given up, shape (K,); in tables -1
-            where there is no such arm branch.
+        endings: 0 completed, 1 singular, 2 margin violated, 3 step limit reached, shape (K,); in
+            tables -1 where the arm branch does not exist.
         ended_at: Final times [s], shape (K,).
-        minimum: Smallest magnitude of the measure, zero where it changes sign, shape (K,).
-        minimum_at: When [s], shape (K,).
+        minimum: Minimum magnitude of the measure, zero where it changes sign, shape (K,).
+        minimum_at: Times of the minimum [s], shape (K,).
         attitudes: Final attitudes, quaternions x, y, z, w, shape (K, 4).
         joints: Final joint values [rad or m], shape (K, n).
         rates: Largest magnitudes of the joint rates at the integrator's steps, shape (K, n).
@@ -91,7 +97,7 @@ class EnsembleResult(NamedTuple):
 
     @classmethod
     def empty(cls, shape: tuple[int, ...], n: int) -> EnsembleResult:
-        """Arrays for motions of n joints where there is no motion yet."""
+        """Arrays for results of motions of n joints, with the ending of missing branches."""
         times, minimum_at = np.full((2, *shape), np.nan)
         minimum, determinant_ratios = np.zeros((2, *shape))
         joints, rates, lower, upper = np.full((4, *shape, n), np.nan)
@@ -108,7 +114,7 @@ class EnsembleResult(NamedTuple):
 
 @compiled
 def _widen(extent: Array, at: Array, K: Array, duration: float) -> float:
-    """Take a step's end into account in the extent; the fastest joint's rate there per duration."""
+    """Extend the extent to the end of a step; return the largest joint rate per duration there."""
     speed = 0.0
     for j in range(extent.shape[1]):
         rate = abs(K[6, 4 + j])
@@ -121,7 +127,7 @@ def _widen(extent: Array, at: Array, K: Array, duration: float) -> float:
 
 @compiled
 def _advance(K: Array, before: Array, y: Array, old: Array, at: Array) -> None:
-    """Make the end of a step the start of the next, and remember the step."""
+    """Start the next step at the end of this step, which is kept for the interpolant."""
     norm = math.sqrt(at[0] ** 2 + at[1] ** 2 + at[2] ** 2 + at[3] ** 2)
     for j in range(len(y)):
         old[j] = y[j]
@@ -137,34 +143,36 @@ def integrate_one(
     origins: Array, spans: Array, law: Array, tangents: Array, duration: float, attitude: Array,
     joints: Array, h: Array, start: float, goal: float, stop_below: float, tolerance: float,
     last: Array, extent: Array, w: Array, S: Array, L: Array, stages: Array, states: Array,
-    room: Array,
+    vectors: Array,
 ) -> tuple[int, float, float, float, float, float, int]:  # fmt: skip
-    """Follow the path from a state.
+    """Integrate a motion along the path from a state.
 
-    The arguments up to ``duration`` are those of :class:`Robot`; from ``attitude`` to ``tolerance``
-    those of ``EnsembleIntegrator.follow``, for one motion. ``last`` receives
-    the last state, attitude first, and ``extent`` the largest rates, lowest and highest joints, a
-    row each; they and what follows them are a :class:`Buffers`.
+    The arguments up to ``duration`` are the fields of :class:`Robot`; from ``attitude`` to
+    ``tolerance`` those of ``EnsembleIntegrator.integrate`` for a single motion; the others are the
+    fields of :class:`Buffers`. ``last`` receives the final state, attitude first, and ``extent``
+    the largest rates, smallest and largest joint values, in rows.
 
     Returns:
-        Ending, when, least magnitude of the measure, when, largest magnitude, smallest over largest
-        magnitude of det S, evaluations of (4).
+        Ending and its time, minimum magnitude of the measure and its time, maximum magnitude,
+        minimum over maximum magnitude of det S, evaluations of (4).
     """
     n, m = len(joints), len(rows)
     square = n == m
     K, before = stages[0], stages[1]
     y, at, old = states[0], states[1], states[2]
-    q, rates, spare, demand = room[0, :n], room[1, :n], room[2, :n], room[3]
+    q, rates, spare, demand = vectors[0, :n], vectors[1, :n], vectors[2, :n], vectors[3]
     forward = 1.0 if goal >= start else -1.0
     for j in range(4):
         y[j] = attitude[j]
     for j in range(n):
         y[4 + j] = joints[j]
         extent[0, j], extent[1, j], extent[2, j] = 0.0, joints[j], joints[j]
-    t, piece, last_piece = start / duration, 0, len(ends) - 1
-    while piece < last_piece and (ends[piece] <= start if forward > 0.0 else ends[piece] < start):
-        piece += 1
-    determinant = flow(bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
+    t, segment, last_segment = start / duration, 0, len(ends) - 1
+    while segment < last_segment and (
+        ends[segment] <= start if forward > 0.0 else ends[segment] < start
+    ):
+        segment += 1
+    determinant = flow(bodies, facts, rows, origins, spans, law, tangents, duration, segment, h,
                         t, y, K[0], w, S, L, q, rates, demand)  # fmt: skip
     evaluations, taken, ending = 1, 0, COMPLETED
     positive = determinant > 0.0
@@ -172,9 +180,9 @@ def integrate_one(
     value = measure_at(bodies, facts, rows, measure, y[4:], w, S, L, spare)
     sign = -1.0 if value < 0.0 else 1.0
     value *= sign
-    least, least_at, most = value, t, value
+    minimum, minimum_at, maximum = value, t, value
     if determinant == 0.0 or not math.isfinite(determinant):
-        ending, least = SINGULAR, 0.0
+        ending, minimum = SINGULAR, 0.0
     elif value < stop_below:
         ending = MARGIN
     for j in range(n if ending != SINGULAR else 0):
@@ -182,13 +190,13 @@ def integrate_one(
     step = _FIRST_STEP
     value_before, step_before = value, 0.0
     while ending == COMPLETED:
-        leg = ends[piece] if forward > 0.0 else (ends[piece - 1] if piece > 0 else 0.0)
+        leg = ends[segment] if forward > 0.0 else (ends[segment - 1] if segment > 0 else 0.0)
         leg = (min(goal, leg) if forward > 0.0 else max(goal, leg)) / duration
         remaining = forward * (leg - t)
         if remaining <= 0.0:
             if forward * (goal / duration - t) <= 0.0:
                 break
-            piece += 1 if forward > 0.0 else -1
+            segment += 1 if forward > 0.0 else -1
             continue
         taken += 1
         if taken > _MAX_STEPS:
@@ -199,8 +207,8 @@ def integrate_one(
             step = 0.5 * remaining
         dt = forward * (remaining if whole else step)
         determinant, made, flipped = make_stages(
-            tableau, bodies, facts, rows, origins, spans, law, tangents, duration, piece, h, t, dt,
-            positive, y, at, K, w, S, L, q, rates, demand,
+            tableau, bodies, facts, rows, origins, spans, law, tangents, duration, segment, h, t,
+            dt, positive, y, at, K, w, S, L, q, rates, demand,
         )  # fmt: skip
         evaluations += made
         if flipped:
@@ -223,28 +231,30 @@ def integrate_one(
         t_new, last_step = leg if whole else t + dt, whole and leg == goal / duration
         left, center, middle = step_before, 0.0, value
         if step_before == 0.0 or (last_step and after < value):
-            # beside the first and the last node a dip has no node of its own
+            # a minimum beside the first or the last node is not bracketed by nodes
             left, middle, value_before = 0.0, math.inf, value
-            for share in (0.5, 0.97 if last_step else 0.03):
-                inside(tableau, K, y, dt, share, rates)
+            for fraction in (0.5, 0.97 if last_step else 0.03):
+                inside(tableau, K, y, dt, fraction, rates)
                 probe = sign * measure_at(bodies, facts, rows, measure, rates, w, S, L, spare)
                 if probe < middle:
-                    center, middle = share * dt, probe
-        if may_dip(value_before, middle, after, abs(center + left), abs(dt - center), least):
-            low, place = dip(
+                    center, middle = fraction * dt, probe
+        if has_lower_minimum(
+            value_before, middle, after, abs(center + left), abs(dt - center), minimum
+        ):
+            low, low_at = local_minimum(
                 tableau, K, y, dt, before, old, step_before, -left, center, dt, value_before,
                 middle, after, sign, bodies, facts, rows, measure, w, S, L, spare, rates,
             )  # fmt: skip
-            if low < least:
-                least, least_at = low, t + place
-        if after < least:
-            least, least_at = after, t_new
-        most = max(most, after)
+            if low < minimum:
+                minimum, minimum_at = low, t + low_at
+        if after < minimum:
+            minimum, minimum_at = after, t_new
+        maximum = max(maximum, after)
         smallest, largest = min(smallest, abs(determinant)), max(largest, abs(determinant))
         speed = _widen(extent, at, K, duration)
-        if least <= 0.0 or (not square and speed > _TOO_FAST):
+        if minimum <= 0.0 or (not square and speed > _TOO_FAST):
             ending = SINGULAR
-        elif least < stop_below:
+        elif minimum < stop_below:
             ending = MARGIN
         _advance(K, before, y, old, at)
         value_before, step_before = value, dt
@@ -253,9 +263,9 @@ def integrate_one(
     for j in range(4 + n):
         last[j] = y[j]
     if ending == SINGULAR:
-        least, least_at, smallest = 0.0, t, 0.0
-    clearance = smallest / largest if largest > 0.0 else 0.0
-    return ending, t * duration, least, least_at * duration, most, clearance, evaluations
+        minimum, minimum_at, smallest = 0.0, t, 0.0
+    ratio = smallest / largest if largest > 0.0 else 0.0
+    return ending, t * duration, minimum, minimum_at * duration, maximum, ratio, evaluations
 
 
 @compiled
@@ -266,17 +276,18 @@ def integrate_many(
 ) -> None:  # fmt: skip
     """Integrate motions ``first`` to ``beyond`` and write their results.
 
-    Where the measure gets small beside its largest value on the way, an error that hardly changes
-    the motion changes the measure's share of it much: such motions are followed again, stricter.
+    Where the minimum of the measure is small relative to its maximum along the motion, small
+    errors of the motion are large relative to it: such motions are integrated again with a stricter
+    tolerance.
     """
     _integrate_many(
-        borrowed(tableau), borrowed(robot.bodies), borrowed(robot.facts), borrowed(robot.rows),
-        robot.measure, borrowed(robot.ends), borrowed(robot.origins), borrowed(robot.spans),
-        borrowed(robot.law), borrowed(robot.tangents), robot.duration, borrowed(attitudes),
-        borrowed(joints), borrowed(momenta), borrowed(starts), borrowed(goals), stop_below,
-        tolerance, first, beyond, borrowed(buffers.last), borrowed(buffers.extent),
-        borrowed(buffers.w), borrowed(buffers.S), borrowed(buffers.L), borrowed(buffers.stages),
-        borrowed(buffers.states), borrowed(buffers.vectors), out,
+        unowned(tableau), unowned(robot.bodies), unowned(robot.facts), unowned(robot.rows),
+        robot.measure, unowned(robot.ends), unowned(robot.origins), unowned(robot.spans),
+        unowned(robot.law), unowned(robot.tangents), robot.duration, unowned(attitudes),
+        unowned(joints), unowned(momenta), unowned(starts), unowned(goals), stop_below,
+        tolerance, first, beyond, unowned(buffers.last), unowned(buffers.extent),
+        unowned(buffers.w), unowned(buffers.S), unowned(buffers.L), unowned(buffers.stages),
+        unowned(buffers.states), unowned(buffers.vectors), out,
     )  # fmt: skip
 
 
@@ -286,26 +297,26 @@ def _integrate_many(
     origins: Array, spans: Array, law: Array, tangents: Array, duration: float, attitudes: Array,
     joints: Array, momenta: Array, starts: Array, goals: Array, stop_below: float,
     tolerance: float, first: int, beyond: int, last: Array, extent: Array, w: Array, S: Array,
-    L: Array, stages: Array, states: Array, room: Array, out: EnsembleResult,
+    L: Array, stages: Array, states: Array, vectors: Array, out: EnsembleResult,
 ) -> None:  # fmt: skip
     n = joints.shape[1]
     for k in range(first, beyond):
-        ending, when, least, least_at, most, clearance, evaluations = integrate_one(
+        ending, ended_at, minimum, minimum_at, maximum, ratio, evaluations = integrate_one(
             tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents, duration,
             attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below, tolerance,
-            last, extent, w, S, L, stages, states, room,
+            last, extent, w, S, L, stages, states, vectors,
         )  # fmt: skip
-        undecided = ending == COMPLETED or (ending == MARGIN and least > _UNDECIDED * stop_below)
-        if undecided and least < _SMALL * most:
-            ending, when, least, least_at, most, clearance, more = integrate_one(
+        undecided = ending == COMPLETED or (ending == MARGIN and minimum > _UNDECIDED * stop_below)
+        if undecided and minimum < _SMALL * maximum:
+            ending, ended_at, minimum, minimum_at, maximum, ratio, more = integrate_one(
                 tableau, bodies, facts, rows, measure, ends, origins, spans, law, tangents,
                 duration, attitudes[k], joints[k], momenta[k], starts[k], goals[k], stop_below,
-                _STRICTER * tolerance, last, extent, w, S, L, stages, states, room,
+                _STRICTER * tolerance, last, extent, w, S, L, stages, states, vectors,
             )  # fmt: skip
             evaluations += more
-        out.endings[k], out.ended_at[k] = ending, when
-        out.minimum[k], out.minimum_at[k] = least, least_at
-        out.determinant_ratios[k], out.evaluations[k] = clearance, evaluations
+        out.endings[k], out.ended_at[k] = ending, ended_at
+        out.minimum[k], out.minimum_at[k] = minimum, minimum_at
+        out.determinant_ratios[k], out.evaluations[k] = ratio, evaluations
         for j in range(4):
             out.attitudes[k, j] = last[j]
         for j in range(n):

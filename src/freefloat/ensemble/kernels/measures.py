@@ -1,4 +1,4 @@
-"""The measures of singularity compiled, for margins followed along motions."""
+"""The singularity measures compiled."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import math
 import numpy as np
 
 from freefloat.dynamics.kernels.compilation import compiled
+from freefloat.dynamics.kernels.elimination import eliminate
 from freefloat.dynamics.kernels.equation import (
     DQ,
-    HAND,
     JAC,
     LEVEL,
+    PRISMATIC,
     REACH,
-    SLIDES,
+    TIP,
     D,
     configure,
-    eliminate,
     form_jacobian,
 )
 from freefloat.so3 import Array, IntArray
 
 GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3
-"""Codes of the measures, in the order of ``singularity.NAMES``."""
+"""Codes of the measures, in the order of ``freefloat.dynamics.measures.NAMES``."""
 
 
 @compiled
@@ -30,7 +30,7 @@ def measure_at(
     bodies: Array, facts: Array, rows: IntArray, measure: int, q: Array,
     w: Array, S: Array, L: Array, joints: Array,
 ) -> float:  # fmt: skip
-    """The measure with a code at joint values; the last four are room."""
+    """The measure with a code at joint values; the last four arguments are buffers."""
     if measure == ARM:
         joints[0], joints[1], joints[2] = 0.0, q[1], q[2]
         joints[3], joints[4], joints[5] = 0.0, 0.5 * math.pi, 0.0
@@ -52,31 +52,31 @@ def _sigma(bodies: Array, facts: Array, rows: IntArray, S: Array) -> float:
         for i in range(m):
             if rows[i] < 3:
                 scaled[i, j] /= facts[REACH]
-            if bodies[j + 1, SLIDES] != 0.0:
+            if bodies[j + 1, PRISMATIC] != 0.0:
                 scaled[i, j] *= facts[REACH]
     return float(np.linalg.svd(scaled)[1][-1])
 
 
 @compiled
 def _in_plane(facts: Array, w: Array) -> float:
-    """Determinant of the in-plane block of (39), the wrist's rates eliminated.
+    """Determinant of the in-plane block of (39), the wrist rates eliminated.
 
-    Columns: the spacecraft about the plane's normal, joints 2 and 3. Rows: momentum about that
-    normal, the end-effector's velocity along the plane's two axes.
+    Columns: spacecraft rate about the plane's normal, joints 2 and 3. Rows: angular momentum about
+    that normal, end-effector velocity along the plane's two axes.
     """
     x, y, z = facts[LEVEL], facts[LEVEL + 1], facts[LEVEL + 2]
-    r0, r1, r2 = w[0, HAND], w[0, HAND + 1], w[0, HAND + 2]
+    r0, r1, r2 = w[0, TIP], w[0, TIP + 1], w[0, TIP + 2]
     xx, yy, zz = w[0, D], w[0, D + 1], w[0, D + 2]
     xy, xz, yz = w[0, D + 3], w[0, D + 4], w[0, D + 5]
-    a0, a1, a2 = _undone(
+    a0, a1, a2 = _wrist_eliminated(
         facts, w, x, y, z, xx * x + xy * y + xz * z, xy * x + yy * y + yz * z,
         xz * x + yz * y + zz * z, y * r2 - z * r1, z * r0 - x * r2, x * r1 - y * r0,
     )  # fmt: skip
-    b0, b1, b2 = _undone(
+    b0, b1, b2 = _wrist_eliminated(
         facts, w, w[2, JAC + 3], w[2, JAC + 4], w[2, JAC + 5], w[2, DQ], w[2, DQ + 1],
         w[2, DQ + 2], w[2, JAC], w[2, JAC + 1], w[2, JAC + 2],
     )  # fmt: skip
-    c0, c1, c2 = _undone(
+    c0, c1, c2 = _wrist_eliminated(
         facts, w, w[3, JAC + 3], w[3, JAC + 4], w[3, JAC + 5], w[3, DQ], w[3, DQ + 1],
         w[3, DQ + 2], w[3, JAC], w[3, JAC + 1], w[3, JAC + 2],
     )  # fmt: skip
@@ -84,14 +84,15 @@ def _in_plane(facts: Array, w: Array) -> float:
 
 
 @compiled
-def _undone(
+def _wrist_eliminated(
     facts: Array, w: Array, x: float, y: float, z: float,
     h0: float, h1: float, h2: float, v0: float, v1: float, v2: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Momentum and velocities in the arm's plane of a rate, the wrist undoing its turn of the hand.
+    """Momentum and velocities in the arm's plane per rate, the wrist cancelling its rotation.
 
-    The rate turns the hand by x, y, z and gives momentum h and velocity v. The wrist's rates follow
-    by Cramer's rule from its axes, whose directions are the last rows of their columns of J.
+    The rate gives the end-effector the angular velocity x, y, z and the system momentum h and
+    velocity v. The wrist rates that cancel the former follow by Cramer's rule from the wrist axes,
+    the last rows of their columns of J.
     """
     a0, a1, a2 = w[4, JAC + 3], w[4, JAC + 4], w[4, JAC + 5]
     b0, b1, b2 = w[5, JAC + 3], w[5, JAC + 4], w[5, JAC + 5]

@@ -1,4 +1,4 @@
-"""A step of Dormand and Prince's method compiled, and what the measure does inside it."""
+"""Steps of the Dormand-Prince method compiled, and the minimum of the measure within them."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from freefloat.so3 import Array, IntArray
 
 TABLEAU = np.zeros((14, 7))
 """Rows 0 to 5: stages, with their times in the last column; 6: the step; 7: its error; 8 to 11: the
-interpolant's powers of the share of the step."""
+interpolant's coefficients by power of the fraction of the step."""
 TABLEAU[:6, :5], TABLEAU[:6, 6], TABLEAU[6, :6], TABLEAU[7] = RK45.A, RK45.C, RK45.B, RK45.E
 TABLEAU[8:12] = RK45.P.T
-_DOUBT = 3.0
-"""A dip between nodes may be as many times as deep as the parabola says."""
+_DEPTH_FACTOR = 3.0
+"""Assumed ratio of the depth of a minimum between nodes to that of the parabola."""
 _SKEWED = 0.02
-"""Beside a node lower than its neighbours it may also be this share of the value deep: where the
-measure falls steeply and rises slowly, the parabola sees next to nothing of it."""
+"""Assumed minimum depth, relative to the value: where the measure falls steeply and rises slowly,
+the depth of the parabola is far too small."""
 
 
 @compiled
 def make_stages(
     tableau: Array, bodies: Array, facts: Array, rows: IntArray, origins: Array, spans: Array,
-    law: Array, tangents: Array, duration: float, piece: int, h: Array, t: float, dt: float,
+    law: Array, tangents: Array, duration: float, segment: int, h: Array, t: float, dt: float,
     positive: bool, y: Array, at: Array, K: Array, w: Array, S: Array, L: Array, q: Array,
     rates: Array, demand: Array,
 ) -> tuple[float, int, bool]:  # fmt: skip
-    """All stages of a step but the first, and its end in ``at``.
+    """Compute all stages of a step but the first, and its end in ``at``.
 
     Returns:
-        The determinant at the end, the number of stages, and whether its sign changed on the way:
-        then the rest of the step was left out.
+        The determinant at the end, the number of stages, and whether its sign changed, after which
+        no further stage is computed.
     """
     square, determinant = len(q) == len(rows), 0.0
     for s in range(1, 7):
@@ -45,10 +45,10 @@ def make_stages(
             weight = dt * tableau[s, i]
             for j in range(len(y)):
                 at[j] += weight * K[i, j]
-        share = tableau[s, 6] if s < 6 else 1.0
+        fraction = tableau[s, 6] if s < 6 else 1.0
         determinant = flow(
-            bodies, facts, rows, origins, spans, law, tangents, duration, piece, h,
-            t + dt * share, at, K[s], w, S, L, q, rates, demand,
+            bodies, facts, rows, origins, spans, law, tangents, duration, segment, h,
+            t + dt * fraction, at, K[s], w, S, L, q, rates, demand,
         )  # fmt: skip
         if square and (determinant > 0.0) != positive:
             return determinant, s, True
@@ -57,7 +57,7 @@ def make_stages(
 
 @compiled
 def error_of(tableau: Array, K: Array, y: Array, at: Array, dt: float, tolerance: float) -> float:
-    """Of a step, in units of what the tolerance allows; scipy's norm."""
+    """Error of a step relative to the tolerance, in SciPy's norm."""
     error = 0.0
     for j in range(len(y)):
         total = 0.0
@@ -69,7 +69,7 @@ def error_of(tableau: Array, K: Array, y: Array, at: Array, dt: float, tolerance
 
 @compiled
 def inside(tableau: Array, K: Array, y: Array, h: float, x: float, q: Array) -> None:
-    """The joints at a share x of a step."""
+    """Write the joints at a fraction x of a step into ``q``."""
     for j in range(len(q)):
         total = 0.0
         for s in range(7):
@@ -79,32 +79,32 @@ def inside(tableau: Array, K: Array, y: Array, h: float, x: float, q: Array) -> 
 
 
 @compiled
-def dip(
+def local_minimum(
     tableau: Array, K: Array, y: Array, h: float, before: Array, old: Array, h_before: float,
     a: float, b: float, c: float, fa: float, fb: float, fc: float, sign: float,
     bodies: Array, facts: Array, rows: IntArray, measure: int,
-    w: Array, S: Array, L: Array, room: Array, q: Array,
+    w: Array, S: Array, L: Array, spare: Array, q: Array,
 ) -> tuple[float, float]:  # fmt: skip
-    """The smallest value of the measure near a place ``b`` where it is lower than at ``a``, ``c``.
+    """The minimum of the measure between times ``a`` and ``c``, bracketed by ``b``.
 
-    Places are times from the node between the step before and this step.
+    Times count from the node between the previous step and this step.
 
     Returns:
-        The value and its place.
+        The minimum and its time.
     """
     for _ in range(7):
         p, r = (b - a) * (fb - fc), (b - c) * (fb - fa)
-        under = p - r
-        x = b - 0.5 * ((b - a) * p - (b - c) * r) / under if under != 0.0 else b
-        least_move = 0.02 * (c - a if c > a else a - c)
-        if not abs(x - b) > least_move:
+        denominator = p - r
+        x = b - 0.5 * ((b - a) * p - (b - c) * r) / denominator if denominator != 0.0 else b
+        minimum_move = 0.02 * (c - a if c > a else a - c)
+        if not abs(x - b) > minimum_move:
             longer = c - b if abs(c - b) > abs(b - a) else a - b
-            x = b + (0.1 * longer if abs(x - b) > 0.0 or under == 0.0 else 0.02 * longer)
+            x = b + (0.1 * longer if abs(x - b) > 0.0 or denominator == 0.0 else 0.02 * longer)
         if x * h > 0.0:
             inside(tableau, K, y, h, min(x / h, 1.0), q)
         else:
             inside(tableau, before, old, h_before, max(1.0 + x / h_before, 0.0), q)
-        fx = sign * measure_at(bodies, facts, rows, measure, q, w, S, L, room)
+        fx = sign * measure_at(bodies, facts, rows, measure, q, w, S, L, spare)
         beyond = (x - b) * h > 0.0
         if fx < fb:
             if beyond:
@@ -120,17 +120,19 @@ def dip(
 
 
 @compiled
-def may_dip(
-    before: float, middle: float, after: float, back: float, on: float, least: float
+def has_lower_minimum(
+    before: float, middle: float, after: float, back: float, on: float, minimum: float
 ) -> bool:
-    """Whether the measure may fall below ``least`` around a place lower than its neighbours.
+    """Whether the measure may fall below ``minimum`` near a value lower than its neighbours.
 
-    They are ``back`` and ``on`` away. The parabola through the three may be too shallow.
+    Their distances are ``back`` and ``on``. The parabola through the three may be too shallow.
     """
     if middle > before or middle > after:
         return False
     fall, rise = (before - middle) / back, (after - middle) / on
-    bend = (rise + fall) / (back + on)
+    curvature = (rise + fall) / (back + on)
     slope = (rise * back - fall * on) / (back + on)
-    deep = max(_DOUBT * slope * slope / (4.0 * bend), _SKEWED * middle) if bend > 0.0 else 0.0
-    return bend > 0.0 and middle - deep < least
+    if not curvature > 0.0:
+        return False
+    depth = max(_DEPTH_FACTOR * slope * slope / (4.0 * curvature), _SKEWED * middle)
+    return middle - depth < minimum

@@ -5,7 +5,7 @@ in both ways. The verdicts have to be the same where S_min is not within half a 
 largest value from the margin, S_min has to agree to a thousandth (below the margin: of the margin),
 the last attitude to 1e-4 rad. Motions that all but touch a singularity may end there in one way
 only; they are counted as grazing.
-``python scripts/verify_rollout.py --attitudes 500`` prints a table and lists what disagrees;
+``python scripts/verify_ensemble.py --attitudes 500`` prints a table and lists what disagrees;
 ``--seed`` chooses other attitudes, ``--json FILE`` keeps the details.
 """
 
