@@ -1,4 +1,4 @@
-"""Problems of arms with joints to spare: random robots, random paths that they can begin."""
+"""Problems of redundant arms: random robots and random paths from their configuration."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ ARMS = [
     ("RPRR", Task.POSITION), ("PRFRPRR", Task.POSITION), ("3", Task.PLANAR_POSITION),
     ("5", Task.PLANAR_POSITION), ("4", Task.PLANAR_POSE),
 ]  # fmt: skip
-"""Structures, or the number of planar joints, and tasks that leave some of them free."""
+"""Structures, or the number of planar joints, and tasks for which they are redundant."""
 
 RANGE = '<limit lower="-1" upper="2.5" effort="9" velocity="9"/>'
-"""Of the second joint of planar arms; the others turn without end."""
+"""Range of the second joint of planar arms; the others are continuous."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def redundant(
     momentum: bool = True,
     timing: Timing | None = None,
 ) -> Start:
-    """A random robot somewhere, its end-effector to move some way along a line and turn."""
+    """A random robot whose end-effector follows a short line with a rotation."""
     rng = np.random.default_rng([seed, *structure.encode()])
     if task.planar:
         m = [60.0, 9.0, 7.0, 5.0, 3.0, *[2.0] * int(structure)][: int(structure) + 1]
@@ -77,7 +77,7 @@ def redundant(
 
 
 def choices(structure: str, task: Task, seed: int = 0) -> list[Redundancy]:
-    """Every metric with every attraction, for the arm that has this structure."""
+    """All metrics with all objectives for an arm of this structure."""
     names = redundant(structure, task, None, seed).problem.model.joint_names
     heavy = {names[0]: 5.0, names[-1]: 0.2}
     metrics = (Metric.JOINTS, Metric.ENERGY, heavy)

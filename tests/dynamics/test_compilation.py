@@ -1,4 +1,4 @@
-"""Compiling kernels: kept on disk, compiled anew when any of them changes, or not kept at all."""
+"""Compilation of kernels and their cache on disk."""
 
 from __future__ import annotations
 
@@ -36,21 +36,24 @@ def scaled(x):
     return factor() * x
 """
 RUN = """
+from pathlib import Path
+from freefloat.dynamics.kernels import compilation
+compilation._PACKAGE = Path.cwd()
 import kernel
 print(kernel.scaled(3.0), sum(kernel.scaled.stats.cache_hits.values()), kernel.scaled.__doc__)
 """
 
 
 def run(folder: Path) -> list[str]:
-    """What the kernel gives in a fresh process, and how often it was found on disk."""
+    """Result of the kernel in a new process, and the number of cache hits."""
     command = [sys.executable, "-c", RUN]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     return done.stdout.split()
 
 
 @pytest.mark.slow
-def test_kernels_are_found_on_disk_until_one_that_they_call_changes(tmp_path: Path) -> None:
-    """Also when that one stands in another file, which numba by itself does not look at."""
+def test_cached_kernels_are_compiled_again_when_a_called_kernel_changes(tmp_path: Path) -> None:
+    """Also when the called kernel is in another file, which Numba does not check."""
     (tmp_path / "kernel.py").write_text(KERNEL)
     (tmp_path / "helper.py").write_text(HELPER.format(value=2.0))
     assert run(tmp_path) == ["6.0", "0", "Scale."]
@@ -59,7 +62,7 @@ def test_kernels_are_found_on_disk_until_one_that_they_call_changes(tmp_path: Pa
     assert run(tmp_path) == ["15.0", "0", "Scale."]
 
 
-def test_where_nothing_can_be_kept_kernels_still_run() -> None:
+def test_kernels_run_without_a_cache_folder() -> None:
     """A function without a file has no folder beside it."""
     scope = {"compiled": compiled}
     exec(compile("@compiled\ndef twice(x):\n    return 2.0 * x\n", "<nowhere>", "exec"), scope)
@@ -67,7 +70,7 @@ def test_where_nothing_can_be_kept_kernels_still_run() -> None:
     assert not scope["twice"].stats.cache_path
 
 
-def test_division_by_zero_is_numpys() -> None:
+def test_division_by_zero_follows_numpy() -> None:
     """Infinite, not an exception."""
 
     @compiled
@@ -77,23 +80,23 @@ def test_division_by_zero_is_numpys() -> None:
     assert inverse(0.0) == np.inf
 
 
-def machine_code() -> dict[str, int]:
-    """For how many kinds of arguments each kernel is compiled."""
+def signatures() -> dict[str, int]:
+    """Number of compiled signatures of each kernel."""
     return {
         f"{name}.{kernel}": len(thing.signatures)
-        for name in sys.modules if name.startswith("freefloat.kernels.")
+        for name in sys.modules if name.startswith("freefloat.")
         for kernel, thing in vars(sys.modules[name]).items() if isinstance(thing, Dispatcher)
     }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["planar_3dof/parabola_nonstop", "spatial_6dof/line"])
-def test_whole_numbers_and_those_that_nobody_may_change_take_the_same_machine_code(
+def test_integers_and_read_only_arrays_need_no_further_compilation(
     name: str,
 ) -> None:
-    """Compiling it again would be a quarter of a minute in which nothing seems to happen."""
+    """Compiling the kernels again would take a quarter of a minute."""
     problem = load_scenario(name).problem()
     motion = used(problem)
-    before = machine_code()
+    before = signatures()
     path = TimedPath(problem.path.path, Timing(round(problem.path.duration)))
     margin = Margin(problem.margin.measure, round(problem.margin.threshold))
     whole = Problem(problem.model, path, problem.task, (0, 0, 1), margin)
@@ -102,12 +105,12 @@ def test_whole_numbers_and_those_that_nobody_may_change_take_the_same_machine_co
     assert determinant is not None
     assert determinant(motion.joints[0]) != 0.0
     assert before["freefloat.ensemble.kernels.integration.integrate_many"] > 0
-    assert machine_code() == before
+    assert signatures() == before
 
 
 def used(problem: Problem) -> Motion:
-    """Its first motion, after many branches were found and followed."""
+    """The chosen motion, after all kernels have been called."""
     attitude = np.array([0.0, 0.0, 0.0, 1.0])
-    found = FeasibilityEvaluator(problem, 1).evaluate(attitude[None], stop_at_margin=True)
-    assert (found.endings >= 0).any()
+    results = FeasibilityEvaluator(problem, 1).evaluate(attitude[None], stop_at_margin=True)
+    assert (results.motions.endings >= 0).any()
     return simulate(problem, attitude).chosen.motion

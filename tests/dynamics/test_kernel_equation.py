@@ -71,7 +71,7 @@ def measured_problem(model: FreeFloatingModel, task: Task, name: str) -> Problem
 
 @dataclass
 class Kernels:
-    """The kernels' numbers for a robot and a task, and room to work in."""
+    """The kernels' numbers for a robot and a task, and buffers."""
 
     model: FreeFloatingModel
     task: Task
@@ -102,7 +102,7 @@ class Kernels:
     def rates(
         self, q: np.ndarray, attitude: np.ndarray, twist: np.ndarray, h: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Turn rate, joint rates and det S."""
+        """Angular velocity, joint rates and det S."""
         R0 = rotation_matrix(attitude)
         demand = np.concatenate([twist[:3] @ R0, twist[3:] @ R0, h @ R0])
         rates = np.zeros(self.model.dof)
@@ -170,7 +170,7 @@ def bundled(name: str) -> Problem:
 
 
 def assert_equal_parts(model: FreeFloatingModel, task: Task, q: np.ndarray) -> None:
-    """D, Dq, the hand and J of (1) and (5), S* of (7) and its determinant."""
+    """D, Dq, the end-effector position and J of (1) and (5), S* of (7) and its determinant."""
     kernels = Kernels(model, task).configure(q)
     D_, Dq = inertia_matrices(model, q)
     found, found_q = kernels.inertia()
@@ -212,8 +212,8 @@ arms = st.one_of(
 
 @settings(max_examples=60)
 @given(data=st.data(), robot=robots(arms))
-def test_matrices_of_any_robot_are_pinocchios(data: st.DataObject, robot: Robot) -> None:
-    """Revolute and sliding joints, fixed and held ones merged; awkward joint values."""
+def test_matrices_of_random_robots_agree_with_pinocchio(data: st.DataObject, robot: Robot) -> None:
+    """Revolute and prismatic joints, fixed joints merged; awkward joint values."""
     held = {name: data.draw(st.floats(-2.0, 2.0)) for name in robot.others}
     model = loaded(robot, held=held)
     q = data.draw(joint_values(model.dof))
@@ -222,7 +222,9 @@ def test_matrices_of_any_robot_are_pinocchios(data: st.DataObject, robot: Robot)
 
 
 @pytest.mark.parametrize("joints", range(2, 9))
-def test_matrices_of_planar_robots_are_pinocchios(joints: int, rng: np.random.Generator) -> None:
+def test_matrices_of_planar_robots_agree_with_pinocchio(
+    joints: int, rng: np.random.Generator
+) -> None:
     """Both planar tasks; redundant from three and four joints on."""
     for _ in range(4):
         model = planar_model(rng, joints)
@@ -232,8 +234,8 @@ def test_matrices_of_planar_robots_are_pinocchios(joints: int, rng: np.random.Ge
 
 
 @pytest.mark.parametrize("name", BUNDLED)
-def test_matrices_of_the_bundled_robots_are_pinocchios(name: str, rng: np.random.Generator) -> None:
-    """Example 2, a UR5, a Panda whose fingers are held."""
+def test_matrices_of_bundled_robots(name: str, rng: np.random.Generator) -> None:
+    """Example 2, a UR5, a Panda with fixed fingers."""
     model = bundled(name).model
     for q in rng.uniform(-np.pi, np.pi, (20, model.dof)):
         assert_equal_parts(model, Task.POSE, q)
@@ -246,7 +248,7 @@ def test_matrices_of_the_bundled_robots_are_pinocchios(name: str, rng: np.random
 def assert_same_rates(
     model: FreeFloatingModel, task: Task, q: np.ndarray, rng: np.random.Generator
 ) -> None:
-    """Turn and joint rates, to rounding as the condition of S* magnifies it."""
+    """Angular velocity and joint rates, to rounding times the condition number of S*."""
     twist, h = rng.normal(size=6), rng.normal(size=3) * model.total_mass / 100.0
     attitude = Rotation.random(rng=rng).as_quat()
     if task.planar:
@@ -271,7 +273,7 @@ STRUCTURES = ("RRR", "RPR", "CRPR", "RRRRR", "RRRRRR", "RPRCRR", "RRPRRRR", "CRR
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_rates_of_random_robots_solve_equation_4(structure: str, rng: np.random.Generator) -> None:
-    """Three to eight joints, with momentum: the unique rates, or those of least norm."""
+    """Three to eight joints, with momentum: the unique rates, or those of minimum norm."""
     for _ in range(5):
         robot = random_robot(rng, structure, "RP")
         held = dict(zip(robot.others, rng.uniform(-1.0, 1.0, 2), strict=True))
@@ -292,14 +294,14 @@ def test_rates_of_planar_robots_solve_equation_4(joints: int, rng: np.random.Gen
 
 
 @pytest.mark.parametrize("name", BUNDLED)
-def test_rates_of_the_bundled_robots_solve_equation_4(name: str, rng: np.random.Generator) -> None:
+def test_rates_of_bundled_robots_solve_equation_4(name: str, rng: np.random.Generator) -> None:
     model = bundled(name).model
     for q in rng.uniform(-np.pi, np.pi, (20, model.dof)):
         assert_same_rates(model, Task.POSE, q, rng)
         assert_same_rates(model, Task.POSITION, q, rng)
 
 
-def test_the_rates_keep_the_momentum_and_move_the_hand(rng: np.random.Generator) -> None:
+def test_rates_conserve_momentum_and_give_the_end_effector_twist(rng: np.random.Generator) -> None:
     """From D, Dq and S alone, without any other solver: h and the twist come out."""
     model = bundled("panda_servicer/line").model
     kernels = Kernels(model, Task.POSE)
@@ -379,9 +381,7 @@ def assert_same_measure(model: FreeFloatingModel, task: Task, name: str, q: np.n
 
 @pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
 @pytest.mark.parametrize("structure", STRUCTURES)
-def test_measures_of_random_robots_are_those_of_singularity(
-    structure: str, name: str, rng: np.random.Generator
-) -> None:
+def test_measures_of_random_robots(structure: str, name: str, rng: np.random.Generator) -> None:
     robot = random_robot(rng, structure, "R")
     model = loaded(robot)
     for q in rng.uniform(-np.pi, np.pi, (5, model.dof)):
@@ -392,9 +392,7 @@ def test_measures_of_random_robots_are_those_of_singularity(
 
 @pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
 @pytest.mark.parametrize("joints", [2, 3, 4, 7])
-def test_measures_of_planar_robots_are_those_of_singularity(
-    joints: int, name: str, rng: np.random.Generator
-) -> None:
+def test_measures_of_planar_robots(joints: int, name: str, rng: np.random.Generator) -> None:
     model = planar_model(rng, joints)
     for task in (Task.PLANAR_POSE, Task.PLANAR_POSITION):
         for q in rng.uniform(-np.pi, np.pi, (5, joints)):
@@ -407,9 +405,7 @@ def test_measures_of_planar_robots_are_those_of_singularity(
     [(problem, name) for problem in BUNDLED for name in NAMES
      if name != "arm" or problem == "spatial_6dof/line"],
 )  # fmt: skip
-def test_measures_of_the_bundled_robots_are_those_of_singularity(
-    problem: str, name: str, rng: np.random.Generator
-) -> None:
+def test_measures_of_bundled_robots(problem: str, name: str, rng: np.random.Generator) -> None:
     """Away from singularities, so that a relative difference means something."""
     model = bundled(problem).model
     kernels, of = Kernels(model, Task.POSE, name), singularity_measure(model, Task.POSE, name)
@@ -420,7 +416,7 @@ def test_measures_of_the_bundled_robots_are_those_of_singularity(
         assert found.min() < 0.0 < found.max()
 
 
-def test_the_arm_factor_of_random_elbow_arms_is_that_of_singularity(
+def test_in_plane_factor_of_random_elbow_arms(
     rng: np.random.Generator,
 ) -> None:
     """The wrist eliminated by Cramer's rule, at any q1 and wrist angles: they do not matter."""
@@ -434,7 +430,7 @@ def test_the_arm_factor_of_random_elbow_arms_is_that_of_singularity(
 
 
 def test_sigma_scales_lengths_by_the_reach(rng: np.random.Generator) -> None:
-    """A sliding joint's column and the linear rows: told apart from a plain singular value."""
+    """A prismatic joint's column and the linear rows are scaled."""
     model = loaded(random_robot(rng, "RPRRRR"))
     kernels, q = Kernels(model, Task.POSE, "sigma"), rng.uniform(-2.0, 2.0, 6)
     plain = np.linalg.svd(generalized_jacobian(model, q), compute_uv=False)[-1]

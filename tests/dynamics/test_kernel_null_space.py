@@ -1,4 +1,4 @@
-"""Compiled motions of arms with joints to spare are the precise ones."""
+"""Compiled motions of redundant arms agree with single integration."""
 
 from dataclasses import replace
 

@@ -38,7 +38,7 @@ def loaded(robot: Robot, **options: object) -> FreeFloatingModel:
 
 
 def test_dynamic_singularity_is_not_kinematic() -> None:
-    """A drifting planar arm gets stuck at elbow angles where a bolted one moves freely."""
+    """A free-floating planar arm is singular at elbow angles where a fixed-base arm is not."""
     table = [10, 4, 3], [0.8, 0.333, 0.25], [0.5, 0.5], [0.5, 0.5, 0.5]
     model = FreeFloatingModel.from_urdf(planar_robot(*table))
 
@@ -51,10 +51,10 @@ def test_dynamic_singularity_is_not_kinematic() -> None:
         values = np.array([free(q1, q2) for q1 in grid])
         for i in np.flatnonzero(values[:-1] * values[1:] < 0.0):
             q1 = brentq(free, grid[i], grid[i + 1], args=(q2,), xtol=1e-15)
-            bolted = end_effector_jacobian(model, [q1, q2])[:2, 6:]
+            fixed_base = end_effector_jacobian(model, [q1, q2])[:2, 6:]
             S = generalized_jacobian(model, [q1, q2], Task.PLANAR_POSITION)
             assert abs(np.linalg.det(S)) < 1e-13
-            assert np.linalg.det(bolted) == pytest.approx(np.sin(q2), abs=1e-12)
+            assert np.linalg.det(fixed_base) == pytest.approx(np.sin(q2), abs=1e-12)
             met += 1
     assert met == 8
 
@@ -95,7 +95,7 @@ def momentum_by_hand(
 def test_momentum_map_sums_the_momentum_of_every_body(
     data: st.DataObject, robot: Robot, attitude: np.ndarray
 ) -> None:
-    """Mass times velocity, and moments about the centre of mass, in inertial axes."""
+    """Mass times velocity, and moments about the centre of mass, in the inertial frame."""
     model = loaded(robot)
     q = data.draw(joint_values(model.dof))
     v = np.random.default_rng(1).normal(size=6 + model.dof)
@@ -104,7 +104,9 @@ def test_momentum_map_sums_the_momentum_of_every_body(
 
 
 @given(data=st.data(), robot=robots(), attitude=attitudes)
-def test_momentum_is_zero(data: st.DataObject, robot: Robot, attitude: np.ndarray) -> None:
+def test_momentum_of_the_rates_of_1_is_zero(
+    data: st.DataObject, robot: Robot, attitude: np.ndarray
+) -> None:
     """The rates that (1) allows without momentum carry none, body by body."""
     model = loaded(robot)
     q = data.draw(joint_values(model.dof))
@@ -158,7 +160,9 @@ def test_generalized_jacobian_ignores_the_base_pose(
 
 
 @given(data=st.data(), robot=robots())
-def test_two_routes_to_the_base_map_agree(data: st.DataObject, robot: Robot) -> None:
+def test_centroidal_and_mass_matrix_give_the_same_base_twist(
+    data: st.DataObject, robot: Robot
+) -> None:
     """Centroidal matrix and mass matrix give the same base twist per joint rate."""
     model = loaded(robot)
     q = data.draw(joint_values(model.dof))
@@ -205,7 +209,7 @@ def test_tasks_are_rows_of_the_twist(spatial_6dof: FreeFloatingModel) -> None:
     assert [task.prescribes_orientation for task in Task] == [True, False, True, False]
 
 
-def test_in_the_plane_three_dimensions_say_the_same(planar_3dof: FreeFloatingModel) -> None:
+def test_planar_jacobian_is_part_of_the_spatial_one(planar_3dof: FreeFloatingModel) -> None:
     """A planar arm's S* is the x, y, turn part of its spatial one: nothing leaves the plane."""
     q = np.array([0.5, -1.2, 0.7])
     spatial = generalized_jacobian(planar_3dof, q)
@@ -221,9 +225,9 @@ def test_in_the_plane_three_dimensions_say_the_same(planar_3dof: FreeFloatingMod
 def test_rates_give_the_twist_and_keep_the_momentum(
     data: st.DataObject, robot: Robot, attitude: np.ndarray
 ) -> None:
-    """Equation (4): A [w; dq] = [R0^T h; C^T v], also where joints are left to spare."""
+    """Equation (4): A [w; dq] = [R0^T h; C^T v], also for redundant arms."""
     model = loaded(robot)
-    # away from singularities: what is asked of (4) there is not to be had
+    # away from singularities, where (4) has no solution
     q = data.draw(st.lists(st.floats(0.3, 1.2), min_size=model.dof, max_size=model.dof))
     rng = np.random.default_rng(len(q))
     h, twist, q = rng.normal(size=3), rng.normal(size=6), np.array(q)
@@ -260,8 +264,8 @@ def test_planar_determinants_need_no_jacobian(planar_3dof: FreeFloatingModel) ->
     assert signs == {-1.0, 1.0}
 
 
-def test_momentum_alone_turns_the_spacecraft(spatial_6dof: FreeFloatingModel) -> None:
-    """A hand that must not move does not stop the drift: h turns spacecraft and joints."""
+def test_momentum_alone_rotates_the_spacecraft(spatial_6dof: FreeFloatingModel) -> None:
+    """With the end-effector at rest, the momentum h rotates spacecraft and joints."""
     q, h = np.array([0.4, 0.9, 1.3, 0.2, 0.8, -0.3]), np.array([0.5, 0.3, 0.1])
     attitude = np.array([0.46008, 0.09337, 0.73519, -0.48898])
     attitude /= np.linalg.norm(attitude)
@@ -279,9 +283,9 @@ def test_momentum_alone_turns_the_spacecraft(spatial_6dof: FreeFloatingModel) ->
 
 
 def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
-    """A straight arm without mass cannot move its hand outwards, nor does anything crash."""
-    bolted = FreeFloatingModel.from_urdf(planar_robot([5, 0, 0], [1, 0, 0], [1, 1], [0, 0, 0]))
-    equation = ResolvedRateSolver(bolted, Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
+    """A straight massless arm cannot move its end-effector outward."""
+    fixed_base = FreeFloatingModel.from_urdf(planar_robot([5, 0, 0], [1, 0, 0], [1, 1], [0, 0, 0]))
+    equation = ResolvedRateSolver(fixed_base, Task.PLANAR_POSITION, [0.0, 0.0, 0.0])
     w, rates = equation.rates(np.array([0.0, 0, 0, 1]), np.zeros(2), np.eye(6)[0])
     assert np.isinf([*w, *rates]).all()
     spare = FreeFloatingModel.from_urdf(planar_robot([5, 0, 0, 0], [1, 0, 0, 0], [1] * 3, [0] * 4))
@@ -290,10 +294,10 @@ def test_rates_are_infinite_where_the_matrix_is_singular() -> None:
     assert not np.isfinite(rates).all()
 
 
-def test_task_with_too_many_rows_is_refused_with_those_that_fit(
+def test_task_with_too_many_rows_raises(
     planar_3dof: FreeFloatingModel,
 ) -> None:
-    """Three joints cannot prescribe six rates; what they can is listed."""
+    """Three joints cannot follow six rates; the feasible tasks are listed."""
     with pytest.raises(InputError) as caught:
         ResolvedRateSolver(planar_3dof, Task.POSE, [0, 0, 0])
     assert caught.value.key == "task"
@@ -302,13 +306,13 @@ def test_task_with_too_many_rows_is_refused_with_those_that_fit(
 
 @pytest.mark.parametrize("h", [[0, 0], [0, 0, np.nan], "abc"])
 def test_momentum_must_be_three_finite_numbers(planar_3dof: FreeFloatingModel, h: object) -> None:
-    """What is not a vector is refused by name."""
+    """Anything but a vector raises an error with its name."""
     with pytest.raises(InputError, match=r"momentum: .*3 finite numbers"):
         ResolvedRateSolver(planar_3dof, Task.PLANAR_POSE, h)
 
 
 def test_returned_matrices_are_copies(spatial_6dof: FreeFloatingModel) -> None:
-    """What was returned does not change at the next call: no scratch memory leaks."""
+    """Returned arrays do not change at the next call."""
     equation = ResolvedRateSolver(spatial_6dof, Task.POSE, [0.1, 0.2, 0.3])
     here = np.array([0.0, 0, 0, 1]), np.array([0.4, 0.9, 1.3, 0.2, 0.8, -0.3])
     there = np.array([0.6, 0, 0, 0.8]), np.array([1.4, -0.9, 0.3, 1.2, -0.8, 0.3])

@@ -1,4 +1,4 @@
-"""The motions of arms with joints to spare: exact on the path, and least in what they should be."""
+"""Motions of redundant arms: exact on the path and optimal in their metric."""
 
 from dataclasses import replace
 
@@ -94,7 +94,7 @@ def attraction_of(start, joints):
 
 @pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING)
 def test_rates_are_those_of_the_optimality_conditions(structure, task, number):
-    """Both parts of the rates: least in the metric, and drawn, by a KKT system in plain numpy."""
+    """Minimum-norm and attraction parts of the rates, by a KKT system in NumPy."""
     redundancy = choices(structure, task)[number]
     start = redundant(structure, task, redundancy)
     model, h = start.problem.model, start.problem.momentum
@@ -120,7 +120,7 @@ def test_rates_are_those_of_the_optimality_conditions(structure, task, number):
 
 
 @pytest.mark.parametrize(("structure", "task"), ARMS)
-def test_the_energy_metric_makes_the_kinetic_energy_least(structure, task):
+def test_the_energy_metric_minimizes_the_kinetic_energy(structure, task):
     """Pinocchio's kinetic energy of the whole robot, against any other rates that do the same."""
     start = redundant(structure, task, Redundancy(Metric.ENERGY))
     model = start.problem.model
@@ -152,7 +152,7 @@ def test_the_energy_metric_makes_the_kinetic_energy_least(structure, task):
 
 @pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::2])
 def test_motions_are_exact(structure, task, number):
-    """Path and momentum are kept with every metric, whatever the arm is drawn toward."""
+    """Path and momentum are kept with every metric, and objective."""
     start = redundant(structure, task, choices(structure, task, 1)[number], 1)
     motion = integrate_motion(start.problem, start.attitude, start.joints, tolerance=1e-13)
     assert motion.completed
@@ -162,8 +162,8 @@ def test_motions_are_exact(structure, task, number):
     assert residuals.momentum < 1e-8 * max(1.0, np.linalg.norm(start.problem.momentum))
 
 
-def test_weights_slow_joints_down():
-    """A joint that weighs much hardly moves; scaling all weights alike changes nothing."""
+def test_large_weights_reduce_joint_motion():
+    """A joint of large weight hardly moves; scaling all weights changes nothing."""
     plain = follow(panda())
     heavy = follow(panda(metric={"panda_joint1": 1e4}))
     assert np.ptp(heavy.joints[:, 0]) < 0.05 * np.ptp(plain.joints[:, 0])
@@ -192,8 +192,8 @@ def test_toward_sigma_ends_farther_from_singularities(metric, seed):
 
 
 @pytest.mark.parametrize("gain", [0.5, 2.0])
-def test_toward_the_middle_ends_nearer_to_it(gain):
-    """The distance to the middle of the ranges falls, the more the larger the gain."""
+def test_toward_middle_approaches_the_range_centres(gain):
+    """The distance to the range centres decreases with the gain."""
     middle = range_centres(panda().model)
     without, drawn, more = (
         np.linalg.norm(follow(problem).final.joints - middle)
@@ -203,7 +203,7 @@ def test_toward_the_middle_ends_nearer_to_it(gain):
     assert more < drawn < without - 0.3
 
 
-def test_joints_without_a_range_are_not_drawn():
+def test_unlimited_joints_are_not_attracted():
     """Of the planar arm the second joint alone has a range."""
     start = redundant("5", Task.PLANAR_POSITION, Redundancy(toward=Toward.MIDDLE))
     np.testing.assert_array_equal(np.isfinite(range_centres(start.problem.model)), [0, 1, 0, 0, 0])
@@ -217,7 +217,7 @@ def test_joints_without_a_range_are_not_drawn():
 
 @pytest.mark.parametrize("toward", [Toward.SIGMA, Toward.MIDDLE])
 def test_the_null_space_motion_is_bounded(toward):
-    """However large the gain, it is shorter than the bound, per path; it has no speed at rest."""
+    """For any gain it is shorter than the bound and vanishes where the path stops."""
     start = redundant("RRRRRRR", Task.POSE, Redundancy(toward=toward, gain=1e5, bound=0.7))
     attitude, joints, twist, speed = somewhere(start)
     equation = start.problem.resolved_rate_solver()
@@ -229,7 +229,7 @@ def test_the_null_space_motion_is_bounded(toward):
 
 
 @pytest.mark.parametrize("toward", [Toward.SIGMA, Toward.MIDDLE])
-def test_arms_start_rest_and_end_at_rest(toward):
+def test_rates_vanish_where_the_path_stops(toward):
     """Without momentum every joint rate vanishes at both ends and at a stop on the way."""
     start = redundant("RRRRRRR", Task.POSE, Redundancy(toward=toward, gain=2.0), momentum=False)
     motion = integrate_motion(start.problem, start.attitude, start.joints)
@@ -240,8 +240,8 @@ def test_arms_start_rest_and_end_at_rest(toward):
 
 
 @pytest.mark.parametrize("number", range(9))
-def test_a_longer_time_takes_the_same_way(number):
-    """Without momentum the joints depend on the place on the path alone, not on the clock."""
+def test_motions_do_not_depend_on_the_duration(number):
+    """Without momentum the joints depend on the path parameter alone."""
     redundancy, ways = choices("RRRRRRR", Task.POSE)[number], []
     for timing in (Timing(20.0), Timing(50.0, TimeLaw.CUBIC)):
         start = redundant("RRRRRRR", Task.POSE, redundancy, momentum=False, timing=timing)
@@ -259,7 +259,7 @@ def test_a_longer_time_takes_the_same_way(number):
 
 @pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[4::9] + EVERYTHING[8::9])
 def test_motions_retrace(structure, task, number):
-    """Backwards with the momentum reversed, null-space motion included."""
+    """Backward integration, null-space motion included."""
     start = redundant(structure, task, choices(structure, task, 1)[number], 1)
     there = integrate_motion(start.problem, start.attitude, start.joints)
     assert there.completed
@@ -278,7 +278,7 @@ def test_motions_retrace(structure, task, number):
     ids=["energy", "sigma", "energy, middle"],
 )  # fmt: skip
 def test_mujoco_needs_no_wrench_on_the_base(choice):
-    """Inverse dynamics of a drawn motion, momentum and all: no force on the spacecraft."""
+    """Inverse dynamics of a motion with attraction and momentum: no force on the spacecraft."""
     start = redundant("RRRRRRR", Task.POSE, Redundancy(**choice), 1, timing=Timing(20.0))
     motion = integrate_motion(start.problem, start.attitude, start.joints)
     assert motion.completed
@@ -290,7 +290,7 @@ def test_mujoco_needs_no_wrench_on_the_base(choice):
 
 
 def test_rates_are_infinite_where_the_arm_is_singular():
-    """A stretched planar arm cannot be pulled: infinite rates, no exception."""
+    """A stretched planar arm has infinite rates and raises no exception."""
     text = planar_robot([5, 1, 1, 1], [1] * 4, [1] * 3, [0] * 4)
     model = FreeFloatingModel.from_urdf(text)
     wish = Redundancy(Metric.ENERGY, Toward.SIGMA)
@@ -299,8 +299,8 @@ def test_rates_are_infinite_where_the_arm_is_singular():
     assert not np.isfinite(rates).all()
 
 
-def test_an_arm_without_joints_to_spare_is_refused():
-    """Even the plain choice: there is nothing to choose."""
+def test_redundancy_of_a_non_redundant_arm_raises():
+    """Also the default settings raise an error."""
     problem = load_scenario("spatial_6dof/line").problem()
     with pytest.raises(InputError, match="6 rates and the arm has 6 joints") as caught:
         replace(problem, redundancy=Redundancy())
@@ -308,16 +308,16 @@ def test_an_arm_without_joints_to_spare_is_refused():
     assert replace(problem, task=Task.POSITION, redundancy=Redundancy()).redundancy.minimum_norm
 
 
-def test_weights_of_unknown_joints_are_refused():
-    """The joints there are are listed."""
+def test_weights_of_unknown_joints_raise():
+    """The error lists the joints of the arm."""
     with pytest.raises(InputError, match="no such moving joint") as caught:
         panda(metric={"elbow": 2.0})
     assert caught.value.key == "redundancy.metric.elbow"
     assert "panda_joint7" in caught.value.accepted
 
 
-def test_an_arm_without_ranges_has_no_middle():
-    """Continuous joints are drawn nowhere."""
+def test_toward_middle_without_joint_ranges_raises():
+    """Continuous joints have no range centre."""
     text = planar_robot([50, 5, 4, 3], [8, 1, 0.5, 0.3], [0.4] * 3, [0.5] * 4)
     model = FreeFloatingModel.from_urdf(text)
     with pytest.raises(InputError, match="no joint of this arm has a range") as caught:

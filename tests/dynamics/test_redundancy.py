@@ -1,4 +1,4 @@
-"""What a redundant arm is asked to do: checked, frozen, carried to other processes."""
+"""Settings of a redundant arm: validation, immutability, scenarios."""
 
 import pickle
 from dataclasses import FrozenInstanceError, replace
@@ -10,7 +10,6 @@ import pytest
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario, parse_scenario
-from freefloat.planning.simulation import _redundancy
 from freefloat.robot.names import models_folder
 
 PANDA = (models_folder() / "panda_servicer" / "line.yaml").read_text(encoding="utf-8")
@@ -35,15 +34,15 @@ def read(redundancy):
         ({"bound": np.nan}, "redundancy.bound"),
     ],
 )
-def test_nonsense_is_refused(changes, key):
-    """Each with the name that it has in a scenario."""
+def test_invalid_settings_raise(changes, key):
+    """The error names the scenario key."""
     with pytest.raises(InputError) as caught:
         Redundancy(**changes)
     assert caught.value.key == key
 
 
-def test_words_become_choices():
-    """Plain text as in a scenario file, and a map of its own."""
+def test_strings_become_enumerations():
+    """Strings as in a scenario file, and a copy of the map."""
     weights = {"a": 2}
     given = Redundancy(weights, "sigma")
     weights["a"] = 3
@@ -61,7 +60,7 @@ def test_only_the_default_is_minimum_norm():
         assert not other.minimum_norm
 
 
-def test_it_is_frozen_and_survives_pickling():
+def test_settings_are_frozen_and_picklable():
     """Alone and inside a problem."""
     given = Redundancy({"panda_joint2": 3.0}, "middle", 0.5, 1.5)
     with pytest.raises(FrozenInstanceError):
@@ -75,8 +74,8 @@ def test_it_is_frozen_and_survives_pickling():
         assert (found.toward, found.gain, found.bound) == (Toward.MIDDLE, 0.5, 1.5)
 
 
-def test_scenarios_ask_for_it():
-    """Each key, and what is left out."""
+def test_settings_from_scenarios():
+    """All keys, and defaults of missing ones."""
     found = read("{metric: energy, toward: sigma, gain: 2, bound: 1}")
     assert (found.metric, found.toward) == (Metric.ENERGY, Toward.SIGMA)
     assert (found.gain, found.bound) == (2.0, 1.0)
@@ -104,7 +103,7 @@ def test_scenarios_ask_for_it():
         ("energy", "redundancy", "keys: metric, toward"),
     ],
 )
-def test_scenarios_that_are_wrong_say_where(given, key, accepted):
+def test_invalid_scenarios_name_the_key(given, key, accepted):
     """File, key and what is accepted."""
     with pytest.raises(InputError) as caught:
         read(given)
@@ -113,23 +112,11 @@ def test_scenarios_that_are_wrong_say_where(given, key, accepted):
     assert caught.value.source == "mine.yaml"
 
 
-def test_scenarios_of_other_arms_must_not_ask():
-    """Six joints and six rates leave nothing to choose."""
+def test_scenarios_of_non_redundant_arms_raise():
+    """Six joints and six prescribed rates."""
     source = models_folder() / "spatial_6dof" / "line.yaml"
     text = source.read_text(encoding="utf-8") + "\nredundancy: {metric: joints}\n"
     with pytest.raises(InputError, match="not redundant") as caught:
         parse_scenario(text, source).problem()
     assert caught.value.key == "redundancy"
     assert caught.value.source == str(source)
-
-
-def test_documents_tell_it():
-    """How the arm chose, and how many joints it has to spare."""
-    problem = load_scenario("panda_servicer/line").problem()
-    given = Redundancy({"panda_joint2": 3.0}, "middle", 0.5)
-    told = [_redundancy(replace(problem, redundancy=one)) for one in (None, given)]
-    assert told[0] == {"metric": "joints", "toward": "none", "gain": 1.0, "bound": 3.0}
-    assert told[1] == {
-        "metric": {"panda_joint2": 3.0}, "toward": "middle", "gain": 0.5, "bound": 3.0,
-    }  # fmt: skip
-    assert _redundancy(load_scenario("spatial_6dof/line").problem()) is None

@@ -32,10 +32,10 @@ def both(robot: Robot) -> tuple[FreeFloatingModel, VirtualManipulator]:
 
 
 @given(data=st.data(), robot=robots(), attitude=attitudes)
-def test_virtual_arm_ends_where_the_real_one_does(
+def test_virtual_and_real_end_effector_poses_agree(
     data: st.DataObject, robot: Robot, attitude: np.ndarray
 ) -> None:
-    """Turned with the spacecraft, its end is the end-effector's pose from the centre of mass."""
+    """In the inertial frame both are the end-effector pose from the centre of mass."""
     model, virtual = both(robot)
     q = data.draw(joint_values(model.dof))
     found, R = virtual.pose(q), rotation_matrix(attitude)
@@ -45,7 +45,7 @@ def test_virtual_arm_ends_where_the_real_one_does(
 
 
 @given(data=st.data(), robot=robots())
-def test_many_configurations_at_once_are_each_one_alone(data: st.DataObject, robot: Robot) -> None:
+def test_kinematics_are_vectorized(data: st.DataObject, robot: Robot) -> None:
     """Rows of joints in, rows of poses, points and axes out."""
     model, virtual = both(robot)
     q = np.array([data.draw(joint_values(model.dof)) for _ in range(3)])
@@ -75,8 +75,8 @@ def test_jacobian_is_the_derivative_of_the_pose(data: st.DataObject, robot: Robo
 
 
 @given(data=st.data(), robot=robots())
-def test_jacobian_is_j12_of_the_drifting_system(data: st.DataObject, robot: Robot) -> None:
-    """While the spacecraft does not turn, real and virtual arm move alike: J12* of (2)."""
+def test_jacobian_is_j12_of_the_free_floating_system(data: st.DataObject, robot: Robot) -> None:
+    """At constant attitude real and virtual arm move alike: J12* of (2)."""
     model, virtual = both(robot)
     q = data.draw(joint_values(model.dof))
     np.testing.assert_allclose(virtual.jacobian(q)[0], system_matrix(model, q)[3:, 3:], atol=1e-11)
@@ -112,7 +112,7 @@ def test_planar_barycentric_lengths_of_other_systems(
 
 
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4))
-def test_barycentric_lengths_weigh_each_way_by_the_mass_before_it(seed: int, n: int) -> None:
+def test_barycentric_lengths_are_weighted_by_the_mass_before_them(seed: int, n: int) -> None:
     """l_i shrinks by the mass from the spacecraft to body i - 1, r_i by that up to body i."""
     rng = np.random.default_rng(seed)
     m, before, after = np.exp(rng.normal(size=n + 1)), rng.random(n), rng.random(n + 1)
@@ -125,7 +125,7 @@ def test_barycentric_lengths_weigh_each_way_by_the_mass_before_it(seed: int, n: 
 
 
 @given(data=st.data(), robot=robots())
-def test_nothing_is_beyond_the_reach(data: st.DataObject, robot: Robot) -> None:
+def test_reach_bounds_the_distance(data: st.DataObject, robot: Robot) -> None:
     """No joint vector within its ranges takes the end-effector farther than the reach."""
     model, virtual = both(robot)
     q = np.array([data.draw(joint_values(model.dof)) for _ in range(5)])
@@ -134,15 +134,15 @@ def test_nothing_is_beyond_the_reach(data: st.DataObject, robot: Robot) -> None:
     assert np.linalg.norm(p, axis=1).max() <= virtual.reach * (1.0 + 1e-12)
 
 
-def test_a_straight_arm_attains_its_reach(planar_3dof: FreeFloatingModel) -> None:
+def test_a_straight_arm_attains_the_reach(planar_3dof: FreeFloatingModel) -> None:
     """a + b + c + d, with the arm stretched out."""
     virtual = VirtualManipulator.of(planar_3dof)
     assert virtual.pose(np.zeros(3)).position[0] == pytest.approx(virtual.reach, abs=1e-14)
     assert virtual.reach == pytest.approx(virtual.lengths.sum(), abs=1e-14)
 
 
-def test_a_slide_gains_only_what_the_lighter_end_travels() -> None:
-    """Pushing out a mass m from a spacecraft of mass M moves its tip by M / (M + m) a metre."""
+def test_strokes_of_prismatic_joints_are_reduced_by_the_mass_ratio() -> None:
+    """A mass m extended from a spacecraft of mass M moves by M / (M + m) per metre."""
     text = "<robot name='r'>" + link_text("bus", inertial_text(30.0, np.eye(3)))
     text += joint_text("rail", "P", "bus", "arm", axis="1 0 0")
     text += link_text("arm", inertial_text(10.0, np.eye(3))) + "</robot>"
@@ -168,7 +168,7 @@ def test_published_spatial_arm_has_elbow_and_spherical_wrist(
         np.testing.assert_allclose(pose.position - pose.rotation @ hand, centre, atol=1e-14)
 
 
-def test_only_elbow_arms_with_spherical_wrists_are_taken_for_such(
+def test_other_arms_have_no_elbow_and_spherical_wrist(
     spatial_6dof: FreeFloatingModel, planar_3dof: FreeFloatingModel, rng: np.random.Generator
 ) -> None:
     """A wrist that misses by a millimetre, a skew elbow, other structures: none of them is."""
@@ -206,8 +206,8 @@ def test_a_heavy_wrist_on_its_own_axes_stays_spherical(spatial_6dof: FreeFloatin
     assert VirtualManipulator.of(model).has_elbow_and_spherical_wrist
 
 
-def test_planar_is_what_stays_in_the_plane(planar_3dof: FreeFloatingModel) -> None:
-    """Turning about z, either way, and sliding across it."""
+def test_planar_arms_stay_in_the_plane(planar_3dof: FreeFloatingModel) -> None:
+    """Revolute about z, of either sign, and prismatic normal to it."""
     text = planar_3dof.description.text
     assert VirtualManipulator.of(planar_3dof).is_planar
 
@@ -226,7 +226,7 @@ def test_planar_is_what_stays_in_the_plane(planar_3dof: FreeFloatingModel) -> No
     assert not planar("0 0 1", "prismatic")
 
 
-def test_lines_meet_in_a_point_or_not() -> None:
+def test_intersection_of_three_lines() -> None:
     """Three lines through a point, one of them moved off it, two of them parallel."""
     axes = np.array([[1.0, 0, 0], [0, 1, 0], [0.6, 0, 0.8]])
     centre = np.array([0.3, -0.2, 0.5])
@@ -241,10 +241,3 @@ def test_lines_meet_in_a_point_or_not() -> None:
         assert meeting_point(moved, axes, 1e-5) is not None
     assert meeting_point(points, axes[[0, 0, 2]], 1e-9) is None
     assert meeting_point(points, axes[[0, 2, 2]], 1e-9) is None
-
-
-def test_its_numbers_are_read_only(spatial_6dof: FreeFloatingModel) -> None:
-    """A record: what one reader could change, the next would take for the robot."""
-    virtual = VirtualManipulator.of(spatial_6dof)
-    for name in ("links", "rotations", "axes", "prismatic", "strokes", "tool", "wrist_centre"):
-        assert not getattr(virtual, name).flags.writeable, name

@@ -1,4 +1,4 @@
-"""Motions by the thousand: each one the precise motion, whatever the robot, the path, the law."""
+"""Ensembles of motions agree with single integration for all robots, paths and time laws."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def dense(motion: Motion, count: int = 3000) -> tuple[np.ndarray, np.ndarray, np
     return motion.evaluate(np.linspace(0.0, motion.panels, count))
 
 
-def densest_least(motion: Motion) -> float:
+def sampled_minimum(motion: Motion) -> float:
     """The smallest magnitude of the problem's measure on a dense sample, signs as at the start."""
     values = np.array([motion.problem.margin.measure(q) for q in dense(motion)[2]])
     return float((np.sign(values[0]) * values).min())
@@ -112,12 +112,12 @@ def joint_rates(motion: Motion, count: int = 400) -> np.ndarray:
 
 
 FINE = 1e-8
-"""A tolerance at which only what is wrong in kind is wrong at all."""
+"""Tolerance at which only systematic errors remain."""
 
 
 @dataclass
 class Case:
-    """Three accounts of the same motion: precise, quick, and quick at a fine tolerance."""
+    """A motion by single integration, and by the ensemble at two tolerances."""
 
     motion: Motion
     rollout: EnsembleResult
@@ -125,10 +125,10 @@ class Case:
     k: int
 
     def assert_same(self) -> None:
-        """Everything that is told of a motion.
+        """All results of a motion.
 
-        Near a singularity errors of the state weigh the more the smaller the measure is: they are
-        seen beside its first value.
+        Near a singularity relative errors of the measure are large: errors are compared with its
+        initial value.
         """
         motion, k = self.motion, self.k
         of = motion.problem.margin.measure
@@ -151,7 +151,7 @@ class Case:
             assert abs(of(there)) == pytest.approx(wanted.value, rel=2e-3, abs=exact * first)
 
     def assert_same_extent(self) -> None:
-        """Rates and ranges: what the steps see of them, never more than there is."""
+        """Rates and ranges at the steps, which never exceed the true ones."""
         rates, (_, _, joints) = joint_rates(self.motion), dense(self.motion)
         low, high = joints.min(axis=0), joints.max(axis=0)
         quick, width = float(rates.max()), float((high - low).max())
@@ -166,7 +166,7 @@ class Case:
 
 
 def both(problem: Problem, attitudes: np.ndarray, joints: np.ndarray) -> list[Case]:
-    """Follow every state in all ways."""
+    """Integrate every state by both methods."""
     quick, fine = (
         EnsembleIntegrator(problem, 1).integrate(attitudes, joints, tolerance=tolerance)
         for tolerance in (1e-6, FINE)
@@ -179,7 +179,7 @@ def both(problem: Problem, attitudes: np.ndarray, joints: np.ndarray) -> list[Ca
 
 
 @pytest.mark.parametrize("attitude", [GOOD, BAD], ids=["good", "bad"])
-def test_every_branch_of_example_2_goes_its_way(spatial: Problem, attitude: list[float]) -> None:
+def test_every_branch_of_example_2(spatial: Problem, attitude: list[float]) -> None:
     """From the bad attitude four of eight branches end at C, the others complete."""
     cases = both(spatial, *states(spatial, spatial.attitude("attitude", attitude)))
     assert len(cases) == 8
@@ -289,7 +289,7 @@ def test_paths_and_laws(
 )  # fmt: skip
 @pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
 def test_random_arms(structure: str, task: Task, name: str) -> None:
-    """Position tasks, redundant arms, sliding joints; a second arm held still."""
+    """Position tasks, redundant arms, prismatic joints; a second, fixed arm."""
     completed = 0
     for trial in range(20):
         seed = int.from_bytes(f"{structure}{name}{trial}".encode(), "little")
@@ -340,7 +340,7 @@ def test_planar_arms(joints: int, momentum: float) -> None:
 # ---------------------------------------------------------------------------------- the minimum
 
 
-def test_the_least_is_found_between_the_steps(spatial: Problem, planar: Problem) -> None:
+def test_minima_between_steps(spatial: Problem, planar: Problem) -> None:
     """Against dense samples of many precise motions: where steps end a dip is not seen as deep.
 
     That it takes the steps' insides shows from stopping at the steps' ends: the smallest value
@@ -355,7 +355,7 @@ def test_the_least_is_found_between_the_steps(spatial: Problem, planar: Problem)
         of = problem.margin.measure
         for k in np.flatnonzero(roll.endings == COMPLETED):
             motion = integrate_motion(problem, attitudes[k], joints[k])
-            lowest = densest_least(motion)
+            lowest = sampled_minimum(motion)
             assert roll.minimum[k] == pytest.approx(lowest, rel=1e-3)
             assert roll.minimum[k] <= lowest * (1.0 + 1e-4)
             inside = 0.0 < roll.minimum_at[k] < problem.path.duration
@@ -367,7 +367,7 @@ def test_the_least_is_found_between_the_steps(spatial: Problem, planar: Problem)
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6, 1e-7])
-def test_the_least_does_not_depend_on_where_steps_end(spatial: Problem, tolerance: float) -> None:
+def test_minima_do_not_depend_on_the_steps(spatial: Problem, tolerance: float) -> None:
     """The same dips with steps of four different lengths, in both directions of time."""
     attitudes, joints = states(spatial, random_attitudes(10, 22))
     roller = EnsembleIntegrator(spatial, 1)
@@ -388,7 +388,7 @@ def test_the_least_does_not_depend_on_where_steps_end(spatial: Problem, toleranc
     )
 
 
-def test_a_skewed_dip_between_nodes_is_found() -> None:
+def test_skewed_minimum_between_nodes() -> None:
     """Before it the measure falls twenty times as steeply as it rises behind, near the end."""
     line = bundled("spatial_6dof/line")
     curve = ArcCurve(
@@ -407,7 +407,7 @@ def test_a_skewed_dip_between_nodes_is_found() -> None:
 
 
 @pytest.mark.parametrize("end", ["first", "last"])
-def test_a_dip_beside_an_end_is_found(spatial: Problem, end: str) -> None:
+def test_minimum_beside_an_end(spatial: Problem, end: str) -> None:
     """A motion cut a little before or after the minimum of the whole: no node stands beyond it.
 
     What a small part of a step hides is a small part of the dip.
@@ -431,15 +431,15 @@ def test_a_dip_beside_an_end_is_found(spatial: Problem, end: str) -> None:
         assert (part.minimum > whole.minimum[inner] * (1.0 - 1e-4)).all()
 
 
-def test_a_wrist_that_just_straightens_is_told_from_one_that_does_not(spatial: Problem) -> None:
-    """The hand nods in the arm's plane, q5 dips to zero at finite rates: singular or not."""
+def test_wrists_that_barely_reach_the_singularity(spatial: Problem) -> None:
+    """The end-effector pitches in the arm's plane; q5 approaches zero at finite rates."""
     pitch = np.array([0.0, 0.6, -1.3, 0.0, 0.3, 0.0])
     attitude = np.array([0.0, 0.0, 0.0, 1.0])
     p, R = start_of(spatial.model, attitude, pitch)
     line = PolynomialCurve.line(p, p + np.array([-0.3, 0.0, 0.3]))
     endings = []
     for amplitude in np.linspace(0.1, 0.4, 25):
-        law = Nod(R, float(amplitude))
+        law = PitchOrientation(R, float(amplitude))
         problem = asked(spatial.model, line, law, Timing(20.0), momentum=(0.0, 0.2, 0.0))
         (case,) = both(problem, attitude[None], pitch[None])
         assert case.rollout.endings[0] == CODES[case.motion.ending]
@@ -455,8 +455,8 @@ def test_a_wrist_that_just_straightens_is_told_from_one_that_does_not(spatial: P
 
 
 @dataclass
-class Nod:
-    """Pitch of the hand about the inertial y axis that comes back: angle 4 a s (1 - s)."""
+class PitchOrientation:
+    """Pitch of the end-effector about the inertial y axis by the angle 4 a s (1 - s)."""
 
     start: np.ndarray
     amplitude: float
@@ -477,7 +477,7 @@ class Nod:
      ("planar_3dof/parabola_nonstop", heading_quaternion(5.76)),
      ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0])],
 )  # fmt: skip
-def test_there_and_back(name: str, attitude: object) -> None:
+def test_backward_integration_retraces(name: str, attitude: object) -> None:
     """An end before its start retraces the motion, stops included, least and ranges as well."""
     problem = bundled(name)
     attitudes, joints = states(problem, problem.attitude("attitude", attitude))
@@ -503,7 +503,7 @@ def test_there_and_back(name: str, attitude: object) -> None:
     ("name", "attitude", "branch"),
     [("spatial_6dof/line", GOOD, 2), ("planar_3dof/parabola", heading_quaternion(3.5), 0)],
 )
-def test_a_motion_may_begin_and_end_anywhere(name: str, attitude: object, branch: int) -> None:
+def test_motions_between_any_two_times(name: str, attitude: object, branch: int) -> None:
     """Between, before and exactly at rests on the way, forwards and backwards."""
     problem = bundled(name)
     start = problem.attitude("attitude", attitude)
@@ -569,7 +569,7 @@ def test_momenta_are_those_of_problems_with_them(spatial: Problem) -> None:
     np.testing.assert_array_equal(everyone.joints, np.tile(mixed.joints[2], (4, 1)))
 
 
-def test_stop_below_gives_up_early_and_touches_nothing_else(spatial: Problem) -> None:
+def test_stop_below_changes_no_other_motion(spatial: Problem) -> None:
     """Motions that pass the value end soon after they do; the others are the same to the bit."""
     attitudes, joints = states(spatial, random_attitudes(12, 31))
     roller, of = EnsembleIntegrator(spatial, 1), spatial.margin.measure
@@ -596,7 +596,7 @@ def test_stop_below_gives_up_early_and_touches_nothing_else(spatial: Problem) ->
     np.testing.assert_array_equal(kept_there, ~below)
 
 
-def test_a_singular_motion_that_breaks_the_margin_first_says_so(spatial: Problem) -> None:
+def test_margin_violations_precede_singularities(spatial: Problem) -> None:
     """From the bad attitude: used up before it is singular, and it starts below a larger one."""
     attitudes, joints = states(spatial, spatial.attitude("attitude", BAD))
     roller = EnsembleIntegrator(spatial, 1)
@@ -701,7 +701,7 @@ def test_an_interruption_ends_everything(planar: Problem, threads: int) -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_an_interruption_drops_what_is_not_begun(threads: int) -> None:
+def test_an_interruption_cancels_pending_chunks(threads: int) -> None:
     begun: list[int] = []
 
     def work(chunk: int) -> None:
@@ -719,31 +719,16 @@ def test_an_interruption_drops_what_is_not_begun(threads: int) -> None:
     assert begun == now
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_what_goes_wrong_in_a_thread_is_told(threads: int) -> None:
-    def work(chunk: int) -> None:
-        if chunk == 3:
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        run_chunks(work, range(6), threads)
-
-
 @pytest.mark.parametrize("threads", [0, -1])
-def test_no_threads_are_refused(planar: Problem, threads: int) -> None:
+def test_zero_threads_raise(planar: Problem, threads: int) -> None:
     with pytest.raises(InputError) as caught:
         EnsembleIntegrator(planar, threads)
     assert caught.value.key == "threads"
     assert str(threads) in caught.value.problem
 
 
-def test_threads_are_all_cores_when_left_out(planar: Problem) -> None:
-    assert EnsembleIntegrator(planar).threads >= 1
-    assert EnsembleIntegrator(planar, 3).threads == 3
-
-
 def test_results_are_frozen_and_inputs_left_alone(planar: Problem) -> None:
-    """Read-only arrays go in, strided ones too; nothing that comes out can be changed."""
+    """Read-only and strided inputs; read-only results."""
     attitudes, joints = many(planar, 5)
     wide = np.asfortranarray(joints)
     before = joints.copy()
@@ -760,7 +745,7 @@ def test_results_are_frozen_and_inputs_left_alone(planar: Problem) -> None:
             values[0] = 0
 
 
-def test_no_motions_are_followed_at_once(planar: Problem) -> None:
+def test_no_motions(planar: Problem) -> None:
     roll = EnsembleIntegrator(planar, 2).integrate(np.zeros((0, 4)), np.zeros((0, 3)))
     assert roll.joints.shape == (0, 3)
     assert roll.keeps(1.0).shape == (0,)
@@ -782,7 +767,7 @@ def test_kept_margins_allow_for_rounding_and_not_for_zero() -> None:
     assert is_kept(values, 0.0).tolist() == [False, True, True, True, True, True]
 
 
-def test_clearances_compare_determinants_along_the_way(spatial: Problem) -> None:
+def test_determinant_ratios(spatial: Problem) -> None:
     """Smallest over largest magnitude of det S*, as far as steps see them; zero where singular."""
     attitudes, joints = states(spatial, spatial.attitude("attitude", BAD))
     roll = EnsembleIntegrator(spatial, 1).integrate(attitudes, joints, tolerance=FINE)

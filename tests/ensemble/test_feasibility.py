@@ -1,4 +1,4 @@
-"""What attitudes lead to: the branches and the verdicts of one simulation after another."""
+"""Feasibility of attitudes agrees with single simulations."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from freefloat.robot.names import models_folder
 from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
 
 ROUNDING = 1e-4
-"""Twins' motions differ by the integrator's tolerance."""
+"""Motions of wrist-flipped branches differ by the integrator's tolerance."""
 BAD = [0.1, 0.5, 0.2, -0.8367]
 CODES = {Ending.COMPLETED: COMPLETED, Ending.SINGULAR: SINGULAR, Ending.MARGIN: MARGIN}
 
@@ -82,16 +82,8 @@ def test_results_are_those_of_simulations(name: str, count: int) -> None:
     assert (results.motions.endings == COMPLETED).any()
 
 
-def test_example_2_is_singular_in_four_branches_of_eight() -> None:
-    problem, _, results = seen("spatial_6dof/line", 7)
-    assert results.motions.endings.shape[1] == 8
-    assert results.motions.endings[0].tolist().count(SINGULAR) == 4
-    assert results.motions.endings[0].tolist().count(COMPLETED) == 4
-    assert problem.margin.threshold == 5.0
-
-
 @pytest.mark.parametrize(("name", "count"), CASES)
-def test_where_there_is_no_branch_there_is_nothing(name: str, count: int) -> None:
+def test_missing_branches_have_no_results(name: str, count: int) -> None:
     """NaN joints, ending -1, margin zero; quantities are spread with blanks there."""
     _, attitudes, results = seen(name, count)
     none = results.motions.endings == UNREACHED
@@ -110,7 +102,7 @@ def test_where_there_is_no_branch_there_is_nothing(name: str, count: int) -> Non
 
 
 @pytest.mark.parametrize(("name", "count"), CASES)
-def test_one_branch_alone_is_that_column_of_all(name: str, count: int) -> None:
+def test_single_branches_agree_with_columns_of_all(name: str, count: int) -> None:
     """To the bit, but for wrist_flipped_branches; a number no attitude has gives an empty table."""
     problem, attitudes, results = seen(name, count)
     evaluator = FeasibilityEvaluator(problem, 1)
@@ -142,7 +134,7 @@ def test_the_best_branch_counts_where_none_is_named(name: str, count: int) -> No
 
 
 @pytest.mark.parametrize(("name", "count"), CASES)
-def test_keeping_the_margin_is_having_it(name: str, count: int) -> None:
+def test_stopping_at_the_margin_changes_no_verdict(name: str, count: int) -> None:
     """Motions are given up early, verdicts are the same; simulations stopped there agree."""
     problem, attitudes, results = seen(name, count)
     kept_most = np.sort(results.margins[results.margins > 0.0])
@@ -168,7 +160,7 @@ def test_keeping_the_margin_is_having_it(name: str, count: int) -> None:
             assert nearly or one.motion.completed == keeps[k, one.branch.index]
 
 
-def test_a_margin_that_is_just_kept_is_kept() -> None:
+def test_margins_allow_for_rounding() -> None:
     """The margin a motion has is one it keeps, though it was found by other steps."""
     problem, attitudes, results = seen("spatial_6dof/line", 7)
     own = float(results.margins.max(axis=1)[1])
@@ -193,7 +185,7 @@ def test_attitudes_out_of_reach_have_no_results() -> None:
     np.testing.assert_array_equal(evaluator.keeps(turned_away, None), [False, False])
 
 
-def test_reached_and_unreached_attitudes_stand_side_by_side() -> None:
+def test_reachable_and_unreachable_attitudes_together() -> None:
     """Each row is its own attitude's, whatever stands beside it."""
     problem = bundled("ur5_servicer/arc")
     attitudes = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
@@ -206,7 +198,7 @@ def test_reached_and_unreached_attitudes_stand_side_by_side() -> None:
     np.testing.assert_array_equal(results.motions.minimum[1, :width], alone.motions.minimum[0])
 
 
-def test_threads_and_company_do_not_matter() -> None:
+def test_results_do_not_depend_on_threads_and_order() -> None:
     """Attitudes one by one, backwards, and on two threads."""
     problem, attitudes, results = seen("planar_3dof/parabola", 15)
     for threads in (1, 2):
@@ -220,16 +212,8 @@ def test_threads_and_company_do_not_matter() -> None:
     np.testing.assert_array_equal(np.array(one), results.motions.minimum)
 
 
-def test_progress_is_told() -> None:
-    problem, attitudes, _ = seen("planar_3dof/parabola", 15)
-    shares: list[float] = []
-    FeasibilityEvaluator(problem, 1).evaluate(np.tile(attitudes, (20, 1)), progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-
-
-def test_branches_of_a_redundant_arm_are_followed_as_they_are() -> None:
-    """They are a spread-out set."""
+def test_branches_of_a_redundant_arm() -> None:
+    """They are a well-spread set."""
     problem = bundled("panda_servicer/line")
     evaluator = FeasibilityEvaluator(problem, 1)
     attitude = np.array([[0.0, 0.0, 0.0, 1.0]])
@@ -259,7 +243,7 @@ def heavy_wrist() -> Problem:
     return Problem(model, light.path, light.task, light.momentum, margin)
 
 
-def test_branches_are_wrist_flipped_branches_where_the_wrist_is_square_and_weightless() -> None:
+def test_wrist_flipped_branches_need_a_perpendicular_massless_wrist() -> None:
     assert has_wrist_flipped_branches(bundled("spatial_6dof/line"))
     for name in ("ur5_servicer/arc", "panda_servicer/line", "planar_3dof/parabola"):
         assert not has_wrist_flipped_branches(bundled(name))
@@ -268,7 +252,7 @@ def test_branches_are_wrist_flipped_branches_where_the_wrist_is_square_and_weigh
 
 
 @pytest.mark.parametrize("link", ["link_4", "link_5"])
-def test_any_mass_inside_the_wrist_parts_wrist_flipped_branches(link: str) -> None:
+def test_mass_inside_the_wrist_distinguishes_wrist_flipped_branches(link: str) -> None:
     light = bundled("spatial_6dof/line")
     urdf = models_folder() / "spatial_6dof" / "spatial_6dof.urdf"
     for factor, wrist_flipped_branches in ((10.0, True), (1e3, False)):
@@ -278,7 +262,7 @@ def test_any_mass_inside_the_wrist_parts_wrist_flipped_branches(link: str) -> No
         assert has_wrist_flipped_branches(problem) is wrist_flipped_branches, (link, factor)
 
 
-def test_wrist_flipped_branches_go_the_way_they_would_go_alone() -> None:
+def test_derived_wrist_flipped_branches_agree_with_integrated_ones() -> None:
     """Joints, rates, ranges, last attitude and smallest margin, to the integrator's tolerance."""
     problem, attitudes = bundled("spatial_6dof/line"), attitude_grid(48, 3)
     evaluator = FeasibilityEvaluator(problem, 1)
@@ -312,8 +296,8 @@ def test_wrist_flipped_branches_go_the_way_they_would_go_alone() -> None:
     assert done > 100
 
 
-def test_wrist_flipped_branches_stand_behind_one_another() -> None:
-    """Branch 2 k + 1 begins with the wrist of 2 k turned half about, bent the other way."""
+def test_wrist_flipped_branches_are_adjacent() -> None:
+    """Branch 2 k + 1 has joints 4 and 6 rotated by pi and joint 5 reversed."""
     together = FeasibilityEvaluator(bundled("spatial_6dof/line"), 1).evaluate(attitude_grid(16, 1))
     one, other = together.joints[:, ::2], together.joints[:, 1::2]
     np.testing.assert_allclose(one[..., :3], other[..., :3], atol=1e-9)
@@ -326,8 +310,8 @@ def test_wrist_flipped_branches_stand_behind_one_another() -> None:
     )
 
 
-def test_a_heavy_wrist_makes_every_branch_its_own() -> None:
-    """Taken for wrist_flipped_branches, they would be told a wrong margin."""
+def test_heavy_wrists_have_distinct_branches() -> None:
+    """Their margins differ."""
     problem, attitudes = heavy_wrist(), attitude_grid(6, 2)
     results = FeasibilityEvaluator(problem, 1).evaluate(attitudes)
     apart = np.abs(results.margins[:, ::2] - results.margins[:, 1::2])

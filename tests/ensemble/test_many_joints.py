@@ -1,6 +1,6 @@
-"""Arms with as few joints as a task allows and with very many: compiled motions are precise ones.
+"""Compiled motions of arms with few and with very many joints agree with single integration.
 
-The fewest are two, for a planar position: no task prescribes less than two rates.
+The minimum is two joints, for a planar position.
 """
 
 import os
@@ -72,7 +72,7 @@ def assert_precise(case):
     assert fine.minimum[k] == pytest.approx(wanted, rel=0, abs=1e-5 * first)
 
 
-def follow_starts_of(start, count):
+def assert_precise_from(start, count):
     """Every motion precise; at least one completed."""
     cases = both(start.problem, *starts_of(start, count))
     for case in cases:
@@ -89,31 +89,33 @@ def test_one_joint_is_too_few_for_every_task(task):
 
 
 @pytest.mark.parametrize(("structure", "task"), [*FEWEST, *TEN, *THIRTY])
-def test_motions_are_the_precise_ones(structure, task):
-    follow_starts_of(redundant(structure, task, None, 1), 2)
+def test_motions_agree_with_single_integration(structure, task):
+    assert_precise_from(redundant(structure, task, None, 1), 2)
 
 
 @pytest.mark.parametrize("name", ["system", "sigma"])
 @pytest.mark.parametrize(("structure", "task"), [TEN[0], TEN[-1], THIRTY[-1]])
 def test_other_measures(structure, task, name):
     start = redundant(structure, task, None, 1)
-    follow_starts_of(replace(start, problem=with_measure(start.problem, name)), 1)
+    assert_precise_from(replace(start, problem=with_measure(start.problem, name)), 1)
 
 
 @pytest.mark.parametrize("number", range(9))
 @pytest.mark.parametrize(("structure", "task"), TEN[1::2])
-def test_ten_joints_do_all_that_their_freedom_allows(structure, task, number):
-    follow_starts_of(redundant(structure, task, choices(structure, task, 1)[number], 1), 1)
+def test_redundancy_of_ten_joints(structure, task, number):
+    assert_precise_from(redundant(structure, task, choices(structure, task, 1)[number], 1), 1)
 
 
 @pytest.mark.parametrize("toward", [Toward.SIGMA, Toward.MIDDLE])
 @pytest.mark.parametrize(("structure", "task"), THIRTY)
-def test_so_do_thirty(structure, task, toward):
-    follow_starts_of(redundant(structure, task, Redundancy(Metric.ENERGY, toward, 0.8, 2.0), 1), 1)
+def test_redundancy_of_thirty_joints(structure, task, toward):
+    assert_precise_from(
+        redundant(structure, task, Redundancy(Metric.ENERGY, toward, 0.8, 2.0), 1), 1
+    )
 
 
 @pytest.mark.parametrize(("structure", "task"), [TEN[1], THIRTY[0]])
-def test_arms_pulled_out_of_reach_end_alike(structure, task):
+def test_endings_beyond_the_reach(structure, task):
     """Where a straight arm is singular; before that, where a margin is used up."""
     start = redundant(structure, task, None, 1)
     model, away = start.problem.model, [2.0 * len(start.joints), 0.0, 0.0]
@@ -146,7 +148,7 @@ def every_arm():
                 EnsembleIntegrator(problem, 1).integrate(start.attitude[None], start.joints[None])
 
 
-def room_for_nine_joints():
+def buffers_for_nine_joints():
     """What is too little for ten has to be noticed."""
     start = redundant(*TEN[-1], None, 1)
     ensemble.make_buffers = lambda n, m: make_buffers(n, m)._replace(vectors=np.zeros((4, 9)))
@@ -157,9 +159,7 @@ def room_for_nine_joints():
 @pytest.mark.slow
 def test_kernels_stay_within_their_arrays(tmp_path):
     """Compiled anew with checks of all bounds."""
-    command = (
-        "from tests.ensemble import test_many_joints as t; t.every_arm(); t.room_for_nine_joints()"
-    )
+    command = "from tests.ensemble import test_many_joints as t; t.every_arm(); t.buffers_for_nine_joints()"
     checks = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", command], cwd=Path(__file__).parents[1],

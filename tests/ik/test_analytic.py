@@ -1,4 +1,4 @@
-"""The compiled search for arm branches: many poses at once, nothing missed, names that tell."""
+"""Compiled inverse kinematics: vectorization, completeness, branch names, kernels."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def random_poses(
 
 
 def gaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Largest joint differences, whole turns not counted."""
+    """Largest joint differences, modulo 2 pi."""
     return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
 
 
@@ -87,10 +87,10 @@ def assert_equal(a: BranchSets, b: BranchSets) -> None:
     [("spatial_6dof", Task.POSE), ("ur5", Task.POSE), ("ur5", Task.POSITION),
      ("planar_3dof", Task.PLANAR_POSE), ("planar_3dof", Task.PLANAR_POSITION)],
 )  # fmt: skip
-def test_many_poses_give_what_each_gives_alone_on_any_number_of_threads(
+def test_vectorized_branches_do_not_depend_on_threads(
     robot: str, task: Task, request: pytest.FixtureRequest, rng: np.random.Generator
 ) -> None:
-    """To the last bit: closed forms, searches, joints to spare; out of reach included."""
+    """To the last bit: closed forms, searches, redundant arms; unreachable poses included."""
     model = request.getfixturevalue(robot)
     positions, rotations, _ = random_poses(model, 75, rng)
     positions[::7] *= 1.5
@@ -106,7 +106,7 @@ def test_many_poses_give_what_each_gives_alone_on_any_number_of_threads(
             np.testing.assert_array_equal(branch.joints, sets.joints[k, branch.index])
 
 
-def test_nothing_is_found_at_no_pose_and_out_of_reach(
+def test_no_poses_and_unreachable_poses(
     spatial_6dof: FreeFloatingModel, ur5: FreeFloatingModel
 ) -> None:
     """NaN where there is no branch; arrays that cannot be changed."""
@@ -122,7 +122,7 @@ def test_nothing_is_found_at_no_pose_and_out_of_reach(
         assert not far.names.flags.writeable
 
 
-def test_a_pose_that_is_no_number_is_not_reached(
+def test_nan_poses_have_no_branches(
     spatial_6dof: FreeFloatingModel, ur5: FreeFloatingModel
 ) -> None:
     for model in (spatial_6dof, ur5):
@@ -204,7 +204,7 @@ def test_closed_form_and_search_survive_a_wrist_that_is_nearly_straight(
 # ------------------------------------------------------------------------------------ names
 
 
-def test_signs_tell_the_branches_of_a_stock_arm_apart(
+def test_signs_identify_the_branches_of_the_ur5(
     ur5: FreeFloatingModel, rng: np.random.Generator
 ) -> None:
     """Nearly everywhere each name is used once; a name's sign of the determinant is its signs'."""
@@ -217,9 +217,7 @@ def test_signs_tell_the_branches_of_a_stock_arm_apart(
     np.testing.assert_array_equal(np.sign(np.linalg.det(J)), signs)
 
 
-def test_names_of_a_stock_arm_follow_a_slow_turn(
-    ur5: FreeFloatingModel, rng: np.random.Generator
-) -> None:
+def test_names_of_the_ur5_are_continuous(ur5: FreeFloatingModel, rng: np.random.Generator) -> None:
     """What has one name at neighbouring attitudes is one continuous motion, off singularities."""
     position, rotation, _ = random_poses(ur5, 1, rng)
     turns = Rotation.from_rotvec(np.outer(np.linspace(0.0, 0.6, 241), [0.4, -0.7, 0.5]))
@@ -235,7 +233,7 @@ def test_names_of_a_stock_arm_follow_a_slow_turn(
     assert (moved[clear] < 0.02 / slowest[clear]).all()
 
 
-def test_two_branches_of_one_name_are_told_apart(rng: np.random.Generator) -> None:
+def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) -> None:
     """An arm of random make: the second stands at place 8 or beyond, called b."""
     robot = random_robot(rng, "RRRRRR")
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
@@ -254,7 +252,7 @@ def test_two_branches_of_one_name_are_told_apart(rng: np.random.Generator) -> No
 
 
 @given(st.lists(st.integers(0, 7), max_size=16))
-def test_every_branch_has_a_place_of_its_own(patterns: list[int]) -> None:
+def test_columns_of_branches_are_distinct(patterns: list[int]) -> None:
     """The first of a name at its number, the others in order from 8 on, sixteen in all."""
     places = columns_by_name(np.array(patterns, dtype=np.int64)).tolist()
     assert len(set(places)) == len(patterns)
@@ -269,7 +267,9 @@ def test_every_branch_has_a_place_of_its_own(patterns: list[int]) -> None:
 
 
 @pytest.mark.parametrize("structure", ["RRRRRR", "RPRRPRC", "PRF"])
-def test_kinematics_are_the_virtual_manipulators(structure: str, rng: np.random.Generator) -> None:
+def test_kinematics_agree_with_the_virtual_manipulator(
+    structure: str, rng: np.random.Generator
+) -> None:
     """Pose, error and Jacobian, against the arrays of all arms at once."""
     for _ in range(5):
         robot = random_robot(rng, structure)
@@ -304,9 +304,7 @@ def test_kinematics_are_the_virtual_manipulators(structure: str, rng: np.random.
         st.sampled_from([*AWKWARD, np.pi - 1e-9, np.pi - 1e-5, 1e-8]), st.floats(-np.pi, np.pi)
     ),
 )
-def test_turn_vectors_are_exact_at_no_turn_and_at_half_a_turn(
-    axis: list[float], angle: float
-) -> None:
+def test_rotation_vectors_are_exact_near_zero_and_pi(axis: list[float], angle: float) -> None:
     start = Rotation.from_rotvec([0.3, -1.2, 0.7])
     end = (Rotation.from_rotvec(angle * np.array(axis)) * start).as_matrix()
     rows = tuple(tuple(values) for values in start.as_matrix().tolist())
@@ -316,7 +314,7 @@ def test_turn_vectors_are_exact_at_no_turn_and_at_half_a_turn(
     np.testing.assert_allclose(turned, end, atol=2e-8 if abs(angle) > 3.14159 else 1e-14)
 
 
-def test_joints_are_turned_as_often_as_their_range_needs() -> None:
+def test_joints_are_wrapped_into_ranges_far_from_zero() -> None:
     """Five whole turns off, and ranges whose ends are whole turns themselves."""
     model = FreeFloatingModel.from_urdf(planar_robot([4, 3, 2, 1], [1] * 4, [1] * 3, [1] * 4))
     turn = 2.0 * np.pi

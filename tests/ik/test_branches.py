@@ -1,4 +1,4 @@
-"""Every arm configuration at a pose: closed forms, Newton's method, numbers that stay."""
+"""Arm branches at a pose: closed forms, Newton's method, branch numbers."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ ATTITUDES = {
 
 
 def gap(a: np.ndarray, b: np.ndarray) -> float:
-    """Largest joint difference, whole turns not counted."""
+    """Largest joint difference, modulo 2 pi."""
     return float(np.abs((np.asarray(a) - b + np.pi) % (2.0 * np.pi) - np.pi).max())
 
 
@@ -156,7 +156,7 @@ def with_wrist_axis(model: FreeFloatingModel, joint: str, axis: str) -> FreeFloa
     # square to eight digits, as where a URDF says rpy="1.5707963 0 0"
     + [(bend, "1e-8 -1 0") for bend in (0.0, 1e-8, -3e-8)],
 )
-def test_a_straight_wrist_loses_no_branch(
+def test_singular_wrists_keep_all_branches(
     spatial_6dof: FreeFloatingModel, rng: np.random.Generator, bend: float, axis: str
 ) -> None:
     """With axes 4 and 6 in line any share of the roll will do, but one must be given."""
@@ -173,7 +173,7 @@ def test_a_straight_wrist_loses_no_branch(
 
 
 @pytest.mark.parametrize("axis", ["0 0 1", "0.6 0 0.8"], ids=["roll pitch yaw", "bent at zero"])
-def test_wrists_need_not_be_straight_at_zero(
+def test_wrist_axes_may_have_any_zero(
     spatial_6dof: FreeFloatingModel, rng: np.random.Generator, axis: str
 ) -> None:
     """Where the zero of the middle joint lies is the maker's choice."""
@@ -226,7 +226,7 @@ def test_branches_move_little_while_the_attitude_changes_a_little(
     assert followed > 500
 
 
-def test_published_touch_points_lie_on_their_paths(
+def test_published_tangency_points_lie_on_their_paths(
     spatial_6dof: FreeFloatingModel, planar_3dof: FreeFloatingModel
 ) -> None:
     """Printed attitudes and joints put the end-effector where the printed time says."""
@@ -315,7 +315,7 @@ def test_a_wrist_that_is_not_quite_spherical_is_still_solved(
 ) -> None:
     """Body 4 heavy and off its axis: the virtual wrist falls apart, the branches remain."""
     text = spatial_6dof.description.text.replace(
-        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6" />',
+        '<link name="link_4">\n    <inertial>\n      <mass value="1e-6"/>',
         '<link name="link_4"><inertial><origin xyz="0 0 0.1"/><mass value="5"/>',
     )
     model = FreeFloatingModel.from_urdf(text, "end_effector")
@@ -332,7 +332,7 @@ def test_a_wrist_that_is_not_quite_spherical_is_still_solved(
 
 
 @pytest.mark.parametrize("angle_deg", [0, 40, 80, 120])
-def test_ur5_has_eight_branches_in_front_of_it(ur5: FreeFloatingModel, angle_deg: int) -> None:
+def test_ur5_has_eight_branches(ur5: FreeFloatingModel, angle_deg: int) -> None:
     """Two shoulders, two elbows, two wrists, each combination once; no wrist centre to help."""
     assert not VirtualManipulator.of(ur5).has_elbow_and_spherical_wrist
     angle = np.radians(angle_deg)
@@ -403,10 +403,10 @@ def test_planar_closed_form_and_newton_agree(
         assert all(holds(newton, joints, 1e-5) for joints in closed)
 
 
-def test_planar_tasks_do_not_mind_the_height(planar_3dof: FreeFloatingModel) -> None:
+def test_planar_tasks_ignore_the_height(planar_3dof: FreeFloatingModel) -> None:
     """A tool 1 m above the plane follows a path in the plane: only x, y and heading count."""
     text = planar_3dof.description.text.replace(
-        '<origin xyz="0.4 0 0" />', '<origin xyz="0.4 0 1"/>'
+        '<origin xyz="0.4 0 0"/>', '<origin xyz="0.4 0 1"/>'
     )
     assert text != planar_3dof.description.text
     model = FreeFloatingModel.from_urdf(text)
@@ -418,7 +418,7 @@ def test_planar_tasks_do_not_mind_the_height(planar_3dof: FreeFloatingModel) -> 
     assert holds(joints_of(branches), q)
 
 
-def test_position_tasks_do_not_mind_the_attitude(rng: np.random.Generator) -> None:
+def test_position_tasks_ignore_the_orientation(rng: np.random.Generator) -> None:
     """Only the part of the pose that the task prescribes counts."""
     flat = FreeFloatingModel.from_urdf(planar_robot([40, 4, 3], [6, 1, 1], [0.5] * 2, [0.5] * 3))
     robot = random_robot(rng, "RRR")
@@ -463,11 +463,11 @@ def test_a_forearm_of_no_length_reaches_one_circle_only() -> None:
     assert arm_branches(model, nearer, Task.PLANAR_POSITION) == ()
 
 
-# --------------------------------------------------------------------------- joints to spare
+# ---------------------------------------------------------------------------- redundant arms
 
 
 @pytest.mark.parametrize(("structure", "task"), [("RRRRRRR", Task.POSE), ("RRRRR", Task.POSITION)])
-def test_redundant_arms_get_a_spread_that_is_always_the_same(
+def test_branches_of_redundant_arms_are_reproducible_and_spread(
     structure: str, task: Task, rng: np.random.Generator
 ) -> None:
     """Sixteen of infinitely many, far from each other, the same at every call."""
@@ -515,7 +515,7 @@ def test_nearest_configuration_stays_near(planar_3dof: FreeFloatingModel) -> Non
         max_size=3,
     ),
 )
-def test_joints_are_turned_into_their_range(q: np.ndarray, ranges: list[list[float]]) -> None:
+def test_joints_are_wrapped_into_their_range(q: np.ndarray, ranges: list[list[float]]) -> None:
     """By whole turns, as near to zero as that allows; outside where no turn helps."""
     unlimited = FreeFloatingModel.from_urdf(planar_robot([4, 3, 2, 1], [1] * 4, [1] * 3, [1] * 4))
     text = unlimited.description.text

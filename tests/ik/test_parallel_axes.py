@@ -44,7 +44,7 @@ def parallel_arm(rng: np.random.Generator, signs: tuple[float, float]) -> FreeFl
 
 
 def gaps(a: Array, b: Array) -> Array:
-    """Largest joint differences, whole turns not counted."""
+    """Largest joint differences, modulo 2 pi."""
     return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
 
 
