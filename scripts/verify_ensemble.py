@@ -1,12 +1,12 @@
-"""Compare compiled motions with precise ones from random attitudes of the bundled spatial arms.
+"""Compare ensemble integration with single integration for the bundled spatial arms.
 
-Every arm branch of Example 2 and of the UR5, two random ones of the redundant Panda, are followed
-in both ways. The verdicts have to be the same where S_min is not within half a percent of its
-largest value from the margin, S_min has to agree to a thousandth (below the margin: of the margin),
-the last attitude to 1e-4 rad. Motions that all but touch a singularity may end there in one way
-only; they are counted as grazing.
-``python scripts/verify_ensemble.py --attitudes 500`` prints a table and lists what disagrees;
-``--seed`` chooses other attitudes, ``--json FILE`` keeps the details.
+From random attitudes every arm branch of Example 2 and of the UR5, and two random branches of the
+redundant Panda, are integrated by both methods. The verdicts must agree unless S_min is within half
+a percent of its largest value from the margin; S_min must agree to a thousandth (below the margin:
+of the margin), the final attitude to 1e-4 rad. Motions that graze a singularity may end there by
+one method only; they are counted.
+``python scripts/verify_ensemble.py --attitudes 500`` prints a table and lists disagreements;
+``--seed`` selects other attitudes, ``--json FILE`` saves the details.
 """
 
 from __future__ import annotations
@@ -41,24 +41,24 @@ from freefloat.so3 import angle_between
 SCENARIOS = ("spatial_6dof/line", "ur5_servicer/arc", "panda_servicer/line")
 REDUNDANT_BRANCHES = 2
 NEAR = 5e-3
-"""Share of the largest S_min within which two motions may lie on different sides of the margin."""
-CLOSENESS = 1e-3
-TURN = 1e-4
+"""Distance from the margin, relative to the largest S_min, within which verdicts may differ."""
+S_MIN_TOLERANCE = 1e-3
+ATTITUDE_TOLERANCE = 1e-4
 BATCH = 5
-"""Attitudes that a process takes at a time."""
+"""Attitudes per task of a process."""
 ENDINGS = ("completed", "singular", "margin", "failed")
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One motion followed in both ways.
+    """A motion integrated by both methods, ensemble first.
 
     Attributes:
-        endings: Codes, compiled and precise.
-        least: S_min, compiled and precise.
-        times: Of the end [s], compiled and precise.
-        turn: Between the last attitudes [rad], zero unless both complete.
-        seconds: Of the precise motion.
+        endings: Ending codes.
+        minima: S_min.
+        times: Final times [s].
+        angle: Between the final attitudes [rad], zero unless both complete.
+        seconds: Computing time of single integration.
     """
 
     scenario: str
@@ -66,9 +66,9 @@ class Comparison:
     attitude: tuple[float, ...]
     branch: int
     endings: tuple[int, int]
-    least: tuple[float, float]
+    minima: tuple[float, float]
     times: tuple[float, float]
-    turn: float
+    angle: float
     seconds: float
 
     @property
@@ -77,32 +77,35 @@ class Comparison:
         return self.endings == (COMPLETED, COMPLETED)
 
     @property
-    def off(self) -> float:
+    def error(self) -> float:
         """Relative difference of S_min, zero unless both complete."""
-        return abs(self.least[0] / self.least[1] - 1.0) if self.completed else 0.0
+        return abs(self.minima[0] / self.minima[1] - 1.0) if self.completed else 0.0
 
-    def trouble(self, margin: float, largest: float) -> str:
-        """What disagrees; empty when nothing does.
+    def disagreement(self, margin: float, largest: float) -> str:
+        """The result that disagrees, or an empty string.
 
         Args:
-            margin: The problem's.
-            largest: S_min of all motions.
+            margin: Margin of the problem.
+            largest: Largest S_min of all motions.
         """
-        kept = [self.endings[k] == COMPLETED and self.least[k] >= margin for k in (0, 1)]
-        worth = [least if ending == COMPLETED else 0.0
-                 for least, ending in zip(self.least, self.endings, strict=True)]  # fmt: skip
-        if kept[0] != kept[1] and max(abs(one - margin) for one in worth) > NEAR * largest:
+        feasible = [self.endings[k] == COMPLETED and self.minima[k] >= margin for k in (0, 1)]
+        values = [minimum if ending == COMPLETED else 0.0
+                  for minimum, ending in zip(self.minima, self.endings, strict=True)]  # fmt: skip
+        if (
+            feasible[0] != feasible[1]
+            and max(abs(value - margin) for value in values) > NEAR * largest
+        ):
             return "verdict"
-        if self.endings[0] != self.endings[1] and max(worth) > NEAR * largest:
+        if self.endings[0] != self.endings[1] and max(values) > NEAR * largest:
             return "ending"
-        if self.off * min(1.0, self.least[1] / margin) > CLOSENESS:
+        if self.error * min(1.0, self.minima[1] / margin) > S_MIN_TOLERANCE:
             return "S_min"
-        return "attitude" if self.turn > TURN else ""
+        return "attitude" if self.angle > ATTITUDE_TOLERANCE else ""
 
 
 @cache
 def prepared(scenario: str) -> tuple[Problem, EnsembleIntegrator]:
-    """A problem and its kernels, once in every process."""
+    """A problem and its integrator, once per process."""
     problem = load_scenario(scenario).problem()
     return problem, EnsembleIntegrator(problem, 1)
 
@@ -112,10 +115,10 @@ def attitudes_of(count: int, seed: int) -> np.ndarray:
 
 
 def compare(scenario: str, seed: int, count: int, numbers: range) -> list[Comparison]:
-    """Some of the attitudes, every branch."""
-    problem, roller = prepared(scenario)
+    """Compare all branches at some of the attitudes."""
+    problem, integrator = prepared(scenario)
     attitudes = attitudes_of(count, seed)
-    found = []
+    comparisons = []
     for number in numbers:
         branches = problem.branches(attitudes[number])
         if problem.redundant and branches:
@@ -125,27 +128,27 @@ def compare(scenario: str, seed: int, count: int, numbers: range) -> list[Compar
         if not branches:
             continue
         joints = np.array([branch.joints for branch in branches])
-        roll = roller.integrate(np.tile(attitudes[number], (len(joints), 1)), joints)
+        result = integrator.integrate(np.tile(attitudes[number], (len(joints), 1)), joints)
         for k, branch in enumerate(branches):
             start = time.perf_counter()
-            ending, closest, end, turn = precise(problem, attitudes[number], joints[k],
-                                                 roll.attitudes[k])  # fmt: skip
-            both = int(roll.endings[k]) == ending == COMPLETED
-            found.append(
+            ending, closest, end, angle = precise(problem, attitudes[number], joints[k],
+                                                 result.attitudes[k])  # fmt: skip
+            both = int(result.endings[k]) == ending == COMPLETED
+            comparisons.append(
                 Comparison(
                     scenario, number, tuple(attitudes[number].tolist()), branch.index,
-                    (int(roll.endings[k]), ending), (float(roll.minimum[k]), closest),
-                    (float(roll.ended_at[k]), end), turn if both else 0.0,
+                    (int(result.endings[k]), ending), (float(result.minimum[k]), closest),
+                    (float(result.ended_at[k]), end), angle if both else 0.0,
                     time.perf_counter() - start,
                 )
             )  # fmt: skip
-    return found
+    return comparisons
 
 
 def precise(
     problem: Problem, attitude: np.ndarray, joints: np.ndarray, last: np.ndarray
 ) -> tuple[int, float, float, float]:
-    """Ending, S_min, time of the end and angle to another last attitude."""
+    """Ending, S_min, final time and angle to another final attitude."""
     try:
         motion = integrate_motion(problem, attitude, joints)
     except IntegrationError as error:
@@ -156,7 +159,7 @@ def precise(
 
 
 def compared(arguments: argparse.Namespace, console: Console) -> Iterator[Comparison]:
-    """Everything, by as many processes as are allowed."""
+    """All comparisons, on several processes."""
     batches = [
         range(first, min(first + BATCH, arguments.attitudes))
         for first in range(0, arguments.attitudes, BATCH)
@@ -173,48 +176,55 @@ def compared(arguments: argparse.Namespace, console: Console) -> Iterator[Compar
                 yield from future.result()
 
 
-def print_table(everything: list[Comparison], troubles: dict[str, list[str]], count: int) -> None:
-    """A row for each scenario."""
-    table = Table(title=f"{count} random attitudes, compiled against precise motions")
+def print_table(
+    comparisons: list[Comparison], disagreements: dict[str, list[str]], count: int
+) -> None:
+    """Print a row for each scenario."""
+    table = Table(title=f"{count} random attitudes, ensemble against single integration")
     for column in (
-        "scenario", "motions", "complete", "singular", "S_min off", "99 % of", "turn rad",
-        "late ms", "at margin", "grazing", "precise s", "trouble",
+        "scenario", "motions", "complete", "singular", "S_min error", "99 %", "angle rad",
+        "time ms", "at margin", "grazing", "single s", "disagree",
     ):  # fmt: skip
         table.add_column(column)
     for scenario in SCENARIOS:
-        group = [one for one in everything if one.scenario == scenario]
-        done = [one for one in group if one.completed]
-        stuck = [one for one in group if one.endings == (SINGULAR, SINGULAR)]
+        group = [comparison for comparison in comparisons if comparison.scenario == scenario]
+        done = [comparison for comparison in group if comparison.completed]
+        singular = [
+            comparison for comparison in group if comparison.endings == (SINGULAR, SINGULAR)
+        ]
         margin, largest = scale(scenario, group)
-        grazing = sum(one.endings[0] != one.endings[1] for one in group)
-        near = sum(abs(one.least[1] - margin) <= NEAR * largest for one in done)
+        grazing = sum(comparison.endings[0] != comparison.endings[1] for comparison in group)
+        near = sum(abs(comparison.minima[1] - margin) <= NEAR * largest for comparison in done)
         table.add_row(
-            scenario, str(len(group)), str(len(done)), str(len(stuck)),
-            f"{max((one.off for one in done), default=0.0):.1e}",
-            f"{np.quantile([one.off for one in done] or [0.0], 0.99):.1e}",
-            f"{max((one.turn for one in done), default=0.0):.1e}",
-            f"{max((1e3 * abs(np.diff(one.times)[0]) for one in stuck), default=0.0):.2g}",
-            str(near), str(grazing), f"{sum(one.seconds for one in group):.0f}",
-            str(len(troubles[scenario])),
+            scenario, str(len(group)), str(len(done)), str(len(singular)),
+            f"{max((comparison.error for comparison in done), default=0.0):.1e}",
+            f"{np.quantile([comparison.error for comparison in done] or [0.0], 0.99):.1e}",
+            f"{max((comparison.angle for comparison in done), default=0.0):.1e}",
+            f"{max((1e3 * abs(np.diff(each.times)[0]) for each in singular), default=0.0):.2g}",
+            str(near), str(grazing), f"{sum(comparison.seconds for comparison in group):.0f}",
+            str(len(disagreements[scenario])),
         )  # fmt: skip
     Console().print(table)
 
 
 def scale(scenario: str, group: list[Comparison]) -> tuple[float, float]:
-    """The margin and the largest S_min."""
+    """Margin of the problem and the largest S_min."""
     margin = prepared(scenario)[0].margin.threshold
-    return margin, max((one.least[1] for one in group), default=0.0)
+    return margin, max((comparison.minima[1] for comparison in group), default=0.0)
 
 
-def described(one: Comparison, what: str) -> str:
-    """A line for people."""
+def described(comparison: Comparison, result: str) -> str:
+    """A line of text on a disagreement."""
     quick, slow = (
-        f"{ENDINGS[ending]} at {when:.4f} s, S_min {least:.6g}"
-        for ending, when, least in zip(one.endings, one.times, one.least, strict=True)
+        f"{ENDINGS[ending]} at {when:.4f} s, S_min {minimum:.6g}"
+        for ending, when, minimum in zip(
+            comparison.endings, comparison.times, comparison.minima, strict=True
+        )
     )
     return (
-        f"{one.scenario} attitude {one.number} {np.round(one.attitude, 6).tolist()} "
-        f"branch {one.branch}: {what}: {quick}; precise {slow}; {one.turn:.1e} rad"
+        f"{comparison.scenario} attitude {comparison.number} "
+        f"{np.round(comparison.attitude, 6).tolist()} "
+        f"branch {comparison.branch}: {result}: {quick}; single {slow}; {comparison.angle:.1e} rad"
     )
 
 
@@ -225,21 +235,25 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=len(os.sched_getaffinity(0)))
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    everything = list(compared(arguments, Console(stderr=True)))
-    troubles: dict[str, list[str]] = {}
+    comparisons = list(compared(arguments, Console(stderr=True)))
+    disagreements: dict[str, list[str]] = {}
     for scenario in SCENARIOS:
-        group = [one for one in everything if one.scenario == scenario]
+        group = [comparison for comparison in comparisons if comparison.scenario == scenario]
         limits = scale(scenario, group)
-        troubles[scenario] = [
-            described(one, one.trouble(*limits)) for one in group if one.trouble(*limits)
+        disagreements[scenario] = [
+            described(comparison, comparison.disagreement(*limits))
+            for comparison in group
+            if comparison.disagreement(*limits)
         ]
-    print_table(everything, troubles, arguments.attitudes)
-    for lines in troubles.values():
+    print_table(comparisons, disagreements, arguments.attitudes)
+    for lines in disagreements.values():
         for line in lines:
             print(line)
     if arguments.json:
-        arguments.json.write_text(json.dumps([vars(one) for one in everything], indent=1))
-    return 1 if any(troubles.values()) else 0
+        arguments.json.write_text(
+            json.dumps([vars(comparison) for comparison in comparisons], indent=1)
+        )
+    return 1 if any(disagreements.values()) else 0
 
 
 if __name__ == "__main__":

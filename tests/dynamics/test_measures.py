@@ -152,7 +152,7 @@ def test_measures_survive_pickling(spatial_6dof: FreeFloatingModel) -> None:
 
 
 def factors(model: FreeFloatingModel, q: np.ndarray) -> tuple[float, float, float]:
-    """In-plane and other block of (39), and the other's inertia: the end-effector does not rotate.
+    """In-plane and other block of (39), and the other's inertia, at constant orientation.
 
     Written in the plane's own axes: x' along the arm's azimuth q1, y' across, z.
     """
@@ -246,7 +246,7 @@ def test_arms_with_decoupled_plane_have_the_factor(
     ],
     ids=[
         "asymmetric spacecraft", "tilted inertia", "mounted off centre", "mounted tilted",
-        "asymmetric link", "shoulder off the axis", "shoulder not perpendicular", "no spherical wrist",
+        "asymmetric link", "shoulder off the axis", "tilted shoulder", "no spherical wrist",
     ],
 )  # fmt: skip
 def test_arms_with_coupled_plane_raise(spatial_6dof: FreeFloatingModel, old: str, new: str) -> None:

@@ -149,7 +149,7 @@ def every_arm():
 
 
 def buffers_for_nine_joints():
-    """What is too little for ten has to be noticed."""
+    """Buffers too small for ten joints raise an error."""
     start = redundant(*TEN[-1], None, 1)
     ensemble.make_buffers = lambda n, m: make_buffers(n, m)._replace(vectors=np.zeros((4, 9)))
     with pytest.raises(IndexError):
@@ -158,8 +158,11 @@ def buffers_for_nine_joints():
 
 @pytest.mark.slow
 def test_kernels_stay_within_their_arrays(tmp_path):
-    """Compiled anew with checks of all bounds."""
-    command = "from tests.ensemble import test_many_joints as t; t.every_arm(); t.buffers_for_nine_joints()"
+    """Compiled with bounds checks."""
+    command = (
+        "from tests.ensemble import test_many_joints as t; "
+        "t.every_arm(); t.buffers_for_nine_joints()"
+    )
     checks = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", command], cwd=Path(__file__).parents[1],
