@@ -117,6 +117,19 @@ def test_a_simulation_comes_back_with_all_branches(heading, tmp_path):
     assert loaded.chosen is loaded.branches[simulation.branches.index(simulation.chosen)]
 
 
+def test_limits_and_the_text_of_the_scenario_come_back(tmp_path):
+    scenario = ff.load_scenario("planar_2dof/line")
+    simulation = ff.simulate(scenario.problem(), [0.0, 0.0, 0.0, 1.0], limits=scenario.limits())
+    ff.save(simulation, tmp_path / "motion.h5", scenario)
+    loaded = ff.load(tmp_path / "motion.h5")
+    assert [result.limit for result in loaded.limit_results] == [
+        result.limit for result in simulation.limit_results
+    ]
+    same(loaded.to_dict(), simulation.to_dict())
+    with h5py.File(tmp_path / "motion.h5") as file:
+        assert file["scenario"].asstr()[()] == scenario.text
+
+
 def test_a_map_over_headings_comes_back(tmp_path):
     found = ff.attitude_map(ff.load_scenario("planar_3dof/parabola").problem(), 12)
     ff.save(found, tmp_path / "map.h5")

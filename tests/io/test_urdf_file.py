@@ -20,7 +20,9 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from freefloat.cli.app import app
+from freefloat.errors import InputError
 from freefloat.io.scenario import load_robot, load_scenario
+from freefloat.io.urdf_file import write_urdf
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.robot.model import FreeFloatingModel
@@ -302,10 +304,11 @@ def test_what_makes_no_sense_is_refused(words: tuple[str, ...], key: str, tmp_pa
     assert not list(tmp_path.iterdir()), "nothing is left behind"
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
-    file = tmp_path / "none" / "out.urdf"
-    error = refused("assemble", "ets_vii", "-o", str(file))
-    assert error["key"] == "output"
+def test_a_missing_folder_is_an_input_error(tmp_path: Path) -> None:
+    model = FreeFloatingModel.from_urdf("ets_vii")
+    with pytest.raises(InputError) as caught:
+        write_urdf(model, tmp_path / "none" / "out.urdf")
+    assert caught.value.key == "output"
 
 
 def test_the_table_tells_mass_and_joints(tmp_path: Path) -> None:
