@@ -88,27 +88,22 @@ def test_settings_from_scenarios():
 
 
 @pytest.mark.parametrize(
-    ("given", "key", "accepted"),
+    ("text", "key"),
     [
-        ("{metric: fast}", "redundancy.metric", "a map from joint to weight"),
-        ("{metric: [1, 2]}", "redundancy.metric", "a map from joint to weight"),
-        ("{metric: {panda_joint1: -3}}", "redundancy.metric.panda_joint1", "0.000001"),
-        ("{metric: {panda_joint1: x}}", "redundancy.metric.panda_joint1", "a number"),
-        ("{metric: {elbow: 2}}", "redundancy.metric.elbow", "panda_joint1, panda_joint2"),
-        ("{toward: up}", "redundancy.toward", "'none', 'sigma' or 'middle'"),
-        ("{toward: sigma, gain: -1}", "redundancy.gain", "0"),
-        ("{toward: sigma, bound: 0}", "redundancy.bound", "0"),
-        ("{gain: 2}", "redundancy", "toward: sigma or middle"),
-        ("{weights: 3}", "redundancy.weights", "metric, toward, gain, bound"),
-        ("energy", "redundancy", "keys: metric, toward"),
+        ("{metric: fast}", "redundancy.metric"),
+        ("{metric: {panda_joint1: -3}}", "redundancy.metric.panda_joint1"),
+        ("{metric: {elbow: 2}}", "redundancy.metric.elbow"),
+        ("{toward: up}", "redundancy.toward"),
+        ("{toward: sigma, gain: -1}", "redundancy.gain"),
+        ("{toward: sigma, bound: 0}", "redundancy.bound"),
+        ("{gain: 2}", "redundancy"),
+        ("{weights: 3}", "redundancy.weights"),
     ],
 )
-def test_invalid_scenarios_name_the_key(given, key, accepted):
-    """File, key and what is accepted."""
+def test_invalid_scenarios_name_the_key(text, key):
     with pytest.raises(InputError) as caught:
-        read(given)
+        read(text)
     assert caught.value.key == key
-    assert accepted in caught.value.accepted
     assert caught.value.source == "mine.yaml"
 
 
