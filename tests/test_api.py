@@ -50,7 +50,7 @@ def test_help_begins_with_ten_lines_that_run(
     shutil.copy(models_folder() / "spatial_6dof" / "spatial_6dof.urdf", tmp_path / "robot.urdf")
     monkeypatch.chdir(tmp_path)
     shown: list[Plan] = []
-    monkeypatch.setattr("freefloat.visualization.playback.show", shown.append)
+    monkeypatch.setattr(ff, "show", shown.append)
     assert code.count("samples=1024") == 1
     exec(code.replace("samples=1024", "samples=64"), {})
     assert [one.feasible for one in shown] == [True]
@@ -98,7 +98,7 @@ def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(
     shell.run_cell("import freefloat as ff\n\nff.load_scenario('spatial_6dof/lin')")
     shown = re.sub(r"\x1b\[[\d;]*m", "", "".join(capsys.readouterr())).splitlines()
     assert any("ff.load_scenario('spatial_6dof/lin')" in line for line in shown)
-    assert not any("bundled.py" in line or "scenario.py" in line for line in shown)
+    assert not any("names.py" in line or "scenario.py" in line for line in shown)
     *_, problem, accepted = [line for line in shown if line.strip()]
     assert problem == (
         "InputError: scenario: no such file or name: spatial_6dof/lin "
@@ -110,5 +110,5 @@ def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(
 def test_elsewhere_errors_keep_their_whole_traceback() -> None:
     with pytest.raises(ff.InputError) as caught:
         ff.load_scenario("nothing")
-    assert any(Path(str(one.path)).name == "bundled.py" for one in caught.traceback)
+    assert any(Path(str(one.path)).name == "names.py" for one in caught.traceback)
     assert isinstance(caught.value, ff.FreeFloatError)

@@ -92,7 +92,7 @@ def test_tasks_laws_and_objectives_are_accepted_by_name(
 def test_unknown_names_are_refused(model: ff.FreeFloatingModel) -> None:
     tasks = "pose, position, planar-pose, planar-position"
     for function, *given in (
-        (ff.measure, model, "positon", "gjm"),
+        (ff.singularity_measure, model, "positon", "gjm"),
         (ff.generalized_jacobian, model, [0.0] * 3, "positon"),
     ):
         error = refused(function, *given)
@@ -214,7 +214,7 @@ def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
         ("search.samples", 8, lambda x: ff.Search(samples=x)),
         ("search.seed", 0, lambda x: ff.Search(seed=x)),
         ("samples", 8, partial(ff.attitude_map, spatial)),
-        ("seed", 0, partial(ff.attitude_map, spatial, 8)),
+        ("seed", 0, lambda x: ff.attitude_map(spatial, 8, seed=x)),
         ("threads", 1, lambda x: ff.plan(problem, threads=x)),
         ("threads", 1, lambda x: FeasibilityEvaluator(spatial, threads=x)),
     )
@@ -239,7 +239,7 @@ def test_parts_of_problems_of_other_types_are_refused(problem: ff.Problem) -> No
         (
             "margin.measure",
             "'arm'",
-            "singularity_measure(model, task, name)",
+            "singularity_measure(model, Task.POSE",
             lambda: ff.Margin("arm", 5),
         ),
         ("timing", "int", "Timing(duration)", lambda: ff.TimedPath(path, 100)),
@@ -269,7 +269,7 @@ def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: S
         (
             "measure",
             "'arm'",
-            "singularity_measure(model, task, name)",
+            "singularity_measure(model, Task.POSE",
             lambda: ff.closest_approach(motion, "arm"),
         ),
         (
