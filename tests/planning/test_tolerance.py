@@ -1,4 +1,4 @@
-"""What a motion bears: momentum off in any direction, and other durations, proved precisely."""
+"""Tolerated deviations of momentum and duration, compared with precise motions."""
 
 from __future__ import annotations
 
@@ -19,44 +19,44 @@ from freefloat.planning.simulation import simulate
 from freefloat.planning.tolerance import Tolerance, tolerance
 from freefloat.so3 import attitude_grid
 
-GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
+FEASIBLE = [0.46008, 0.09337, 0.73519, -0.48898]
 
 
-def margined(name: str, value: float | None = None) -> Problem:
+def with_margin(name: str, value: float | None = None) -> Problem:
     problem = load_scenario(name).problem()
     if value is None:
         return problem
     return replace(problem, margin=Margin(problem.margin.measure, value))
 
 
-def roomiest(problem: Problem) -> np.ndarray:
-    """Of a few attitudes the one with the largest margin."""
-    few = attitude_grid(64)
-    return few[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(few, None)))]
+def best_attitude(problem: Problem) -> np.ndarray:
+    """The attitude with the largest margin of 64."""
+    attitudes = attitude_grid(64)
+    return attitudes[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(attitudes, None)))]
 
 
 class Case:
-    """A motion and what it bears."""
+    """A motion and its tolerance."""
 
     def __init__(self, problem: Problem, attitude: object) -> None:
         self.problem = problem
         chosen = simulate(problem, attitude).chosen
         assert problem.margin.is_kept(chosen.closest_approach.value)
-        self.least = chosen.closest_approach.value
+        self.minimum = chosen.closest_approach.value
         self.attitude, self.joints = chosen.motion.initial.attitude, chosen.branch.joints
         self.integrator = EnsembleIntegrator(problem, 1)
-        self.bears: Tolerance = tolerance(self.integrator, self.attitude, self.joints)
+        self.tolerance: Tolerance = tolerance(self.integrator, self.attitude, self.joints)
 
     def keeps(self, momenta: np.ndarray) -> np.ndarray:
         """Whether compiled motions with other momenta keep the margin, shape (K,)."""
         K = len(momenta)
-        rollout = self.integrator.integrate(
+        ensemble = self.integrator.integrate(
             np.tile(self.attitude, (K, 1)), np.tile(self.joints, (K, 1)), momenta=momenta
         )
-        return rollout.keeps(self.problem.margin.threshold)
+        return ensemble.keeps(self.problem.margin.threshold)
 
     def precisely(self, *, momentum: object = None, duration: float | None = None) -> float:
-        """Smallest S of a precise motion with another momentum or duration."""
+        """Minimum margin of a precise motion with another momentum or duration."""
         path = self.problem.path
         if duration is not None:
             path = TimedPath(path.path, replace(path.timing, duration=duration))
@@ -69,15 +69,15 @@ class Case:
 @pytest.fixture(scope="module")
 def drifting() -> Case:
     """Example 2, margin 30: with momentum."""
-    problem = margined("spatial_6dof/line", 30.0)
-    return Case(problem, roomiest(problem))
+    problem = with_margin("spatial_6dof/line", 30.0)
+    return Case(problem, best_attitude(problem))
 
 
 @pytest.fixture(scope="module")
 def still() -> Case:
     """Example 2 without momentum."""
-    problem = replace(margined("spatial_6dof/line", 30.0), momentum=np.zeros(3))
-    return Case(problem, roomiest(problem))
+    problem = replace(with_margin("spatial_6dof/line", 30.0), momentum=np.zeros(3))
+    return Case(problem, best_attitude(problem))
 
 
 def directions(count: int, seed: int) -> np.ndarray:
@@ -86,84 +86,86 @@ def directions(count: int, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("which", ["drifting", "still"])
-def test_momentum_off_in_any_direction_is_borne(which: str, request: pytest.FixtureRequest) -> None:
-    """At all shares of the tolerance; a tenth beyond it some direction is not."""
+def test_margin_is_kept_with_momentum_off_in_any_direction(
+    which: str, request: pytest.FixtureRequest
+) -> None:
+    """At fractions of the tolerance; ten percent beyond it some direction violates the margin."""
     case: Case = request.getfixturevalue(which)
-    bears, h = case.bears, case.problem.momentum
-    assert 0.0 < bears.momentum < bears.momentum_limit
-    ways = directions(200, 5)
-    for share in (0.25, 0.5, 0.75, 0.99):
-        assert case.keeps(h + share * bears.momentum * ways).all(), share
-    assert not case.keeps(h + 1.1 * bears.momentum * ways).all()
+    tolerated, h = case.tolerance, case.problem.momentum
+    assert 0.0 < tolerated.momentum < tolerated.momentum_limit
+    tried = directions(200, 5)
+    for fraction in (0.25, 0.5, 0.75, 0.99):
+        assert case.keeps(h + fraction * tolerated.momentum * tried).all(), fraction
+    assert not case.keeps(h + 1.1 * tolerated.momentum * tried).all()
 
 
 def test_a_precise_motion_agrees_with_the_worst_direction(drifting: Case) -> None:
-    """Just inside the margin is kept, a tenth beyond it is not."""
-    bears, h, ways = drifting.bears, drifting.problem.momentum, directions(2000, 6)
-    beyond = 1.1 * bears.momentum * ways
+    """Just inside, the margin is kept; ten percent beyond, it is not."""
+    tolerated, h, tried = drifting.tolerance, drifting.problem.momentum, directions(2000, 6)
+    beyond = 1.1 * tolerated.momentum * tried
     (failing,) = np.nonzero(~drifting.keeps(h + beyond))
-    worst = ways[failing[0]]
-    assert drifting.precisely(momentum=h + 1.1 * bears.momentum * worst) < 30.0
-    assert drifting.precisely(momentum=h + 0.99 * bears.momentum * worst) >= 30.0
+    worst = tried[failing[0]]
+    assert drifting.precisely(momentum=h + 1.1 * tolerated.momentum * worst) < 30.0
+    assert drifting.precisely(momentum=h + 0.99 * tolerated.momentum * worst) >= 30.0
 
 
-def test_the_limit_turns_the_locked_system_once(drifting: Case) -> None:
+def test_the_limit_rotates_the_locked_system_once(drifting: Case) -> None:
     """Five newton metre seconds for half a ton of satellite in a hundred seconds: 2 pi I / T."""
     from freefloat.dynamics.momentum import inertia_matrices
 
     D, _ = inertia_matrices(drifting.problem.model, drifting.joints)
     moments = np.linalg.eigvalsh(D)
-    assert drifting.bears.momentum_limit == pytest.approx(2.0 * np.pi / 100.0 * moments.mean())
+    assert drifting.tolerance.momentum_limit == pytest.approx(2.0 * np.pi / 100.0 * moments.mean())
 
 
-def test_an_easy_margin_bears_all_that_is_looked_at() -> None:
-    """Then the tolerance is the limit itself, without a hundredth held back."""
-    case = Case(margined("spatial_6dof/line", 0.0), GOOD)
-    bears = case.bears
-    if bears.momentum < bears.momentum_limit:
+def test_a_margin_of_zero_may_tolerate_the_limit_itself() -> None:
+    """The tolerance is then the limit itself, without the safety factor."""
+    case = Case(with_margin("spatial_6dof/line", 0.0), FEASIBLE)
+    tolerated = case.tolerance
+    if tolerated.momentum < tolerated.momentum_limit:
         assert not case.keeps(
-            case.problem.momentum + 1.1 * bears.momentum * directions(500, 1)
+            case.problem.momentum + 1.1 * tolerated.momentum * directions(500, 1)
         ).all()
     else:
-        assert bears.momentum == bears.momentum_limit
+        assert tolerated.momentum == tolerated.momentum_limit
 
 
 def test_durations_inside_keep_the_margin_and_those_outside_do_not(drifting: Case) -> None:
-    """The path really timed anew, integrated precisely."""
-    bears, planned = drifting.bears, drifting.problem.path.duration
-    assert planned / 10.0 * (1 - 1e-9) <= bears.shortest < planned < bears.longest
-    assert bears.longest < 10.0 * planned
-    for duration in (bears.shortest / 0.99, 0.5 * (bears.shortest + bears.longest),
-                     0.99 * bears.longest):  # fmt: skip
+    """With the path retimed and integrated precisely."""
+    tolerated, planned = drifting.tolerance, drifting.problem.path.duration
+    assert planned / 10.0 * (1 - 1e-9) <= tolerated.shortest < planned < tolerated.longest
+    assert tolerated.longest < 10.0 * planned
+    for duration in (tolerated.shortest / 0.99, 0.5 * (tolerated.shortest + tolerated.longest),
+                     0.99 * tolerated.longest):  # fmt: skip
         assert drifting.precisely(duration=duration) >= 30.0, duration
-    assert drifting.precisely(duration=1.01 * bears.longest) < 30.0
-    if bears.shortest > planned / 10.0 * 1.001:
-        assert drifting.precisely(duration=bears.shortest / 1.01) < 30.0
+    assert drifting.precisely(duration=1.01 * tolerated.longest) < 30.0
+    if tolerated.shortest > planned / 10.0 * 1.001:
+        assert drifting.precisely(duration=tolerated.shortest / 1.01) < 30.0
 
 
 def test_a_shortest_duration_is_found_too() -> None:
-    """Where momentum helps, a faster motion has less of it and breaks the margin."""
-    problem = margined("spatial_6dof/line")
-    base = simulate(problem, GOOD).chosen
+    """Where momentum helps, a faster motion violates the margin."""
+    problem = with_margin("spatial_6dof/line")
+    base = simulate(problem, FEASIBLE).chosen
     K = 200
     scale = np.exp(np.linspace(np.log(0.1), 0.0, K))
     for momentum in directions(12, 9) * 1.0:
         changed = replace(problem, momentum=momentum)
-        rollout = EnsembleIntegrator(changed, 1).integrate(
+        ensemble = EnsembleIntegrator(changed, 1).integrate(
             np.tile(base.motion.initial.attitude, (K, 1)), np.tile(base.branch.joints, (K, 1)),
             momenta=scale[:, None] * momentum,
         )  # fmt: skip
-        value = float(0.98 * rollout.minimum[-1])
-        if rollout.minimum.min() < 0.95 * value and rollout.endings[-1] == 0:
+        value = float(0.98 * ensemble.minimum[-1])
+        if ensemble.minimum.min() < 0.95 * value and ensemble.endings[-1] == 0:
             break
     else:
         pytest.fail("no momentum helps")
     strict = replace(changed, margin=Margin(problem.margin.measure, value))
-    bears = tolerance(
+    tolerated = tolerance(
         EnsembleIntegrator(strict, 1), base.motion.initial.attitude, np.array(base.branch.joints)
     )
-    assert 10.5 < bears.shortest < 100.0
-    for duration, keeps in ((bears.shortest / 0.99, True), (bears.shortest / 1.01, False)):
+    assert 10.5 < tolerated.shortest < 100.0
+    for duration, keeps in ((tolerated.shortest / 0.99, True), (tolerated.shortest / 1.01, False)):
         path = TimedPath(strict.path.path, replace(strict.path.timing, duration=duration))
         motion = integrate_motion(
             replace(strict, path=path), base.motion.initial.attitude, base.branch.joints
@@ -174,16 +176,16 @@ def test_a_shortest_duration_is_found_too() -> None:
         assert (smallest >= value) is keeps
 
 
-def test_without_momentum_any_duration_serves(still: Case) -> None:
-    """A tenth to ten times the planned one are told; the way is the same at any pace."""
-    assert still.bears.shortest == pytest.approx(10.0)
-    assert still.bears.longest == pytest.approx(1000.0)
+def test_without_momentum_any_duration_is_feasible(still: Case) -> None:
+    """From a tenth to ten times the planned one; the motion is the same at any speed."""
+    assert still.tolerance.shortest == pytest.approx(10.0)
+    assert still.tolerance.longest == pytest.approx(1000.0)
     for duration in (10.0, 1000.0):
-        assert still.precisely(duration=duration) == pytest.approx(still.least, rel=1e-6)
+        assert still.precisely(duration=duration) == pytest.approx(still.minimum, rel=1e-6)
 
 
-def test_stops_are_not_needed_for_the_scale(drifting: Case) -> None:
-    """A duration changed by a factor is a momentum changed by it: the same smallest S."""
+def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:
+    """A duration or a momentum scaled by the same factor: equal minimum margins."""
     h = drifting.problem.momentum
     slow = drifting.precisely(duration=150.0)
     much = drifting.precisely(momentum=1.5 * h)

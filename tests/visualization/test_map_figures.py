@@ -56,10 +56,12 @@ def test_colours_are_the_margins_of_feasible_motions(shown):
     assert len(slices) == 6
     for axes, plane in zip(panels, slices, strict=True):
         below, feasible = (np.ma.filled(mesh.get_array(), np.nan) for mesh in meshes(axes))
-        inside = np.isfinite(plane.least)
-        assert (np.isfinite(feasible) == (inside & (plane.least > 0.0))).all()
-        assert (np.isfinite(below) == (inside & plane.reached & (plane.least == 0.0))).all()
-        np.testing.assert_allclose(feasible[np.isfinite(feasible)], plane.least[plane.least > 0.0])
+        inside = np.isfinite(plane.margins)
+        assert (np.isfinite(feasible) == (inside & (plane.margins > 0.0))).all()
+        assert (np.isfinite(below) == (inside & plane.reached & (plane.margins == 0.0))).all()
+        np.testing.assert_allclose(
+            feasible[np.isfinite(feasible)], plane.margins[plane.margins > 0.0]
+        )
 
 
 def test_marks_are_where_their_attitudes_are(shown):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -130,7 +130,7 @@ class Plan:
             "deviation_deg": _degrees(self.deviation),
             "robust_radius_deg": _degrees(self.robust_radius),
             "segments": [segment.to_dict() for segment in self.segments],
-            "tolerance": None if self.tolerance is None else asdict(self.tolerance),
+            "tolerance": self.tolerance and self.tolerance.to_dict(),
             "disagreements": list(self.disagreements),
             "duration": duration,
             "limits": [result.to_dict() for result in self.limit_results],

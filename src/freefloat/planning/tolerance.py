@@ -1,10 +1,11 @@
-"""What a chosen motion bears: momentum other than planned, and other durations."""
+"""Tolerated deviations of momentum and duration of a planned motion."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,27 +15,29 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.so3 import Array, low_discrepancy, sphere_directions
 
 _DIRECTIONS = 128
-_LOOKS = 16
+_SAMPLES = 16
+"""Deviations tried in each direction before bisection."""
 _BISECTIONS = 12
 _LONGEST = 10.0
-"""Durations up to this many times the planned one, and down to one over it, are looked at."""
+"""Largest ratio of durations, longer or shorter than planned, that is tried."""
 _SPREADS = (1.0, 0.25, 0.06)
 """All directions are tried first, then such cones about the worst."""
-_CAUTION = 0.99
-"""Share of the smallest deviation found that is promised for directions between those tried."""
+_SAFETY = 0.99
+"""Fraction of the smallest deviation found that is reported, for directions between those tried."""
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far the world may be from the plan, attitude and joints at the start being as planned.
+    """Tolerated deviations of momentum and duration, with the planned initial state.
 
     Attributes:
-        momentum: The angular momentum may be off by this much in any direction [N m s].
-        momentum_limit: The largest deviation looked at [N m s]: it would turn the locked system
-            once during the motion. A ``momentum`` as large means at least that.
-        shortest: Of the durations around the planned one that keep the margin [s].
-        longest: Likewise [s]. Durations from a tenth to ten times the planned one are looked at;
-            without momentum the duration does not matter, and all of them serve.
+        momentum: The margin is kept with the angular momentum off by this much in any direction
+            [N m s].
+        momentum_limit: The largest deviation tried [N m s]: it rotates the locked system once
+            during the motion. ``momentum`` equal to it means at least that.
+        shortest: Shortest duration that keeps the margin, of those around the planned one [s].
+        longest: Longest such duration [s]. Durations from a tenth to ten times the planned one are
+            tried; without momentum all of them are feasible.
     """
 
     momentum: float
@@ -42,88 +45,94 @@ class Tolerance:
     shortest: float
     longest: float
 
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return asdict(self)
 
-def tolerance(roller: EnsembleIntegrator, attitude: Array, joints: Array) -> Tolerance:
-    """Find what momentum and durations a motion bears without breaking its margin.
 
-    The same motion at another pace and with the momentum scaled inversely takes the same way (8):
-    a duration changed by a factor is a momentum changed by it.
+def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) -> Tolerance:
+    """Largest deviations of momentum and duration with which a motion keeps its margin.
+
+    A motion is the same at another speed with the momentum scaled by the same factor (8): a
+    duration changed by a factor is equivalent to a momentum changed by it.
 
     Args:
-        roller: Of the problem.
-        attitude: Of the spacecraft at the start, x, y, z, w.
-        joints: At the start, shape (n,).
+        integrator: For the problem.
+        attitude: Initial attitude of the spacecraft, quaternion x, y, z, w.
+        joints: Initial joint values, shape (n,).
     """
-    problem, h = roller.problem, roller.problem.momentum
+    problem, h = integrator.problem, integrator.problem.momentum
     duration, margin = problem.path.duration, problem.margin.threshold
 
     def keeps(momenta: Array) -> npt.NDArray[np.bool_]:
         K = len(momenta)
         states = np.broadcast_to(attitude, (K, 4)), np.broadcast_to(joints, (K, len(joints)))
-        return roller.integrate(*states, momenta=momenta, stop_below=margin).keeps(margin)
+        return integrator.integrate(*states, momenta=momenta, stop_below=margin).keeps(margin)
 
     D, _ = inertia_matrices(problem.model, joints)
     limit = float(np.trace(D)) / 3.0 * 2.0 * np.pi / duration
-    directions = sphere_directions(low_discrepancy(_DIRECTIONS, 2))
-    looks = limit * np.linspace(1.0 / _LOOKS, 1.0, _LOOKS)
-    worst, toward = limit, np.zeros(3)
-    for spread in _SPREADS:
-        ways = toward + spread * directions
-        ways = ways / np.linalg.norm(ways, axis=1)[:, None]
-        sizes = _first_failures(partial(_kept_along, keeps, h, ways), _DIRECTIONS, looks)
-        if sizes.min() < worst:
-            worst, toward = float(sizes.min()), ways[np.argmin(sizes)]
-        elif not toward.any():
-            break
+    deviation = _momentum_tolerance(keeps, h, limit)
     if not h.any():
-        return Tolerance(
-            worst if worst == limit else _CAUTION * worst, limit,
-            duration / _LONGEST, duration * _LONGEST,
-        )  # fmt: skip
-    powers = np.log(_LONGEST) * np.linspace(1.0 / _LOOKS, 1.0, _LOOKS)
+        return Tolerance(deviation, limit, duration / _LONGEST, duration * _LONGEST)
+    powers = np.log(_LONGEST) * np.linspace(1.0 / _SAMPLES, 1.0, _SAMPLES)
     signs = np.array([-1.0, 1.0])
     shorter, longer = _first_failures(
         lambda power, which: keeps(np.exp(power * signs[which])[:, None] * h), 2, powers
     )
-    return Tolerance(
-        worst if worst == limit else _CAUTION * worst, limit,
-        float(duration * np.exp(-shorter)), float(duration * np.exp(longer)),
-    )  # fmt: skip
+    shortest, longest = duration * np.exp(-shorter), duration * np.exp(longer)
+    return Tolerance(deviation, limit, float(shortest), float(longest))
 
 
-def _kept_along(
+def _momentum_tolerance(
+    keeps: Callable[[Array], npt.NDArray[np.bool_]], h: Array, limit: float
+) -> float:
+    """Deviation of the momentum ``h`` tolerated in any direction, at most ``limit`` [N m s]."""
+    directions = sphere_directions(low_discrepancy(_DIRECTIONS, 2))
+    samples = limit * np.linspace(1.0 / _SAMPLES, 1.0, _SAMPLES)
+    smallest, worst = limit, np.zeros(3)
+    for spread in _SPREADS:
+        tried = worst + spread * directions
+        tried = tried / np.linalg.norm(tried, axis=1)[:, None]
+        sizes = _first_failures(partial(_keeps_along, keeps, h, tried), _DIRECTIONS, samples)
+        if sizes.min() < smallest:
+            smallest, worst = float(sizes.min()), tried[np.argmin(sizes)]
+        elif not worst.any():
+            break
+    return smallest if smallest == limit else _SAFETY * smallest
+
+
+def _keeps_along(
     keeps: Callable[[Array], npt.NDArray[np.bool_]],
     h: Array,
-    ways: Array,
+    directions: Array,
     sizes: Array,
     which: npt.NDArray[np.intp],
 ) -> npt.NDArray[np.bool_]:
-    """Whether the margin is kept with momentum off by sizes (K,) in some of the directions."""
-    return keeps(h + sizes[:, None] * ways[which])
+    """Whether the margin is kept with the momentum off by sizes (K,) in selected directions."""
+    return keeps(h + sizes[:, None] * directions[which])
 
 
 def _first_failures(
     keeps: Callable[[Array, npt.NDArray[np.intp]], npt.NDArray[np.bool_]],
     count: int,
-    looks: Array,
+    samples: Array,
 ) -> Array:
-    """Along each of some lines the largest place before the margin breaks, at most the last look.
+    """The largest value on each line before the margin is violated, shape (count,).
 
     Args:
-        keeps: Tells for places (K,) on lines (K,) whether the margin is kept there.
+        keeps: Whether the margin is kept at values (K,) on lines (K,).
         count: Number of lines.
-        looks: Rising places at which every line is looked at first.
+        samples: Increasing values at which every line is evaluated first.
     """
-    lines = np.repeat(np.arange(count), len(looks))
-    kept = keeps(np.tile(looks, count), lines).reshape(count, len(looks))
-    first = np.where(kept.all(axis=1), len(looks), np.argmin(kept, axis=1))
-    places = np.concatenate([[0.0], looks])
-    low = places[first]
-    (open_,) = np.nonzero(first < len(looks))
-    below, above = low[open_], looks[first[open_]]
-    for _ in range(_BISECTIONS if len(open_) else 0):
+    lines = np.repeat(np.arange(count), len(samples))
+    kept = keeps(np.tile(samples, count), lines).reshape(count, len(samples))
+    first = np.where(kept.all(axis=1), len(samples), np.argmin(kept, axis=1))
+    largest = np.concatenate([[0.0], samples])[first]
+    (violated,) = np.nonzero(first < len(samples))
+    below, above = largest[violated], samples[first[violated]]
+    for _ in range(_BISECTIONS if len(violated) else 0):
         middle = 0.5 * (below + above)
-        stays = keeps(middle, open_)
-        below, above = np.where(stays, middle, below), np.where(stays, above, middle)
-    low[open_] = below
-    return np.asarray(low)
+        inside = keeps(middle, violated)
+        below, above = np.where(inside, middle, below), np.where(inside, above, middle)
+    largest[violated] = below
+    return np.asarray(largest)

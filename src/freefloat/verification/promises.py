@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -69,7 +69,7 @@ def _promised(plan: Plan) -> Iterator[tuple[str, float]]:
     if plan.robust_radius is not None:
         yield "robust_radius", plan.robust_radius
     if plan.tolerance is not None:
-        yield from asdict(plan.tolerance).items()
+        yield from plan.tolerance.to_dict().items()
 
 
 # --- in the plane -------------------------------------------------------------------------------

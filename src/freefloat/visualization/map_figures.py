@@ -47,7 +47,9 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     figure = new_figure(PAGE, 0.75 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
     margin = result.problem.margin
-    highest = max(float(result.margins.max()), *(float(np.nanmax(plane.least)) for plane in slices))
+    highest = max(
+        float(result.margins.max()), *(float(np.nanmax(plane.margins)) for plane in slices)
+    )
     norm = Normalize(
         margin.threshold, highest if highest > margin.threshold else margin.threshold + 1.0
     )
@@ -79,14 +81,14 @@ def _label(result: AttitudeMap, words: str = "") -> str:
 
 def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
     """Draw a slice: coloured if feasible, grey if not, hatched if the start is not reached."""
-    ticks, inside = np.degrees(plane.ticks), ~np.isnan(plane.least)
+    ticks, inside = np.degrees(plane.ticks), ~np.isnan(plane.margins)
     ball = Circle((0.0, 0.0), _radius(plane), facecolor="white", edgecolor=GREY, linewidth=0.8)
     axes.add_patch(ball)
     unreached = Circle((0.0, 0.0), _radius(plane), facecolor="none", edgecolor=GREY, linewidth=0.0,
                        hatch="////")  # fmt: skip
     axes.add_patch(unreached)
-    below = np.where(inside & plane.reached & (plane.least == 0.0), 1.0, np.nan)
-    feasible = np.where(inside & (plane.least > 0.0), plane.least, np.nan)
+    below = np.where(inside & plane.reached & (plane.margins == 0.0), 1.0, np.nan)
+    feasible = np.where(inside & (plane.margins > 0.0), plane.margins, np.nan)
     style = {"shading": "nearest", "rasterized": True, "clip_path": ball, "zorder": 2}
     axes.pcolormesh(ticks, ticks, below, cmap=ListedColormap([PALE]), **style)
     shown = axes.pcolormesh(ticks, ticks, feasible, cmap=_SHADES, norm=norm, **style)
