@@ -113,12 +113,12 @@ def test_counts_of_a_map_made_by_hand(problem: Problem) -> None:
     assert one.motion_fraction == 0.5
 
 
-def test_a_map_without_a_motion_has_shares_of_zero(problem: Problem) -> None:
+def test_fractions_of_a_map_without_motions_are_zero(problem: Problem) -> None:
     endings = np.full((8, 8), UNREACHED, dtype=np.int8)
     none = drawn(problem, attitude_grid(8), np.zeros((8, 8)), endings)
     assert none.motions == none.motion_fraction == none.feasible_fraction == 0.0
     assert none.branch_margins() == []
-    assert find_regions(none) == []
+    assert find_regions(none) == ()
 
 
 @pytest.mark.parametrize("samples", [48, 101])

@@ -1,4 +1,4 @@
-"""Plans in space: what each objective asks for, proved precisely, and what is said without one."""
+"""Spatial plans: each objective verified by precise motions, and reasons of infeasible plans."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem, is_kept
-from freefloat.planning import robustness, tolerance
+from freefloat.planning import robustness, spatial_planner, tolerance
 from freefloat.planning import search as attitude_search
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.plan import Plan
@@ -30,9 +30,9 @@ SAMPLES = 512
 
 @pytest.fixture(autouse=True, scope="module")
 def smaller() -> Iterator[None]:
-    """Searches of the same steps with fewer attitudes."""
+    """The same searches with fewer attitudes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(attitude_search, "_CANDIDATES", 6)
+        patch.setattr(spatial_planner, "_CANDIDATES", 6)
         patch.setattr(attitude_search, "_FINISHED", 2)
         patch.setattr(robustness, "_EDGE", 200)
         patch.setattr(robustness, "_ROUNDS", 10)
@@ -41,7 +41,7 @@ def smaller() -> Iterator[None]:
         yield
 
 
-def margined(value: float) -> Problem:
+def with_margin(value: float) -> Problem:
     """Example 2 with another margin; the largest anywhere is 53.613."""
     problem = ff.load_scenario("spatial_6dof/line").problem()
     return replace(problem, margin=Margin(problem.margin.measure, value))
@@ -49,7 +49,7 @@ def margined(value: float) -> Problem:
 
 @pytest.fixture(scope="module")
 def problem() -> Problem:
-    return margined(MARGIN)
+    return with_margin(MARGIN)
 
 
 @pytest.fixture(scope="module")
@@ -68,10 +68,10 @@ def robust(problem: Problem) -> Plan:
 
 
 @pytest.mark.parametrize("objective", ["largest", "nearest", "robust"])
-def test_every_plan_is_proved_precisely(
+def test_chosen_motion_is_feasible(
     objective: str, request: pytest.FixtureRequest, problem: Problem
 ) -> None:
-    """The chosen motion is that of a simulation, completes, and keeps the margin."""
+    """The chosen motion equals that of a simulation, completes, and keeps the margin."""
     plan: Plan = request.getfixturevalue(objective)
     assert plan.feasible
     assert plan.chosen is not None
@@ -96,7 +96,7 @@ def test_every_plan_is_proved_precisely(
 def test_the_robust_radius_holds(
     objective: str, request: pytest.FixtureRequest, problem: Problem
 ) -> None:
-    """Of 2,000 attitudes within it none breaks the margin."""
+    """None of 2,000 attitudes within it violates the margin."""
     plan: Plan = request.getfixturevalue(objective)
     assert plan.chosen is not None
     assert plan.robust_radius is not None
@@ -130,7 +130,7 @@ def test_the_nearest_attitude_is_chosen(nearest: Plan, largest: Plan) -> None:
 
 
 def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Plan) -> None:
-    """As deep as others, but for a search cut short; at a twentieth more it breaks."""
+    """Deeper than others, up to the shortened search; 5 percent beyond, the margin is violated."""
     assert robust.robust_radius is not None
     assert largest.robust_radius is not None
     assert nearest.robust_radius is not None
@@ -145,25 +145,25 @@ def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Pl
 
 
 def test_a_feasible_present_attitude_stays() -> None:
-    """Nothing has to turn."""
-    problem = margined(20.0)
-    few = Rotation.random(20, rng=np.random.default_rng(1)).as_quat()
-    now = few[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(few, None)))]
-    plan = ff.plan(problem, Search(Objective.NEAREST, frozen(now), 64), threads=1)
+    """The spacecraft need not rotate."""
+    problem = with_margin(20.0)
+    attitudes = Rotation.random(20, rng=np.random.default_rng(1)).as_quat()
+    present = attitudes[int(np.argmax(FeasibilityEvaluator(problem, 1).margins(attitudes, None)))]
+    plan = ff.plan(problem, Search(Objective.NEAREST, frozen(present), 64), threads=1)
     assert plan.deviation == 0.0
     assert plan.reason == "the attitude the spacecraft has keeps the margin already"
     assert plan.chosen is not None
-    np.testing.assert_allclose(plan.chosen.motion.initial.attitude, now, atol=1e-12)
+    np.testing.assert_allclose(plan.chosen.motion.initial.attitude, present, atol=1e-12)
 
 
 @pytest.mark.parametrize("objective", [Objective.MARGIN, Objective.ROBUST])
-def test_a_margin_nowhere_kept_is_told(objective: Objective) -> None:
-    """With the largest there is, found between the samples, and where."""
-    plan = ff.plan(margined(60.0), Search(objective, frozen(BAD), 64), threads=1)
+def test_reason_of_a_margin_kept_nowhere(objective: Objective) -> None:
+    """It has the largest margin, found between the samples, and where."""
+    plan = ff.plan(with_margin(60.0), Search(objective, frozen(BAD), 64), threads=1)
     assert not plan.feasible
     assert plan.chosen is plan.robust_radius is plan.tolerance is plan.deviation is None
     assert plan.reason.startswith("of 64 attitudes and those near the best of them none keeps arm")
-    assert "the largest least arm is 53.61" in plan.reason
+    assert "the largest minimum arm is 53.61" in plan.reason
     assert plan.map is not None
     assert plan.disagreements == ()
 
@@ -176,10 +176,10 @@ def test_a_margin_nowhere_kept_is_told(objective: Objective) -> None:
         Objective.ROBUST,
     ],
 )
-def test_what_is_narrower_than_the_grid_is_still_found(objective: Objective) -> None:
-    """A margin that no sample keeps, between them; angles are told as such."""
+def test_sets_narrower_than_the_grid_are_found(objective: Objective) -> None:
+    """A margin that no sample keeps is kept between samples; reasons have angles in degrees."""
     value, samples, seed = 53.55, 16, 3
-    problem = margined(value)
+    problem = with_margin(value)
     coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
     assert coarse.feasible_fraction == 0.0
     plan = ff.plan(problem, Search(objective, frozen(BAD), samples, seed), threads=1)
@@ -195,21 +195,21 @@ def test_what_is_narrower_than_the_grid_is_still_found(objective: Objective) -> 
 
 
 def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
-    """By less than compiled motions are trusted to tell; the precise one decides."""
+    """By less than the accuracy of compiled motions; the precise motion decides."""
     value, samples, seed = 53.6, 16, 1
-    problem = margined(value)
+    problem = with_margin(value)
     coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
     assert value < coarse.margins.max() < value * 1.001
     plan = ff.plan(problem, Search(Objective.NEAREST, frozen(BAD), samples, seed), threads=1)
     assert plan.feasible, plan.reason
 
 
-def test_a_start_out_of_reach_is_told() -> None:
-    """No attitude brings the arm there."""
+def test_reason_of_a_start_out_of_reach() -> None:
+    """No attitude reaches the start."""
     from freefloat.paths.curves import PolynomialCurve
     from freefloat.paths.orientation import FixedOrientation
 
-    near = margined(5.0)
+    near = with_margin(5.0)
     line = PolynomialCurve.line(np.array([50.0, 0.0, 0.0]), np.array([51.0, 0.0, 0.0]))
     path = ff.EndEffectorPath(line, FixedOrientation(np.eye(3)))
     problem = replace(near, path=ff.TimedPath(path, near.path.timing))
@@ -224,24 +224,24 @@ def test_a_start_out_of_reach_is_told() -> None:
         assert (plan.map.endings == UNREACHED).all()
 
 
-def test_an_end_out_of_reach_is_told() -> None:
-    """Where the path leaves the reach, not that every motion becomes singular on the way."""
+def test_reason_of_an_end_out_of_reach() -> None:
+    """It says where the path leaves the reach, not that every motion becomes singular."""
     from freefloat.paths.curves import PolynomialCurve
 
-    near = margined(5.0)
+    near = with_margin(5.0)
     line = PolynomialCurve.line(np.array([1.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
     path = ff.EndEffectorPath(line, near.path.path.orientation)
     problem = replace(near, path=ff.TimedPath(path, near.path.timing))
     plan = ff.plan(problem, Search(Objective.MARGIN, None, 16), threads=1)
     assert not plan.feasible
-    share = (VirtualManipulator.of(problem.model).reach - 1.0) / 29.0
-    assert plan.reason == f"the path leaves the reach of 2.635 m at s = {share:.3g}"
+    s = (VirtualManipulator.of(problem.model).reach - 1.0) / 29.0
+    assert plan.reason == f"the path leaves the reach of 2.635 m at s = {s:.3g}"
 
 
-def test_a_candidate_that_is_not_confirmed_is_told_and_the_next_taken(
+def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    problem, tried = margined(20.0), list[SimulatedBranch]()
+    problem, tried = with_margin(20.0), list[SimulatedBranch]()
     true = SimulatedBranch.feasible.fget
 
     def feasible(chosen: SimulatedBranch) -> bool:
@@ -253,18 +253,17 @@ def test_a_candidate_that_is_not_confirmed_is_told_and_the_next_taken(
     assert plan.feasible
     assert plan.chosen is tried[2]
     assert len(plan.disagreements) == 2
-    for one, said in zip(tried, plan.disagreements, strict=False):
-        assert str(np.round(one.motion.initial.attitude, 6).tolist()) in said
-        assert f"branch {one.branch.index}: compiled motions keep the margin" in said
-        assert f"falls to arm {one.closest_approach.value:.6g}" in said
-    # the reason and the attitude are those of the one that was taken
+    for simulated, text in zip(tried, plan.disagreements, strict=False):
+        assert str(np.round(simulated.motion.initial.attitude, 6).tolist()) in text
+        assert f"branch {simulated.branch.index}: compiled motions keep the margin" in text
+        assert f"falls to arm {simulated.closest_approach.value:.6g}" in text
     assert plan.reason == f"the largest margin, arm {tried[2].closest_approach.value:.6g}"
 
 
 def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After a dozen at most; what was tried is told."""
+    """After twelve candidates at most, all reported."""
     monkeypatch.setattr(SimulatedBranch, "feasible", property(lambda chosen: False))
-    plan = ff.plan(margined(50.0), Search(Objective.NEAREST, frozen(BAD), 64), threads=1)
+    plan = ff.plan(with_margin(50.0), Search(Objective.NEAREST, frozen(BAD), 64), threads=1)
     assert not plan.feasible
     assert plan.chosen is None
     assert 1 <= len(plan.disagreements) <= 12
@@ -273,16 +272,16 @@ def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.Mo
 def test_a_stock_arm_finds_its_largest_margin() -> None:
     """A UR5, whose wrist is not spherical."""
     problem = ff.load_scenario("ur5_servicer/arc").problem()
-    shares: list[float] = []
-    plan = ff.plan(problem, Search(samples=64), progress=shares.append, threads=1)
+    fractions: list[float] = []
+    plan = ff.plan(problem, Search(samples=64), progress=fractions.append, threads=1)
     assert plan.feasible
     assert plan.chosen is not None
     assert problem.margin.is_kept(plan.chosen.closest_approach.value)
     assert plan.map is not None
     assert plan.chosen.closest_approach.value >= plan.map.margins.max() * (1.0 - 1e-3)
     assert plan.reason.startswith("the largest margin, gjm ")
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
     assert plan.tolerance is not None
     assert plan.tolerance.longest == pytest.approx(10.0 * problem.path.duration)
 

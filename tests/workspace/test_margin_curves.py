@@ -102,7 +102,7 @@ def test_an_inner_disc_can_be_path_independent():
 def test_margin_curves_satisfy_22a_and_22b(level):
     """On a curve q2 is one of the two closed forms, with k0, k1, k2 read off S at three angles."""
     model = ff.load_scenario("planar_3dof/parabola").model()
-    S = singularity_measure(model, ff.Task.PLANAR_POSE, "system").value
+    S = singularity_measure(model, ff.Task.PLANAR_POSE, "system")
     curves = margin_curves(PlanarArm.of(model), level)
     assert curves
     for curve in curves:

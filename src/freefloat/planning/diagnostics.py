@@ -78,13 +78,15 @@ def no_feasible_attitude(evaluator: FeasibilityEvaluator, samples: AttitudeMap) 
         return beyond
     if not samples.reached.any():
         return f"from none of {N} attitudes does {unreached_start(problem)}"
-    best = max(largest_margins(evaluator, samples), key=lambda one: one.score, default=None)
+    best = max(
+        largest_margins(evaluator, samples), key=lambda candidate: candidate.score, default=None
+    )
     if best is None:
         return f"the arm becomes singular from all of {N} attitudes, with every arm branch"
     name = problem.margin.measure.name
     return (
         f"of {N} attitudes and those near the best of them none keeps {name} "
-        f"{problem.margin.threshold:.6g}; the largest least {name} is {best.score:.6g}, "
+        f"{problem.margin.threshold:.6g}; the largest minimum {name} is {best.score:.6g}, "
         f"from {np.round(best.attitude, 6).tolist()} with {_arm(evaluator, best)}"
     )
 
@@ -125,7 +127,7 @@ def infeasible_distance(problem: Problem) -> str | None:
         point = point_3_on_path(problem, s)
         if not inner <= abs(point) <= outer:
             return (
-                f"the path is out of reach at s = {s:.3g}: it wants the {workspace.point} at "
+                f"the path is out of reach at s = {s:.3g}: it requires the {workspace.point} at "
                 f"{_point(point)} m, {abs(point):.4g} m from the centre of mass; the arm reaches "
                 f"{inner:.4g} to {outer:.4g} m{light_spacecraft(problem)}"
             )
