@@ -23,7 +23,7 @@ from freefloat.dynamics.measures import joint_space_extremes
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.planning.states_on_path import StatesOnPath
+from freefloat.planning.margin_lines import StatesOnPath
 from freefloat.planning.tangency import TangencyPoint, boundary_attitude, tangency_points
 from freefloat.so3 import axes_rotation, unit_quaternion
 from freefloat.workspace.margin_curves import merged, path_areas, planar_workspace

@@ -10,7 +10,7 @@ from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.workspace.elbow_arm import elbow_arm, wrist_distances, wrist_in_hand
+from freefloat.workspace.elbow_arm import elbow_arm, wrist_distances, wrist_in_tool
 from freefloat.workspace.margin_curves import margin_curves, point_3, two_angles
 
 VARIANTS = {
@@ -43,7 +43,7 @@ def test_s_and_the_wrist_are_those_of_the_arm_in_space(
     np.testing.assert_allclose(in_plane, [of(q) for q in joints], rtol=1e-8, atol=1e-8)
     virtual = VirtualManipulator.of(model)
     distances = [
-        np.linalg.norm(pose.position + pose.rotation @ wrist_in_hand(virtual))
+        np.linalg.norm(pose.position + pose.rotation @ wrist_in_tool(virtual))
         for pose in (model.end_effector_pose([0, 0, 0, 1], q) for q in joints)
     ]
     np.testing.assert_allclose(np.abs(point_3(arm, joints[:, 1:3])), distances, atol=1e-12)
@@ -76,4 +76,4 @@ def test_arms_without_the_measure_are_refused(
         with pytest.raises(InputError, match="in-plane factor"):
             elbow_arm(model)
     with pytest.raises(InputError, match="not spherical"):
-        wrist_in_hand(VirtualManipulator.of(ur5))
+        wrist_in_tool(VirtualManipulator.of(ur5))

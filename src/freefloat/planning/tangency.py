@@ -1,19 +1,19 @@
-"""Touch points of spatial arms: Section VI, states through which a motion touches S = S0.
+"""Tangency points of spatial arms: Section VI, states at which a motion is tangent to S = S0.
 
 At given first two joint angles the states on the path and on the margin surface form lines; the
-motion through a state of them touches the surface where dS/dt = 0 (14).
+motion through a state of them is tangent to the surface (the paper's touch point) where
+dS/dt = 0 (14).
 
-Only touches on the way, with a tangent, are meant: the paper's Case I. A smallest value at an end
-of the path needs no dS/dt = 0, and end touches are not looked for. With momentum the system drifts
-while the end-effector rests, and a touch there is one like any other. Without it everything stands
-still at a rest, where dS/dt = 0 says nothing, and the speed of travel does not matter to where S is
-smallest: then rates are per unit of s instead of time.
+Only tangency inside the path is computed: the paper's Case I. A minimum at an end of the path needs
+no dS/dt = 0 and is not looked for. With momentum the system moves while the end-effector rests, and
+tangency there is found like any other. Without momentum everything is at rest there, dS/dt = 0 is
+no condition, and the minimum of S does not depend on the speed: rates are then per unit of s.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,42 +25,41 @@ from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.planning.margin_lines import margin_lines
+from freefloat.planning.margin_lines import StatesOnPath, margin_lines
 from freefloat.planning.planar_tangency import roots_between
-from freefloat.planning.states_on_path import StatesOnPath
 from freefloat.so3 import Array, frozen, low_discrepancy
 
 _STEP = 1e-5
-"""Of differences in Newton's method [share of the duration, rad, rad]."""
+"""Step of differences in Newton's method [fraction of the duration, rad, rad]."""
 _ITERATIONS = 20
 _LONGEST = 0.2
-"""Newton's step is cut to this length, in the same units."""
+"""Largest step of Newton's method, in the same units."""
 _EXACT, _CONVERGED = 1e-8, 1e-12
 _SAME = 1e-6
 _ON_BOUNDARY = 1e-4
-"""Share of S0 by which the smallest value of a motion through a touch point may differ from S0."""
+"""Fraction of S0 by which the minimum of a motion through a tangency point may differ from S0."""
 _PAIRS = 50
-"""Pairs (q1, q2) looked at for each touch point that a family is to have."""
+"""Pairs (q1, q2) tried for each tangency point requested."""
 
 
 @dataclass(frozen=True, eq=False)
 class TangencyPoint:
-    """A state through which a motion has S = S0 as a smallest magnitude.
+    """A state at which a motion has S = S0 as a minimum of the magnitude.
 
     Attributes:
         time: [s].
         tau: Dimensionless time (19).
-        attitude: Of the spacecraft, unit quaternion x, y, z, w, shape (4,).
+        attitude: Attitude of the spacecraft, unit quaternion x, y, z, w, shape (4,).
         joints: Joint values, shape (6,).
         level: Signed value of S.
         branch: Number of the arm branch there.
-        label: Of that branch, e.g. ``"shoulder+ elbow- wrist+"``.
+        label: Name of that branch, e.g. ``"shoulder+ elbow- wrist+"``.
     """
 
     time: float
     tau: float
-    attitude: Array
-    joints: Array
+    attitude: Array = field(repr=False)
+    joints: Array = field(repr=False)
     level: float
     branch: int
     label: str
@@ -68,30 +67,31 @@ class TangencyPoint:
 
 @dataclass(frozen=True, eq=False)
 class BoundaryAttitude:
-    """An initial state on the boundary of those that keep the margin.
+    """An initial state on the boundary of the feasible set.
 
     Attributes:
-        attitude: Of the spacecraft at the start, unit quaternion x, y, z, w, shape (4,).
-        joints: Joint values at the start, shape (6,).
-        touch: Where the motion from there has its smallest S.
+        attitude: Initial attitude of the spacecraft, unit quaternion x, y, z, w, shape (4,).
+        joints: Initial joint values, shape (6,).
+        tangency: Closest approach of the motion from there.
     """
 
     attitude: Array
     joints: Array
-    touch: TangencyPoint
+    tangency: TangencyPoint
 
 
 def tangency_points(
     problem: Problem, q1: float, q2: float, level: float | None = None
 ) -> tuple[TangencyPoint, ...]:
-    """Every touch point with given first two joint angles, in the order of time.
+    """Every tangency point with given first two joint angles, in the order of time.
 
-    Touches at largest magnitudes of S are left out: no margin is kept beside them. Whether a motion
-    through a touch point keeps the margin elsewhere is for :func:`boundary_attitude` to say.
+    Maxima of the magnitude of S are left out. Whether a motion through a tangency point keeps the
+    margin elsewhere is decided by :func:`boundary_attitude`.
 
-    What lies nearer together than samples of time (1/200 of the duration), q3 (2 degrees) and turn
-    (2.5 degrees) may be missed. So may be, where S does not split, a margin line that is a smaller
-    loop than that: with a small S0 there is one around each nearly straight wrist.
+    Points closer together than the samples of time (1/200 of the duration), q3 (2 degrees) and
+    roll about the wrist centre (2.5 degrees) may be missed, and for measures other than ``arm``
+    also margin lines that are smaller loops: with a small S0 there is one around each nearly
+    straight wrist.
 
     Args:
         problem: A pose task of an elbow arm with a spherical wrist.
@@ -106,23 +106,23 @@ def tangency_points(
     if not np.isfinite([q1, q2]).all():
         raise InputError("joints", f"q1 = {q1}, q2 = {q2} was given", "two finite angles in rad")
     levels = _levels(problem, level)
-    through = StatesOnPath(problem, float(q1), float(q2))
-    found = [
-        touch
-        for bend in (1.0, -1.0)
-        for each, line in margin_lines(through, bend, levels)
-        for touch in _touches_on(through, bend, each, line)
+    on_path = StatesOnPath(problem, float(q1), float(q2))
+    points = [
+        point
+        for wrist in (1.0, -1.0)
+        for value, line in margin_lines(on_path, wrist, levels)
+        for point in _points_on_line(on_path, wrist, value, line)
     ]
-    return tuple(_distinct(problem, found))
+    return tuple(_distinct(problem, points))
 
 
 def tangency_family(problem: Problem, count: int, seed: int = 0) -> tuple[TangencyPoint, ...]:
-    """Touch points of both signs from all over the first two joint angles.
+    """Tangency points of both signs at evenly spread first two joint angles.
 
     Args:
         problem: As for :func:`tangency_points`.
-        count: How many. Fewer are found only where 50 times as many pairs (q1, q2) have no more.
-        seed: Shifts the evenly spread pairs.
+        count: Number of points; fewer where 50 times as many pairs (q1, q2) have no more.
+        seed: Shifts the pairs.
 
     Raises:
         InputError: As :func:`tangency_points`, and for a count below 1 or a seed below 0.
@@ -131,48 +131,48 @@ def tangency_family(problem: Problem, count: int, seed: int = 0) -> tuple[Tangen
         if number < smallest:
             raise InputError(key, f"{number} was given", f"{smallest} or more")
     shift = np.random.default_rng(seed).random(2)
-    found: list[TangencyPoint] = []
+    points: list[TangencyPoint] = []
     for pair in low_discrepancy(_PAIRS * count, 2):
         q1, q2 = np.pi * (2.0 * ((pair + shift) % 1.0) - 1.0)
-        found += tangency_points(problem, q1, q2)
-        if len(found) >= count:
+        points += tangency_points(problem, q1, q2)
+        if len(points) >= count:
             break
-    return tuple(found[:count])
+    return tuple(points[:count])
 
 
-def integrate_to_start(problem: Problem, touch: TangencyPoint) -> Motion:
-    """The reverse motion (Appendix A) from a touch point to the start of the path."""
-    return integrate_motion(problem, touch.attitude, touch.joints, start=touch.time, end=0.0)
+def integrate_to_start(problem: Problem, point: TangencyPoint) -> Motion:
+    """The motion integrated backward (Appendix A) from a tangency point to the path's start."""
+    return integrate_motion(problem, point.attitude, point.joints, start=point.time, end=0.0)
 
 
-def boundary_attitude(problem: Problem, touch: TangencyPoint) -> BoundaryAttitude | None:
-    """The initial state from which a motion has the touch point as its smallest S.
+def boundary_attitude(problem: Problem, point: TangencyPoint) -> BoundaryAttitude | None:
+    """The initial state from which a motion has a tangency point as its closest approach.
 
     Returns:
-        None where the motion through the touch point becomes singular or comes nearer to a
+        None where the motion through the tangency point becomes singular or comes closer to a
         singularity elsewhere.
     """
-    back = integrate_to_start(problem, touch)
-    if not back.completed:
+    backward = integrate_to_start(problem, point)
+    if not backward.completed:
         return None
-    attitude, joints = back.final.attitude, back.final.joints
+    attitude, joints = backward.final.attitude, backward.final.joints
     motion = integrate_motion(problem, attitude, joints)
-    off = closest_approach(motion, problem.margin.measure).value - abs(touch.level)
-    if not motion.completed or abs(off) > _ON_BOUNDARY * abs(touch.level):
+    error = closest_approach(motion, problem.margin.measure).value - abs(point.level)
+    if not motion.completed or abs(error) > _ON_BOUNDARY * abs(point.level):
         return None
-    return BoundaryAttitude(attitude, joints, touch)
+    return BoundaryAttitude(attitude, joints, point)
 
 
 def require_tangency_arm(problem: Problem) -> None:
-    """Raise an InputError unless touch points can be looked for; see :func:`tangency_points`."""
-    arm = "six turning joints, the second and third parallel, the last three meeting in a point"
+    """Raise an InputError unless the task and arm suit :func:`tangency_points`."""
+    arm = "six revolute joints, the second and third parallel, the last three intersecting"
     if problem.task is not Task.POSE:
         raise InputError(
-            "task", f"{problem.task}: touch points are looked for where the whole pose counts",
-            f"pose, with {arm}; for planar tasks the plan has touch points and ranges",
+            "task", f"{problem.task} has no tangency points in space",
+            f"pose, with {arm}; the plan of a planar task has its tangency points",
         )  # fmt: skip
     if not VirtualManipulator.of(problem.model).has_elbow_and_spherical_wrist:
-        raise InputError("robot", "its arm has no elbow under a spherical wrist", arm)
+        raise InputError("robot", "the arm has no elbow and spherical wrist", arm)
 
 
 def require_tangency_points(problem: Problem) -> None:
@@ -192,83 +192,85 @@ def _levels(problem: Problem, level: float | None) -> tuple[float, ...]:
     return (value, -value) if level is None else (value,)
 
 
-def _touches_on(
-    through: StatesOnPath, bend: float, level: float, line: Array
+def _points_on_line(
+    on_path: StatesOnPath, wrist: float, level: float, line: Array
 ) -> Iterator[TangencyPoint]:
-    """Where dS/dt changes sign along a line, and the magnitude of S is least."""
-    slopes = through.slopes(line[:, 0], *through.at(line, bend))
+    """Minima of the magnitude of S where dS/dt changes sign along a line."""
+    slopes = on_path.slopes(line[:, 0], *on_path.configurations(line, wrist))
     near = np.array(roots_between(slopes), dtype=int)
     if not len(near):
         return
     steepness = float(np.nanmax(np.abs(slopes)))
-    states = _refined(through, bend, level, (line[near] + line[near + 1]) / 2.0, steepness)
+    states = _refined(on_path, wrist, level, (line[near] + line[near + 1]) / 2.0, steepness)
     if not len(states):
         return
-    attitudes, joints = through.at(states, bend)
+    attitudes, joints = on_path.configurations(states, wrist)
     for t, attitude, q in zip(states[:, 0].tolist(), attitudes, joints, strict=True):
-        if through.is_least(t, attitude, q, level):
-            yield _told(through.problem, t, attitude, q, level)
+        if on_path.is_minimum(t, attitude, q, level):
+            yield _tangency_point(on_path.problem, t, attitude, q, level)
 
 
 def _refined(
-    through: StatesOnPath, bend: float, level: float, starts: Array, steepness: float
+    on_path: StatesOnPath, wrist: float, level: float, starts: Array, steepness: float
 ) -> Array:
     """Solve the distance of point 3, S = S0 and dS/dt = 0 by Newton's method from many starts.
 
     Returns:
-        Time, q3 and turn of those that converged on the way, shape (K, 3).
+        Time, q3 and roll of those that converge inside the path, shape (K, 3).
     """
-    units = np.array([through.problem.path.duration, 1.0, 1.0])
+    units = np.array([on_path.problem.path.duration, 1.0, 1.0])
     steps = np.vstack([np.zeros(3), _STEP * np.eye(3), -_STEP * np.eye(3)])
 
-    def misses(x: Array) -> Array:
+    def residuals(x: Array) -> Array:
         states = units * x
         t, q3, _ = states.T
-        attitudes, joints = through.at(states, bend)
-        wrist, point_3 = through.wrist(q3), through.travel(t)[0]
-        off = np.linalg.norm(wrist, axis=1) - np.linalg.norm(point_3, axis=1)
-        S = through.measured(joints)
-        slopes = through.slopes(t, attitudes, joints)
-        return np.column_stack([off / through.reach, S / level - 1.0, slopes / steepness])
+        attitudes, joints = on_path.configurations(states, wrist)
+        radii, point_3 = on_path.wrist(q3), on_path.point_3_at(t)[0]
+        distance = np.linalg.norm(radii, axis=1) - np.linalg.norm(point_3, axis=1)
+        S, slopes = on_path.measures(joints), on_path.slopes(t, attitudes, joints)
+        return np.column_stack([distance / on_path.reach, S / level - 1.0, slopes / steepness])
 
     x = starts / units
     for _ in range(_ITERATIONS):
-        now, *moved = np.split(misses(np.vstack(x + steps[:, None])), 7)
-        known = np.isfinite(np.hstack([now, *moved])).all(axis=1)
+        errors, *moved = np.split(residuals(np.vstack(x + steps[:, None])), 7)
+        finite = np.isfinite(np.hstack([errors, *moved])).all(axis=1)
         change = np.stack(moved[:3], axis=1) - np.stack(moved[3:], axis=1)
         J = change / (2.0 * _STEP)  # transposed
-        x, now, J = x[known], now[known], J[known]
+        x, errors, J = x[finite], errors[finite], J[finite]
         if not len(x):
             return starts[:0]
-        if np.abs(now).max() < _CONVERGED:
+        if np.abs(errors).max() < _CONVERGED:
             break
         normal = J @ J.transpose(0, 2, 1) + 1e-14 * np.eye(3)
-        step = np.linalg.solve(normal, J @ now[:, :, None])[:, :, 0]
+        step = np.linalg.solve(normal, J @ errors[:, :, None])[:, :, 0]
         x = x - step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / _LONGEST)
-    met = np.abs(misses(x)).max(axis=1) < _EXACT
-    return np.asarray((units * x)[met & (x[:, 0] > 0.0) & (x[:, 0] < 1.0)])
+    solved = np.abs(residuals(x)).max(axis=1) < _EXACT
+    return np.asarray((units * x)[solved & (x[:, 0] > 0.0) & (x[:, 0] < 1.0)])
 
 
-def _told(
+def _tangency_point(
     problem: Problem, t: float, attitude: Rotation, joints: Array, level: float
 ) -> TangencyPoint:
-    """The record of a touch, its joints those of the arm branch that it lies on."""
+    """The record of a state, with the joints of its arm branch."""
     quaternion = attitude.as_quat()
     branches = problem.branches(quaternion, t)
-    nearest = min(branches, key=lambda one: problem.model.joint_distance(one.joints, joints))
-    return TangencyPoint(t, t / problem.path.duration, frozen(quaternion), nearest.joints, level,
-                      nearest.index, nearest.label)  # fmt: skip
+    branch = min(branches, key=lambda near: problem.model.joint_distance(near.joints, joints))
+    tau = t / problem.path.duration
+    return TangencyPoint(
+        t, tau, frozen(quaternion), branch.joints, level, branch.index, branch.label
+    )
 
 
-def _distinct(problem: Problem, touches: list[TangencyPoint]) -> Iterator[TangencyPoint]:
+def _distinct(problem: Problem, points: list[TangencyPoint]) -> Iterator[TangencyPoint]:
+    """Tangency points in the order of time, equal ones once."""
     kept: list[TangencyPoint] = []
-    for touch in sorted(touches, key=lambda touch: touch.time):
+    for point in sorted(points, key=lambda point: point.time):
         same = (
-            abs(touch.tau - other.tau) < _SAME
-            and abs(abs(touch.attitude @ other.attitude) - 1.0) < _SAME**2
-            and problem.model.joint_distance(touch.joints, other.joints) < _SAME
+            abs(point.tau - other.tau) < _SAME
+            and abs(abs(point.attitude @ other.attitude) - 1.0) < _SAME**2
+            and problem.model.joint_distance(point.joints, other.joints) < _SAME
             for other in kept
         )
         if not any(same):
-            kept.append(touch)
-            yield touch
+            kept.append(point)
+            yield point

@@ -1,4 +1,4 @@
-"""An elbow arm under a spherical wrist, seen in the plane of its upper arm and forearm."""
+"""An elbow arm with a spherical wrist, reduced to the plane of its upper arm and forearm."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from freefloat.workspace.margin_curves import point_3, two_angles
 from freefloat.workspace.planar_arm import Complex, PlanarArm
 
 _GRID = 8
-"""S is a trigonometric polynomial of the second degree: far fewer angles than these tell it all."""
+"""Angles per joint; S is a trigonometric polynomial of degree two, which fewer determine."""
 
 
 def elbow_arm(model: FreeFloatingModel) -> PlanarArm:
     """The planar arm of two joints, q2 and q3, whose S is the ``arm`` measure (40) of an elbow arm.
 
-    It stands in the plane that the first joint turns, x across that joint and y along it. Its point
-    3 is the wrist centre of the virtual manipulator, whose distance from the centre of mass it
-    shares. Its inertia is one that gives this S; more is not to be read into it.
+    It lies in the plane that the first joint rotates, x across that joint and y along it. Its point
+    3 is the wrist centre of the virtual manipulator, at the same distance from the centre of mass.
+    Its inertia is one that gives this S and has no other meaning.
 
     Raises:
         InputError: For arms without that measure, see
-            :func:`~freefloat.dynamics.measures.measure`.
+            :func:`~freefloat.dynamics.measures.singularity_measure`.
     """
     axes = plane_axes(model, Task.POSE)
     virtual = VirtualManipulator.of(model)
-    _, _, points, turning = virtual.kinematics(np.zeros(6))
-    places = [points[1, 0], points[2, 0], _wrist(virtual)]
-    links = np.array([complex(axes[1] @ p, axes[2] @ p) for p in places])
+    _, _, points, joint_axes = virtual.kinematics(np.zeros(6))
+    positions = [points[1, 0], points[2, 0], _wrist(virtual)]
+    links = np.array([complex(axes[1] @ p, axes[2] @ p) for p in positions])
     links[1:] -= links[:-1].copy()
-    signs = np.sign(turning[1:3, 0] @ axes[0])
+    signs = np.sign(joint_axes[1:3, 0] @ axes[0])
     arm = PlanarArm(links, _inertia(model, links, signs), signs, 0.0)
     joints = np.pi * (2.0 * low_discrepancy(64, 6) - 1.0)
-    off = np.abs(point_3(arm, joints[:, 1:3])) - wrist_distances(virtual, joints)
-    if np.abs(off).max() > 1e-9 * virtual.reach:
+    errors = np.abs(point_3(arm, joints[:, 1:3])) - wrist_distances(virtual, joints)
+    if np.abs(errors).max() > 1e-9 * virtual.reach:
         raise InputError(
-            "margin.measure", "the first joint moves the wrist to and from the centre of mass",
+            "margin.measure", "the first joint changes the wrist's distance from the mass centre",
             "a first joint whose axis passes through the virtual manipulator's base",
         )  # fmt: skip
     return arm
@@ -50,10 +50,10 @@ def elbow_arm(model: FreeFloatingModel) -> PlanarArm:
 def wrist_distances(virtual: VirtualManipulator, joints: Array) -> Array:
     """Distances of the wrist centre from the centre of mass [m], shape (K,), at joints (K, 6)."""
     positions, rotations, _, _ = virtual.kinematics(joints)
-    return np.asarray(np.linalg.norm(positions + rotations @ wrist_in_hand(virtual), axis=1))
+    return np.asarray(np.linalg.norm(positions + rotations @ wrist_in_tool(virtual), axis=1))
 
 
-def wrist_in_hand(virtual: VirtualManipulator) -> Array:
+def wrist_in_tool(virtual: VirtualManipulator) -> Array:
     """The virtual manipulator's wrist centre in the end-effector's frame [m], shape (3,)."""
     zero = virtual.pose(np.zeros(6))
     return np.asarray(zero.rotation.T @ (_wrist(virtual) - zero.position))
@@ -66,24 +66,24 @@ def _wrist(virtual: VirtualManipulator) -> Array:
 
 
 def _inertia(model: FreeFloatingModel, links: Complex, signs: Array) -> Complex:
-    """S is linear in the inertia: fitted to S on a grid, and checked to be no mere fit."""
-    of = singularity_measure(model, Task.POSE, "arm")
+    """The inertia, in which S is linear, by least squares on a grid; the fit must be exact."""
+    measure = singularity_measure(model, Task.POSE, "arm")
     axis = 2.0 * np.pi * np.arange(_GRID) / _GRID
     joints = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    S = np.array([of(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q2, q3 in joints.tolist()])
+    S = np.array([measure(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q2, q3 in joints.tolist()])
     units = _hermitian_units()
     columns = []
     for unit in units:
         arm = PlanarArm(links, unit, signs, 0.0)
         columns.append(arm.determinant(two_angles(arm, joints)))
     matrix = np.stack(columns, axis=1)
-    shares = np.linalg.lstsq(matrix, S, rcond=None)[0]
-    if np.abs(matrix @ shares - S).max() > 1e-9 * np.abs(S).max():
+    coefficients = np.linalg.lstsq(matrix, S, rcond=None)[0]
+    if np.abs(matrix @ coefficients - S).max() > 1e-9 * np.abs(S).max():
         raise InputError(
             "margin.measure", "this arm's S(q2, q3) is not that of an arm in a plane",
-            "an elbow arm under a spherical wrist",
+            "an elbow arm with a spherical wrist",
         )  # fmt: skip
-    return np.asarray(np.einsum("k,kij->ij", shares, units))
+    return np.asarray(np.einsum("k,kij->ij", coefficients, units))
 
 
 def _hermitian_units() -> Complex:

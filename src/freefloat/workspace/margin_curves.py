@@ -1,10 +1,10 @@
-"""Where a drifting arm can become singular: margin curves in joint space, areas around the centre.
+"""Margin curves in joint space, and path-dependent areas around the centre of mass.
 
-For planar arms of two joints, or of three with a prescribed attitude, S depends on the first two
-joint angles alone. So does the distance R of point 3 (the end-effector, or the joint of the last
-link) from the centre of mass, whatever the heading: (21), (28). The radii that the singular curves
-sweep are the path-dependent areas; what is left of the reach is path-independent. For other arms
-see :mod:`freefloat.workspace.regions`.
+For planar arms of two joints, or of three with a prescribed orientation, S depends on the first two
+joint angles alone, and so does the distance R of point 3 (the end-effector, or the joint of the
+last link) from the centre of mass, at any heading: (21), (28). The radii on singularity curves are
+the path-dependent areas; the rest of the reach is path-independent. For other arms see
+:mod:`freefloat.workspace.regions`.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class MarginCurve:
-    """A curve S(q1, q2) = level in joint space (22), followed without gaps.
+    """A continuous curve S(q1, q2) = level in joint space (22).
 
     Attributes:
-        level: Of S; zero for singularity curves.
-        joints: q1 and q2 along the curve [rad], shape (K, 2); it leaves the square [-pi, pi] at the
-            edge and goes on as another curve at the opposite one.
+        level: Value of S; zero for singularity curves.
+        joints: q1 and q2 along the curve [rad], shape (K, 2); a curve ends at the edge of the
+            square [-pi, pi] and continues as another one at the opposite edge.
         radii: Distance of point 3 from the centre of mass [m], shape (K,).
     """
 
@@ -66,10 +66,10 @@ def point_3(arm: PlanarArm, joints: npt.ArrayLike) -> npt.NDArray[np.complex128]
 
 
 def margin_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
-    """All curves in joint space on which S has one of some values.
+    """All curves in joint space on which S has one of several values.
 
-    Contours of a grid of half a degree, their points polished onto the curve by Newton's method; so
-    curves that close within half a degree may be missed.
+    They are contours on a grid of half a degree, refined by Newton's method. Closed curves smaller
+    than half a degree may be missed.
 
     Args:
         arm: Planar arm of two or three joints.
@@ -87,10 +87,10 @@ def margin_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
 
 
 def _polished(arm: PlanarArm, joints: Array, level: float) -> Array:
-    """Newton steps along the gradient of S, small ones: a contour is nearly right already."""
+    """Points of a contour after small Newton steps along the gradient of S."""
     step = 1e-6
     for _ in range(_POLISHES):
-        off = arm.determinant(two_angles(arm, joints)) - level
+        errors = arm.determinant(two_angles(arm, joints)) - level
         slopes = [
             arm.determinant(two_angles(arm, joints + d))
             - arm.determinant(two_angles(arm, joints - d))
@@ -98,27 +98,27 @@ def _polished(arm: PlanarArm, joints: Array, level: float) -> Array:
         ]
         gradient = np.stack(slopes, axis=-1) / (2.0 * step)
         length = np.maximum((gradient**2).sum(axis=-1), 1e-12)
-        joints = joints - np.clip(off / length, -0.01, 0.01)[:, None] * gradient
+        joints = joints - np.clip(errors / length, -0.01, 0.01)[:, None] * gradient
     return joints
 
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """Distances from the centre of mass, in metres, of one point of the hand.
+    """Reach and areas: distances of one point from the centre of mass [m].
 
     Attributes:
-        point: What is meant: ``"end-effector"``, ``"last joint"`` or ``"wrist centre"``.
+        point: ``"end-effector"``, ``"last joint"`` or ``"wrist centre"``.
         tip: That point in the end-effector's frame [m], shape (3,).
-        measure: S is this one: ``system``, ``arm`` or ``gjm``.
-        reach: From the nearest to the farthest.
-        path_dependent: Where S can vanish, inner to outer; None where that is not known.
-        path_independent: The rest of the reach, inner to outer; None likewise.
-        exact: Whether the areas are known to be all. Otherwise they were found by sampling: S does
-            vanish in the path-dependent ones, and in the others no such place was found.
-        largest_s: S_max over the joint space.
-        smallest_s: S_min over the joint space.
+        measure: Name of the measure S: ``system``, ``arm`` or ``gjm``.
+        reach: Smallest and largest distance.
+        path_dependent: Intervals where S can vanish, inner to outer; None if unknown.
+        path_independent: The rest of the reach, inner to outer; None if unknown.
+        exact: Whether the areas are exact. Sampled areas may be incomplete: S does vanish in the
+            path-dependent ones; in the others no singular configuration was found.
+        largest_s: Largest S in the joint space.
+        smallest_s: Smallest S in the joint space.
         path: Intervals of s along the path, in order, each with whether it lies in a path-dependent
-            area; their ends to 1e-3. Empty where the areas are not known.
+            area; ends accurate to 1e-3. Empty if the areas are unknown.
     """
 
     point: str
@@ -158,7 +158,7 @@ def planar_workspace(problem: Problem) -> Workspace:
         raise InputError(
             "task",
             f"{problem.task} with {problem.model.dof} joints has no areas by radius alone",
-            "planar-position with two turning joints, planar-pose with three",
+            "planar-position with two revolute joints, planar-pose with three",
         )
     arm, tip = PlanarArm.of(problem.model), np.zeros(3)
     if problem.task is Task.PLANAR_POSE:
@@ -171,20 +171,20 @@ def planar_workspace(problem: Problem) -> Workspace:
 def swept_workspace(
     problem: Problem, arm: PlanarArm, name: str, point: tuple[str, Array]
 ) -> Workspace:
-    """Reach and areas from the singular curves of an arm in a plane.
+    """Reach and areas from the singularity curves of an equivalent planar arm.
 
     Args:
-        problem: Whose arm it is.
-        arm: The arm in a plane, its S the measure of that name.
-        name: Of the measure.
-        point: What the arm's point 3 is called, and where it is in the end-effector's frame [m].
+        problem: The problem.
+        arm: The planar arm, whose S is the measure of that name.
+        name: Name of the measure.
+        point: Name of the arm's point 3, and its position in the end-effector's frame [m].
     """
     a, b, c = np.abs(arm.links[:3]).tolist()
     reach = max(0.0, 2.0 * max(a, b, c) - (a + b + c)), a + b + c
     curves = margin_curves(arm, 0.0)
     dependent = merged([(float(c.radii.min()), float(c.radii.max())) for c in curves])
-    of = singularity_measure(problem.model, problem.task, name)
-    extremes = joint_space_extremes(problem.model, of)
+    measure = singularity_measure(problem.model, problem.task, name)
+    extremes = joint_space_extremes(problem.model, measure)
     return Workspace(
         point=point[0],
         tip=frozen(point[1]),
@@ -199,7 +199,7 @@ def swept_workspace(
 
 
 def merged(intervals: list[Interval], gap: float = 1e-9) -> tuple[Interval, ...]:
-    """Intervals that overlap or touch, joined, in order."""
+    """Intervals in order, overlapping and adjacent ones joined."""
     joined: list[Interval] = []
     for low, high in sorted(intervals):
         if joined and low <= joined[-1][1] + gap:
@@ -210,22 +210,22 @@ def merged(intervals: list[Interval], gap: float = 1e-9) -> tuple[Interval, ...]
 
 
 def complement(intervals: tuple[Interval, ...], whole: Interval) -> tuple[Interval, ...]:
-    """What disjoint intervals in order leave of a whole one; slivers of rounding left out."""
+    """The rest of an interval beside disjoint ones in order, without gaps of rounding errors."""
     edges = [whole[0], *(edge for interval in intervals for edge in interval), whole[1]]
     gaps = zip(edges[::2], edges[1::2], strict=True)
     return tuple((low, high) for low, high in gaps if high - low > 1e-6 * whole[1])
 
 
 def path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval, bool], ...]:
-    """Which parts of the path lie where the arm can be singular.
+    """Parts of the path inside and outside of path-dependent areas.
 
     Args:
-        problem: What the workspace was computed for.
+        problem: The problem.
         workspace: Its workspace.
 
     Returns:
-        Intervals of s in order, each with whether it lies in a path-dependent area; edges to 1e-3.
-        Nothing where the areas are not known.
+        Intervals of s in order, each with whether it lies in a path-dependent area; ends accurate
+        to 1e-3. Empty if the areas are unknown.
     """
     if workspace.path_dependent is None:
         return ()
@@ -241,16 +241,16 @@ def path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval, 
 
 
 def _radius_on_path(problem: Problem, workspace: Workspace, s: float) -> float:
-    """Distance from the centre of mass at which the path wants the workspace's point [m]."""
+    """Distance of the workspace's point from the centre of mass at a place of the path [m]."""
     pose = problem.path.path.pose(s)
-    place = pose.position + pose.rotation @ workspace.tip
-    return float(np.linalg.norm(place[:2] if problem.task.planar else place))
+    position = pose.position + pose.rotation @ workspace.tip
+    return float(np.linalg.norm(position[:2] if problem.task.planar else position))
 
 
 def most_singular_place(problem: Problem) -> tuple[float, float]:
-    """Where on the path even the best configuration has the smallest |S|, and that |S|.
+    """The s at which the largest attainable |S| is smallest, and that |S|.
 
-    Configurations are those of a grid of half a degree; the value is exact to about a percent.
+    Configurations form a grid of half a degree; the value is accurate to about one percent.
     """
     arm = PlanarArm.of(problem.model)
     axis = np.linspace(-np.pi, np.pi, _GRID)
@@ -260,14 +260,14 @@ def most_singular_place(problem: Problem) -> tuple[float, float]:
     largest = np.zeros(len(shells))
     np.maximum.at(largest, np.searchsorted(shells, radii), S)
     s = np.linspace(0.0, 1.0, 401)
-    wanted = np.array([abs(point_3_on_path(problem, float(value))) for value in s])
-    reached = np.interp(wanted, shells, np.maximum(largest, np.append(largest[1:], 0.0)))
-    worst = int(np.argmin(reached))
-    return float(s[worst]), float(reached[worst])
+    radii_on_path = np.array([abs(point_3_on_path(problem, float(value))) for value in s])
+    attainable = np.interp(radii_on_path, shells, np.maximum(largest, np.append(largest[1:], 0.0)))
+    worst = int(np.argmin(attainable))
+    return float(s[worst]), float(attainable[worst])
 
 
 def point_3_on_path(problem: Problem, s: float) -> complex:
-    """Where the path wants point 3 [m]: the end-effector, or the joint of the last link (20)."""
+    """Point 3 on the path [m], the end-effector or the joint of the last link (20)."""
     pose = problem.path.path.pose(s)
     end = complex(pose.position[0], pose.position[1])
     if problem.task is not Task.PLANAR_POSE:

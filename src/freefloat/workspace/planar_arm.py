@@ -1,6 +1,6 @@
-"""A planar arm in complex numbers: barycentric vectors, momentum, S; all vectorized.
+"""A planar arm in complex numbers: barycentric vectors, momentum and S, vectorized.
 
-A point (x, y) is x + iy, a link turned by the absolute angle phi is multiplied by exp(i phi).
+A point (x, y) is x + iy; a link at the absolute angle phi is multiplied by exp(i phi).
 Arrays of angles have the shape (..., n + 1): the spacecraft's heading, then the absolute angle of
 every link.
 """
@@ -21,7 +21,7 @@ Complex = npt.NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class PlanarArm:
-    """A planar arm with turning joints only, its links measured at zero joints.
+    """A planar arm with revolute joints only; links and inertia refer to zero joints.
 
     Attributes:
         links: Barycentric vectors of (17) [m], shape (n + 1,): from the centre of mass to the first
@@ -40,24 +40,26 @@ class PlanarArm:
 
     @classmethod
     def of(cls, model: FreeFloatingModel) -> PlanarArm:
-        """The complex form of a robot that stays in the x-y plane, see ``is_planar``."""
+        """The complex form of a robot in the x-y plane; see ``is_planar``."""
         virtual = VirtualManipulator.of(model)
         zero = virtual.pose(np.zeros(model.dof))
-        turns = [np.eye(3)]
-        for turn in virtual.rotations:
-            turns.append(turns[-1] @ turn)
+        rotations = [np.eye(3)]
+        for rotation in virtual.rotations:
+            rotations.append(rotations[-1] @ rotation)
         return cls(
-            links=np.array([_flat(R @ b) for R, b in zip(turns, virtual.links, strict=True)]),
-            inertia=_inertia(model, turns),
+            links=np.array([_flat(R @ b) for R, b in zip(rotations, virtual.links, strict=True)]),
+            inertia=_inertia(model, rotations),
             signs=np.sign(virtual.axes_at(np.zeros(model.dof))[:, 2]),
             tool_angle=float(np.arctan2(zero.rotation[1, 0], zero.rotation[0, 0])),
         )
 
     def angles(self, heading: npt.ArrayLike, joints: npt.ArrayLike) -> Array:
         """Absolute angles (..., n + 1) from headings (...) and joints (..., n)."""
-        turned = np.cumsum(self.signs * np.asarray(joints, dtype=float), axis=-1)
+        relative = np.cumsum(self.signs * np.asarray(joints, dtype=float), axis=-1)
         base = np.asarray(heading, dtype=float)[..., None]
-        return np.concatenate([np.broadcast_to(base, (*turned.shape[:-1], 1)), base + turned], -1)
+        return np.concatenate(
+            [np.broadcast_to(base, (*relative.shape[:-1], 1)), base + relative], -1
+        )
 
     def momentum_coefficients(self, angles: Array) -> Array:
         """The paper's D_j: angular momentum per absolute rate of each link, shape (..., n + 1)."""
@@ -69,9 +71,9 @@ class PlanarArm:
         return np.asarray(self.links * np.exp(1j * angles))
 
     def determinant(self, angles: Array) -> Array:
-        """The paper's S of (21a), det A of (5), for two joints or three with a prescribed attitude.
+        """The paper's S of (21a), det A of (5), for two joints, or three at an orientation.
 
-        It belongs to the motion of the tip of the third barycentric vector, the paper's point 3.
+        It concerns the motion of the end of the third barycentric vector, the paper's point 3.
         """
         D, v = self.momentum_coefficients(angles), self.vectors(angles)
         v0, v1, v2 = v[..., 0], v[..., 1], v[..., 2]
@@ -122,8 +124,8 @@ def _flat(vector: Array) -> complex:
     return complex(vector[0], vector[1])
 
 
-def _inertia(model: FreeFloatingModel, turns: list[Array]) -> Complex:
-    """From the centres of mass as sums of vectors fixed to the links, the system's one at rest."""
+def _inertia(model: FreeFloatingModel, rotations: list[Array]) -> Complex:
+    """Coefficients of the angular momentum, from link vectors to the centres of mass."""
     bodies = model.bodies
     count = len(bodies)
     masses = np.array([body.mass for body in bodies])
@@ -132,9 +134,9 @@ def _inertia(model: FreeFloatingModel, turns: list[Array]) -> Complex:
         if i:
             steps[i] = steps[i - 1]
             step = bodies[i].placement.position
-            steps[i, i - 1] = _flat(turns[i - 1] @ step)
-        steps[i, i] = _flat(turns[i] @ body.centre)
+            steps[i, i - 1] = _flat(rotations[i - 1] @ step)
+        steps[i, i] = _flat(rotations[i] @ body.centre)
     offsets = steps - masses @ steps / masses.sum()
-    moments = [(R @ body.inertia @ R.T)[2, 2] for R, body in zip(turns, bodies, strict=True)]
-    shared = (np.conj(offsets).T * masses) @ offsets
-    return np.asarray(shared + np.diag(moments))
+    moments = [(R @ body.inertia @ R.T)[2, 2] for R, body in zip(rotations, bodies, strict=True)]
+    orbital = (np.conj(offsets).T * masses) @ offsets
+    return np.asarray(orbital + np.diag(moments))
