@@ -85,7 +85,7 @@ class HeadingRange:
     Attributes:
         low: First heading [rad], in [0, 2 pi).
         high: Last heading [rad], above ``low``; beyond 2 pi where the range passes zero.
-        causes: Why it ends at ``low`` and at ``high``; empty for a full turn.
+        causes: Why it ends at ``low`` and at ``high``; empty for the full circle.
     """
 
     low: float
@@ -216,10 +216,8 @@ def heading_ranges(
     edges = _edges(problem, limits, at)
     entries = []
     for index, label in enumerate(("elbow+", "elbow-")):
-        mine = sorted(
-            (heading, cause) for heading, branch, cause in edges if branch in (index, None)
-        )
-        arcs = list(_arcs(mine))
+        selected = sorted((edge[0], edge[2]) for edge in edges if edge[1] in (index, None))
+        arcs = list(_arcs(selected))
         feasible = [_feasible(problem, index, span, at, low + (high - low) / 2.0, level)
                     for low, high, _ in arcs]  # fmt: skip
         entries.append(_joined(index, label, arcs, feasible))
@@ -231,7 +229,7 @@ Arc = tuple[float, float, tuple[RangeLimitCause, ...]]
 
 
 def _edges(problem: Problem, limits: tuple[RangeLimit, ...], at: float) -> list[Edge]:
-    """Headings at which feasibility may change, and of which branch (None: of both)."""
+    """Headings at which feasibility may change, with the branch (None for both)."""
     edges: list[Edge] = [
         (heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)
     ]
@@ -296,8 +294,7 @@ def _joined(index: int, label: str, arcs: list[Arc], feasible: list[bool]) -> Br
         parts = [arc for _, arc in group]
         if inside:
             low, width = parts[0][0] % TURN, sum(high - low for low, high, _ in parts)
-            causes = parts[0][2][0], parts[-1][2][1]
-            ranges.append(HeadingRange(low, low + width, causes))
+            ranges.append(HeadingRange(low, low + width, (parts[0][2][0], parts[-1][2][1])))
     ranges.sort(key=lambda part: part.low)
     limits = sorted(edge % TURN for part in ranges for edge in (part.low, part.high))
     return BranchRanges(index, label, tuple(ranges), tuple(limits))
