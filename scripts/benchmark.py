@@ -1,9 +1,9 @@
-"""SingularityMeasure freefloat against the plain code a user would write, both in this very run.
+"""Time freefloat and the plain code that a user would write, in the same run.
 
-``python scripts/benchmark.py`` prints a table, ``--json FILE`` writes it, too. Whatever is compared
-runs in turns and the best time of each counts, so that a busy machine falsifies seconds, but hardly
-their ratios: only ratios are worth quoting. ``--readme`` puts the table into README, with ``--from
-FILE`` that of an earlier run. Exit code 1 when something is slower than wanted.
+``python scripts/benchmark.py`` prints a table, ``--json FILE`` writes it, too. Competitors are
+timed alternately and the best time of each counts: load on the computer hardly affects ratios.
+``--readme`` writes the tables of README and docs, with ``--from FILE`` those of an earlier run.
+Exit code 1: something is slower than required.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from pathlib import Path
 from benchmarks.costs import cost_results
 from benchmarks.jacobians import jacobian_results
 from benchmarks.motions import motion_results
-from benchmarks.result import Result, load, machine, markdown, save, table
+from benchmarks.result import Result, computer_name, load, markdown, save, table
 from benchmarks.scaling import scaling_results
 from rich.console import Console
 
-README = Path(__file__).resolve().parents[1] / "README.md"
+ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- speed: scripts/benchmark.py -->", "<!-- /speed -->"
 GROUPS: dict[str, Callable[[bool], list[Result]]] = {
     "jacobians": jacobian_results,
@@ -34,10 +34,34 @@ GROUPS: dict[str, Callable[[bool], list[Result]]] = {
 }
 
 
-def with_table(text: str, made: str) -> str:
+HEADLINES = (
+    "a generalized Jacobian, six joints",
+    "one motion of Example 2, tolerance 1e-8",
+    "all headings of Example 1 without stop, exactly",
+    "map of Example 2, 4,096 attitudes, 32,768 motions",
+    "one motion of an ensemble",
+)
+"""The rows that README shows, the first of each name."""
+
+
+def headlines(results: list[Result]) -> list[Result]:
+    """Results that README shows."""
+    first = {result.what: result for result in reversed(results)}
+    return [first[name] for name in HEADLINES if name in first]
+
+
+def with_table(text: str, table: str) -> str:
     """A text with the table between its two marks replaced."""
     before, rest = text.split(BEGIN)
-    return f"{before}{BEGIN}\n{made}\n{END}{rest.split(END)[1]}"
+    return f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}"
+
+
+def write_tables(computer: str, results: list[Result]) -> None:
+    """Write the tables of README and docs."""
+    files = {"README.md": headlines(results), "docs/benchmarks.md": results}
+    for name, rows in files.items():
+        file = ROOT / name
+        file.write_text(with_table(file.read_text("utf-8"), markdown(computer, rows)), "utf-8")
 
 
 def main(given: list[str] | None = None) -> int:
@@ -45,17 +69,17 @@ def main(given: list[str] | None = None) -> int:
     parser.add_argument("group", nargs="*", help=f"all when left out: {', '.join(GROUPS)}")
     parser.add_argument("--json", type=Path, help="also write the results to this file")
     parser.add_argument("--from", dest="saved", type=Path, help="measure nothing, read this file")
-    parser.add_argument("--readme", action="store_true", help="put the table into README")
+    parser.add_argument("--readme", action="store_true", help="write the tables of README and docs")
     parser.add_argument("--quick", action="store_true", help="small samples, for trying it out")
     arguments = parser.parse_args(given)
     unknown = sorted(set(arguments.group) - set(GROUPS))
     if unknown:
         parser.error(f"no such group: {', '.join(unknown)}; there are {', '.join(GROUPS)}")
     if arguments.saved:
-        measured_on, results = load(arguments.saved)
+        computer, results = load(arguments.saved)
     else:
         groups = arguments.group or list(GROUPS)
-        measured_on = machine()
+        computer = computer_name()
         results = []
         for group in groups:
             print(f"measuring {group}", file=sys.stderr)
@@ -64,8 +88,7 @@ def main(given: list[str] | None = None) -> int:
     if arguments.json:
         save(results, arguments.json)
     if arguments.readme:
-        text = with_table(README.read_text("utf-8"), markdown(measured_on, results))
-        README.write_text(text, "utf-8")
+        write_tables(computer, results)
     return 0 if arguments.quick or all(result.met for result in results) else 1
 
 

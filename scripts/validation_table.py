@@ -1,4 +1,4 @@
-"""Run the tests in tests/validation and print, or write into the README, how far apart things were.
+"""Run the tests in tests/validation and print, or write into README and docs, their deviations.
 
 Usage: python scripts/validation_table.py [--write]
 
@@ -14,21 +14,27 @@ ROOT = Path(__file__).parents[1]
 START, END = "<!-- validation: start -->\n", "<!-- validation: end -->\n"
 
 
+def write(file: Path, table: list[str]) -> None:
+    """Replace the table between the two marks of a file."""
+    before, rest = file.read_text("utf-8").split(START)
+    _, after = rest.split(END)
+    text = "\n".join(table)
+    file.write_text(f"{before}{START}{text}\n{END}{after}", "utf-8")
+
+
 def main() -> int:
     sys.path.insert(0, str(ROOT))
-    from tests.validation.comparisons import COMPARISONS, WORST, lines
+    from tests.validation.comparisons import COMPARISONS, HEADLINES, WORST, lines
 
-    names = [f"tests/validation/{one.file}.py::{one.test}" for one in COMPARISONS]
+    names = [f"tests/validation/{row.file}.py::{row.test}" for row in COMPARISONS]
     failed = pytest.main(["-q", "--no-header", "--rootdir", str(ROOT), *names])
     if failed:
         return 1
-    table = "\n".join(lines({name: f"{worst:.1e}" for name, worst in WORST.items()})) + "\n"
-    print(table)
+    deviations = {name: f"{worst:.1e}" for name, worst in WORST.items()}
+    print("\n".join(lines(deviations)))
     if "--write" in sys.argv[1:]:
-        readme = ROOT / "README.md"
-        before, rest = readme.read_text().split(START)
-        _, after = rest.split(END)
-        readme.write_text(f"{before}{START}{table}{END}{after}")
+        write(ROOT / "README.md", lines(deviations, rows=HEADLINES))
+        write(ROOT / "docs" / "validation.md", lines(deviations, "../"))
     return 0
 
 

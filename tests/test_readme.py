@@ -1,4 +1,4 @@
-"""README: its Python runs and prints what it shows, its speeds are those that were measured."""
+"""README and docs: their Python and commands print what is shown, their tables are current."""
 
 from __future__ import annotations
 
@@ -26,15 +26,22 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimeLaw
 
 ROOT = Path(__file__).resolve().parents[1]
-README = (ROOT / "README.md").read_text("utf-8")
-LINES = re.findall(r"^\| `(\w+: .+?)` \|", README, re.MULTILINE)
-"""Of YAML, in tables of what a scenario may say."""
+PAGES = {
+    file.name: file.read_text("utf-8")
+    for file in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+}
+ROWS = re.findall(r"^\| `(\w+: .+?)` \|", PAGES["scenario.md"], re.MULTILINE)
+"""YAML of the tables of scenario keys."""
 MEASURED = ROOT / "scripts" / "benchmark.json"
+
+
+def with_blocks(pattern: str) -> list[str]:
+    return [name for name, text in PAGES.items() if re.search(pattern, text)]
 
 
 @pytest.fixture
 def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """``scripts/benchmark.py``, and its parts as it finds them."""
+    """``scripts/benchmark.py``."""
     monkeypatch.syspath_prepend(str(ROOT / "scripts"))
     import benchmark
 
@@ -47,151 +54,118 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
-
-
-def test_the_ten_lines_print_what_is_shown(
-    in_folder: Path, capsys: pytest.CaptureFixture[str], kernels: None
+@pytest.mark.parametrize("page", with_blocks("```python"))
+def test_python_prints_what_is_shown(
+    page: str, in_folder: Path, capsys: pytest.CaptureFixture[str], kernels: None
 ) -> None:
-    marked = r"<!-- ten lines -->\n```python\n(.*?)```\n\n```\n(.*?)```"
-    ((code, shown),) = re.findall(marked, README, re.DOTALL)
-    exec(compile(code, "README.md", "exec"), {})
-    assert capsys.readouterr().out == shown
+    for code, shown in re.findall(r"```python\n(.*?)```\n\n```\n(.*?)```", PAGES[page], re.DOTALL):
+        exec(compile(code, page, "exec"), {})
+        assert capsys.readouterr().out == shown
     assert "<html" in (in_folder / "motion.html").read_text("utf-8")
 
 
-def test_other_python_runs_too(
-    in_folder: Path, capsys: pytest.CaptureFixture[str], kernels: None
-) -> None:
-    for code in blocks("python")[1:]:
-        exec(compile(code, "README.md", "exec"), {})
-    told = capsys.readouterr().out
-    assert "The whole path was followed." in told
-    assert "(6, 6)" in told
+@pytest.mark.parametrize("page", with_blocks(r"```\n\$ freefloat"))
+def test_commands_print_what_is_shown(page: str, in_folder: Path, kernels: None) -> None:
+    for words, block in re.findall(r"```\n\$ freefloat (.*)\n(.*?)```", PAGES[page], re.DOTALL):
+        printed = normalized(CliRunner().invoke(app, words.split()).stdout)
+        shown = [line for line in normalized(block) if line != "..."]
+        assert len(shown) > 1
+        assert [line for line in printed if line in shown] == shown
 
 
-@pytest.mark.parametrize(
-    ("words", "first"),
-    [
-        ("simulate spatial_6dof/line --attitude 0.1 0.5 0.2 -0.8367", " branch        joints"),
-        ("plan planar_3dof/parabola", "planar_3dof/parabola: initial headings"),
-    ],
-)
-def test_commands_print_what_is_shown(words: str, first: str, kernels: None) -> None:
-    (block,) = re.findall(
-        rf"```\n(?:\$ freefloat .*\n)?({re.escape(first)}.*?)```", README, re.DOTALL
-    )
-    printed = told(CliRunner().invoke(app, words.split()).stdout)
-    shown = [line for line in told(block) if line != "..."]
-    assert len(shown) > 7
-    assert [line for line in printed if line in shown] == shown
-
-
-def told(text: str) -> list[str]:
-    """Lines without the digits of numbers that are zero but for rounding, and without gaps."""
+def normalized(text: str) -> list[str]:
+    """Lines without gaps, and without the digits of numbers that are zero except for rounding."""
     lines = re.sub(r"[-\d.]+e-\d+", "0", text).splitlines()
     return [" ".join(line.split()) for line in lines]
 
 
-@pytest.mark.parametrize("line", LINES)
-def test_a_line_of_yaml_in_a_table_makes_a_problem(line: str, in_folder: Path) -> None:
-    (samples,) = blocks("csv")
-    (in_folder / "path.csv").write_text(samples)
-    wish = yaml.safe_load(line)
-    ((key, _),) = wish.items()
+@pytest.mark.parametrize("row", ROWS)
+def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> None:
+    write_samples()
+    section = yaml.safe_load(row)
+    ((key, _),) = section.items()
     document = yaml.safe_load(bundled_file("spatial_6dof/line").text)
     if key in ("timing", "margin"):
-        document |= wish
+        document |= section
     elif key == "attitude":
-        document["path"] |= wish
+        document["path"] |= section
     else:
         kept = {} if key == "samples" else {"attitude": document["path"]["attitude"]}
-        document["path"] = wish | kept
+        document["path"] = section | kept
     path = loaded(document).path.path
     assert np.linalg.norm(path.pose(1.0).position - path.pose(0.0).position) > 1.0
-    if "fixed" in line:
-        turn = [[0.28, -0.96, 0.0], [0.96, 0.28, 0.0], [0.0, 0.0, 1.0]]
-        np.testing.assert_allclose(path.pose(0.5).rotation, turn, atol=1e-4)
+    if "fixed" in row:
+        rotation = [[0.28, -0.96, 0.0], [0.96, 0.28, 0.0], [0.0, 0.0, 1.0]]
+        np.testing.assert_allclose(path.pose(0.5).rotation, rotation, atol=1e-4)
 
 
-def test_the_samples_shown_do_without_their_quaternions(in_folder: Path) -> None:
-    (samples,) = blocks("csv")
-    rows = [row.split(",")[:3] for row in samples.splitlines()]
-    (in_folder / "path.csv").write_text("\n".join(map(",".join, rows)))
+def test_the_samples_need_no_quaternions(in_folder: Path) -> None:
+    write_samples(columns=3)
     document = yaml.safe_load(bundled_file("spatial_6dof/line").text)
     line, document["path"]["samples"] = document["path"].pop("line"), "path.csv"
     curve = loaded(document).path.path.curve
     np.testing.assert_allclose(curve(0.5), (np.array(line["from"]) + line["to"]) / 2, atol=1e-12)
 
 
-def test_the_tables_show_all_that_paths_timings_and_margins_may_say() -> None:
-    shown = {key for line in LINES for key in re.findall(r"(\w+):", line)}
-    sections = (PathSection, AttitudeSection, OrientationSection, TimingSection, MarginSection)
-    assert {key for section in sections for key in section.model_fields} <= shown
-    rows = " ".join(row for row in README.splitlines() if row.startswith("| `timing"))
-    assert all(str(law) in rows for law in TimeLaw)
+def write_samples(columns: int = 7) -> None:
+    """Write path.csv with the first columns of the example."""
+    (samples,) = re.findall(r"```csv\n(.*?)```", PAGES["scenario.md"], re.DOTALL)
+    rows = [",".join(row.split(",")[:columns]) for row in samples.splitlines()]
+    Path("path.csv").write_text("\n".join(rows))
 
 
 def loaded(document: dict[str, Any]) -> Problem:
-    """The problem of a scenario file here with this content."""
+    """Problem of a scenario file with this content."""
     file = Path("mine.yaml")
     file.write_text(yaml.safe_dump(document, sort_keys=False))
     return load_scenario(file).problem()
 
 
-def test_pictures_and_files_that_are_named_exist() -> None:
-    named = re.findall(r"!\[.*?\]\((.*?)\)|`(scripts/\w+\.py|CITATION\.cff)`", README)
-    assert len(named) > 8
-    for picture, file in named:
-        assert (ROOT / (picture or file)).is_file()
+def test_the_tables_have_all_keys_of_paths_timings_and_margins() -> None:
+    shown = {key for row in ROWS for key in re.findall(r"(\w+):", row)}
+    sections = (PathSection, AttitudeSection, OrientationSection, TimingSection, MarginSection)
+    assert {key for section in sections for key in section.model_fields} <= shown
+    timings = re.findall(r"^\| `timing.*", PAGES["scenario.md"], re.MULTILINE)
+    assert all(str(law) in " ".join(timings) for law in TimeLaw)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_linked_and_named_files_exist(page: str) -> None:
+    folder = ROOT if page == "README.md" else ROOT / "docs"
+    for link in re.findall(r"\]\((?!https?:|#)(.*?)(?:#[\w-]+)?\)", PAGES[page]):
+        assert (folder / link).is_file(), link
+    for script in re.findall(r"`(scripts/\w+\.py)`", PAGES[page]):
+        assert (ROOT / script).is_file(), script
 
 
 def test_the_design_names_every_package() -> None:
-    design = README[README.index("## Design") :]
+    design = PAGES["README.md"].split("## Design")[1]
     named = re.findall(r"`(\w+)`(?=[^|]*\| .+ \|$)", design, re.MULTILINE)
     source = ROOT / "src" / "freefloat"
-    packages = {path.parent.name for path in source.glob("*/__init__.py")}
-    assert packages - {"tasks", "answers"} == set(named) - {"errors", "so3"}
+    assert {path.parent.name for path in source.glob("*/__init__.py")} == set(named) - {
+        "errors",
+        "so3",
+    }
 
 
-def test_the_speeds_shown_are_those_measured(benchmark: ModuleType) -> None:
+def test_the_speeds_are_those_measured(benchmark: ModuleType) -> None:
     from benchmarks.result import load, markdown
 
-    machine, results = load(MEASURED)
-    assert machine == "2 cores"
-    made = markdown(machine, results)
-    assert benchmark.with_table(README, made) == README
+    computer, results = load(MEASURED)
     assert all(result.ratio >= result.wanted for result in results if result.wanted)
-    changed = markdown(machine, results[1:])
-    assert benchmark.with_table(README, changed) != README
+    selected = benchmark.headlines(results)
+    assert len(selected) == len(benchmark.HEADLINES)
+    for page, rows in {"README.md": selected, "benchmarks.md": results}.items():
+        assert benchmark.with_table(PAGES[page], markdown(computer, rows)) == PAGES[page]
 
 
-def test_speeds_are_told_with_three_digits(benchmark: ModuleType) -> None:
-    from benchmarks.result import Result, race, told, told_ratio
+def test_durations_and_ratios_have_few_digits(benchmark: ModuleType) -> None:
+    from benchmarks.result import duration_text, ratio_text
 
-    seconds = (4.2e-7, 5.3e-6, 0.0128, 0.99951, 61.0, 1234.0)
-    assert [*map(told, seconds)] == [
-        "0.420 µs",
-        "5.30 µs",
-        "12.8 ms",
-        "1.00 s",
-        "61.0 s",
-        "1,230 s",
-    ]
-    assert [*map(told_ratio, (None, 1.64, 9.96, 31.2, 118.0))] == [
-        "",
-        "1.6 ×",
-        "10 ×",
-        "31 ×",
-        "120 ×",
-    ]
-    assert not Result("", 1.0, "", 2.0, wanted=3.0).met
-    assert not Result("", 1.0, limit=0.5).met
-    assert Result("", 1.0, "", 3.0, wanted=3.0, limit=1.0).met
-    calls: list[str] = []
-    race(lambda: calls.append("a"), lambda: calls.append("b"), rounds=2)
-    assert "".join(calls) == "abab"
+    durations = {4.2e-7: "0.420 µs", 0.0128: "12.8 ms", 0.99951: "1.00 s", 1234.0: "1,230 s"}
+    assert {seconds: duration_text(seconds) for seconds in durations} == durations
+    ratios = {None: "", 1.64: "1.6 ×", 9.96: "10 ×", 118.0: "120 ×"}
+    assert {ratio: ratio_text(ratio) for ratio in ratios} == ratios
 
 
 def test_the_benchmark_measures_and_writes(
@@ -200,11 +174,11 @@ def test_the_benchmark_measures_and_writes(
     from benchmarks.motions import maps, one_motion
     from benchmarks.result import load
 
-    file = tmp_path / "found.json"
+    file = tmp_path / "measured.json"
     assert benchmark.main(["jacobians", "scaling", "--quick", "--json", str(file)]) == 0
-    found = [*load(file)[1], *one_motion(quick=True), *maps(quick=True)]
-    assert len(found) > 8
-    assert all(result.seconds > 0.0 for result in found)
+    measured = [*load(file)[1], *one_motion(quick=True), *maps(quick=True)]
+    assert len(measured) > 8
+    assert all(result.seconds > 0.0 for result in measured)
     assert "generalized Jacobian" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         benchmark.main(["motion"])

@@ -38,7 +38,7 @@ def one_motion(quick: bool) -> list[Result]:
         Result(
             "one motion of Example 2, tolerance 1e-8", seconds,
             "plain loop: Pinocchio, numpy, `solve_ivp`", baseline, wanted=3.0,
-            remark=f"off at the end by {errors[0]:.0e}, the plain loop by {errors[1]:.0e}",
+            remark=f"final error {errors[0]:.0e}, of the plain loop {errors[1]:.0e}",
         )
     ]  # fmt: skip
 
@@ -113,7 +113,7 @@ def maps(quick: bool) -> list[Result]:
             f"the plain loop at 1e-6, time of {picks} motions, multiplied", motion * motions, 150.0,
         ),
         Result(
-            "a motion of many, each followed on its own", each / len(joints),
+            "one motion of an ensemble", each / len(joints),
             "a motion of that loop", motion,
         ),
     ]  # fmt: skip

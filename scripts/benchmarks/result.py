@@ -1,4 +1,4 @@
-"""One measurement, and how several are raced and told."""
+"""Measurements: how they are timed, stored and formatted."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from rich.table import Table
 
 @dataclass(frozen=True)
 class Result:
-    """How long something takes, and what else takes how long in the same run.
+    """Duration of something, and of its competitor in the same run.
 
     Attributes:
-        what: Is measured.
-        seconds: Of ours.
-        against: What it is compared with.
-        baseline: Seconds of that.
-        wanted: ``ratio`` should be this or more.
-        limit: Seconds should be this or less.
-        remark: What a reader has to know.
+        what: What is measured.
+        seconds: Duration with freefloat.
+        against: The competitor.
+        baseline: Duration of the competitor [s].
+        wanted: Required ``ratio``.
+        limit: Largest permitted duration [s].
+        remark: Text in parentheses after ``what``.
     """
 
     what: str
@@ -38,7 +38,7 @@ class Result:
 
     @property
     def ratio(self) -> float | None:
-        """Baseline over ours."""
+        """Duration of the competitor over that of freefloat."""
         return None if self.baseline is None else self.baseline / self.seconds
 
     @property
@@ -48,7 +48,7 @@ class Result:
 
 
 def race(*contestants: Callable[[], object], rounds: int) -> list[float]:
-    """The best time of each [s], taken in turns so that a slow spell of the machine hits all."""
+    """Best time of each [s]; timed alternately, so that load on the computer affects all."""
     best = [np.inf] * len(contestants)
     for _ in range(rounds):
         for i, contestant in enumerate(contestants):
@@ -58,28 +58,28 @@ def race(*contestants: Callable[[], object], rounds: int) -> list[float]:
     return best
 
 
-def machine() -> str:
-    """All that is told of the machine."""
+def computer_name() -> str:
+    """Number of cores of this computer."""
     cores = len(os.sched_getaffinity(0))
     return f"{cores} core{'s' * (cores > 1)}"
 
 
 def save(results: Sequence[Result], file: Path) -> None:
     rows = [{**asdict(result), "ratio": result.ratio, "met": result.met} for result in results]
-    document = {"machine": machine(), "results": rows}
+    document = {"computer": computer_name(), "results": rows}
     file.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
 def load(file: Path) -> tuple[str, list[Result]]:
-    """The machine and what was measured on it."""
+    """Computer and results of a file."""
     document = json.loads(file.read_text(encoding="utf-8"))
     fields = Result.__dataclass_fields__
     rows = [{key: row[key] for key in fields} for row in document["results"]]
-    return document["machine"], [Result(**row) for row in rows]
+    return document["computer"], [Result(**row) for row in rows]
 
 
-def told(seconds: float) -> str:
-    """Three digits and a unit."""
+def duration_text(seconds: float) -> str:
+    """Time with three digits and a unit."""
     rounded = float(f"{seconds:.3g}")
     unit, size = next(
         (unit, size) for unit, size in (("s", 1.0), ("ms", 1e3), ("µs", 1e6))
@@ -90,41 +90,41 @@ def told(seconds: float) -> str:
     return f"{value:,.{decimals}f} {unit}"
 
 
-def told_ratio(ratio: float | None) -> str:
-    """Two digits and a cross."""
+def ratio_text(ratio: float | None) -> str:
+    """Ratio with two digits."""
     if ratio is None:
         return ""
     rounded = float(f"{ratio:.2g}")
     return f"{rounded:.0f} ×" if rounded >= 10.0 else f"{rounded:.1f} ×"
 
 
-def markdown(machine: str, results: Sequence[Result]) -> str:
-    """The table that README shows."""
+def markdown(computer: str, results: Sequence[Result]) -> str:
+    """Table in Markdown."""
     lines = [
-        f"| on {machine} | takes | compared with | that takes | ratio |",
+        f"| on {computer} | time | compared with | its time | ratio |",
         "|---|---|---|---|---|",
     ]
     for result in results:
         what = f"{result.what} ({result.remark})" if result.remark else result.what
-        baseline = "" if result.baseline is None else told(result.baseline)
-        ratio = told_ratio(result.ratio)
-        lines.append(
-            f"| {what} | {told(result.seconds)} | {result.against} | {baseline} | {ratio} |"
-        )
+        baseline = "" if result.baseline is None else duration_text(result.baseline)
+        ratio = ratio_text(result.ratio)
+        seconds = duration_text(result.seconds)
+        lines.append(f"| {what} | {seconds} | {result.against} | {baseline} | {ratio} |")
     return "\n".join(lines)
 
 
 def table(results: Sequence[Result]) -> Table:
-    """The same for a terminal, with what was wanted."""
-    made = Table(title="freefloat against plain code, same machine, same run")
-    for column in ("what", "takes", "compared with", "that takes", "ratio", "wanted", "remark"):
+    """Table for a terminal, with the requirements."""
+    made = Table(title="freefloat against plain code, same computer, same run")
+    for column in ("what", "time", "compared with", "its time", "ratio", "required", "remark"):
         made.add_column(column)
     for result in results:
         bounds = [f">= {result.wanted:g}"] if result.wanted else []
         wanted = ", ".join(bounds + ([f"<= {result.limit:g} s"] if result.limit else []))
         made.add_row(
-            result.what, told(result.seconds), result.against,
-            "" if result.baseline is None else told(result.baseline), told_ratio(result.ratio),
+            result.what, duration_text(result.seconds), result.against,
+            "" if result.baseline is None else duration_text(result.baseline),
+            ratio_text(result.ratio),
             wanted if result.met else f"[bold red]{wanted}", result.remark,
         )  # fmt: skip
     return made

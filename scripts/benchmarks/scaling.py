@@ -20,7 +20,7 @@ from freefloat.so3 import attitude_grid
 SAMPLES = (1024, 4096, 16_384)
 JOINTS = range(3, 9)
 POSE = 6
-"""From so many joints on the end-effector's attitude is prescribed, too."""
+"""Minimum number of joints for which the end-effector's orientation is prescribed, too."""
 
 
 def with_samples(quick: bool) -> list[Result]:
@@ -64,7 +64,7 @@ def with_joints(quick: bool) -> list[Result]:
             lambda r=roller, a=attitudes, s=starts, m=0.01 * usual: r.integrate(a, s, stop_below=m)
         )
         rows = 6 if joints >= POSE else 3
-        names.append(f"a motion of many, {joints} joints, {rows} rates prescribed")
+        names.append(f"one motion of an ensemble, {joints} joints, {rows} task coordinates")
     seconds = race(*runs, rounds=1 if quick else 5)
     return [Result(name, taken / count) for name, taken in zip(names, seconds, strict=True)]
 

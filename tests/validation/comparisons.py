@@ -1,7 +1,8 @@
-"""What is compared with what, and how far apart it may be: the README's table of validation."""
+"""Comparisons and their tolerances: the tables of validation in README and docs."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -30,11 +31,11 @@ COMPARISONS = tuple(Comparison(*row) for row in (
     ("test_paper", "test_example_2_becomes_singular_at_c_from_the_bad_attitude",
      "where four branches of Example 2 become singular", "the paper's C", 3e-3, "m"),
     ("test_paper", "test_the_printed_touch_point_leads_back_to_the_printed_attitude",
-     "Example 2's initial attitude, from its touch point", "the paper", 5e-4, "of 1"),
+     "Example 2's initial attitude, from its tangency point", "the paper", 5e-4, "of 1"),
     ("test_paper", "test_printed_touch_points_lead_to_the_printed_headings",
-     "Example 1's headings through touch points", "the paper", 0.06, "deg"),
+     "Example 1's headings through tangency points", "the paper", 0.06, "deg"),
     ("test_paper", "test_published_ranges_of_example_1",
-     "Example 1's ranges of heading, at A and at F", "the paper", 0.5, "deg"),
+     "Example 1's feasible heading ranges, at A and at F", "the paper", 0.5, "deg"),
     ("test_paper", "test_published_planar_barycentric_lengths",
      "barycentric lengths", "the paper", 5e-7, "m"),
     ("test_planar_golden", "test_planar_golden_values",
@@ -46,9 +47,9 @@ COMPARISONS = tuple(Comparison(*row) for row in (
     ("test_mujoco", "test_mujoco_finds_the_same_generalized_jacobian",
      "S* of random arms of every structure", "MuJoCo", 1e-10, "of the largest"),
     ("test_mujoco", "test_mujoco_sees_the_end_effector_on_the_path",
-     "the end-effector in Examples 1 and 2", "MuJoCo's kinematics", 1e-8, "m, of 1"),
+     "end-effector pose in Examples 1 and 2", "MuJoCo's kinematics", 1e-8, "m, of 1"),
     ("test_mujoco", "test_the_motion_needs_no_wrench_on_the_base",
-     "wrench on the base in Examples 1 and 2", "none, by MuJoCo's inverse dynamics", 1e-4,
+     "wrench on the base in Examples 1 and 2", "zero, by MuJoCo's inverse dynamics", 1e-4,
      "of the torques"),
     ("test_mujoco", "test_mujoco_finds_the_same_joint_torques",
      "joint torques of four arms", "MuJoCo's inverse dynamics", 1e-9, "of the largest"),
@@ -59,41 +60,59 @@ COMPARISONS = tuple(Comparison(*row) for row in (
     ("test_plain_integration", "test_the_centre_of_mass_stays_put",
      "centre of mass of recorded motions", "the origin, by Pinocchio", 1e-13, "m"),
     ("test_limits_of_physics", "test_heavy_base_recovers_the_fixed_base_arm",
-     "S* less the bolted arm's, spacecraft 100 times heavier", "a hundredth", 0.02, "of it"),
+     "S* minus the fixed-base Jacobian, spacecraft 100 times heavier",
+     "a hundredth of the difference", 0.02, "of it"),
     ("test_limits_of_physics", "test_out_and_back_returns_the_start",
-     "out, and back with -h", "the start", 1e-7, "rad, m"),
+     "forward, then backward with -h", "the start", 1e-7, "rad, m"),
     ("test_limits_of_physics", "test_without_momentum_the_end_does_not_depend_on_time",
-     "five time laws and durations without momentum", "one end", 1e-8, "rad, m"),
+     "five time laws and durations without momentum", "the same end", 1e-8, "rad, m"),
     ("test_limits_of_physics", "test_a_closed_joint_loop_turns_the_spacecraft_by_the_golden_angle",
-     "spacecraft's turn in a closed loop of joints", "-2.35462974398 deg, from a quadrature", 1e-7,
-     "deg"),
+     "rotation of the spacecraft after a closed loop of joints",
+     "-2.35462974398 deg, from a quadrature", 1e-7, "deg"),
     ("test_brute_force", "test_random_ranges_agree_with_brute_force",
-     "limits of heading of 20 random problems", "sweep and bisection", 0.05, "deg"),
+     "heading range limits of 20 random problems", "sweep and bisection", 0.05, "deg"),
     ("test_brute_force", "test_a_map_agrees_with_precise_motions",
-     "a map's least S, Example 2", "precise motions", 3e-4, "of the first S"),
+     "minimum margins of a map, Example 2", "precise motions", 3e-4, "of the initial S"),
 ))  # fmt: skip
 """All rows, in the table's order."""
+
+HEADLINES = tuple(row for row in COMPARISONS if row.test in (
+    "test_example_2_becomes_singular_at_c_from_the_bad_attitude",
+    "test_published_ranges_of_example_1",
+    "test_spart_finds_the_same_generalized_jacobian",
+    "test_a_plain_integration_agrees",
+    "test_servos_lead_to_the_same_attitude",
+))  # fmt: skip
+"""The rows that README shows."""
 
 WORST: dict[str, float] = {}
 """Largest deviations seen since the start, by test."""
 
 
 def agrees(test: str, deviation: float) -> None:
-    """Keep a deviation result by a test, and fail when it is more than is allowed."""
+    """Keep a deviation found by a test, and fail when it is more than is allowed."""
     (row,) = (one for one in COMPARISONS if one.test == test)
     WORST[test] = max(WORST.get(test, 0.0), float(deviation))
     assert deviation <= row.allowed, f"{row.what}: off by {deviation:.3g}, allowed {row.allowed:g}"
 
 
-def lines(told: dict[str, str]) -> list[str]:
-    """The table in Markdown.
+def lines(
+    deviations: dict[str, str], root: str = "", rows: Iterable[Comparison] = COMPARISONS
+) -> list[str]:
+    """Table in Markdown.
 
     Args:
-        told: What to write as the worst deviation, by test.
+        deviations: Largest deviation as text, by test.
+        root: Relative path from the document to the repository, such as ``../``.
+        rows: Comparisons of the table.
     """
-    head = ["| what | compared with | worst deviation | allowed | test |", "|---|---|---|---|---|"]
+    head = [
+        "| result | compared with | largest deviation | tolerance | test |",
+        "|---|---|---|---|---|",
+    ]
     return head + [
-        f"| {row.what.replace('*', chr(92) + '*')} | {row.against} | {told[row.test]} {row.unit} |"
-        f" {row.allowed:g} | [{row.file}](tests/validation/{row.file}.py) |"
-        for row in COMPARISONS
+        f"| {row.what.replace('*', chr(92) + '*')} | {row.against} |"
+        f" {deviations[row.test]} {row.unit} |"
+        f" {row.allowed:g} | [{row.file}]({root}tests/validation/{row.file}.py) |"
+        for row in rows
     ]
