@@ -12,30 +12,30 @@ import freefloat as ff
 from freefloat.robot.names import find_robot
 from freefloat.so3 import axes_rotation
 
-task = ff.Task.POSE  # position and attitude of the end-effector count
+task = ff.Task.POSE  # position and orientation of the end-effector
 model = ff.FreeFloatingModel.from_urdf(find_robot("spatial_6dof", Path()))
 
-# Where the end-effector goes, from the centre of mass of the whole system [m], and how it stands.
+# Position [m], from the centre of mass of the system, and orientation of the end-effector.
 line = ff.paths.PolynomialCurve.line([1, 0, 0], [-0.5, 0.8, 0.33])
 axes = axes_rotation("attitude", ("x", [0.4683, 1.1683, -0.7]), ("z", [1.5, -0.8, -0.33]))
 path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(axes))
 
-# When: from rest to rest in 100 s. And what must never fall below 5 on the way.
+# From rest to rest in 100 s. The magnitude of the measure must not fall below 5.
 timed = ff.TimedPath(path, ff.Timing(duration=100.0))
 margin = ff.Margin(ff.singularity_measure(model, task, "arm"), 5.0)
-momentum = np.array([0.5, 0.3, 0.1])  # that the system drifts with [N m s]
+momentum = np.array([0.5, 0.3, 0.1])  # angular momentum [N m s]
 problem = ff.Problem(model, timed, task, momentum, margin)
 
 simulation = ff.simulate(problem, attitude=[0.1, 0.5, 0.2, -0.8367])
-for one in simulation.branches:
-    closest = one.closest_approach
-    closest = f"least |{closest.measure}| {closest.value:8.4f} at {closest.time:8.4f} s"
-    print(f"{one.branch.index} {one.branch.label:28} {closest}  {one.motion.ending.value}")
+for arm in simulation.branches:
+    closest = arm.closest_approach
+    minimum = f"minimum |{closest.measure}| {closest.value:8.4f} at {closest.time:8.4f} s"
+    print(f"{arm.branch.index} {arm.branch.label:28} {minimum}  {arm.motion.ending.value}")
 
-# A motion can be asked for its state at any time, and proves itself.
+# The state at any time, and the residuals of the motion.
 motion = simulation.chosen.motion
 print("joints at 50 s:", np.round(motion.sample([50.0])[0].joints, 4))
-print("off by", motion.residuals())
+print("residuals:", motion.residuals())
 
-lost = [one for one in simulation.branches if not one.motion.completed]
-print(f"branch {lost[0].branch.index} becomes singular at {lost[0].motion.final.time:.4f} s")
+singular = next(arm for arm in simulation.branches if not arm.motion.completed)
+print(f"branch {singular.branch.index} becomes singular at {singular.motion.final.time:.4f} s")

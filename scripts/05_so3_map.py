@@ -1,7 +1,7 @@
-"""How near to a singularity every initial attitude leads: a map of SO(3), in numbers and a picture.
+"""A map of SO(3): the minimum margin of every initial attitude, in numbers and a figure.
 
-``python scripts/05_so3_map.py`` draws so3_map.png and ends in the share of the attitudes from which
-some arm branch keeps the margin [%].
+``python scripts/05_so3_map.py`` draws so3_map.png and ends in the percentage of attitudes with a
+feasible arm branch.
 """
 
 from pathlib import Path
@@ -16,19 +16,19 @@ from freefloat.visualization.map_figures import histogram_figure
 SAMPLES = 512  # attitudes, evenly spread; 36,864 make a fine map
 
 problem = ff.load_scenario("spatial_6dof/line").problem()
-found = ff.attitude_map(problem, SAMPLES)
-print(f"{found.motions:,} motions followed")
+result = ff.attitude_map(problem, SAMPLES)
+print(f"{result.motions:,} motions integrated")
 
-# Attitudes that hang together, arm branch by arm branch, and the one deepest inside.
-for region in find_regions(found)[:4]:
+# Connected regions of feasible attitudes of each arm branch, and the attitude deepest inside.
+for region in find_regions(result)[:4]:
     centre = np.array2string(region.centre, precision=4)
     print(f"branch {region.branch}: {region.fraction:.1%} of SO(3), {centre} (x y z w) is")
-    print(f"  {np.degrees(region.depth):.1f} deg from the nearest sample that does not serve")
+    print(f"  {np.degrees(region.depth):.1f} deg from the nearest infeasible sample")
 
-# Every sample is at hand: the attitude with the largest margin of all, and its arm branch.
-sample, branch = np.unravel_index(np.argmax(found.margins), found.margins.shape)
-print(f"largest margin {found.margins.max():.2f}: {found.attitudes[sample]}, branch {branch}")
+# All samples are available: the attitude with the largest margin, and its arm branch.
+sample, branch = np.unravel_index(np.argmax(result.margins), result.margins.shape)
+print(f"largest margin {result.margins.max():.2f}: {found.attitudes[sample]}, branch {branch}")
 
-files = save_figures(Path(), {"so3_map": histogram_figure(found)})
+files = save_figures(Path(), {"so3_map": histogram_figure(result)})
 print("drawn:", ", ".join(str(file) for file in files))
-print(f"feasible: {found.feasible_fraction:.2%} of {SAMPLES:,} attitudes")
+print(f"feasible: {result.feasible_fraction:.2%} of {SAMPLES:,} attitudes")

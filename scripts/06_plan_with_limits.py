@@ -1,4 +1,4 @@
-"""A plan that keeps joint rates, torques, the spacecraft's rate and distances.
+"""A plan that keeps limits of joint rates, torques, base rate and clearance.
 
 ``python scripts/06_plan_with_limits.py`` ends in the duration [s] that a tenth of the joint rates
 would need.
@@ -11,18 +11,18 @@ from freefloat.limits.limits import LimitResult, needed_stretch
 
 scenario = ff.load_scenario("planar_2dof/line")
 problem = scenario.problem()
-limits = scenario.limits()  # what the file says under "limits:"; joint ranges count as well
+limits = scenario.limits()  # from "limits:" in the file; joint ranges always apply
 
 plan = ff.plan(problem, limits=limits)
 print(f"chosen for {plan.reason}")
 
 
 def show(results: tuple[LimitResult, ...]) -> None:
-    """Print every limit where it is most used up."""
+    """Print the extreme value of every limit."""
     for result in results:
         verdict = "kept" if result.kept else "violated"
         print(
-            f"  {result.limit:12} {result.ratio:7.2%} used at {result.time:7.3f} s, "
+            f"  {result.limit:12} {result.ratio:7.2%} of the limit at {result.time:7.3f} s, "
             f"{result.where}: {verdict}"
         )
 

@@ -1,7 +1,7 @@
 """Two motions side by side in MeshCat: one follows the path, the other becomes singular.
 
 ``python scripts/07_playback.py`` writes playback.html, which any browser plays without a network,
-and ends in how far apart the two spacecraft point at the end [degrees].
+and ends in the angle between the final attitudes of the two spacecraft [degrees].
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ good, bad = from_heading(200.0), from_heading(140.0)
 for name, motion in (("good", good), ("bad", bad)):
     print(f"{name}: {motion.ending.value} {motion.final.time:.4f} s")
 
-# The trail behind the end-effector has the colour of the margin; areas can be shown and hidden.
+# The trail behind the end-effector is coloured by the margin; areas can be shown and hidden.
 playback = ff.playback({"from 200 degrees": good, "from 140 degrees": bad}, title="Example 1")
 print("written:", playback.save("playback.html"))
 print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
@@ -35,6 +35,6 @@ print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 # Numbers of a motion at any times, such as the end of the shorter one:
 end = bad.final.time
 series = TimeSeries.of(good, np.linspace(0.0, end, 5))
-print("good joints then:", np.round(series.joints[-1], 4))
+print("joints of the good motion then:", np.round(series.joints[-1], 4))
 apart = angle_between(good.sample([end])[0].attitude, bad.final.attitude)
 print(f"apart: {np.degrees(apart):.4f} deg")

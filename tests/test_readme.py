@@ -58,8 +58,9 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_python_prints_what_is_shown(
     page: str, in_folder: Path, capsys: pytest.CaptureFixture[str], kernels: None
 ) -> None:
+    names: dict[str, Any] = {}
     for code, shown in re.findall(r"```python\n(.*?)```\n\n```\n(.*?)```", PAGES[page], re.DOTALL):
-        exec(compile(code, page, "exec"), {})
+        exec(compile(code, page, "exec"), names)
         assert capsys.readouterr().out == shown
     assert "<html" in (in_folder / "motion.html").read_text("utf-8")
 
