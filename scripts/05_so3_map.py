@@ -27,7 +27,7 @@ for region in find_regions(result)[:4]:
 
 # All samples are available: the attitude with the largest margin, and its arm branch.
 sample, branch = np.unravel_index(np.argmax(result.margins), result.margins.shape)
-print(f"largest margin {result.margins.max():.2f}: {found.attitudes[sample]}, branch {branch}")
+print(f"largest margin {result.margins.max():.2f}: {result.attitudes[sample]}, branch {branch}")
 
 files = save_figures(Path(), {"so3_map": histogram_figure(result)})
 print("drawn:", ", ".join(str(file) for file in files))
