@@ -67,7 +67,7 @@ def test_python_prints_what_is_shown(
 
 @pytest.mark.parametrize("page", with_blocks(r"```\n\$ freefloat"))
 def test_commands_print_what_is_shown(page: str, in_folder: Path, kernels: None) -> None:
-    for words, block in re.findall(r"```\n\$ freefloat (.*)\n(.*?)```", PAGES[page], re.DOTALL):
+    for words, block in re.findall(r"```\n\$ freefloat ([^\n]*)\n(.*?)```", PAGES[page], re.DOTALL):
         printed = normalized(CliRunner().invoke(app, words.split()).stdout)
         shown = [line for line in normalized(block) if line != "..."]
         assert len(shown) > 1
