@@ -1,4 +1,4 @@
-"""The tutorial's scripts, run as a user runs them: each ends in the number it promises."""
+"""The tutorial scripts, run as a user runs them, end in the expected number."""
 
 from __future__ import annotations
 
