@@ -45,6 +45,10 @@ def read_simulation(file: Any, scenario: Scenario, document: Document) -> Simula
     problem = scenario.problem()
     chosen = read_branch(file["motion"], problem, document["branch"])
     others = file.get("branches", {})
+    if "chosen" not in file.attrs:
+        document["branches"] = [
+            entry for entry in document["branches"] if entry["branch"] == document["branch"]
+        ]
     branches = [read_branch(others[name], problem, -1) for name in sorted(others, key=int)]
     branches.insert(int(file.attrs.get("chosen", 0)), chosen)
     limits, results = read_limits(file, scenario, document)
