@@ -269,7 +269,7 @@ def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: S
         (
             "measure",
             "'arm'",
-            "singularity_measure(model, Task.POSE",
+            "singularity_measure(model, task, name)",
             lambda: ff.closest_approach(motion, "arm"),
         ),
         (

@@ -4,15 +4,18 @@ An error takes exactly the arguments it is raised with, so that it survives pick
 processes. Expected outcomes of a computation (singular, infeasible) are data, not errors.
 """
 
+from __future__ import annotations
+
 import difflib
 import traceback
 from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:  # the command line shows its help without NumPy
+    import numpy as np
+    import numpy.typing as npt
 
 _Words = TypeVar("_Words", bound=StrEnum)
 _PACKAGE = Path(__file__).parent
@@ -69,7 +72,7 @@ class InputError(FreeFloatError):
         location = f"{file}: {self.key}" if file else self.key
         return f"{location}: {self.problem}; accepted: {self.accepted}"
 
-    def found_in(self, source: str, prefix: str = "") -> "InputError":
+    def found_in(self, source: str, prefix: str = "") -> InputError:
         """The same error with the file that contains the key.
 
         Args:
@@ -155,6 +158,8 @@ def finite_vector(key: str, values: npt.ArrayLike, length: int) -> npt.NDArray[n
     Raises:
         InputError: Naming ``key``, if they are not.
     """
+    import numpy as np
+
     accepted = f"{length} finite numbers"
     try:
         array = np.array(values, dtype=float)
@@ -171,6 +176,8 @@ def finite_number(key: str, value: object, accepted: str) -> float:
     Raises:
         InputError: Naming ``key`` and what is ``accepted``, if it is none.
     """
+    import numpy as np
+
     if not isinstance(value, int | float | np.integer | np.floating) or not np.isfinite(value):
         raise InputError(key, f"{value!r} was given", accepted)
     return float(value)
@@ -182,6 +189,8 @@ def whole_number(key: str, value: object, minimum: int) -> int:
     Raises:
         InputError: Naming ``key``, if it is none.
     """
+    import numpy as np
+
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise InputError(key, f"{value!r} was given", f"a whole number, {minimum} or more")
     if value < minimum:

@@ -100,10 +100,10 @@ THIEF = '<!DOCTYPE robot [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="
     [
         (LAUGHS, "DTD"),
         (THIEF, "DTD"),
-        ('<?xml version="1.0" encoding="nonsense"?><robot/>', "encoding"),
-        ("<robot>" + "<a>" * 100_000, "nested too deeply"),
+        ('<?xml version="1.0" encoding="nonsense"?><robot/>', "robot: "),
+        ("<robot>" + "<a>" * 100_000, "well-formed"),
         ("<robot>" + '<link name="z"/>' * 30_000 + "</robot>", "30,000 links"),
-        (good.bundled("planar_3dof")[0].decode().replace('"400"', '"1e300"'), "proportion"),
+        (good.bundled("planar_3dof")[0].decode().replace('"400"', '"1e300"'), "mass value"),
     ],
     ids=["laughs", "thief", "encoding", "deep", "many", "huge"],
 )
@@ -135,9 +135,9 @@ def test_names_of_meshes_that_are_no_addresses_are_told(name: str) -> None:
 def test_devices_and_pipes_are_not_read(watch: Watch) -> None:
     """They never end."""
     for name in ("fifo", "zero"):
-        with pytest.raises(InputError, match="no plain file"):
+        with pytest.raises(InputError, match="file"):
             read_samples(name)
-        with pytest.raises(InputError, match="no plain file"):
+        with pytest.raises(InputError, match="file"):
             FreeFloatingModel.from_urdf(Path(name))
         with pytest.raises(MeshFileError, match="no such file"):
             find_mesh(name, str(watch.inside / "robot.urdf"))
@@ -164,10 +164,10 @@ def test_no_yaml_runs_code(watch: Watch) -> None:
 
 def test_studies_that_would_take_all_memory_are_refused_at_once(tmp_path: Path) -> None:
     many = {f"robot.held.q{n}": {"range": [0, 1, 1e-6]} for n in range(100)}
-    with pytest.raises(InputError, match="numbers are listed"):
+    with pytest.raises(InputError, match="vary"):
         load_study(write_study(tmp_path, many))
     wide = {"momentum": {"grid": {"from": [0] * 99, "to": [1] * 99, "count": [10**6] + [1] * 98}}}
-    with pytest.raises(InputError, match="numbers are listed"):
+    with pytest.raises(InputError, match="vary"):
         load_study(write_study(tmp_path, wide))
 
 

@@ -455,7 +455,7 @@ def test_both_signs_of_a_quaternion_are_one_start(spatial, attitude):
     one, other = (outlook.evaluate(sign * unit[None]) for sign in (1.0, -1.0))
     assert (one.motions.endings == other.motions.endings).all()
     assert_close(one.joints, other.joints, atol=1e-12)
-    assert_close(one.minimum, other.minimum, atol=1e-9)
+    assert_close(one.motions.minimum, other.motions.minimum, atol=1e-9)
     motions = [integrate_motion(spatial, sign * unit, one.joints[0, 0]) for sign in (1.0, -1.0)]
     assert_close(motions[0].final.joints, motions[1].final.joints, atol=1e-12)
     assert_close(motions[0].final.attitude, -motions[1].final.attitude, atol=1e-12)

@@ -172,7 +172,7 @@ def test_the_workspace_command_answers_in_space():
     assert (told["point"], told["measure"], told["exact"]) == ("wrist centre", "arm", True)
     assert len(told["pdw"]) == len(told["piw"]) == 2
     assert [part["path_dependent"] for part in told["path"]] == [False, True, False]
-    assert "shoulder and wrist can be singular" in workspace_command("spatial_6dof/line")
+    assert "shoulder and wrist can become singular" in workspace_command("spatial_6dof/line")
 
 
 def test_the_workspace_command_tells_what_it_does_not_know():

@@ -116,6 +116,6 @@ def test_a_slide_without_limits_has_no_reach() -> None:
     text = sliding("P").description.text
     endless = re.sub(r'lower="1.0" upper="2.0"', 'lower="-1e9" upper="1e9"', text)
     model = FreeFloatingModel.from_urdf(endless)
-    with pytest.raises(InputError, match="slides without limits") as caught:
+    with pytest.raises(InputError) as caught:
         workspace_regions(problem_of(model, ff.Task.PLANAR_POSITION))
     assert caught.value.key == "joint slide"

@@ -66,6 +66,10 @@ def _first_error(
     """Key path, problem and accepted values of the first error."""
     errors = sorted(error.errors(include_url=False), key=lambda one: _ORDER.get(one["type"], 2))
     first = errors[0]
+    for inner in errors:  # of alternatives, the one that the value was meant for
+        inner_keys, keys = _keys_in(data, inner["loc"]), _keys_in(data, first["loc"])
+        if len(inner_keys) > len(keys) and inner_keys[: len(keys)] == keys:
+            first = inner if isinstance(inner_keys[-1], str) else first
     kind, location, value = first["type"], first["loc"], first["input"]
     keys = _keys_in(data, location)
     if kind == "extra_forbidden":
