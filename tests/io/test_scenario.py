@@ -569,7 +569,7 @@ def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(folder: Path) -> None:
         ("{joint_rate: {elbow: 1}}", "limits.joint_rate.elbow"),
         ("{joint_rate: 0}", "limits.joint_rate"),
         ("{joint_torque: urfd}", "limits.joint_torque"),
-        ("{joint_torque: {elbow_joint: -1}}", "limits.joint_torque"),
+        ("{joint_torque: {elbow_joint: -1}}", "limits.joint_torque.elbow_joint"),
         ("{base_rate: 0}", "limits.base_rate"),
         ("{clearance: -0.1}", "limits.clearance"),
         ("{torque: 3}", "limits.torque"),

@@ -100,7 +100,7 @@ def _keys_in(data: Any, location: Sequence[str | int]) -> list[str | int]:
         try:
             data = data[step]
         except (KeyError, IndexError, TypeError):
-            break
+            continue
         keys.append(step)
     return keys
 
