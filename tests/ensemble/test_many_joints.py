@@ -165,7 +165,7 @@ def test_kernels_stay_within_their_arrays(tmp_path):
     )
     checks = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(
-        [sys.executable, "-c", command], cwd=Path(__file__).parents[1],
+        [sys.executable, "-c", command], cwd=Path(__file__).parents[2],
         env={**os.environ, **checks}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from freefloat.io.scenario import Scenario, parse_scenario
-from freefloat.limits.check import LimitChecker
+from freefloat.limits.check import check_limits
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits
 from freefloat.planning.plan import Plan
@@ -83,7 +83,7 @@ def test_another_robot_gets_another_plan_that_holds(
     assert found.problem.margin.is_kept(found.chosen.closest_approach.value)
     limits = scenario.limits()
     assert limits is not None
-    findings = LimitChecker(found.problem, limits).findings(motion)
+    findings = check_limits(motion, limits)
     assert len(findings) == 5
     assert all(one.kept for one in findings)
     wrench = findings[-1].base_wrench
