@@ -212,7 +212,7 @@ ALTERATIONS = {
     "the path": (other_path, "end-effector position"),
     "the duration": (longer, "whole motion"),
     "the margin": (
-        lambda plan: with_problem(plan, margin=replace(plan.problem.margin, threshold=50.0)),
+        lambda plan: with_problem(plan, margin=replace(plan.problem.margin, threshold=140.0)),
         "system",
     ),
     "a limit": (
