@@ -12,11 +12,10 @@ from benchmarks.result import Result, race
 _MAP = """
 import resource, time
 import freefloat as ff
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
-outlook = FeasibilityEvaluator(ff.load_scenario("spatial_6dof/line").problem())
-ff.attitude_map(outlook, 64)
+problem = ff.load_scenario("spatial_6dof/line").problem()
+ff.attitude_map(problem, 64)
 before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
-found = ff.attitude_map(outlook, {samples})
+found = ff.attitude_map(problem, {samples})
 seconds = time.perf_counter() - start
 after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 print(seconds, before / 1024, after / 1024, found.motions)
