@@ -73,13 +73,13 @@ def planar() -> Iterator[Line]:
     yield Line("Example 1: PDW areas that point 3 crosses, L", 2, sum(pdw for _, pdw in areas), 0)
     F_in_area = next(pdw for (low, high), pdw in areas if low <= 5 / 6 <= high)
     yield Line("Example 1: point 3 is in a PDW area at F", False, F_in_area, 0)
-    touches = (
+    printed_points = (
         ("FB", [-3.6512, 0.1762, 1.7885]),
         ("AF, first", [-0.6074, 2.9265, 0.9617]),
         ("AF, second", [-0.7348, 2.9014, 0.2833]),
     )
-    for name, joints in touches:
-        yield Line(f"Example 1: S at the touch point of {name}", 5.0, S(np.array(joints)),
+    for name, joints in printed_points:
+        yield Line(f"Example 1: S at the tangency point of {name}", 5.0, S(np.array(joints)),
                    0.01, "joints printed to 1e-4")  # fmt: skip
     F = problem.path.pose(69.73).position
     yield from lines("Example 1: F in m", [-0.5, 1.4583], F[:2], 2e-4)
@@ -96,40 +96,46 @@ def planar() -> Iterator[Line]:
 
 
 def planar_ranges() -> Iterator[Line]:
-    """Section V on Example 1: touch points, ranges segment by segment, ranges at A.
+    """Section V on Example 1: tangency points, ranges segment by segment, ranges at A.
 
-    The paper looks at motions with S > 0 alone. Its printed touch points have S of 5.006, 4.992 and
-    4.996 instead of 5, so that they can be met to a few milliradians only.
+    The paper looks at motions with S > 0 alone. At its printed tangency points S is 5.006,
+    4.992 and 4.996 instead of 5, so that they can be met to a few milliradians only.
     """
-    document = ff.plan(ff.load_scenario("planar_3dof/parabola").problem()).to_dict()
+    plan = ff.plan(ff.load_scenario("planar_3dof/parabola").problem())
     AF, FB = (
-        sorted((t for t in segment["tangency_points"] if t["level"] > 0), key=lambda t: t["tau"])
-        for segment in document["segments"]
+        sorted((x for x in segment.limits if x.tangency.level > 0), key=lambda x: x.tangency.time)
+        for segment in plan.segments
     )
-    touches = (
-        ("FB", FB[0], [-0.7463, -3.6512, 0.1762, 1.7885], 0.9495),
-        ("AF, first", AF[0], [0.9158, -0.6074, 2.9265, 0.9617], 0.4895),
-        ("AF, second", AF[1], [1.5922, -0.7348, 2.9014, 0.2833], 0.6413),
+    A, F, B = plan.segments[0].span[0], plan.segments[1].span[0], plan.segments[1].span[1]
+    points = (
+        ("FB", FB[0], (F, B), [-0.7463, -3.6512, 0.1762, 1.7885], 0.9495),
+        ("AF, first", AF[0], (A, F), [0.9158, -0.6074, 2.9265, 0.9617], 0.4895),
+        ("AF, second", AF[1], (A, F), [1.5922, -0.7348, 2.9014, 0.2833], 0.6413),
     )
-    for name, touch, printed, tau in touches:
-        found = np.array([touch["heading"], *touch["joints"]])
-        near = np.array(printed) + np.angle(np.exp(1j * (found - printed)))
-        yield from lines(f"Example 1: touch point of {name} in rad", printed, near, 6e-3)
-        yield Line(f"Example 1: its dimensionless time, {name}", tau, touch["tau"], 6e-3)
+    for name, limit, (start, end), printed, tau in points:
+        point = limit.tangency
+        computed = np.array([point.heading, *point.joints])
+        near = np.array(printed) + np.angle(np.exp(1j * (computed - printed)))
+        yield from lines(f"Example 1: tangency point of {name} in rad", printed, near, 6e-3)
+        computed_tau = (point.time - start) / (end - start)
+        yield Line(f"Example 1: its dimensionless time, {name}", tau, computed_tau, 6e-3)
     limits = (
-        ("at B, tangent", 318.9, FB[0]["heading_at_end_deg"]),
-        ("at B, end touch", 259.4, FB[1]["heading_at_end_deg"]),
-        ("of FB moved to F", 298.7, FB[1]["heading_at_start_deg"]),
-        ("of FB moved to F", 354.2, FB[0]["heading_at_start_deg"]),
-        ("of AF at F", 335.3, AF[0]["heading_at_end_deg"]),
-        ("of AF at F", 60.9, AF[1]["heading_at_end_deg"]),
+        ("at B, tangent", 318.9, FB[0], B),
+        ("at B, tangent at its end", 259.4, FB[1], B),
+        ("of FB moved to F", 298.7, FB[1], F),
+        ("of FB moved to F", 354.2, FB[0], F),
+        ("of AF at F", 335.3, AF[0], F),
+        ("of AF at F", 60.9, AF[1], F),
     )
-    for name, printed, computed in limits:
-        yield Line(f"Example 1: limit {name} in deg", printed, computed, 0.2)
-    joined = document["segments"][0]["joined_at_end_deg"][0]["ranges"]
-    yield from lines("Example 1: range of both at F in deg", [60.9, 298.7], joined[0], 0.2)
-    ranges = np.ravel(document["attitude_ranges_deg"][0]["ranges"])
-    yield from lines("Example 1: ranges at A in deg", [0.0, 63.0, 161.0, 360.0], ranges, 2.0)
+    for name, printed, limit, time in limits:
+        heading = np.degrees(limit.heading_at(time)[0])
+        yield Line(f"Example 1: limit {name} in deg", printed, heading, 0.2)
+    joined = plan.segments[0].joined_at_end[0].ranges[0]
+    at_F = np.degrees([joined.low, joined.high])
+    yield from lines("Example 1: range of both at F in deg", [60.9, 298.7], at_F, 0.2)
+    (at_A,) = plan.ranges[0].ranges  # printed as 0 to 63 and 161 to 360
+    limits_at_A = np.degrees([at_A.low, at_A.high])
+    yield from lines("Example 1: range at A in deg", [161.0, 360.0 + 63.0], limits_at_A, 2.0)
 
 
 def _heading(degrees: float) -> list[float]:
@@ -141,15 +147,15 @@ def example_2() -> ff.Problem:
     """Example 2 with B in the plane (41), in which it is said to lie.
 
     With its printed z of 0.33 m it is not; with the z that (41) gives, the printed point C and the
-    printed touch point lie on the path to all their digits.
+    printed tangency point lie on the path to all their digits.
     """
-    given = ff.load_scenario("spatial_6dof/line").problem()
+    problem = ff.load_scenario("spatial_6dof/line").problem()
     normal, offset = np.array([0.4683, 1.1683, -0.7]), 0.4683
-    A, B = (given.path.path.curve(s) for s in (0.0, 1.0))
+    A, B = (problem.path.path.curve(s) for s in (0.0, 1.0))
     B = np.array([*B[:2], (offset - normal[:2] @ B[:2]) / normal[2]])
     axes = axes_rotation("attitude", ("x", normal), ("z", A - B))
     path = ff.EndEffectorPath(PolynomialCurve.line(A, B), FixedOrientation(axes))
-    return with_momentum(given, given.momentum, ff.TimedPath(path, given.path.timing))
+    return with_momentum(problem, problem.momentum, ff.TimedPath(path, problem.path.timing))
 
 
 def with_momentum(
@@ -159,19 +165,19 @@ def with_momentum(
 
 
 def spatial() -> Iterator[Line]:
-    """Table II and Example 2: the bad attitude, and the printed touch point as it stands."""
+    """Table II and Example 2: the bad attitude, and the printed tangency point as it stands."""
     problem = example_2()
     yield Line("Example 2: z of B in m", 0.33, problem.path.pose(100.0).position[2], 5e-3,
                "computed from (41)")  # fmt: skip
     yield Line("Example 2: PDW areas that point 3 crosses, L", 1, crossed_areas(problem), 0)
-    S = problem.margin.measure(TOUCH_JOINTS)
-    yield Line("Example 2: S at the printed touch point", -5.0, S, 0.01, "joints printed to 1e-4")
-    wanted = problem.path.pose(TOUCH_TAU * problem.path.duration).position
-    attitude = unit_quaternion("touch", TOUCH_ATTITUDE)
-    found = problem.model.end_effector_pose(attitude, TOUCH_JOINTS).position
-    yield from lines("Example 2: end-effector at the touch point in m", list(wanted), found, 2e-4)
+    S = problem.margin.measure(PRINTED_JOINTS)
+    yield Line("Example 2: S at its tangency point", -5.0, S, 0.01, "joints printed to 1e-4")
+    printed = problem.path.pose(PRINTED_TAU * problem.path.duration).position
+    attitude = unit_quaternion("attitude", PRINTED_ATTITUDE)
+    at_joints = problem.model.end_effector_pose(attitude, PRINTED_JOINTS).position
+    yield from lines("Example 2: end-effector at its tangency in m", list(printed), at_joints, 2e-4)
     bad = ff.simulate(problem, [0.1, 0.5, 0.2, -0.8367])
-    singular = [one.motion for one in bad.branches if not one.motion.completed]
+    singular = [branch.motion for branch in bad.branches if not branch.motion.completed]
     yield Line("Example 2: singular branches of the bad attitude", 4, len(singular), 0, "decoded")
     for motion in singular:
         final = motion.final
@@ -194,22 +200,22 @@ def crossed_areas(problem: ff.Problem) -> int:
     return sum(bool((path.min() < high) & (low < path.max())) for low, high in merged(swept))
 
 
-TOUCH_JOINTS = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
-TOUCH_ATTITUDE = [0.4295, -0.147, 0.6898, -0.564]
-TOUCH_TAU = 0.4225
+PRINTED_JOINTS = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
+PRINTED_ATTITUDE = [0.4295, -0.147, 0.6898, -0.564]
+PRINTED_TAU = 0.4225
 
 
-def spatial_touch() -> Iterator[Line]:
-    """Section VI on Example 2: from q1 and q2 to the touch point and back to the start.
+def spatial_tangency() -> Iterator[Line]:
+    """Section VI on Example 2: from q1 and q2 to the tangency point and back to the start.
 
-    dS/dt = 0 holds at the printed touch point if the first two components of the momentum are
+    dS/dt = 0 holds at the printed tangency point if the first two components of the momentum are
     exchanged, while it is carried back by the momentum as printed.
     """
     problem = example_2()
-    exchanged = nearest_touch(with_momentum(problem, [0.3, 0.5, 0.1]))
-    yield from touch_lines("touch point, h = (0.3, 0.5, 0.1)", exchanged, 2e-4, "")
-    touch = nearest_touch(problem)
-    yield from touch_lines("touch point, h as printed", touch, np.inf, "")
+    exchanged = nearest_tangency(with_momentum(problem, [0.3, 0.5, 0.1]))
+    yield from tangency_lines("tangency point, h = (0.3, 0.5, 0.1)", exchanged, 2e-4, "")
+    as_printed = nearest_tangency(problem)
+    yield from tangency_lines("tangency point, h as printed", as_printed, np.inf, "")
     printed = [0.46, 0.0935, 0.7352, -0.489]
     back = ff.integrate_motion(
         problem, exchanged.attitude, exchanged.joints, start=exchanged.time, end=0.0
@@ -218,7 +224,11 @@ def spatial_touch() -> Iterator[Line]:
                      2e-4)  # fmt: skip
     for remark, state, tolerance in (
         ("from there", back.final, 5e-2),
-        ("from the touch point by h as printed", boundary_attitude(problem, touch), 5e-4),
+        (
+            "from the tangency point by h as printed",
+            boundary_attitude(problem, as_printed),
+            5e-4,
+        ),
     ):
         motion = ff.integrate_motion(problem, state.attitude, state.joints)
         least = ff.closest_approach(motion, problem.margin.measure)
@@ -226,29 +236,31 @@ def spatial_touch() -> Iterator[Line]:
         yield Line("Example 2: S_max", -5.0, least.sign * least.value, tolerance, remark)
 
 
-def nearest_touch(problem: ff.Problem) -> TangencyPoint:
-    """The touch point at the printed q1 and q2 that comes nearest to the printed one."""
-    touches = tangency_points(problem, *TOUCH_JOINTS[:2], level=-5.0)
-    return min(touches, key=lambda touch: np.abs(nearby(touch.joints) - TOUCH_JOINTS).max())
+def nearest_tangency(problem: ff.Problem) -> TangencyPoint:
+    """The tangency point at the printed q1 and q2 that comes nearest to the printed one."""
+    points = tangency_points(problem, *PRINTED_JOINTS[:2], level=-5.0)
+    return min(points, key=lambda point: np.abs(nearby(point.joints) - PRINTED_JOINTS).max())
 
 
 def nearby(joints: np.ndarray) -> np.ndarray:
     """Whole turns taken off the difference to the printed joints."""
-    return TOUCH_JOINTS + np.angle(np.exp(1j * (joints - TOUCH_JOINTS)))
+    return PRINTED_JOINTS + np.angle(np.exp(1j * (joints - PRINTED_JOINTS)))
 
 
 def towards(printed: list[float], quaternion: np.ndarray) -> np.ndarray:
     return quaternion * np.sign(quaternion @ printed)
 
 
-def touch_lines(what: str, touch: TangencyPoint, tolerance: float, remark: str) -> Iterator[Line]:
+def tangency_lines(
+    what: str, point: TangencyPoint, tolerance: float, remark: str
+) -> Iterator[Line]:
     """Time, elbow and shoulder do not depend on the momentum, wrist and attitude do."""
-    yield Line(f"Example 2: {what}: tau", TOUCH_TAU, touch.tau, 2e-4)
-    for i, (printed, joint) in enumerate(zip(TOUCH_JOINTS, nearby(touch.joints), strict=True)):
+    yield Line(f"Example 2: {what}: tau", PRINTED_TAU, point.tau, 2e-4)
+    for i, (printed, joint) in enumerate(zip(PRINTED_JOINTS, nearby(point.joints), strict=True)):
         allowed, note = (2e-4, "") if i < 3 else (tolerance, remark)
         yield Line(f"Example 2: {what}: q{i + 1} in rad", printed, joint, allowed, note)
-    attitude = towards(TOUCH_ATTITUDE, touch.attitude)
-    for i, (printed, component) in enumerate(zip(TOUCH_ATTITUDE, attitude, strict=True)):
+    attitude = towards(PRINTED_ATTITUDE, point.attitude)
+    for i, (printed, component) in enumerate(zip(PRINTED_ATTITUDE, attitude, strict=True)):
         yield Line(f"Example 2: {what}: attitude[{i}]", printed, component, tolerance, remark)
 
 
@@ -256,15 +268,15 @@ def main() -> int:
     table = Table(title="Printed and computed")
     for column in ("quantity", "printed", "computed", "difference", "tolerance", ""):
         table.add_column(column)
-    found = [*planar(), *planar_ranges(), *spatial(), *spatial_touch()]
-    for line in found:
+    rows = [*planar(), *planar_ranges(), *spatial(), *spatial_tangency()]
+    for line in rows:
         table.add_row(
             line.what, f"{line.printed:.6g}", f"{line.computed:.6g}",
             f"{line.computed - line.printed:.1e}", f"{line.tolerance:.0e}",
 line.verdict,
         )  # fmt: skip
     Console(width=140).print(table)
-    return 0 if all(line.agrees for line in found) else 1
+    return 0 if all(line.agrees for line in rows) else 1
 
 
 if __name__ == "__main__":
