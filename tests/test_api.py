@@ -1,4 +1,4 @@
-"""What ``import freefloat as ff`` offers: names, words, short records, errors in notebooks."""
+"""What ``import freefloat as ff`` offers: documented names, its help, errors in notebooks."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from pathlib import Path
 import pytest
 
 import freefloat as ff
-from freefloat.motion.time_series import TimeSeries
 from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import Simulation
 from freefloat.robot.names import models_folder
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
 
 @pytest.mark.parametrize("name", ff.__all__)
-def test_every_public_name_has_words_and_types(name: str) -> None:
+def test_every_public_name_is_documented_and_typed(name: str) -> None:
     public = getattr(ff, name)
     assert (public.__doc__ or "").strip().endswith((".", "`."))
     if inspect.isfunction(public):
         hints = inspect.signature(public)
         assert hints.return_annotation is not inspect.Signature.empty
-        assert all(one.annotation is not one.empty for one in hints.parameters.values())
+        assert all(
+            parameter.annotation is not parameter.empty for parameter in hints.parameters.values()
+        )
 
 
 def test_the_version_is_the_installed_one() -> None:
@@ -42,9 +42,8 @@ def test_help_begins_with_ten_lines_that_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert "ff.show(plan)" in pydoc.render_doc(ff, renderer=pydoc.plaintext)[:2500]
-    found = re.search(r"::\n\n(.*?)\n\n(?=\S)", ff.__doc__ or "", re.DOTALL)
-    assert found
-    code = textwrap.dedent(found[1])
+    (example,) = re.findall(r"::\n\n(.*?)\n\n(?=\S)", ff.__doc__ or "", re.DOTALL)
+    code = textwrap.dedent(example)
     lines = [line for line in code.splitlines() if line and not line.startswith("import")]
     assert len(lines) == 10
     shutil.copy(models_folder() / "spatial_6dof" / "spatial_6dof.urdf", tmp_path / "robot.urdf")
@@ -53,36 +52,8 @@ def test_help_begins_with_ten_lines_that_run(
     monkeypatch.setattr(ff, "show", shown.append)
     assert code.count("samples=1024") == 1
     exec(code.replace("samples=1024", "samples=64"), {})
-    assert [one.feasible for one in shown] == [True]
+    assert [plan.feasible for plan in shown] == [True]
     assert capsys.readouterr().out.startswith("the largest margin, gjm 0.09")
-
-
-# --- records ------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def simulation() -> Simulation:
-    """Of Example 1, from a heading that serves."""
-    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
-    return ff.simulate(problem, [0.0, 0.0, 1.0, 0.0])
-
-
-def test_records_are_told_in_one_line(simulation: Simulation) -> None:
-    problem = simulation.chosen.motion.problem
-    found = Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
-    study = ff.load_study("planar_3dof/grid")
-    records = [
-        *(simulation, *simulation.branches, simulation.chosen.motion, found, found.problem),
-        *(found.problem.path, found.problem.path.path, found.problem.margin, found.problem.model),
-        *(found.problem.margin.measure, ff.load_scenario("spatial_6dof/line"), study),
-        *(simulation.chosen.motion.initial, ff.Search(), ff.Limits()),
-        *(ff.playback(simulation.chosen.motion), TimeSeries.of(simulation.chosen.motion, [1.0])),
-    ]
-    for record in records:
-        told = repr(record)
-        assert told.startswith(f"{type(record).__name__}(")
-        assert "\n" not in told
-        assert len(told) < 600, told
 
 
 # --- errors -------------------------------------------------------------------------------------
@@ -110,5 +81,5 @@ def test_a_notebook_shows_the_users_own_lines_and_what_is_accepted(
 def test_elsewhere_errors_keep_their_whole_traceback() -> None:
     with pytest.raises(ff.InputError) as caught:
         ff.load_scenario("nothing")
-    assert any(Path(str(one.path)).name == "names.py" for one in caught.traceback)
+    assert any(Path(str(entry.path)).name == "names.py" for entry in caught.traceback)
     assert isinstance(caught.value, ff.FreeFloatError)

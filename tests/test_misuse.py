@@ -47,10 +47,11 @@ def simulation() -> Simulation:
     return ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=1)
 
 
-def refused(function, *given) -> ff.InputError:
+def refused(function, *arguments) -> str:
+    """Key of the error that a call raises."""
     with pytest.raises(ff.InputError) as caught:
-        function(*given)
-    return caught.value
+        function(*arguments)
+    return caught.value.key
 
 
 # --- problems -----------------------------------------------------------------------------------
@@ -68,7 +69,7 @@ def refused(function, *given) -> ff.InputError:
 )
 def test_functions_of_problems_refuse_other_types(function, others) -> None:
     for value in (ff.load_scenario("planar_3dof/parabola"), "spatial_6dof/line"):
-        assert refused(function, value, *others).key == "problem"
+        assert refused(function, value, *others) == "problem"
 
 
 # --- names --------------------------------------------------------------------------------------
@@ -80,26 +81,20 @@ def test_tasks_laws_and_objectives_are_accepted_by_name(
     q = np.array([0.3, -1.1, 0.7])
     assert problem.task is ff.Task.PLANAR_POSITION
     for task in (ff.Task.POSITION, ff.Task.PLANAR_POSITION, ff.Task.PLANAR_POSE):
-        by_word = ff.generalized_jacobian(model, q, str(task))
-        assert np.array_equal(by_word, ff.generalized_jacobian(model, q, task))
-        assert by_word.shape == (len(task.rows), 3)
-    words = ff.singularity_measure(model, "planar-position", "gjm")
-    assert words(q) == ff.singularity_measure(model, ff.Task.PLANAR_POSITION, "gjm")(q) > 0.0
+        by_name = ff.generalized_jacobian(model, q, str(task))
+        assert np.array_equal(by_name, ff.generalized_jacobian(model, q, task))
+        assert by_name.shape == (len(task.rows), 3)
+    measure = ff.singularity_measure(model, "planar-position", "gjm")
+    assert measure(q) == ff.singularity_measure(model, ff.Task.PLANAR_POSITION, "gjm")(q) > 0.0
     assert ff.Timing(2.0, "cubic").s(0.5) == pytest.approx(3 / 16 - 2 / 64)
     assert ff.Search("robust").objective is Objective.ROBUST
 
 
 def test_unknown_names_are_refused(model: ff.FreeFloatingModel) -> None:
-    tasks = "pose, position, planar-pose, planar-position"
-    for function, *given in (
-        (ff.singularity_measure, model, "positon", "gjm"),
-        (ff.generalized_jacobian, model, [0.0] * 3, "positon"),
-    ):
-        error = refused(function, *given)
-        assert (error.key, error.accepted) == ("task", tasks)
-        assert error.problem == "'positon' was given (did you mean position?)"
-    assert refused(ff.Timing, 2.0, "septic").accepted == "quintic, cubic, trapezoidal"
-    assert refused(ff.Search, "best").key == "search.objective"
+    assert refused(ff.singularity_measure, model, "positon", "gjm") == "task"
+    assert refused(ff.generalized_jacobian, model, [0.0] * 3, "positon") == "task"
+    assert refused(ff.Timing, 2.0, "septic") == "timing.law"
+    assert refused(ff.Search, "best") == "search.objective"
 
 
 # --- robots -------------------------------------------------------------------------------------
@@ -113,30 +108,17 @@ def test_robots_are_accepted_by_name(
     monkeypatch.chdir(tmp_path)  # a folder of that name is no robot
     assert ff.FreeFloatingModel.from_urdf("planar_3dof.urdf").dof == 3
     assert ff.FreeFloatingModel.from_urdf("example-robot-data:ur10", "tool0").dof == 6
-    error = refused(ff.FreeFloatingModel.from_urdf, "spatial_6dfo")
-    assert error.problem.endswith("(did you mean spatial_6dof?)")
+    assert refused(ff.FreeFloatingModel.from_urdf, "spatial_6dfo") == "urdf"
 
 
-def test_joints_of_another_robot_have_no_jacobian(model: ff.FreeFloatingModel) -> None:
-    tasks = ("pose", "position", "planar-pose")
-    accepted = "3 values: " + ", ".join(model.joint_names)
-    for task in tasks:
-        for given, problem in (
-            ([0.1] * 6, "6 values were given"),
-            (0.1, "1 values were given"),
-            (np.zeros((3, 1)), "3 values were given"),
-            (["a", "b", "c"], "['a', 'b', 'c'] was given"),
-            (None, "1 values were given"),
-        ):
-            error = refused(ff.generalized_jacobian, model, given, task)
-            assert (error.key, error.accepted) == ("joints", accepted)
-            assert problem in error.problem
-        by_name = dict.fromkeys(model.joint_names, 0.0)
-        error = refused(ff.generalized_jacobian, model, by_name, task)
-        assert error.accepted == "model.joint_vector(...) of it"
-        whole = [ff.generalized_jacobian(model, q, task) for q in ([1, 0, 2], (1, 0, 2))]
-        assert np.array_equal(whole[0], ff.generalized_jacobian(model, np.array([1.0, 0, 2]), task))
-        assert np.array_equal(*whole)
+@pytest.mark.parametrize("task", ["pose", "position", "planar-pose"])
+def test_joints_of_another_robot_have_no_jacobian(model: ff.FreeFloatingModel, task: str) -> None:
+    by_name = dict.fromkeys(model.joint_names, 0.0)
+    for joints in ([0.1] * 6, 0.1, np.zeros((3, 1)), ["a", "b", "c"], None, by_name):
+        assert refused(ff.generalized_jacobian, model, joints, task) == "joints"
+    expected = ff.generalized_jacobian(model, np.array([1.0, 0, 2]), task)
+    for joints in ([1, 0, 2], (1, 0, 2)):
+        assert np.array_equal(ff.generalized_jacobian(model, joints, task), expected)
 
 
 # --- paths --------------------------------------------------------------------------------------
@@ -147,8 +129,7 @@ def test_position_tasks_need_no_orientation(problem: ff.Problem) -> None:
     motion = ff.integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], start)
     assert motion.completed
     assert motion.residuals().end_effector_position < 1e-8
-    error = refused(lambda: replace(problem, task=ff.Task.PLANAR_POSE))
-    assert error.key == "path.attitude"
+    assert refused(lambda: replace(problem, task=ff.Task.PLANAR_POSE)) == "path.attitude"
 
 
 # --- playback -----------------------------------------------------------------------------------
@@ -162,10 +143,9 @@ def test_playback_of_a_simulation_starts_with_the_chosen_branch(
 
 def test_playback_of_plans(simulation: Simulation) -> None:
     problem = simulation.chosen.motion.problem
-    found = Plan(problem, ff.Search(), True, "it was there", chosen=simulation.chosen)
-    assert ff.playback(found, "Example 1").titles == ("branch 1 elbow-",)
-    error = refused(ff.playback, Plan(problem, ff.Search(), False, "none keeps gjm 9"))
-    assert "none keeps gjm 9" in error.problem
+    feasible = Plan(problem, ff.Search(), True, "given", chosen=simulation.chosen)
+    assert ff.playback(feasible, "Example 1").titles == ("branch 1 elbow-",)
+    assert refused(ff.playback, Plan(problem, ff.Search(), False, "infeasible")) == "plan"
 
 
 # --- redundant arms ----------------------------------------------------------------------------
@@ -210,100 +190,63 @@ def test_reason_of_infeasible_plans_of_redundant_arms_has_the_joints(
 
 def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
     spatial = ff.load_scenario("spatial_6dof/line").problem()
-    doors = (
-        ("search.samples", 8, lambda x: ff.Search(samples=x)),
-        ("search.seed", 0, lambda x: ff.Search(seed=x)),
+    for key, minimum, call in (
+        ("search.samples", 8, lambda count: ff.Search(samples=count)),
+        ("search.seed", 0, lambda count: ff.Search(seed=count)),
         ("samples", 8, partial(ff.attitude_map, spatial)),
-        ("seed", 0, lambda x: ff.attitude_map(spatial, 8, seed=x)),
-        ("threads", 1, lambda x: ff.plan(problem, threads=x)),
-        ("threads", 1, lambda x: FeasibilityEvaluator(spatial, threads=x)),
-    )
-    for key, minimum, door in doors:
-        for given in (64.5, 64.0, "64", True, float("nan"), [64]):
-            error = refused(door, given)
-            assert (error.key, error.problem) == (key, f"{given!r} was given")
-            assert error.accepted == f"a whole number, {minimum} or more"
-        error = refused(door, np.int64(minimum - 1))
-        assert (error.key, error.problem) == (key, f"{minimum - 1} was given")
-        assert error.accepted == f"{minimum} or more"
+        ("seed", 0, lambda count: ff.attitude_map(spatial, 8, seed=count)),
+        ("threads", 1, lambda count: ff.plan(problem, threads=count)),
+        ("threads", 1, lambda count: FeasibilityEvaluator(spatial, threads=count)),
+    ):
+        for count in (64.5, 64.0, "64", True, float("nan"), [64], np.int64(minimum - 1)):
+            assert refused(call, count) == key
     assert type(ff.Search(samples=np.int64(64)).samples) is int
-    assert ff.attitude_map(spatial, np.int64(8)).attitudes.shape == (8, 4)
 
 
 # --- other types -----------------------------------------------------------------------------
 
 
 def test_parts_of_problems_of_other_types_are_refused(problem: ff.Problem) -> None:
-    path, upright = problem.path.path, ff.paths.FixedOrientation([0, 0, 0, 1])
-    for key, given, accepted, door in (
-        (
-            "margin.measure",
-            "'arm'",
-            "singularity_measure(model, Task.POSE",
-            lambda: ff.Margin("arm", 5),
-        ),
-        ("timing", "int", "Timing(duration)", lambda: ff.TimedPath(path, 100)),
-        ("path", "Timing", "EndEffectorPath(", lambda: ff.TimedPath(TIMING, path)),
-        ("path.curve", "list", "PolynomialCurve", lambda: ff.EndEffectorPath([[0, 0, 0]])),
-        ("path.curve", "FixedOrientation", "ArcCurve", lambda: ff.EndEffectorPath(upright, LINE)),
-        (
-            "path.attitude",
-            "list",
-            "FixedOrientation",
-            lambda: ff.EndEffectorPath(LINE, [0, 0, 0, 1]),
-        ),
-        ("timing.stops.0", "tuple", "Stop(s=", lambda: ff.Timing(100, stops=[(0.5, 40)])),
-        ("timing.stops", "float", "Stop(s=", lambda: ff.Timing(100, stops=0.5)),
-        ("stop.t", "'40'", "Stop(s, t)", lambda: ff.paths.Stop(0.5, "40")),
+    path, fixed = problem.path.path, ff.paths.FixedOrientation([0, 0, 0, 1])
+    for key, call in (
+        ("margin.measure", lambda: ff.Margin("arm", 5)),
+        ("timing", lambda: ff.TimedPath(path, 100)),
+        ("path", lambda: ff.TimedPath(TIMING, path)),
+        ("path.curve", lambda: ff.EndEffectorPath([[0, 0, 0]])),
+        ("path.curve", lambda: ff.EndEffectorPath(fixed, LINE)),
+        ("path.attitude", lambda: ff.EndEffectorPath(LINE, [0, 0, 0, 1])),
+        ("timing.stops.0", lambda: ff.Timing(100, stops=[(0.5, 40)])),
+        ("timing.stops", lambda: ff.Timing(100, stops=0.5)),
+        ("stop.t", lambda: ff.paths.Stop(0.5, "40")),
     ):
-        error = refused(door)
-        assert (error.key, error.problem) == (key, f"{given} was given")
-        assert accepted in error.accepted
-    assert ff.Timing(100, stops=[ff.paths.Stop(0.5, 40)]).stops == (ff.paths.Stop(0.5, 40),)
+        assert refused(call) == key
 
 
 def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: Simulation) -> None:
     motion = simulation.chosen.motion
-    measure = motion.problem.margin.measure
-    for key, given, accepted, door in (
-        (
-            "measure",
-            "'arm'",
-            "singularity_measure(model, task, name)",
-            lambda: ff.closest_approach(motion, "arm"),
-        ),
-        (
-            "motion",
-            "Simulation",
-            ".chosen.motion",
-            lambda: ff.closest_approach(simulation, measure),
-        ),
-        ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {"samples": 64})),
-        ("search", "dict", "Search(samples=", lambda: ff.plan(problem, {})),
-        ("limits", "dict", "Limits(", lambda: ff.plan(problem, limits={"base_rate": 1})),
-        ("result", "Problem", "a Plan", lambda: ff.figures(problem)),
+    for key, call in (
+        ("measure", lambda: ff.closest_approach(motion, "arm")),
+        ("motion", lambda: ff.closest_approach(simulation, motion.problem.margin.measure)),
+        ("search", lambda: ff.plan(problem, {"samples": 64})),
+        ("limits", lambda: ff.plan(problem, limits={"base_rate": 1})),
+        ("result", lambda: ff.figures(problem)),
     ):
-        error = refused(door)
-        assert (error.key, error.problem) == (key, f"{given} was given")
-        assert accepted in error.accepted
+        assert refused(call) == key
 
 
 def test_parts_of_robots_of_other_types_are_refused() -> None:
     load = partial(ff.FreeFloatingModel.from_urdf, "planar_3dof")
     tool = Attachment("planar_3dof")
-    for key, given, accepted, door in (
-        ("urdf", "None", "XML text", lambda: ff.FreeFloatingModel.from_urdf(None)),
-        ("urdf", "int", "XML text", lambda: ff.FreeFloatingModel.from_urdf(3)),
-        ("spacecraft", "dict", "Spacecraft(", lambda: load(spacecraft={"mass": 10})),
-        ("payload", "dict", "Payload(", lambda: load(payload={})),
-        ("attached", "Attachment", "[Attachment(", lambda: load(attached=tool)),
-        ("attached.1", "'tool'", "[Attachment(", lambda: load(attached=[tool, "tool"])),
-        ("scale_mass", "'2'", "a positive number", lambda: load(scale_mass="2")),
-        ("scale_mass.link_1", "'2'", "positive", lambda: load(scale_mass={"link_1": "2"})),
-        ("spacecraft.mount", "list", "Mount(", lambda: ff.Spacecraft(1, [1] * 3, [0, 0, 1])),
-        ("attachment.mount", "list", "Mount(", lambda: Attachment("tool", mount=[0, 0, 1])),
-        ("urdf", "None", "a file", lambda: Attachment(None)),
+    for key, call in (
+        ("urdf", lambda: ff.FreeFloatingModel.from_urdf(None)),
+        ("urdf", lambda: Attachment(None)),
+        ("spacecraft", lambda: load(spacecraft={"mass": 10})),
+        ("payload", lambda: load(payload={})),
+        ("attached", lambda: load(attached=tool)),
+        ("attached.1", lambda: load(attached=[tool, "tool"])),
+        ("scale_mass", lambda: load(scale_mass="2")),
+        ("scale_mass.link_1", lambda: load(scale_mass={"link_1": "2"})),
+        ("spacecraft.mount", lambda: ff.Spacecraft(1, [1] * 3, [0, 0, 1])),
+        ("attachment.mount", lambda: Attachment("tool", mount=[0, 0, 1])),
     ):
-        error = refused(door)
-        assert (error.key, error.problem) == (key, f"{given} was given")
-        assert accepted in error.accepted
+        assert refused(call) == key
