@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import h5py
@@ -160,7 +161,7 @@ def test_plain_hdf5_tools_can_read_it(saved):
         assert file["motion/time"].attrs["unit"] == "s"
         assert file["motion"].attrs["joint_names"].tolist() == ["q1", "q2", "q3"]
         assert json.loads(file["document"].asstr()[()])["feasible"] is True
-        assert file.attrs["software_freefloat"] == "0.1.0"
+        assert file.attrs["software_freefloat"] == version("freefloat")
 
 
 CARRIED = """\

@@ -70,7 +70,7 @@ def differences(
         Key path, stated and recomputed value.
     """
     if isinstance(stated, Mapping) and isinstance(recomputed, Mapping):
-        for name in stated.keys() & recomputed.keys():
+        for name in (name for name in stated if name in recomputed):
             inner = f"{key}.{name}" if key else name
             yield from differences(
                 stated[name], recomputed[name], inner, errors=errors or name == "residuals"
