@@ -23,7 +23,7 @@ from freefloat.visualization.pictures import take_pictures
 from freefloat.visualization.planar_figures import joint_space_figure
 from freefloat.visualization.scene_figures import draw_snapshots
 from freefloat.visualization.video import write_gif
-from freefloat.workspace.margin_curves import planar_workspace
+from freefloat.workspace.regions import exact_workspace
 
 DOTS = 120
 """Dots per inch."""
@@ -52,7 +52,7 @@ SMALL, FRAMES, RATE = (720, 336), 40, 8.0
 def snapshots() -> Figure:
     """Figs. 6 and 7 side by side."""
     problem, (feasible, singular) = example_1()
-    workspace = planar_workspace(problem)
+    workspace = exact_workspace(problem)
     figure = new_figure(PAGE, 4.1)
     panels = figure.subplots(1, 2, sharey=True)
     for axes, motion, heading in zip(panels, (singular, feasible), HEADINGS[::-1], strict=True):

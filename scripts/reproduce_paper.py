@@ -26,7 +26,7 @@ from freefloat.paths.orientation import FixedOrientation
 from freefloat.planning.margin_lines import StatesOnPath
 from freefloat.planning.tangency import TangencyPoint, boundary_attitude, tangency_points
 from freefloat.so3 import axes_rotation, unit_quaternion
-from freefloat.workspace.margin_curves import merged, path_areas, planar_workspace
+from freefloat.workspace.regions import merged, workspace_regions
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def planar() -> Iterator[Line]:
     S_max = joint_space_extremes(model, S).largest
     yield Line("Example 1: S_max", 150.0, S_max, 2.0, "printed: about 150")
     yield Line("Example 1: S0 in percent of S_max", 3.3, 500.0 / S_max, 0.2)
-    areas = path_areas(problem, planar_workspace(problem))
+    areas = workspace_regions(problem).path
     yield Line("Example 1: PDW areas that point 3 crosses, L", 2, sum(pdw for _, pdw in areas), 0)
     F_in_area = next(pdw for (low, high), pdw in areas if low <= 5 / 6 <= high)
     yield Line("Example 1: point 3 is in a PDW area at F", False, F_in_area, 0)

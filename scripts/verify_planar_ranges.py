@@ -29,8 +29,8 @@ from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation
 from freefloat.planning.planar_ranges import BranchRanges, find_range_limits, heading_ranges
 from freefloat.so3 import heading_quaternion
-from freefloat.workspace.margin_curves import path_areas, planar_workspace, point_3_on_path
-from freefloat.workspace.planar_arm import PlanarArm
+from freefloat.workspace.planar import PlanarArm, point_3_on_path
+from freefloat.workspace.regions import workspace_regions
 
 SPACING = 0.25
 AGREEMENT = 0.05
@@ -215,7 +215,7 @@ def judge(
     between = time.perf_counter()
     brute = brute_force(problem, spacing, steps)
     end = time.perf_counter()
-    areas = sum(inside for _, inside in path_areas(problem, planar_workspace(problem)))
+    areas = sum(inside for _, inside in workspace_regions(problem).path)
     verdict = Verdict(
         number, problem.model.dof, areas, float(problem.momentum[2]),
         sum(len(entry.limits) for entry in entries), 0.0, between - start, end - between,

@@ -15,8 +15,7 @@ from freefloat.planning.planar_ranges import BranchRanges, HeadingRange, RangeLi
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure, wrapped
-from freefloat.workspace.margin_curves import point_3, two_angles
-from freefloat.workspace.planar_arm import PlanarArm
+from freefloat.workspace.planar import PlanarArm, point_3, two_angles
 from tests.figures import labels, line
 
 PLANAR = load_scenario("planar_3dof/parabola").problem()

@@ -13,12 +13,12 @@ from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.body_poses import outlines
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
-from freefloat.workspace.margin_curves import planar_workspace, point_3_on_path
-from freefloat.workspace.regions import workspace_regions
+from freefloat.workspace.planar import point_3_on_path
+from freefloat.workspace.regions import exact_workspace, workspace_regions
 from tests.figures import labels, line
 
 PLANAR = load_scenario("planar_3dof/parabola").problem()
-AREAS = planar_workspace(PLANAR)
+AREAS = exact_workspace(PLANAR)
 
 
 def heading(degrees: float) -> Motion:

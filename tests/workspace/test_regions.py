@@ -1,59 +1,165 @@
-"""Reach and areas of any arm: against brute force in joint space, and what the paper says."""
+"""Reach and areas: published radii, brute force in joint space, and what the paper says."""
 
-from __future__ import annotations
-
+import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from typer.testing import CliRunner
 
 import freefloat as ff
+from freefloat.cli.app import app
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.motion.problem import Problem
-from freefloat.workspace.margin_curves import Workspace, path_areas, planar_workspace
+from freefloat.motion.problem import Margin, Problem
 from freefloat.workspace.regions import exact_workspace, workspace_regions
 
 
+def collinear(masses, moments, mount, centres, lengths):
+    """A planar arm from its table: distance of the mount, joint to centre of mass, link lengths."""
+    text, at = ['<robot name="arm">'], [mount, *lengths]
+    for i, (mass, moment) in enumerate(zip(masses, moments, strict=True)):
+        centre = centres[i - 1] if i else 0.0
+        text.append(
+            f'<link name="l{i}"><inertial><origin xyz="{centre} 0 0"/><mass value="{mass}"/>'
+            f'<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/>'
+            "</inertial></link>"
+        )
+        if i:
+            text.append(
+                f'<joint name="q{i}" type="continuous"><parent link="l{i - 1}"/>'
+                f'<child link="l{i}"/><origin xyz="{at[i - 1]} 0 0"/><axis xyz="0 0 1"/></joint>'
+            )
+    n = len(masses) - 1
+    text.append(
+        f'<link name="tip"/><joint name="t" type="fixed"><parent link="l{n}"/><child link="tip"/>'
+        f'<origin xyz="{at[n]} 0 0"/></joint></robot>'
+    )
+    return ff.FreeFloatingModel.from_urdf("".join(text), "tip")
+
+
+def problem_of(model):
+    task = ff.Task.PLANAR_POSE if model.dof == 3 else ff.Task.PLANAR_POSITION
+    path = ff.load_scenario("planar_3dof/parabola_nonstop").problem().path
+    return Problem(
+        model, path, task, [0, 0, 0], Margin(singularity_measure(model, task, "system"), 0.0)
+    )
+
+
+PAPADOPOULOS_2R = ([40, 4, 3], [6.667, 0.333, 0.25], 0.5, [0.5, 0.5], [1.0, 1.0])
+CEPHEUS_3R = (
+    [13, 0.06, 0.106, 0.08], [0.1196, 2e-4, 2.7e-4, 3.7e-5], 0.1746,
+    [0.181004, 0.1605, 0.0499], [0.262704, 0.20436, 0.0639],
+)  # fmt: skip
+CBK_3R = (
+    [64.859, 2.913, 2.646, 1.699], [2.6952, 0.091391, 0.081375, 0.021904], 0.3696,
+    [0.1805, 0.2, 0.1029], [0.4488, 0.4499, 0.3545],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("table", "areas"),
+    [
+        (PAPADOPOULOS_2R, [(0.35106, 0.55368), (1.43617, 2.28723)]),
+        (CEPHEUS_3R, [(0.11500, 0.22771), (0.28868, 0.63139)]),
+        (CBK_3R, [(0.31491, 0.38111), (0.51403, 1.17883)]),
+    ],
+)
+def test_path_dependent_areas_have_the_published_radii(table, areas):
+    """Annuli that S = 0 sweeps, computed elsewhere from the authors' own closed form."""
+    workspace = workspace_regions(problem_of(collinear(*table)))
+    assert np.array(workspace.path_dependent) == pytest.approx(np.array(areas), abs=2e-5)
+
+
+def test_areas_and_reach_are_complements(planar):
+    workspace = workspace_regions(planar)
+    areas = sorted([*workspace.path_dependent, *workspace.path_independent])
+    assert areas[0][0] == pytest.approx(workspace.reach[0], abs=1e-6)
+    assert areas[-1][1] == pytest.approx(workspace.reach[1], abs=1e-6)
+    for (_, high), (low, _) in pairwise(areas):
+        assert high == pytest.approx(low)
+    assert workspace.largest_s == pytest.approx(148.6277, abs=1e-3)
+
+
+def test_an_inner_disc_can_be_path_independent():
+    workspace = workspace_regions(problem_of(collinear(*PAPADOPOULOS_2R)))
+    assert workspace.reach[0] == 0.0
+    assert workspace.path_independent[0] == pytest.approx((0.0, 0.35106), abs=2e-5)
+
+
+def test_the_path_of_example_1_crosses_both_areas(planar):
+    """Point 3 passes the inner area once and the outer one at the end; F lies in neither."""
+    parts = workspace_regions(planar).path
+    assert [inside for _, inside in parts] == [False, True, False, True]
+    assert parts[2][0][0] < 0.8333 < parts[2][0][1]
+
+
+def workspace_command(*arguments):
+    result = CliRunner().invoke(app, ["workspace", *arguments])
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def test_the_workspace_command_has_reach_and_areas():
+    document = workspace_command("planar_3dof/parabola", "--json")
+    assert document["reach"] == pytest.approx([0.39278, 3.17410], abs=1e-5)
+    assert len(document["pdw"]) == 2
+    assert len(document["piw"]) == 1
+    document = workspace_command("spatial_6dof/line", "--json")
+    assert (document["point"], document["measure"], document["exact"]) == (
+        "wrist centre", "arm", True,
+    )  # fmt: skip
+    assert len(document["pdw"]) == len(document["piw"]) == 2
+    assert [part["path_dependent"] for part in document["path"]] == [False, True, False]
+
+
+@pytest.mark.slow
+def test_the_workspace_command_has_the_reach_of_redundant_arms():
+    document = workspace_command("panda_servicer/line", "--json")
+    assert (document["pdw"], document["piw"], document["path"]) == (None, None, [])
+    assert document["reach"][1] == pytest.approx(1.5721, abs=1e-3)
+
+
 @pytest.fixture(scope="module")
-def line() -> Problem:
+def line():
     """Example 2."""
     return ff.load_scenario("spatial_6dof/line").problem()
 
 
 @pytest.fixture(scope="module")
-def shells(line: Problem) -> Workspace:
+def shells(line):
     """Its reach and areas."""
     return workspace_regions(line)
 
 
-def roots(problem: Problem, name: str, rng: np.random.Generator, lines: int) -> np.ndarray:
+def singular_joints(problem, name, rng, lines):
     """Joints at which a measure changes its sign along random lines through joint space."""
-    of, found = singularity_measure(problem.model, problem.task, name), []
+    measure, roots = singularity_measure(problem.model, problem.task, name), []
     for _ in range(lines):
         start, way = rng.uniform(-np.pi, np.pi, (2, problem.model.dof))
 
-        def along(t: float, start: np.ndarray = start, way: np.ndarray = way) -> float:
-            return of(start + t * way)
+        def along(t: float, start: np.ndarray = start, way: np.ndarray = way):
+            return measure(start + t * way)
 
         steps = np.linspace(0.0, 3.0, 40)
         for low, high in pairwise(steps):
             if along(low) * along(high) < 0.0:
-                found.append(start + brentq(along, low, high, xtol=1e-13) * way)
-    return np.array(found)
+                roots.append(start + brentq(along, low, high, xtol=1e-13) * way)
+    return np.array(roots)
 
 
-def distances(problem: Problem, workspace: Workspace, joints: np.ndarray) -> np.ndarray:
+def distances(problem, workspace, joints):
     """Of the workspace's point from the centre of mass, by Pinocchio."""
     poses = [problem.model.end_effector_pose([0, 0, 0, 1], q) for q in joints]
     return np.array([np.linalg.norm(p.position + p.rotation @ workspace.tip) for p in poses])
 
 
+@pytest.mark.slow
 def test_singular_configurations_fill_the_path_dependent_shells(
-    line: Problem, shells: Workspace, rng: np.random.Generator
-) -> None:
+    line, shells, rng: np.random.Generator
+):
     """All of those found by chance are inside, and they leave no gap there."""
-    radii = np.sort(distances(line, shells, roots(line, "arm", rng, 300)))
+    radii = np.sort(distances(line, shells, singular_joints(line, "arm", rng, 300)))
     assert len(radii) > 400
     assert shells.path_dependent is not None
     for low, high in shells.path_dependent:
@@ -65,38 +171,34 @@ def test_singular_configurations_fill_the_path_dependent_shells(
 
 
 def test_nowhere_in_the_path_independent_shells_the_arm_factor_vanishes(
-    line: Problem, shells: Workspace, rng: np.random.Generator
-) -> None:
+    line, shells, rng: np.random.Generator
+):
     """In a shell |S| keeps away from zero at all of very many configurations."""
     joints = rng.uniform(-np.pi, np.pi, (20_000, 6))
     radii = distances(line, shells, joints)
-    of = singularity_measure(line.model, line.task, "arm")
+    measure = singularity_measure(line.model, line.task, "arm")
     for low, high in shells.path_independent or ():
         middle, half = (low + high) / 2.0, 0.4 * (high - low)
         inside = joints[np.abs(radii - middle) < half]
         assert len(inside) > 30
-        assert min(abs(of(q)) for q in inside) > 0.05 * shells.largest_s
+        assert min(abs(measure(q)) for q in inside) > 0.05 * shells.largest_s
 
 
-def test_shoulder_and_wrist_are_singular_at_any_radius(
-    line: Problem, shells: Workspace, rng: np.random.Generator
-) -> None:
+def test_shoulder_and_wrist_are_singular_at_any_radius(line, shells, rng: np.random.Generator):
     """So the areas are about the arm factor: det S* vanishes in path-independent shells, too."""
-    joints = roots(line, "gjm", rng, 100)
+    joints = singular_joints(line, "gjm", rng, 100)
     radii = distances(line, shells, joints)
-    of = singularity_measure(line.model, line.task, "arm")
+    measure = singularity_measure(line.model, line.task, "arm")
     for low, high in shells.path_independent or ():
         others = joints[(radii > low + 0.01) & (radii < high - 0.01)]
         assert len(others) > 0
-        assert min(abs(of(q)) for q in others) > 1e-3
+        assert min(abs(measure(q)) for q in others) > 1e-3
 
 
-def test_the_path_of_example_2_crosses_one_path_dependent_area(
-    line: Problem, shells: Workspace
-) -> None:
+def test_the_path_of_example_2_crosses_one_path_dependent_area(line, shells):
     """As the paper says of point 3; its singular point C and touch point lie in it."""
     assert shells.point == "wrist centre"
-    parts = path_areas(line, shells)
+    parts = shells.path
     assert [inside for _, inside in parts] == [False, True, False]
     low, high = parts[1][0]
     ends, singular = np.array([[1, 0, 0], [-0.5, 0.8, 0.33]]), np.array([0.1214, 0.4686, 0.1943])
@@ -104,15 +206,7 @@ def test_the_path_of_example_2_crosses_one_path_dependent_area(
     assert low < s < high
 
 
-def test_planar_arms_are_as_before() -> None:
-    """The door leads to the same room."""
-    problem = ff.load_scenario("planar_3dof/parabola").problem()
-    planar, found = planar_workspace(problem), workspace_regions(problem)
-    assert found.path_dependent == planar.path_dependent
-    assert (found.measure, found.point, found.exact) == ("system", "last joint", True)
-
-
-def test_arms_with_other_structures_have_no_exact_areas() -> None:
+def test_arms_with_other_structures_have_no_exact_areas():
     """No spherical wrist; more joints than the task has rows."""
     for name in ("ur5_servicer/arc", "panda_servicer/line"):
         assert exact_workspace(ff.load_scenario(name).problem()) is None

@@ -11,7 +11,7 @@ from freefloat.cli.console import Console, table
 from freefloat.cli.options import Json, Quiet, ScenarioName
 
 if TYPE_CHECKING:
-    from freefloat.workspace.margin_curves import Workspace
+    from freefloat.workspace.regions import Workspace
 
 
 def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = False) -> None:

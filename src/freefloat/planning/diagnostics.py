@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.limits.limits import LimitResult
@@ -20,11 +21,7 @@ from freefloat.planning.planar_ranges import TURN
 from freefloat.planning.search import largest_margins
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import angle_between
-from freefloat.workspace.margin_curves import (
-    most_singular_place,
-    planar_workspace,
-    point_3_on_path,
-)
+from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_on_path
 
 ALREADY = "the attitude the spacecraft has keeps the margin already"
 _TRIED = 24
@@ -121,14 +118,14 @@ def infeasible_distance(problem: Problem) -> str | None:
     Args:
         problem: A planar problem whose S depends on two joint angles.
     """
-    workspace = planar_workspace(problem)
-    inner, outer = workspace.reach
+    point = "last joint" if problem.task is Task.PLANAR_POSE else "end-effector"
+    inner, outer = PlanarArm.of(problem.model).reach
     for s in np.linspace(0.0, 1.0, 401).tolist():
-        point = point_3_on_path(problem, s)
-        if not inner <= abs(point) <= outer:
+        place = point_3_on_path(problem, s)
+        if not inner <= abs(place) <= outer:
             return (
-                f"the path is out of reach at s = {s:.3g}: it requires the {workspace.point} at "
-                f"{_point(point)} m, {abs(point):.4g} m from the centre of mass; the arm reaches "
+                f"the path is out of reach at s = {s:.3g}: it requires the {point} at "
+                f"{_point(place)} m, {abs(place):.4g} m from the centre of mass; the arm reaches "
                 f"{inner:.4g} to {outer:.4g} m{light_spacecraft(problem)}"
             )
     s, largest = most_singular_place(problem)
@@ -136,7 +133,7 @@ def infeasible_distance(problem: Problem) -> str | None:
     if largest >= _CERTAIN * threshold:
         return None
     return (
-        f"at s = {s:.3g}, with the {workspace.point} at {_point(point_3_on_path(problem, s))} m, "
+        f"at s = {s:.3g}, with the {point} at {_point(point_3_on_path(problem, s))} m, "
         f"no configuration has |S| above {largest:.4g}; the margin asks for {threshold:.4g}"
     )
 

@@ -29,7 +29,7 @@ from freefloat.planning.planar_ranges import (
 from freefloat.planning.searched_ranges import searched_ranges
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.so3 import heading_of, heading_quaternion
-from freefloat.workspace.margin_curves import has_two_angle_form
+from freefloat.workspace.planar import has_two_angle_form
 
 _INSIDE = 1e-6
 """Distance from the limit of a range to a heading chosen there [rad]."""

@@ -22,8 +22,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, is_kept
 from freefloat.planning.planar_tangency import TangencyPoint, tangency_points
 from freefloat.so3 import Array, heading_of, heading_quaternion
-from freefloat.workspace.margin_curves import point_3_on_path
-from freefloat.workspace.planar_arm import PlanarArm
+from freefloat.workspace.planar import PlanarArm, point_3_on_path
 
 TURN = 2.0 * np.pi
 _SMALLEST_LEVEL = 1e-4

@@ -20,8 +20,14 @@ from scipy.optimize import root
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, frozen
-from freefloat.workspace.margin_curves import MarginCurve, margin_curves, point_3, two_angles
-from freefloat.workspace.planar_arm import Complex, PlanarArm
+from freefloat.workspace.planar import (
+    Complex,
+    MarginCurve,
+    PlanarArm,
+    margin_curves,
+    point_3,
+    two_angles,
+)
 
 _TIMES = 400
 """Instants of each segment between stops at which candidates are computed."""

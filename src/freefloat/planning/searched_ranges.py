@@ -22,7 +22,7 @@ from freefloat.planning.planar_ranges import (
     reach_limits,
 )
 from freefloat.so3 import Array, IntArray
-from freefloat.workspace.margin_curves import has_two_angle_form
+from freefloat.workspace.planar import has_two_angle_form
 
 _BESIDE = 1e-6
 """Distance from the limits of the reach at which headings are added [rad]."""

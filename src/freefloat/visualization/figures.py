@@ -26,7 +26,7 @@ from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
-from freefloat.workspace.margin_curves import has_two_angle_form
+from freefloat.workspace.planar import has_two_angle_form
 from freefloat.workspace.regions import workspace_regions
 
 _HEADINGS = 720

@@ -15,7 +15,7 @@ from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.scene_builder import SceneBuilder, label
-from freefloat.workspace.margin_curves import Workspace
+from freefloat.workspace.regions import Workspace
 
 PATH, TRAIL, AREAS = "End-effector path", "Trail", "Areas"
 CENTRE, MOMENTUM = "Centre of mass", "Momentum"

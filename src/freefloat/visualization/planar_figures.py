@@ -26,8 +26,7 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
-from freefloat.workspace.margin_curves import margin_curves, point_3, point_3_on_path
-from freefloat.workspace.planar_arm import PlanarArm
+from freefloat.workspace.planar import PlanarArm, margin_curves, point_3, point_3_on_path
 
 _GRID = 361
 _FEASIBLE = "#CFE3EF"

@@ -30,8 +30,7 @@ from freefloat.visualization.overlays import (
 )
 from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, node
 from freefloat.visualization.visuals import RobotVisuals, bounding_box, robot_visuals
-from freefloat.workspace.margin_curves import Workspace
-from freefloat.workspace.regions import exact_workspace
+from freefloat.workspace.regions import Workspace, exact_workspace
 
 ROBOT = "Robot"
 _POINT_COLOUR = (0.95, 0.90, 0.25, 1.0)

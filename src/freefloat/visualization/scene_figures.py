@@ -29,7 +29,8 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
-from freefloat.workspace.margin_curves import Interval, Workspace
+from freefloat.workspace.planar import Interval
+from freefloat.workspace.regions import Workspace
 
 _INSTANTS, _VIEWS = 5, 3
 """Number of robots drawn in the plane and in space."""

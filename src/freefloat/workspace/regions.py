@@ -1,22 +1,74 @@
-"""Reach of any arm, and the distances from the centre of mass at which it can be singular."""
+"""Reach of any arm, and the distances from the centre of mass at which it can be singular.
+
+The radii on singularity curves are the path-dependent areas; the rest of the reach is
+path-independent.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
 
+import numpy as np
+
+from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
-from freefloat.workspace.elbow_arm import elbow_arm, wrist_in_tool
-from freefloat.workspace.margin_curves import (
-    Workspace,
-    has_two_angle_form,
-    path_areas,
-    planar_workspace,
-    swept_workspace,
-)
-from freefloat.workspace.sampled import sampled_workspace
+from freefloat.so3 import Array, frozen
+from freefloat.workspace.planar import Interval, PlanarArm, has_two_angle_form, margin_curves
+from freefloat.workspace.spatial import elbow_arm, sampled_areas, sampled_reach, wrist_in_tool
+
+_GAP = 0.01
+"""Singular radii of samples closer than this fraction of the reach belong to one area; narrower
+gaps are ignored."""
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """Reach and areas: distances of one point from the centre of mass [m].
+
+    Attributes:
+        point: ``"end-effector"``, ``"last joint"`` or ``"wrist centre"``.
+        tip: That point in the end-effector's frame [m], shape (3,).
+        measure: Name of the measure S: ``system``, ``arm`` or ``gjm``.
+        reach: Smallest and largest distance.
+        path_dependent: Intervals where S can vanish, inner to outer; None if unknown.
+        path_independent: The rest of the reach, inner to outer; None if unknown.
+        exact: Whether the areas are exact. Sampled areas may be incomplete: S does vanish in the
+            path-dependent ones; in the others no singular configuration was found.
+        largest_s: Largest S in the joint space.
+        smallest_s: Smallest S in the joint space.
+        path: Intervals of s along the path, in order, each with whether it lies in a path-dependent
+            area; ends accurate to 1e-3. Empty if the areas are unknown.
+    """
+
+    point: str
+    tip: Array
+    measure: str
+    reach: Interval
+    path_dependent: tuple[Interval, ...] | None
+    path_independent: tuple[Interval, ...] | None
+    exact: bool
+    largest_s: float
+    smallest_s: float
+    path: tuple[tuple[Interval, bool], ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat workspace``."""
+        return {
+            "point": self.point,
+            "measure": self.measure,
+            "reach": self.reach,
+            "pdw": self.path_dependent,
+            "piw": self.path_independent,
+            "exact": self.exact,
+            "s_max": self.largest_s,
+            "s_min": self.smallest_s,
+            "path": [{"s": part, "path_dependent": inside} for part, inside in self.path],
+        }
 
 
 def workspace_regions(problem: Problem) -> Workspace:
@@ -25,12 +77,12 @@ def workspace_regions(problem: Problem) -> Workspace:
     Raises:
         InputError: If a prismatic joint has no limits.
     """
-    result = exact_workspace(problem) or sampled_workspace(problem)
-    return replace(result, path=path_areas(problem, result))
+    workspace = exact_workspace(problem) or _sampled_workspace(problem)
+    return replace(workspace, path=_path_areas(problem, workspace))
 
 
 def exact_workspace(problem: Problem) -> Workspace | None:
-    """Reach and areas where S depends on two joint angles alone.
+    """Reach and areas where S depends on two joint angles alone, without those of the path.
 
     These are planar arms with as many revolute joints as the task has rows and, for pose tasks,
     elbow arms with a spherical wrist that have the measure ``arm``. The areas of the latter are
@@ -41,13 +93,80 @@ def exact_workspace(problem: Problem) -> Workspace | None:
     Returns:
         None for other arms.
     """
+    virtual, name, tip = VirtualManipulator.of(problem.model), "system", np.zeros(3)
     if has_two_angle_form(problem.model, problem.task):
-        return planar_workspace(problem)
-    if problem.task is not Task.POSE:
+        arm, point = PlanarArm.of(problem.model), "end-effector"
+        if problem.task is Task.PLANAR_POSE:
+            point, tip = "last joint", -virtual.tool.T @ virtual.links[-1]
+    elif problem.task is Task.POSE:
+        try:
+            arm, name, point = elbow_arm(problem.model), "arm", "wrist centre"
+        except InputError:
+            return None
+        tip = wrist_in_tool(virtual)
+    else:
         return None
-    try:
-        arm = elbow_arm(problem.model)
-    except InputError:
-        return None
-    tip = wrist_in_tool(VirtualManipulator.of(problem.model))
-    return swept_workspace(problem, arm, "arm", ("wrist centre", tip))
+    dependent = merged([(float(c.radii.min()), float(c.radii.max()))
+                        for c in margin_curves(arm, 0.0)])  # fmt: skip
+    measure = singularity_measure(problem.model, problem.task, name)
+    extremes = joint_space_extremes(problem.model, measure)
+    return Workspace(
+        point, frozen(tip), name, arm.reach, dependent, _complement(dependent, arm.reach), True,
+        extremes.largest, extremes.smallest,
+    )  # fmt: skip
+
+
+def _sampled_workspace(problem: Problem) -> Workspace:
+    """Reach and areas of the end-effector from samples of the joint space.
+
+    The areas of redundant arms, whose measure has no sign, are unknown.
+    """
+    measure = singularity_measure(problem.model, problem.task, "gjm")
+    reach = sampled_reach(problem)
+    extremes, gap = joint_space_extremes(problem.model, measure), _GAP * reach[1]
+    dependent, independent = None, None
+    if not problem.redundant:
+        areas = sampled_areas(problem, measure, extremes.magnitude, gap)
+        dependent = merged(areas, 1e-3 * gap)
+        independent = _complement(dependent, reach, gap)
+    return Workspace(
+        "end-effector", frozen(np.zeros(3)), measure.name, reach, dependent, independent, False,
+        extremes.largest, extremes.smallest,
+    )  # fmt: skip
+
+
+def merged(intervals: list[Interval], gap: float = 1e-9) -> tuple[Interval, ...]:
+    """Intervals in order, overlapping and adjacent ones joined."""
+    joined: list[Interval] = []
+    for low, high in sorted(intervals):
+        if joined and low <= joined[-1][1] + gap:
+            joined[-1] = joined[-1][0], max(joined[-1][1], high)
+        else:
+            joined.append((low, high))
+    return tuple(joined)
+
+
+def _complement(
+    intervals: tuple[Interval, ...], whole: Interval, narrowest: float = 0.0
+) -> tuple[Interval, ...]:
+    """The rest of an interval beside disjoint ones in order, without gaps of rounding errors."""
+    edges = [whole[0], *(edge for interval in intervals for edge in interval), whole[1]]
+    gaps = zip(edges[::2], edges[1::2], strict=True)
+    return tuple((a, b) for a, b in gaps if b - a > max(narrowest, 1e-6 * whole[1]))
+
+
+def _path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval, bool], ...]:
+    """Parts of the path inside and outside of path-dependent areas, see :class:`Workspace`."""
+    if workspace.path_dependent is None:
+        return ()
+    s = np.linspace(0.0, 1.0, 1001)
+    poses = [problem.path.path.pose(float(value)) for value in s]
+    points = np.array([pose.position + pose.rotation @ workspace.tip for pose in poses])
+    radii = np.linalg.norm(points[:, :2] if problem.task.planar else points, axis=1)
+    inside = np.zeros(len(s), dtype=bool)
+    for low, high in workspace.path_dependent:
+        inside |= (radii >= low) & (radii <= high)
+    changes = np.flatnonzero(inside[1:] != inside[:-1])
+    edges = [0.0, *((s[changes] + s[changes + 1]) / 2.0).tolist(), 1.0]
+    flags = inside[[0, *(changes + 1)]].tolist()
+    return tuple(zip(pairwise(edges), flags, strict=True))

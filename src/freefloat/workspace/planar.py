@@ -1,8 +1,10 @@
-"""A planar arm in complex numbers: barycentric vectors, momentum and S, vectorized.
+"""Planar arms in complex numbers: momentum, S, margin curves, and distances on the path.
 
 A point (x, y) is x + iy; a link at the absolute angle phi is multiplied by exp(i phi).
 Arrays of angles have the shape (..., n + 1): the spacecraft's heading, then the absolute angle of
-every link.
+every link. For arms of two joints, or of three with a prescribed orientation, S depends on the
+first two joint angles alone, and so does the distance of point 3 (the end-effector, or the joint of
+the last link) from the centre of mass, at any heading: (21), (28).
 """
 
 from __future__ import annotations
@@ -11,12 +13,20 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from contourpy import contour_generator
 
+from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import Array, frozen
 
 Complex = npt.NDArray[np.complex128]
+Interval = tuple[float, float]
+
+_GRID = 721
+"""Angles per joint, half a degree apart."""
+_POLISHES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +62,13 @@ class PlanarArm:
             signs=np.sign(virtual.axes_at(np.zeros(model.dof))[:, 2]),
             tool_angle=float(np.arctan2(zero.rotation[1, 0], zero.rotation[0, 0])),
         )
+
+    @property
+    def reach(self) -> Interval:
+        """Smallest and largest distance of point 3 from the centre of mass [m]."""
+        lengths = np.abs(self.links[:3])
+        total = float(lengths.sum())
+        return max(0.0, 2.0 * float(lengths.max()) - total), total
 
     def angles(self, heading: npt.ArrayLike, joints: npt.ArrayLike) -> Array:
         """Absolute angles (..., n + 1) from headings (...) and joints (..., n)."""
@@ -116,6 +133,105 @@ class PlanarArm:
         return np.concatenate([first, last], axis=-1)
 
 
+def has_two_angle_form(model: FreeFloatingModel, task: Task) -> bool:
+    """Whether S of a planar problem depends on the first two joint angles alone."""
+    plain = not any(body.prismatic for body in model.bodies[1:])
+    return task.planar and plain and model.dof == len(task.rows)
+
+
+def two_angles(arm: PlanarArm, joints: npt.ArrayLike) -> Array:
+    """Absolute angles (..., n + 1) of the first two joints (..., 2), heading and others at zero."""
+    q = np.asarray(joints, dtype=float)
+    padded = np.concatenate([q, np.zeros((*q.shape[:-1], len(arm.signs) - 2))], axis=-1)
+    return arm.angles(np.zeros(q.shape[:-1]), padded)
+
+
+def point_3(arm: PlanarArm, joints: npt.ArrayLike) -> Complex:
+    """Point 3 from the centre of mass at zero heading [m], shape (...), for joints (..., 2)."""
+    return np.asarray(arm.vectors(two_angles(arm, joints))[..., :3].sum(axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class MarginCurve:
+    """A continuous curve S(q1, q2) = level in joint space (22).
+
+    Attributes:
+        level: Value of S; zero for singularity curves.
+        joints: q1 and q2 along the curve [rad], shape (K, 2); a curve ends at the edge of the
+            square [-pi, pi] and continues as another one at the opposite edge.
+        radii: Distance of point 3 from the centre of mass [m], shape (K,).
+    """
+
+    level: float
+    joints: Array
+    radii: Array
+
+
+def margin_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
+    """All curves in joint space on which S has one of several values.
+
+    They are contours on a grid of half a degree, refined by Newton's method. Closed curves smaller
+    than half a degree may be missed.
+
+    Args:
+        arm: Planar arm of two or three joints.
+        levels: Values of S.
+    """
+    axis, grid = _joint_grid()
+    contours = contour_generator(axis, axis, arm.determinant(two_angles(arm, grid)))
+    curves = []
+    for level in levels:
+        for line in contours.lines(level):
+            joints = _polished(arm, np.asarray(line), level)
+            curves.append(MarginCurve(level, frozen(joints), frozen(np.abs(point_3(arm, joints)))))
+    return tuple(curves)
+
+
+def _joint_grid() -> tuple[Array, Array]:
+    """Angles of a joint, and all pairs (q1, q2) of them, shape (N, N, 2)."""
+    axis = np.linspace(-np.pi, np.pi, _GRID)
+    return axis, np.stack(np.meshgrid(axis, axis), axis=-1)
+
+
+def _polished(arm: PlanarArm, joints: Array, level: float) -> Array:
+    """Points of a contour after small Newton steps along the gradient of S."""
+    step, around = 1e-6, np.array([[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]])[:, None]
+    for _ in range(_POLISHES):
+        S, *moved = arm.determinant(two_angles(arm, joints + step * around))
+        gradient = np.stack(moved[:2], axis=-1) - np.stack(moved[2:], axis=-1)
+        gradient /= 2.0 * step
+        length = np.maximum((gradient**2).sum(axis=-1), 1e-12)
+        joints = joints - np.clip((S - level) / length, -0.01, 0.01)[:, None] * gradient
+    return joints
+
+
+def point_3_on_path(problem: Problem, s: float) -> complex:
+    """Point 3 on the path [m], the end-effector or the joint of the last link (20)."""
+    pose = problem.path.path.pose(s)
+    if problem.task is not Task.PLANAR_POSE:
+        return _flat(pose.position)
+    virtual = VirtualManipulator.of(problem.model)
+    return _flat(pose.position - pose.rotation @ virtual.tool.T @ virtual.links[-1])
+
+
+def most_singular_place(problem: Problem) -> tuple[float, float]:
+    """The s at which the largest attainable |S| is smallest, and that |S|.
+
+    Configurations form a grid of half a degree; the value is accurate to about one percent.
+    """
+    arm, (_, grid) = PlanarArm.of(problem.model), _joint_grid()
+    q = grid.reshape(-1, 2)
+    S, radii = np.abs(arm.determinant(two_angles(arm, q))), np.abs(point_3(arm, q))
+    shells = np.linspace(0.0, radii.max(), 401)
+    largest = np.zeros(len(shells))
+    np.maximum.at(largest, np.searchsorted(shells, radii), S)
+    s = np.linspace(0.0, 1.0, 401)
+    radii_on_path = [abs(point_3_on_path(problem, value)) for value in s.tolist()]
+    attainable = np.interp(radii_on_path, shells, np.maximum(largest, np.append(largest[1:], 0.0)))
+    worst = int(np.argmin(attainable))
+    return float(s[worst]), float(attainable[worst])
+
+
 def _cross(u: Complex, v: Complex) -> Array:
     return np.asarray(np.imag(u.conj() * v))
 
@@ -126,17 +242,14 @@ def _flat(vector: Array) -> complex:
 
 def _inertia(model: FreeFloatingModel, rotations: list[Array]) -> Complex:
     """Coefficients of the angular momentum, from link vectors to the centres of mass."""
-    bodies = model.bodies
-    count = len(bodies)
+    bodies, count = model.bodies, len(model.bodies)
     masses = np.array([body.mass for body in bodies])
     steps = np.zeros((count, count), dtype=complex)  # body i's centre of mass from the root frame
     for i, body in enumerate(bodies):
         if i:
             steps[i] = steps[i - 1]
-            step = bodies[i].placement.position
-            steps[i, i - 1] = _flat(rotations[i - 1] @ step)
+            steps[i, i - 1] = _flat(rotations[i - 1] @ body.placement.position)
         steps[i, i] = _flat(rotations[i] @ body.centre)
     offsets = steps - masses @ steps / masses.sum()
     moments = [(R @ body.inertia @ R.T)[2, 2] for R, body in zip(rotations, bodies, strict=True)]
-    orbital = (np.conj(offsets).T * masses) @ offsets
-    return np.asarray(orbital + np.diag(moments))
+    return np.asarray((np.conj(offsets).T * masses) @ offsets + np.diag(moments))

@@ -1,4 +1,4 @@
-"""A planar arm in complex numbers agrees with Pinocchio."""
+"""Planar arms agree with Pinocchio; margin curves with the closed forms of the paper."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,13 @@ from freefloat.dynamics.momentum import Task, inertia_matrices
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
-from freefloat.workspace.planar_arm import PlanarArm
+from freefloat.workspace.planar import (
+    PlanarArm,
+    margin_curves,
+    most_singular_place,
+    point_3,
+    point_3_on_path,
+)
 
 URDF = """<robot name="bent"><link name="l0"><inertial><origin xyz="0.1 -0.2 0"/><mass value="90"/>
 <inertia ixx="9" ixy="0" ixz="0" iyy="9" iyz="0" izz="12"/></inertial></link>
@@ -53,9 +59,9 @@ def test_determinant_rates_and_place_agree_with_pinocchio(axes):
         omega, rates = equation.rates(attitude, joints, twist)
         tip = 1j * twist[5] * arm.vectors(angles)[3]
         velocity = np.asarray(complex(*twist[:2]) - tip)
-        found = arm.rates(angles, 0.7, velocity, np.asarray(twist[5]))
+        rates_of_24 = arm.rates(angles, 0.7, velocity, np.asarray(twist[5]))
         expected = np.cumsum(np.append(omega[2], arm.signs * rates))
-        assert found == pytest.approx(expected, rel=1e-7, abs=1e-9)
+        assert rates_of_24 == pytest.approx(expected, rel=1e-7, abs=1e-9)
 
 
 def test_determinant_rate_is_the_derivative_of_the_determinant():
@@ -67,3 +73,30 @@ def test_determinant_rate_is_the_derivative_of_the_determinant():
     step = 1e-6
     difference = arm.determinant(angles + step * rates) - arm.determinant(angles - step * rates)
     assert arm.determinant_rate(angles, rates) == pytest.approx(difference / (2 * step), abs=1e-6)
+
+
+@pytest.mark.parametrize("level", [0.0, 5.0, -60.0])
+def test_margin_curves_satisfy_22a_and_22b(planar_3dof, level):
+    """On a curve q2 is one of the two closed forms, with k0, k1, k2 read off S at three angles."""
+    S = singularity_measure(planar_3dof, Task.PLANAR_POSE, "system")
+    curves = margin_curves(PlanarArm.of(planar_3dof), level)
+    assert curves
+    for curve in curves:
+        for q1, q2 in curve.joints[:: max(1, len(curve.joints) // 15)]:
+            at_0, at_90, at_180 = (S(np.array([q1, q, 0.0])) for q in (0.0, np.pi / 2, np.pi))
+            k0, k2 = (at_0 + at_180) / 2, (at_0 - at_180) / 2
+            k1 = at_90 - k0
+            height = np.clip((level - k0) / np.hypot(k1, k2), -1.0, 1.0)
+            shift = np.arctan2(k2, k1)
+            forms = np.array([np.pi - np.arcsin(height) - shift, np.arcsin(height) - shift])
+            assert np.abs(np.angle(np.exp(1j * (forms - q2)))).min() < 2e-5
+
+
+def test_largest_s_at_the_worst_place_of_the_path_is_that_of_a_fine_search(planar, rng):
+    """No configuration with point 3 at that distance has a larger |S|."""
+    s, largest = most_singular_place(planar)
+    arm = PlanarArm.of(planar.model)
+    q = rng.uniform(-np.pi, np.pi, (400_000, 2))
+    angles = arm.angles(np.zeros(len(q)), np.column_stack([q, np.zeros(len(q))]))
+    near = np.abs(np.abs(point_3(arm, q)) - abs(point_3_on_path(planar, s))) < 0.005
+    assert largest == pytest.approx(np.abs(arm.determinant(angles[near])).max(), rel=0.05)
