@@ -1,7 +1,7 @@
 """Make the reference of the Python interface from its docstrings, as web pages.
 
 ``pip install '.[docs]' && python scripts/make_reference.py [FOLDER]`` writes build/reference, which
-is not committed; index.html is where to begin.
+is not committed; begin with index.html.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import freefloat
 
 
 def main() -> None:
-    """Write the pages: the public names in one, and the rooms that they come from."""
+    """Write the pages: the public names in one, and their modules."""
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "build/reference")
-    rooms = {getattr(freefloat, name).__module__ for name in freefloat.__all__}  # loads them all
+    modules = {getattr(freefloat, name).__module__ for name in freefloat.__all__}  # loads them all
     pdoc.render.configure(docformat="google", show_source=False)
-    pdoc.pdoc("freefloat", *sorted(rooms), output_directory=folder)
-    print(f"{len(freefloat.__all__)} names, {len(rooms)} rooms: {folder / 'index.html'}")
+    pdoc.pdoc("freefloat", *sorted(modules), output_directory=folder)
+    print(f"{len(freefloat.__all__)} names, {len(modules)} modules: {folder / 'index.html'}")
 
 
 if __name__ == "__main__":

@@ -17,35 +17,33 @@ OPERATORS: dict[type, list[type]] = {
 NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "minimum": "maximum",
          "maximum": "minimum", "hstack": "vstack"}  # fmt: skip
 SYMMETRIC = {"min", "max", "minimum", "maximum", "joint_distance"}
-UNTOLD = {"dtype", "order", "strict", "frozen", "eq"}
-"""Keywords whose loss, or change, changes types or checks, not results."""
+IGNORED = {"dtype", "order", "strict", "frozen", "eq"}
+"""Keywords that change types or checks, not results."""
 
 
 @dataclass
 class Mutant:
-    """One small change and what became of it."""
+    """One small change, and the test that noticed it."""
 
     line: int
     kind: str
     before: str
     after: str
-    outcome: str = ""
-    by: str = ""
-    seconds: float = 0.0
+    killed_by: str = ""
 
     def __str__(self) -> str:
         return f"{self.line}: {self.kind}: {self.before}  ->  {self.after}"
 
 
-def numbers_beside(value: float) -> list[float]:
-    """Other numbers for a number; tolerances and counts take more to matter."""
+def other_numbers(value: float) -> list[float]:
+    """Numbers to put in place of a number; tolerances and counts change by more."""
     if isinstance(value, int):
         return [value + 1, value - 1] if abs(value) < 20 else [value // 10]
     return [1.0] if value == 0.0 else [1e3 * value, 1e-3 * value] if value < 0.01 else [2.0 * value]
 
 
 def other_expressions(node: ast.expr) -> Iterator[tuple[str, ast.expr]]:
-    """What might stand in place of an expression."""
+    """Mutants of an expression, each with its kind."""
     match node:
         case ast.BinOp(a, ast.MatMult(), b):
             yield "swap", ast.BinOp(b, ast.MatMult(), a)
@@ -61,7 +59,7 @@ def other_expressions(node: ast.expr) -> Iterator[tuple[str, ast.expr]]:
         case ast.Constant(bool(value)):
             yield "constant", ast.Constant(not value)
         case ast.Constant(int(value) | float(value)):
-            yield from (("constant", ast.Constant(new)) for new in numbers_beside(value))
+            yield from (("constant", ast.Constant(new)) for new in other_numbers(value))
         case ast.IfExp(test, body, orelse):
             yield "branches", ast.IfExp(test, orelse, body)
         case ast.Call(function, args, keywords):
@@ -81,15 +79,15 @@ def other_calls(
             swapped = [*args[:i], args[i + 1], args[i], *args[i + 2 :]]
             yield "arguments", ast.Call(function, swapped, keywords)
     for i, keyword in enumerate(keywords):
-        if keyword.arg and keyword.arg not in UNTOLD:
+        if keyword.arg and keyword.arg not in IGNORED:
             yield "arguments", ast.Call(function, args, keywords[:i] + keywords[i + 1 :])
 
 
 def other_statements(node: ast.stmt) -> Iterator[tuple[str, ast.stmt]]:
-    """What might stand in place of a statement."""
+    """Mutants of a statement, each with its kind."""
     match node:
         case ast.Return(value) if value is not None and not isinstance(value, ast.Constant):
-            yield "answer", ast.Return(ast.Constant(None))
+            yield "return value", ast.Return(ast.Constant(None))
         case ast.Expr(ast.Constant()):
             return
         case ast.Expr() | ast.AugAssign() | ast.Raise() | ast.Continue() | ast.Break():
@@ -103,47 +101,47 @@ def other_statements(node: ast.stmt) -> Iterator[tuple[str, ast.stmt]]:
 
 
 def sites(node: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, str, ast.AST]]:
-    """Every possible change below a node: its parent, where in it, the kind, what comes there."""
+    """Every change below a node: parent, field, index in it, kind, new node."""
     for field, value in ast.iter_fields(node):
         if field in ("annotation", "returns", "decorator_list"):
             continue
         for index, child in enumerate(value if isinstance(value, list) else [value]):
-            place = index if isinstance(value, list) else None
+            position = index if isinstance(value, list) else None
             if isinstance(child, ast.expr):
                 changes: Iterator[tuple[str, ast.AST]] = other_expressions(child)
             elif isinstance(child, ast.stmt):
                 changes = other_statements(child)
             else:
                 changes = iter(())
-            yield from ((node, field, place, kind, new) for kind, new in changes)
+            yield from ((node, field, position, kind, new) for kind, new in changes)
             if isinstance(child, ast.AST) and not is_left_alone(child):
                 yield from sites(child)
 
 
 def is_left_alone(node: ast.AST) -> bool:
-    """Whether changes inside make no difference to results."""
+    """Whether changes inside cannot change results."""
     if isinstance(node, ast.keyword):
-        return node.arg in UNTOLD
+        return node.arg in IGNORED
     return isinstance(node, ast.JoinedStr | ast.Raise | ast.Import | ast.ImportFrom)
 
 
 def mutants_of(source: str) -> list[tuple[Mutant, str]]:
-    """All mutants of a source, and the sources they make of it."""
-    found = []
+    """All mutants of a source, each with the source that it makes."""
+    mutants = []
     tree = ast.parse(source)
     for parent, field, index, kind, new in sites(tree):
-        held = getattr(parent, field)
-        old = held if index is None else held[index]
+        value = getattr(parent, field)
+        old = value if index is None else value[index]
         line = getattr(old, "lineno", getattr(parent, "lineno", 0))
-        put(parent, field, index, new)
+        replace(parent, field, index, new)
         changed = ast.unparse(ast.fix_missing_locations(tree))
-        put(parent, field, index, old)
-        words = [" ".join(ast.unparse(one).split())[:120] for one in (old, new)]
-        found.append((Mutant(line, kind, *words), changed))
-    return found
+        replace(parent, field, index, old)
+        before, after = (" ".join(ast.unparse(node).split())[:120] for node in (old, new))
+        mutants.append((Mutant(line, kind, before, after), changed))
+    return mutants
 
 
-def put(parent: ast.AST, field: str, index: int | None, child: ast.AST) -> None:
+def replace(parent: ast.AST, field: str, index: int | None, child: ast.AST) -> None:
     if index is None:
         setattr(parent, field, child)
     else:
