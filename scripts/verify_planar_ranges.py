@@ -1,19 +1,17 @@
 """Compare exact ranges of heading with brute force on random planar problems.
 
-Brute force follows the path from every quarter of a degree by a fixed-step method written here,
-notes where S_min crosses S0, and bisects each crossing with precise motions. Every range has to
-be found by both to 0.05 degrees. ``python scripts/verify_planar_ranges.py --cases 200`` prints a
-table; ``--seed`` chooses other cases, ``--json FILE`` keeps the details.
+Brute force integrates the motions from every quarter of a degree by a fixed-step method of its own
+and bisects each heading at which S_min crosses S0 with precise motions. Both must agree in every
+range limit to 0.05 degrees. ``python scripts/verify_planar_ranges.py --cases 200`` prints a
+table; ``--seed`` chooses other cases.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -71,8 +69,8 @@ def random_problem(rng: np.random.Generator) -> Problem:
     moments = masses * np.maximum(lengths, 0.3) ** 2 * rng.uniform(0.08, 0.3, joints + 1)
     model = ff.FreeFloatingModel.from_urdf(planar_urdf(lengths, masses, moments), "tip")
     task = ff.Task.PLANAR_POSE if joints == 3 else ff.Task.PLANAR_POSITION
-    of = singularity_measure(model, task, "system")
-    S0 = rng.uniform(0.02, 0.12) * joint_space_extremes(model, of).magnitude
+    measure = singularity_measure(model, task, "system")
+    S0 = rng.uniform(0.02, 0.12) * joint_space_extremes(model, measure).magnitude
     momentum = [0.0, 0.0, rng.choice([0.0, rng.uniform(-2.0, 2.0)])]
     a, b, c = np.abs(PlanarArm.of(model).links[:3])
     low, high = max(0.0, abs(b - c) - a, a - b - c), a + b + c
@@ -90,44 +88,44 @@ def random_problem(rng: np.random.Generator) -> Problem:
             if rng.random() < 0.5:
                 law = DirectedOrientation.follow(curve, str(rng.choice(["x", "-y"])), [0, 0, 1])
         path = ff.TimedPath(ff.EndEffectorPath(curve, law), ff.Timing(float(rng.uniform(30, 200))))
-        problem = Problem(model, path, task, momentum, Margin(of, float(S0)))
+        problem = Problem(model, path, task, momentum, Margin(measure, float(S0)))
         radii = [abs(point_3_on_path(problem, s)) for s in np.linspace(0, 1, 41)]
         if low < min(radii) and max(radii) < high and np.linalg.norm(end - start) > 0.3:
             return problem
 
 
 def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int, np.ndarray]:
-    """Whether each heading keeps the margin, by branch: Runge-Kutta steps for all at once."""
+    """Whether each heading keeps the margin, for each branch, by fixed Runge-Kutta steps."""
     arm, h = PlanarArm.of(problem.model), float(problem.momentum[2])
     duration, level = problem.path.duration, problem.margin.threshold
     last_link = arm.links[3] if len(arm.links) == 4 else 0.0
 
-    def travel(t: float) -> tuple[complex, float]:
+    def velocity_at(t: float) -> tuple[complex, float]:
         twist = problem.path.twist(t)
-        turn = twist[5] if len(arm.links) == 4 else 0.0
+        rate = twist[5] if len(arm.links) == 4 else 0.0
         pose = problem.path.pose(t)
         angle = np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]) - arm.tool_angle
-        return complex(*twist[:2]) - 1j * turn * last_link * np.exp(1j * angle), float(turn)
+        return complex(*twist[:2]) - 1j * rate * last_link * np.exp(1j * angle), float(rate)
 
     grid = np.linspace(0.0, duration, 2 * steps + 1)
-    travels = [travel(float(t)) for t in grid]
+    velocities = [velocity_at(float(t)) for t in grid]
     verdicts = {}
     for index in (0, 1):
-        rows, alive = [], np.zeros(len(headings), dtype=bool)
+        rows, reached = [], np.zeros(len(headings), dtype=bool)
         for k, heading in enumerate(headings):
             for branch in problem.branches(heading_quaternion(float(heading))):
                 if branch.index == index:
                     rows.append(arm.angles(heading, branch.joints))
-                    alive[k] = True
-        phi, kept = np.array(rows).reshape(-1, len(arm.links)), np.flatnonzero(alive)
+                    reached[k] = True
+        phi, reaching = np.array(rows).reshape(-1, len(arm.links)), np.flatnonzero(reached)
         sign = np.sign(arm.determinant(phi))
         good = np.abs(arm.determinant(phi)) >= level
         for k in range(steps):
             dt = duration / steps
 
             def rate(phi: np.ndarray, j: int) -> np.ndarray:
-                velocity, turn = travels[j]
-                return arm.rates(phi, h, np.full(len(phi), velocity), np.full(len(phi), turn))
+                velocity, omega = velocities[j]
+                return arm.rates(phi, h, np.full(len(phi), velocity), np.full(len(phi), omega))
 
             live = np.flatnonzero(good)
             if not len(live):
@@ -140,7 +138,7 @@ def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int
             phi[live] = p + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
             good[live] = sign[live] * arm.determinant(phi[live]) >= level
         verdict = np.zeros(len(headings), dtype=bool)
-        verdict[kept[good]] = True
+        verdict[reaching[good]] = True
         verdicts[index] = verdict
     return verdicts
 
@@ -161,13 +159,13 @@ def brute_force(
 ) -> dict[int, list[tuple[float, bool]]]:
     """Headings [deg] at which the verdict changes, with whether a range begins there."""
     headings = np.radians(np.arange(0.0, 360.0, spacing) + spacing / 2)
-    found: dict[int, list[tuple[float, bool]]] = {}
+    limits: dict[int, list[tuple[float, bool]]] = {}
     for index, verdict in sweep(problem, headings, steps).items():
-        found[index] = []
+        limits[index] = []
         for k in np.flatnonzero(verdict != np.roll(verdict, -1)):
             low, high = float(headings[k]), float(headings[k]) + np.radians(spacing)
             at_low, at_high = (precise(problem, x, index) for x in (low, high))
-            while at_low == at_high:  # the fixed-step verdict was off by a sample or so
+            while at_low == at_high:  # the fixed-step verdict is off by a sample
                 low, high = low - (high - low) / 2, high + (high - low) / 2
                 at_low, at_high = (precise(problem, x, index) for x in (low, high))
                 if high - low > np.radians(8 * spacing):
@@ -179,13 +177,13 @@ def brute_force(
                         low = middle
                     else:
                         high = middle
-                found[index].append((float(np.degrees((low + high) / 2) % 360.0), at_high))
-    return found
+                limits[index].append((float(np.degrees((low + high) / 2) % 360.0), at_high))
+    return limits
 
 
 @dataclass
 class Verdict:
-    """What one case showed."""
+    """Result of one case."""
 
     number: int
     joints: int
@@ -195,30 +193,30 @@ class Verdict:
     worst: float
     seconds: float
     brute_seconds: float
-    trouble: list[str] = field(default_factory=list)
+    disagreements: list[str] = field(default_factory=list)
 
 
-def judge(
+def compare(
     problem: Problem, number: int = 0, spacing: float = SPACING, steps: int = 1500
 ) -> Verdict:
-    """Both answers for one problem, and how far apart they are.
+    """Compare the exact ranges of a problem with brute force.
 
     Args:
         problem: The problem.
-        number: Told in the verdict.
+        number: Of the case.
         spacing: Of the sweep [deg].
         steps: Runge-Kutta steps of a motion of the sweep.
     """
     span = (0.0, problem.path.duration)
     start = time.perf_counter()
     entries = heading_ranges(problem, find_range_limits(problem, span), span, 0.0)
-    between = time.perf_counter()
+    middle = time.perf_counter()
     brute = brute_force(problem, spacing, steps)
     end = time.perf_counter()
     areas = sum(inside for _, inside in workspace_regions(problem).path)
     verdict = Verdict(
         number, problem.model.dof, areas, float(problem.momentum[2]),
-        sum(len(entry.limits) for entry in entries), 0.0, between - start, end - between,
+        sum(len(entry.limits) for entry in entries), 0.0, middle - start, end - middle,
     )  # fmt: skip
     for entry in entries:
         _compare(problem, entry, brute[entry.branch], verdict)
@@ -233,28 +231,30 @@ def _compare(
 ) -> None:
     exact = [
         (float(np.degrees(edge)) % 360.0, opens)
-        for one in entry.ranges if one.causes
-        for edge, opens in ((one.low, True), (one.high, False))
+        for part in entry.ranges if part.causes
+        for edge, opens in ((part.low, True), (part.high, False))
     ]  # fmt: skip
     if len(exact) % 2:
-        verdict.trouble.append(f"branch {entry.branch}: {len(exact)} limits")
+        verdict.disagreements.append(f"branch {entry.branch}: {len(exact)} limits")
 
-    def gap(one: float, other: float) -> float:
-        return abs((one - other + 180.0) % 360.0 - 180.0)
+    def gap(first: float, second: float) -> float:
+        return abs((first - second + 180.0) % 360.0 - 180.0)
 
     for heading, opens in brute:
         nearest = min((gap(heading, x) for x, y in exact if y == opens), default=360.0)
         verdict.worst = max(verdict.worst, nearest)
         if nearest > AGREEMENT:
-            verdict.trouble.append(f"branch {entry.branch}: missed {heading:.4f} deg")
-    for one in entry.ranges:
-        for share in (0.02, 0.5, 0.98) if one.causes else (0.1, 0.6):
-            if not precise(problem, one.low + share * one.width, entry.branch):
-                verdict.trouble.append(f"branch {entry.branch}: invented, at {share:g} of {one}")
+            verdict.disagreements.append(f"branch {entry.branch}: missed {heading:.4f} deg")
+    for part in entry.ranges:
+        for fraction in (0.02, 0.5, 0.98) if part.causes else (0.1, 0.6):
+            if not precise(problem, part.low + fraction * part.width, entry.branch):
+                verdict.disagreements.append(
+                    f"branch {entry.branch}: infeasible at {fraction:g} of {part}"
+                )
     for heading, opens in exact:
-        seen = min((gap(heading, x) for x, y in brute if y == opens), default=360.0)
-        if seen > AGREEMENT and not _flips(problem, entry.branch, heading):
-            verdict.trouble.append(f"branch {entry.branch}: {heading:.4f} deg is no limit")
+        nearest = min((gap(heading, x) for x, y in brute if y == opens), default=360.0)
+        if nearest > AGREEMENT and not _flips(problem, entry.branch, heading):
+            verdict.disagreements.append(f"branch {entry.branch}: {heading:.4f} deg is no limit")
 
 
 def _flips(problem: Problem, branch: int, heading: float) -> bool:
@@ -271,16 +271,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     console = Console(stderr=True)
     numbers = range(arguments.seed, arguments.seed + arguments.cases)
     verdicts = [
-        judge(random_problem(np.random.default_rng(number)), number)
+        compare(random_problem(np.random.default_rng(number)), number)
         for number in track(numbers, console=console, disable=not console.is_terminal)
     ]
     table = Table(title=f"{len(verdicts)} random planar problems")
-    for column in ("areas", "cases", "limits", "worst deg", "exact s", "brute s", "trouble"):
+    for column in ("areas", "cases", "limits", "worst deg", "exact s", "brute s", "disagree"):
         table.add_column(column)
     for areas in sorted({verdict.areas for verdict in verdicts}):
         group = [verdict for verdict in verdicts if verdict.areas == areas]
@@ -288,15 +287,13 @@ def main() -> int:
             str(areas), str(len(group)), str(sum(v.limits for v in group)),
             f"{max(v.worst for v in group):.4f}", f"{np.mean([v.seconds for v in group]):.2f}",
             f"{np.mean([v.brute_seconds for v in group]):.2f}",
-            str(sum(len(v.trouble) for v in group)),
+            str(sum(len(v.disagreements) for v in group)),
         )  # fmt: skip
     Console().print(table)
     for verdict in verdicts:
-        for line in verdict.trouble:
+        for line in verdict.disagreements:
             print(f"case {verdict.number}: {line}")
-    if arguments.json:
-        arguments.json.write_text(json.dumps([vars(verdict) for verdict in verdicts], indent=1))
-    return 1 if any(verdict.trouble for verdict in verdicts) else 0
+    return 1 if any(verdict.disagreements for verdict in verdicts) else 0
 
 
 if __name__ == "__main__":

@@ -36,8 +36,8 @@ def verify():
 def test_random_ranges_agree_with_brute_force(verify, number):
     """Random arms, paths, momenta: every range result, none invented, limits even in number."""
     problem = verify.random_problem(np.random.default_rng(1000 + number))
-    verdict = verify.judge(problem, number, spacing=1.0, steps=700)
-    assert verdict.trouble == []
+    verdict = verify.compare(problem, number, spacing=1.0, steps=700)
+    assert verdict.disagreements == []
     assert verdict.limits % 2 == 0
     agrees("test_random_ranges_agree_with_brute_force", verdict.worst)
 
