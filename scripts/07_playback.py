@@ -7,8 +7,8 @@ and ends in the angle between the final attitudes of the two spacecraft [degrees
 import numpy as np
 
 import freefloat as ff
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.motion import Motion
-from freefloat.motion.time_series import TimeSeries
 from freefloat.so3 import angle_between
 
 problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
@@ -34,7 +34,7 @@ print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 
 # Numbers of a motion at any times, such as the end of the shorter one:
 end = bad.final.time
-series = TimeSeries.of(good, np.linspace(0.0, end, 5))
-print("joints of the good motion then:", np.round(series.joints[-1], 4))
+trajectory = Trajectory.of(good, np.linspace(0.0, end, 5))
+print("joints of the good motion then:", np.round(trajectory.joints[-1], 4))
 apart = angle_between(good.sample([end])[0].attitude, bad.final.attitude)
 print(f"apart: {np.degrees(apart):.4f} deg")

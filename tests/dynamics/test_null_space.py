@@ -17,9 +17,9 @@ from freefloat.dynamics.redundancy import Metric, Redundancy, Toward, range_cent
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.closest_approach import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.time_series import TimeSeries
 from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between
@@ -234,7 +234,7 @@ def test_rates_vanish_where_the_path_stops(toward):
     start = redundant("RRRRRRR", Task.POSE, Redundancy(toward=toward, gain=2.0), momentum=False)
     motion = integrate_motion(start.problem, start.attitude, start.joints)
     assert motion.completed
-    rates = np.abs(TimeSeries.of(motion, [0.0, 4.0, 9.0, 15.0, 20.0]).joint_rates).max(axis=1)
+    rates = np.abs(Trajectory.of(motion, [0.0, 4.0, 9.0, 15.0, 20.0]).joint_rates).max(axis=1)
     assert rates[[0, 2, 4]].max() < 1e-9
     assert rates[[1, 3]].min() > 1e-2
 

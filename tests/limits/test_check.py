@@ -8,11 +8,11 @@ import pytest
 
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
+from freefloat.io.trajectory import Trajectory
 from freefloat.limits.check import LimitChecker, check_limits
 from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.time_series import TimeSeries
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 from freefloat.so3 import heading_quaternion
 from tests.sliding import (
@@ -120,7 +120,7 @@ def spatial():
 
 def test_rates_are_the_largest_of_fine_sampling(spatial):
     n = spatial.problem.model.dof
-    series = TimeSeries.of(spatial, np.linspace(0.0, 100.0, 20_001))
+    series = Trajectory.of(spatial, np.linspace(0.0, 100.0, 20_001))
     limits = Limits(joint_rate=np.full(n, WIDE), base_rate=WIDE)
     joint = finding(spatial, limits, LimitKind.JOINT_RATE)
     base = finding(spatial, limits, LimitKind.BASE_RATE)

@@ -315,6 +315,31 @@ def test_momentum_is_judged_everywhere(motion):
 def test_momentum_errors_are_nan_where_time_stands_still(motion):
     jump = replace(motion, times=np.zeros(len(motion.times)))
     assert np.isnan(jump.momentum_errors(np.linspace(0.0, motion.panels, 31))).all()
+    assert np.isnan(motion.cut(0.0, motion.ending).momentum_errors([0.0])).all()
+
+
+def test_the_largest_momentum_error_is_the_residual(motion, stopping):
+    for entry in (motion, stopping):
+        residual = entry.residuals().momentum
+        just_before = np.arange(1.0, entry.panels + 1.0) - 1e-9
+        at_nodes = entry.momentum_errors(np.append(entry.node_parameters, just_before))
+        assert np.nanmax(at_nodes) == pytest.approx(residual, rel=1e-2)
+        between = entry.momentum_errors(np.linspace(0.0, entry.panels, 100))
+        assert np.nanmax(between) < 10.0 * residual
+
+
+def test_errors_show_where_they_are(motion):
+    node = 8 * (motion.panels // 2) + 3
+    shifted = tampered(motion, "joints", node, 1e-4 * np.eye(6)[0])
+    errors = shifted.end_effector_errors
+    assert int(np.argmax(errors[:, 0])) == node
+    assert errors[node, 0] == shifted.residuals().end_effector_position > 1e-5
+    momentum = shifted.momentum_errors(shifted.node_parameters)
+    first = 8 * (node // 8)
+    there = slice(first, first + 9)
+    assert np.nanmax(momentum[there]) == np.nanmax(momentum) > 1e-4
+    away = np.concatenate([momentum[: there.start], momentum[there.stop + 1 :]])
+    assert np.nanmax(away) < 1e-5
 
 
 def test_a_motion_survives_pickling(motion, singular):

@@ -5,13 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from scipy.spatial.transform import Rotation
 
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.time_series import TimeSeries
+from freefloat.io.trajectory import Trajectory
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.figure_style import PALE, VERMILION, axis_label
-from freefloat.visualization.motion_figures import motion_figures, shown_times
+from freefloat.visualization.motion_figures import (
+    euler_angles,
+    headings,
+    motion_figures,
+    shown_times,
+)
 from tests.figures import labels, line
 
 
@@ -49,21 +55,37 @@ def branch(request: pytest.FixtureRequest) -> SimulatedBranch:
 
 def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
     motion = spatial.motion
-    series = TimeSeries.of(motion, shown_times(motion))
+    trajectory = Trajectory.of(motion, shown_times(motion))
     joints, rates, angles, spacecraft_rates, end, base = motion_figures(
         motion, spatial.closest_approach
     )["motion"].axes
+    turns = euler_angles(trajectory.attitudes)
     for k in range(6):
-        for panel, values in ((joints, series.joints), (rates, series.joint_rates)):
+        for panel, values in ((joints, trajectory.joints), (rates, trajectory.joint_rates)):
             drawn = line(panel, f"$q_{{{k + 1}}}$")
-            assert np.array_equal(drawn[:, 0], series.times)
+            assert np.array_equal(drawn[:, 0], trajectory.times)
             assert np.allclose(drawn[:, 1], np.degrees(values[:, k]))
     for k, letter in enumerate("xyz"):
-        assert np.allclose(line(angles, f"${letter}$")[:, 1], np.degrees(series.euler_angles[:, k]))
+        assert np.allclose(line(angles, f"${letter}$")[:, 1], turns[:, k])
         spin = line(spacecraft_rates, rf"$\omega_{letter}$")[:, 1]
-        assert np.allclose(spin, np.degrees(series.angular_velocities[:, k]))
-        assert np.allclose(line(end, f"${letter}$")[:, 1], series.end_effector[:, k])
-        assert np.allclose(line(base, f"${letter}$")[:, 1], series.base_positions[:, k])
+        assert np.allclose(spin, np.degrees(trajectory.angular_velocities[:, k]))
+        assert np.allclose(line(end, f"${letter}$")[:, 1], trajectory.end_effector_positions[:, k])
+        assert np.allclose(line(base, f"${letter}$")[:, 1], trajectory.base_positions[:, k])
+
+
+def test_euler_angles_rebuild_the_attitude_and_do_not_jump() -> None:
+    for axis in (0, 2):
+        angles = np.zeros((60, 3))
+        angles[:, axis], angles[:, 1] = np.linspace(0.0, 720.0, 60), 20.0
+        attitudes = Rotation.from_euler("XYZ", angles, degrees=True).as_quat()
+        assert np.allclose(euler_angles(attitudes), angles, atol=1e-10)
+
+
+def test_headings_begin_in_the_first_revolution_and_do_not_jump() -> None:
+    for start in (200.0, 359.9):
+        wanted = start + np.linspace(0.0, 400.0, 60)
+        attitudes = np.array([heading_quaternion(angle) for angle in np.radians(wanted)])
+        assert np.allclose(headings(attitudes), wanted, atol=1e-10)
 
 
 def test_a_planar_motion_shows_its_heading_and_its_rest(planar: SimulatedBranch) -> None:
@@ -82,7 +104,7 @@ def test_a_planar_motion_shows_its_heading_and_its_rest(planar: SimulatedBranch)
 
 def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -> None:
     axes = motion_figures(singular.motion, singular.closest_approach)["motion"].axes
-    early = TimeSeries.of(singular.motion, np.linspace(0.0, 0.97 * singular.motion.final.time, 50))
+    early = Trajectory.of(singular.motion, np.linspace(0.0, 0.97 * singular.motion.final.time, 50))
     for panel, values in ((axes[1], early.joint_rates), (axes[3], early.angular_velocities)):
         largest = np.degrees(np.abs(values).max())
         low, high = panel.get_ylim()
@@ -100,8 +122,8 @@ def test_the_margin_is_drawn_where_it_is(branch: SimulatedBranch) -> None:
     (band,) = [patch for patch in axes.patches if to_hex(patch.get_facecolor()) == PALE.lower()]
     assert sorted([band.get_y(), band.get_y() + band.get_height()]) == sorted([0.0, level])
     (curve,) = [drawn for drawn in axes.lines if len(drawn.get_xdata()) > 100]
-    series = TimeSeries.of(branch.motion, curve.get_xdata())
-    assert np.array_equal(curve.get_ydata(), series.measure)
+    trajectory = Trajectory.of(branch.motion, curve.get_xdata())
+    assert np.array_equal(curve.get_ydata(), trajectory.measure)
     assert axes.get_ylabel() == axis_label(f"$S$ ({margin.measure.name})", margin.measure.unit)
 
 
@@ -112,7 +134,7 @@ def test_the_minimum_lies_on_the_curve(branch: SimulatedBranch) -> None:
     assert point.get_label().startswith("minimum" if branch.motion.completed else "singular")
     (time,), (value,) = point.get_data()
     assert (time, abs(value)) == (branch.closest_approach.time, branch.closest_approach.value)
-    here = TimeSeries.of(branch.motion, [time]).measure[0]
+    here = Trajectory.of(branch.motion, [time]).measure[0]
     assert here == pytest.approx(value, abs=1e-4)
 
 

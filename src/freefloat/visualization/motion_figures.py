@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
 
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.closest_approach import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.problem import Problem
-from freefloat.motion.time_series import TimeSeries
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,
@@ -40,11 +40,11 @@ def motion_figures(motion: Motion, closest: ClosestApproach) -> dict[str, Figure
         motion: The motion.
         closest: Closest approach of the motion to a singularity.
     """
-    series = TimeSeries.of(motion, shown_times(motion))
+    trajectory = Trajectory.of(motion, shown_times(motion))
     return {
-        "motion": motion_figure(motion, series),
-        "margin": margin_figure(motion, series, closest),
-        "momentum": momentum_figure(motion),
+        "motion": _motion_figure(motion, trajectory),
+        "margin": _margin_figure(motion, trajectory, closest),
+        "momentum": _momentum_figure(motion),
     }
 
 
@@ -54,68 +54,56 @@ def shown_times(motion: Motion) -> Array:
     return np.unique(np.concatenate([even, motion.times]))
 
 
+def euler_angles(attitudes: Array) -> Array:
+    """Return rotation angles about x, the new y and the new z axis [deg], without jumps, (K, 3)."""
+    return np.degrees(np.unwrap(Rotation.from_quat(attitudes).as_euler("XYZ"), axis=0))
+
+
+def headings(attitudes: Array) -> Array:
+    """Return headings of a planar spacecraft [deg], without jumps from [0, 360), shape (K,)."""
+    angles = np.unwrap(2.0 * np.arctan2(attitudes[:, 2], attitudes[:, 3]))
+    return np.degrees(angles - 2.0 * np.pi * np.floor(angles[0] / (2.0 * np.pi)))
+
+
 @styled
-def motion_figure(motion: Motion, series: TimeSeries) -> Figure:
+def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     """Return the figure of joints, attitude, rates and positions (Figs. 8 and 11)."""
     problem = motion.problem
     figure = new_figure(PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
-    names = [f"$q_{{{number + 1}}}$" for number in range(problem.model.dof)]
-    joints, unit = _joint_scale(problem)
-    _curves(panels[0, 0], series, joints * series.joints, names)
-    panels[0, 0].set_ylabel(axis_label("joints", unit))
-    _curves(panels[0, 1], series, joints * series.joint_rates, names)
-    panels[0, 1].set_ylabel(axis_label("joint rates", _per_second(unit)))
-    _attitude(panels[1, 0], panels[1, 1], problem, series)
-    axes = "xy" if problem.task.planar else "xyz"
-    _curves(panels[2, 0], series, series.end_effector[:, : len(axes)], _italic(axes))
-    panels[2, 0].set_ylabel(axis_label("end-effector", "m"))
-    _curves(panels[2, 1], series, series.base_positions[:, : len(axes)], _italic(axes))
-    panels[2, 1].set_ylabel(axis_label("spacecraft", "m"))
-    for panel in panels.flat:
+    prismatic = any(body.prismatic for body in problem.model.bodies[1:])
+    scale, unit = (1.0, "rad, m") if prismatic else (np.degrees(1.0), "deg")
+    joints = [f"$q_{{{number + 1}}}$" for number in range(problem.model.dof)]
+    axes = ["$x$", "$y$", "$z$"][: 2 if problem.task.planar else 3]
+    spins = np.degrees(trajectory.angular_velocities)
+    if problem.task.planar:
+        attitude = "attitude", headings(trajectory.attitudes)[:, None], ["heading"]
+        spin_names, spins = [r"$\omega_z$"], spins[:, 2:]
+    else:
+        attitude = "x-y-z Euler angles", euler_angles(trajectory.attitudes), axes
+        spin_names = [rf"$\omega_{axis}$" for axis in "xyz"]
+    rate_unit = ", ".join(f"{part}/s" for part in unit.split(", "))
+    curves = [
+        ("joints", scale * trajectory.joints, joints, unit),
+        ("joint rates", scale * trajectory.joint_rates, joints, rate_unit),
+        (*attitude, "deg"),
+        ("spacecraft rate", spins, spin_names, "deg/s"),
+        ("end-effector", trajectory.end_effector_positions, axes, "m"),
+        ("spacecraft", trajectory.base_positions, axes, "m"),
+    ]
+    for panel, (quantity, values, names, quantity_unit) in zip(panels.flat, curves, strict=True):
+        for (colour, dashes), column, name in zip(STROKES, values.T, names, strict=False):
+            panel.plot(trajectory.times, column, color=colour, linestyle=dashes, label=name)
+        panel.set_ylabel(axis_label(quantity, quantity_unit))
         _mark_times(panel, motion, named=panel is panels[2, 1])
         legend_above(panel)
-    for panel in panels[:2, 1]:
-        _bound(panel, motion, series)
+    if motion.ending is Ending.SINGULAR:
+        _limit_rates(panels[0, 1], scale * trajectory.joint_rates, motion, trajectory.times)
+        _limit_rates(panels[1, 1], spins, motion, trajectory.times)
     for panel in panels[-1]:
         panel.set_xlabel(axis_label("time", "s"))
     figure.align_ylabels()
     return figure
-
-
-def _joint_scale(problem: Problem) -> tuple[float, str]:
-    """Return factor and unit of the joint axis: degrees unless a joint is prismatic."""
-    prismatic = any(body.prismatic for body in problem.model.bodies[1:])
-    return (1.0, "rad, m") if prismatic else (float(np.degrees(1.0)), "deg")
-
-
-def _per_second(unit: str) -> str:
-    return ", ".join(f"{part}/s" for part in unit.split(", "))
-
-
-def _italic(letters: str) -> list[str]:
-    return [f"${letter}$" for letter in letters]
-
-
-def _attitude(angles: Any, rates: Any, problem: Problem, series: TimeSeries) -> None:
-    """Draw the spacecraft's attitude and angular velocity in two axes."""
-    rates_deg = np.degrees(series.angular_velocities)
-    if problem.task.planar:
-        _curves(angles, series, np.degrees(series.headings)[:, None], ["heading"])
-        _curves(rates, series, rates_deg[:, 2:], [r"$\omega_z$"])
-    else:
-        euler = np.degrees(series.euler_angles)
-        _curves(angles, series, euler, _italic("xyz"))
-        _curves(rates, series, rates_deg, [rf"$\omega_{axis}$" for axis in "xyz"])
-    quantity = "attitude" if problem.task.planar else "x-y-z Euler angles"
-    angles.set_ylabel(axis_label(quantity, "deg"))
-    rates.set_ylabel(axis_label("spacecraft rate", "deg/s"))
-
-
-def _curves(axes: Any, series: TimeSeries, values: Array, names: list[str]) -> None:
-    shown = np.where(np.isfinite(values), values, np.nan)
-    for (colour, dashes), column, name in zip(STROKES, shown.T, names, strict=False):
-        axes.plot(series.times, column, color=colour, linestyle=dashes, label=name)
 
 
 def _mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
@@ -130,27 +118,23 @@ def _mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
         axes.axvline(motion.final.time, color=VERMILION, linewidth=0.8, zorder=1, label=label)
 
 
-def _bound(axes: Any, motion: Motion, series: TimeSeries) -> None:
+def _limit_rates(axes: Any, rates: Array, motion: Motion, times: Array) -> None:
     """Limit the axis of rates, which are unbounded near a singularity."""
-    if motion.ending is not Ending.SINGULAR:
-        return
     first, last = motion.initial.time, motion.final.time
-    early = np.abs(series.times - first) <= _BOUNDED * abs(last - first)
-    shown = [line.get_ydata()[early] for line in axes.lines if line.get_ydata() is not None
-             and len(line.get_ydata()) == len(early)]  # fmt: skip
-    largest = float(np.nanmax(np.abs(shown), initial=0.0))
+    early = np.abs(times - first) <= _BOUNDED * abs(last - first)
+    largest = float(np.nanmax(np.abs(rates[early]), initial=0.0))
     if largest > 0.0:
         axes.set_ylim(-_HEADROOM * largest, _HEADROOM * largest)
 
 
 @styled
-def margin_figure(motion: Motion, series: TimeSeries, closest: ClosestApproach) -> Figure:
+def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestApproach) -> Figure:
     """Return the figure of S over time with the margin and the closest approach."""
     measure, threshold = motion.problem.margin.measure, motion.problem.margin.threshold
     figure = new_figure()
     axes = figure.subplots()
     axes.axhline(0.0, color=BLACK, linewidth=0.6)
-    axes.plot(series.times, series.measure, color=BLUE)
+    axes.plot(trajectory.times, trajectory.measure, color=BLUE)
     if threshold > 0.0:
         level = closest.sign * threshold
         axes.axhspan(0.0, level, color=PALE, linewidth=0.0, zorder=0)
@@ -170,16 +154,25 @@ def margin_figure(motion: Motion, series: TimeSeries, closest: ClosestApproach) 
 
 
 @styled
-def momentum_figure(motion: Motion) -> Figure:
+def _momentum_figure(motion: Motion) -> Figure:
     """Return the figure of momentum and end-effector errors at the integration nodes."""
     figure = new_figure(height=3.2)
     momentum, pose = figure.subplots(2, 1, sharex=True)
-    errors = motion.momentum_errors(motion.node_parameters)
-    _errors(momentum, motion.times, errors, 0, "momentum")
     oriented = motion.problem.task.prescribes_orientation
-    for index, name in enumerate(("position", "orientation")[: 2 if oriented else 1]):
-        label = f"end-effector {name}"
-        _errors(pose, motion.times, motion.end_effector_errors[:, index], index, label)
+    position, orientation = motion.end_effector_errors.T
+    curves = [
+        (momentum, "momentum", motion.momentum_errors(motion.node_parameters), "."),
+        (pose, "end-effector position", position, "."),
+    ]
+    if oriented:
+        curves.append((pose, "end-effector orientation", orientation, "x"))
+    for axes, name, errors, marker in curves:
+        shown = np.where(errors > 0.0, errors, np.nan)
+        colour = BLUE if marker == "." else VERMILION
+        axes.plot(
+            motion.times, shown, color=colour, linestyle="none", marker=marker, markersize=2.2,
+            markeredgewidth=0.6, label=name,
+        )  # fmt: skip
     momentum.set_ylabel(axis_label("error", "N m s"))
     pose.set_ylabel(axis_label("error", "m, rad" if oriented else "m"))
     pose.set_xlabel(axis_label("time", "s"))
@@ -189,13 +182,3 @@ def momentum_figure(motion: Motion) -> Figure:
         legend_above(axes)
     figure.align_ylabels()
     return figure
-
-
-def _errors(axes: Any, times: Array, errors: Array, index: int, name: str) -> None:
-    """Draw nonzero errors as dots."""
-    shown = np.where(errors > 0.0, errors, np.nan)
-    marker, size = (".", 2.0) if index == 0 else ("x", 2.5)
-    axes.plot(
-        times, shown, color=STROKES[index][0], linestyle="none", marker=marker, markersize=size,
-        markeredgewidth=0.6, label=name,
-    )  # fmt: skip
