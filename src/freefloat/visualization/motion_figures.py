@@ -56,13 +56,14 @@ def shown_times(motion: Motion) -> Array:
 
 def euler_angles(attitudes: Array) -> Array:
     """Return rotation angles about x, the new y and the new z axis [deg], without jumps, (K, 3)."""
-    return np.degrees(np.unwrap(Rotation.from_quat(attitudes).as_euler("XYZ"), axis=0))
+    angles = Rotation.from_quat(attitudes).as_euler("XYZ")
+    return np.asarray(np.degrees(np.unwrap(angles, axis=0)))
 
 
 def headings(attitudes: Array) -> Array:
     """Return headings of a planar spacecraft [deg], without jumps from [0, 360), shape (K,)."""
     angles = np.unwrap(2.0 * np.arctan2(attitudes[:, 2], attitudes[:, 3]))
-    return np.degrees(angles - 2.0 * np.pi * np.floor(angles[0] / (2.0 * np.pi)))
+    return np.asarray(np.degrees(angles - 2.0 * np.pi * np.floor(angles[0] / (2.0 * np.pi))))
 
 
 @styled
