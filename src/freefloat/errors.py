@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
+from types import UnionType
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
@@ -78,9 +79,6 @@ class InputError(FreeFloatError):
         Args:
             source: The file; an error that already names a file keeps it.
             prefix: Put before the key, e.g. ``"path."``.
-
-        Returns:
-            A new error of the same class.
         """
         file = self.source or source
         return type(self)(prefix + self.key, self.problem, self.accepted, file, self.line)
@@ -118,15 +116,8 @@ class IntegrationError(FreeFloatError):
         )
 
 
-def require_type(key: str, value: object, kind: type, accepted: str) -> None:
-    """Raise an InputError unless a value is an instance of a class.
-
-    Args:
-        key: Named in the error.
-        value: The value; the error quotes a string, and names the type of anything else.
-        kind: The class.
-        accepted: How to obtain an instance.
-    """
+def require_type(key: str, value: object, kind: type | UnionType, accepted: str) -> None:
+    """Raise an InputError unless a value is an instance of a class."""
     if not isinstance(value, kind):
         quoted = value is None or isinstance(value, str)
         description = repr(value) if quoted else type(value).__name__
@@ -134,16 +125,7 @@ def require_type(key: str, value: object, kind: type, accepted: str) -> None:
 
 
 def member(key: str, kind: type[_Words], value: str) -> _Words:
-    """The member of an enumeration of words that a word names.
-
-    Args:
-        key: Named in the error.
-        kind: The enumeration.
-        value: A member, or its word.
-
-    Raises:
-        InputError: Listing the words, if it is none of them.
-    """
+    """The member of an enumeration of words that a word names; else an InputError."""
     try:
         return kind(value)
     except ValueError:
@@ -153,11 +135,7 @@ def member(key: str, kind: type[_Words], value: str) -> _Words:
 
 
 def finite_vector(key: str, values: npt.ArrayLike, length: int) -> npt.NDArray[np.float64]:
-    """The values as an array of ``length`` finite numbers.
-
-    Raises:
-        InputError: Naming ``key``, if they are not.
-    """
+    """The values as an array of ``length`` finite numbers; else an InputError."""
     import numpy as np
 
     accepted = f"{length} finite numbers"
@@ -171,11 +149,7 @@ def finite_vector(key: str, values: npt.ArrayLike, length: int) -> npt.NDArray[n
 
 
 def finite_number(key: str, value: object, accepted: str) -> float:
-    """The value as a finite float.
-
-    Raises:
-        InputError: Naming ``key`` and what is ``accepted``, if it is none.
-    """
+    """The value as a finite float; else an InputError."""
     import numpy as np
 
     if not isinstance(value, int | float | np.integer | np.floating) or not np.isfinite(value):
@@ -184,17 +158,11 @@ def finite_number(key: str, value: object, accepted: str) -> float:
 
 
 def whole_number(key: str, value: object, minimum: int) -> int:
-    """The value as an integer of at least ``minimum``; floats are not accepted.
-
-    Raises:
-        InputError: Naming ``key``, if it is none.
-    """
+    """The value as an integer of at least ``minimum``, else an InputError; floats are none."""
     import numpy as np
 
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < minimum:
         raise InputError(key, f"{value!r} was given", f"a whole number, {minimum} or more")
-    if value < minimum:
-        raise InputError(key, f"{value} was given", f"{minimum} or more")
     return int(value)
 
 

@@ -12,7 +12,7 @@ import pytest
 from freefloat.cli.tables import percentage
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.results import load
-from freefloat.robot import parsing
+from freefloat.robot import validation
 from freefloat.robot.model import FreeFloatingModel
 from tests.commands import document, run
 from tests.scenarios import EASY, PARABOLA
@@ -103,16 +103,16 @@ def test_a_plan_parses_one_urdf_and_builds_one_model_and_one_evaluator(
         original = getattr(place, name)
 
         def counted(*args: Any, **options: Any) -> Any:
-            built[name if place is parsing else place.__name__] += 1
+            built[name if place is validation else place.__name__] += 1
             return original(*args, **options)
 
         monkeypatch.setattr(place, name, counted)
 
-    count(parsing, "parse_xml")
+    count(validation, "parse_urdf")
     count(FreeFloatingModel, "__init__")
     count(FeasibilityEvaluator, "__init__")
     assert run("plan", "easy.yaml", "-o", "plan.h5").exit_code == 0
-    assert built == {"parse_xml": 1, "FreeFloatingModel": 1, "FeasibilityEvaluator": 1}
+    assert built == {"parse_urdf": 1, "FreeFloatingModel": 1, "FeasibilityEvaluator": 1}
 
 
 def test_limits_are_printed_with_a_stretched_duration(folder: Path) -> None:

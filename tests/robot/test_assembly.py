@@ -25,7 +25,6 @@ from freefloat.robot.assembly import assemble
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import EXAMPLE, find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.robot.urdf import roll_pitch_yaw
 from tests.robots import Robot, inertial_text, joint_text, link_text, random_inertia, random_robot
 
 UR5 = """
@@ -386,16 +385,6 @@ def test_an_empty_root_gives_way_to_what_is_joined_to_it() -> None:
         wanted = whole * pin.SE3(Rotation.from_euler("xyz", rpy).as_matrix(), np.array(xyz, float))
         found = data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
         assert np.allclose(found.homogeneous, wanted.homogeneous, rtol=0, atol=1e-14)
-
-
-@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-8, 1.0, np.pi / 2 + 1e-5])
-def test_roll_pitch_and_yaw_come_back_as_the_same_turn(pitch: float) -> None:
-    for roll, yaw in ((0.0, 0.0), (0.7, -0.4), (-3.0, 2.0)):
-        turn = Mount(rpy=np.array([roll, pitch, yaw])).pose.rotation
-        assert np.allclose(turn, Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix(),
-                           rtol=0, atol=1e-15)  # fmt: skip
-        again = Mount(rpy=roll_pitch_yaw(turn)).pose.rotation
-        assert np.allclose(again, turn, rtol=0, atol=1e-15)
 
 
 def test_names_that_are_taken_ask_for_a_prefix() -> None:

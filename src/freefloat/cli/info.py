@@ -19,8 +19,8 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.dynamics.summary import RobotSummary
-    from freefloat.robot.diagnostics import UrdfDiagnostic
     from freefloat.robot.rigid_bodies import Body
+    from freefloat.robot.urdf import UrdfDiagnostic
 
 _EXAMPLES = "example-robot-data:"
 
@@ -91,7 +91,7 @@ def _require_no_error(
     console: Console, diagnostics: Sequence[UrdfDiagnostic]
 ) -> Sequence[UrdfDiagnostic]:
     """Return diagnostics; if one is an error, print all of them and exit instead."""
-    from freefloat.robot.diagnostics import Severity
+    from freefloat.robot.urdf import Severity
 
     errors = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
     if not errors:

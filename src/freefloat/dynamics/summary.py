@@ -15,8 +15,8 @@ from freefloat.dynamics.measures import (
 )
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.robot.diagnostics import Severity, UrdfDiagnostic
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.urdf import Severity, UrdfDiagnostic
 from freefloat.so3 import Array
 
 

@@ -20,8 +20,7 @@ from freefloat.motion.joint_extents import joint_ranges
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.robot.shapes import Box, Cylinder, MeshFile, Sphere
-from freefloat.robot.urdf import LinkShape
+from freefloat.robot.urdf import Box, Cylinder, LinkShape, MeshFile, Sphere
 from freefloat.so3 import Array, IntArray, Pose, low_discrepancy
 
 _CONFIGURATIONS = 1024

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from lxml import etree
 
 from freefloat.errors import InputError, ModelError, did_you_mean, require_type
@@ -22,8 +23,9 @@ from freefloat.robot.urdf import RobotDescription, rpy_rotation
 from freefloat.robot.validation import read_urdf
 from freefloat.so3 import Array, Pose
 
-_NAMED = {"link": "name", "parent": "link", "child": "link", "joint": "name", "mimic": "joint"}
-"""Elements that name a link or a joint, and the attribute that does."""
+_NAMED = {"link": "name", "parent": "link", "child": "link", "joint": "name", "mimic": "joint",
+          "material": "name"}  # fmt: skip
+"""Elements that name a link, a joint or a material, and the attribute that does."""
 
 
 def assemble(
@@ -55,7 +57,10 @@ def assemble(
         InputError: If a part has another type.
         ModelError: If a URDF has errors, has no such link, or uses a name that is taken.
     """
-    _require_parts(spacecraft, payload, attached)
+    require_type("spacecraft", spacecraft, Spacecraft | None, "Spacecraft(mass, inertia, mount)")
+    require_type("payload", payload, Payload | None, "Payload(mass, inertia, com)")
+    accepted = "a list of parts, such as [Attachment(urdf, link)]"
+    require_type("attached", attached, Sequence, accepted)
     arm = read_urdf(urdf, mounted=spacecraft is not None)
     robot, root = etree.fromstring(arm.text), arm.roots[0]
     if spacecraft is not None:
@@ -63,6 +68,7 @@ def assemble(
         _mount_root(robot, root, carrier, spacecraft.mount, _free_name(robot, "spacecraft_mount"))
         root = carrier
     for index, attachment in enumerate(attached):
+        require_type(f"attached.{index}", attachment, Attachment, accepted)
         try:
             _attach(robot, attachment, root, arm.source)
         except InputError as error:
@@ -90,17 +96,18 @@ def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> 
         require_type("scale_mass", scale_mass, Real, "a positive number, or a map of them by link")
         factors = dict.fromkeys(robot.link, float(scale_mass))
     root = etree.fromstring(robot.text)
-    links = {link.get("name"): link for link in root.findall("link")}
     for name, factor in factors.items():
-        if name not in links:
-            raise ModelError(f"scale_mass.{name}", "the robot has no such link", ", ".join(links))
+        if name not in robot.link:
+            accepted = ", ".join(robot.link)
+            raise ModelError(f"scale_mass.{name}", "the robot has no such link", accepted)
         require_type(f"scale_mass.{name}", factor, Real, "a positive number")
         if not (math.isfinite(factor) and factor > 0.0):
             raise ModelError(f"scale_mass.{name}", f"{factor} was given", "a positive number")
-        for element in links[name].iterfind("inertial/*"):
-            keys = {"mass": ("value",), "inertia": MOMENTS}.get(element.tag, ())
-            for key in keys if factor != 1.0 else ():
-                element.set(key, repr(float(element.get(key)) * factor))
+        for moment in root.xpath(
+            "link[@name=$name]/inertial/mass/@value | link[@name=$name]/inertial/inertia/@*",
+            name=name,
+        ):
+            moment.getparent().set(moment.attrname, repr(float(moment) * factor))
     return replace(decode(root, robot.source), diagnostics=robot.diagnostics)
 
 
@@ -113,8 +120,8 @@ def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
     if end_effector is not None:
         return _link(robot, "end_effector", end_effector)
     if len(robot.leaves) > 1:
-        moved = [body for first, body in robot.rigid_groups.items() if first not in robot.roots]
-        ends = [body.links for body in moved if set(body.links) & set(robot.leaves)]
+        moved = [group for first, group in robot.rigid_groups.items() if first not in robot.roots]
+        ends = [group.links for group in moved if set(group.links) & set(robot.leaves)]
         names = ", ".join(link for links in ends for link in links) or ", ".join(robot.leaves)
         accepted = f"--end-effector, or end_effector of a scenario, with a link such as {names}"
         problem = "none was given and the robot has several last links"
@@ -128,26 +135,15 @@ def rename_meshes(robot: Element, rename: Callable[[str], str]) -> None:
         mesh.set("filename", rename(mesh.get("filename", "")))
 
 
-def _require_parts(spacecraft: object, payload: object, attached: Any) -> None:
-    accepted = "a list of parts, such as [Attachment(urdf, link)]"
-    require_type("attached", attached, Sequence, accepted)
-    if spacecraft is not None:
-        require_type("spacecraft", spacecraft, Spacecraft, "Spacecraft(mass, inertia, mount)")
-    if payload is not None:
-        require_type("payload", payload, Payload, "Payload(mass, inertia, com)")
-    for index, part in enumerate(attached):
-        require_type(f"attached.{index}", part, Attachment, accepted)
-
-
 def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> None:
     """Add the links and joints of another URDF and fix its root to a link."""
     link, prefix = attachment.link, attachment.prefix
     carrier = root if link is None else _link(decode(robot, source), "link", link)
     part = read_urdf(attachment.urdf)
     other, foot = etree.fromstring(part.text), prefix + part.roots[0]
-    for element in other.iter():
-        key = "name" if element.tag == "material" else _NAMED.get(element.tag)
-        if key is not None and element.get(key):
+    for element in other.iter(*_NAMED):
+        key = _NAMED[element.tag]
+        if element.get(key):
             element.set(key, prefix + element.get(key))
     rename_meshes(other, lambda name: _relocated(source, name, part.source))
     name = _free_name(robot, f"{foot}_mount", other)
@@ -178,13 +174,12 @@ def _relocated(source: str, name: str, other: str) -> str:
 
 def _mount_root(robot: Element, root: str, carrier: str, mount: Mount, name: str) -> None:
     """Fix a root link to its carrier; an empty one is replaced by the carrier."""
-    link = next(link for link in robot.findall("link") if link.get("name") == root)
-    parents = [parent for parent in robot.iterfind("joint/parent") if parent.get("link") == root]
+    (link,) = robot.xpath("link[@name=$root]", root=root)
+    parents = robot.xpath("joint/parent[@link=$root]", root=root)
     if len(link) or not parents:
         _fix(robot, carrier, root, name, mount)
         return
-    robot.remove(link)
-    for element in robot.xpath("*[@reference=$root]", root=root):
+    for element in (link, *robot.xpath("*[@reference=$root]", root=root)):
         robot.remove(element)
     for parent in parents:
         parent.set("link", carrier)
@@ -192,7 +187,8 @@ def _mount_root(robot: Element, root: str, carrier: str, mount: Mount, name: str
         origin = joint.find("origin")
         origin = etree.SubElement(joint, "origin") if origin is None else origin
         xyz, rpy = (np.array(origin.get(key, "0 0 0").split(), float) for key in ("xyz", "rpy"))
-        _set_origin(origin, Mount.from_pose(mount.pose @ Pose(xyz, rpy_rotation(rpy))))
+        pose = mount.pose @ Pose(xyz, rpy_rotation(rpy))
+        _set_origin(origin, Mount(pose.position, pin.rpy.matrixToRpy(pose.rotation)))
 
 
 def _link(robot: RobotDescription, key: str, name: str) -> str:
@@ -210,9 +206,8 @@ def _add_body(robot: Element, name: str, body: Spacecraft | Payload, centre: Arr
     inertial = etree.SubElement(link, "inertial")
     _set_origin(etree.SubElement(inertial, "origin"), Mount(body.com))
     etree.SubElement(inertial, "mass", value=repr(body.mass))
-    moments = body.inertia[np.triu_indices(3)].tolist()
-    values = {key: repr(moment) for key, moment in zip(MOMENTS, moments, strict=True)}
-    etree.SubElement(inertial, "inertia", values)
+    moments = map(repr, body.inertia[np.triu_indices(3)].tolist())
+    etree.SubElement(inertial, "inertia", dict(zip(MOMENTS, moments, strict=True)))
     for tag in ("visual", "collision") if body.size is not None or body.mesh is not None else ():
         shape = etree.SubElement(link, tag)
         if body.size is not None:
@@ -242,9 +237,9 @@ def _names(robot: Element) -> set[str]:
     return set(robot.xpath("link/@name | joint/@name"))
 
 
-def _free_name(robot: Element, wanted: str, other: Element = ()) -> str:
+def _free_name(robot: Element, wanted: str, other: Any = None) -> str:
     """A name that neither a link nor a joint has."""
-    taken = _names(robot) | (_names(other) if len(other) else set())
+    taken = _names(robot) | (set() if other is None else _names(other))
     numbered = (f"{wanted}_{number}" for number in itertools.count(2))
     return next(name for name in itertools.chain([wanted], numbered) if name not in taken)
 

@@ -12,8 +12,8 @@ import numpy.typing as npt
 import trimesh
 
 from freefloat.robot.names import MeshFileError
-from freefloat.robot.shapes import Colour, Mesh
-from freefloat.so3 import Array
+from freefloat.robot.urdf import Colour
+from freefloat.so3 import Array, IntArray, frozen
 
 _FORMATS = (".dae", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb")
 _MAX_BYTES = 200_000_000
@@ -21,6 +21,29 @@ _FARTHEST = 1e9
 """Largest accepted coordinate, in the file's unit."""
 _SMOOTH = np.radians(30.0)
 """Faces that meet at a smaller angle are shaded as one curved surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles, anticlockwise when seen from outside.
+
+    Attributes:
+        vertices: [m], shape (V, 3).
+        faces: Indices of three vertices each, shape (F, 3).
+        normals: Outward unit vectors at the vertices, shape (V, 3). A vertex on a sharp edge
+            appears once for each side.
+    """
+
+    vertices: Array
+    faces: IntArray
+    normals: Array
+
+    def __post_init__(self) -> None:
+        for name in ("vertices", "normals"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+        faces = np.array(self.faces, dtype=np.int64)
+        faces.setflags(write=False)
+        object.__setattr__(self, "faces", faces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +71,13 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
             io.BytesIO(_content(path)), file_type=path.suffix.lower().removeprefix("."),
             process=False, resolver=_Resolver(str(path)),
         )  # fmt: skip
-        factor = _metres(scene.units) * np.broadcast_to(np.asarray(scale, dtype=float), 3)
+        unit = scene.units or "meters"  # of formats without units
+        metres = trimesh.units.unit_conversion(unit, "meters")
+        factor = metres * np.broadcast_to(np.asarray(scale, dtype=float), 3)
         meshes: dict[Colour | None, list[Any]] = {}
         for geometry in scene.dump():
-            if isinstance(geometry, trimesh.Trimesh):
-                _check(geometry)
-                if len(geometry.faces):
-                    meshes.setdefault(_colour(geometry), []).append(geometry)
+            if isinstance(geometry, trimesh.Trimesh) and len(_checked(geometry).faces):
+                meshes.setdefault(_colour(geometry), []).append(geometry)
         merged = ((_merged(group, factor), colour) for colour, group in meshes.items())
         parts = tuple(Part(mesh, colour) for mesh, colour in merged if mesh is not None)
     except Exception as error:  # a dozen readers, each with its own exceptions
@@ -93,18 +116,14 @@ def _content(path: Path) -> bytes:
     return content
 
 
-def _check(mesh: Any) -> None:
-    """Raise a ValueError for coordinates out of range and for indices without vertices."""
+def _checked(mesh: Any) -> Any:
+    """The mesh; raises a ValueError for vertices out of range and indices without vertices."""
     vertices, faces = mesh.vertices, mesh.faces
     if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
         raise ValueError("its triangles have indices without vertices")
     if len(vertices) and not np.abs(vertices).max() <= _FARTHEST:
         raise ValueError("its vertices are out of range")
-
-
-def _metres(unit: str | None) -> float:
-    """Length of a unit [m]; formats without units are in metres."""
-    return 1.0 if unit is None else float(trimesh.units.unit_conversion(unit, "meters"))
+    return mesh
 
 
 def _colour(mesh: Any) -> Colour | None:

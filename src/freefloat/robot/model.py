@@ -15,12 +15,11 @@ import pinocchio as pin
 
 from freefloat.errors import InputError, ModelError, finite_vector
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
-from freefloat.robot.diagnostics import UrdfDiagnostic
 from freefloat.robot.names import find_robot
 from freefloat.robot.parsing import is_text, require_urdf
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
-from freefloat.robot.urdf import Joint, RobotDescription
+from freefloat.robot.urdf import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.so3 import Array, Pose
 
 
@@ -80,7 +79,12 @@ class FreeFloatingModel:
                 joint moves that.
         """
         require_urdf(urdf)
-        description = assemble(_file_of(urdf), spacecraft, payload, end_effector, attached)
+        if not is_text(urdf) and (os.path.isdir(urdf) or not os.path.exists(urdf)):
+            try:
+                urdf = find_robot(str(urdf), Path())
+            except InputError as error:
+                raise ModelError(error.key, error.problem, error.accepted) from None
+        description = assemble(urdf, spacecraft, payload, end_effector, attached)
         if scale_mass != 1.0:
             description = scaled(description, scale_mass)
         if end_effector is None:
@@ -91,6 +95,11 @@ class FreeFloatingModel:
         return {key: getattr(self, key) for key in ("description", "end_effector", "held")}
 
     @cached_property
+    def moving_joints(self) -> tuple[Joint, ...]:
+        """The joints that move, from the spacecraft to the end-effector."""
+        return moving_joints(self.description, self._end_effector_link, self.held)
+
+    @cached_property
     def _end_effector_link(self) -> str:
         return end_effector_link(self.description, self.end_effector)
 
@@ -98,15 +107,18 @@ class FreeFloatingModel:
     def _built(self) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
         return build_model(self.description, self.moving_joints, self.held)
 
-    @cached_property
-    def moving_joints(self) -> tuple[Joint, ...]:
-        """The joints that move, from the spacecraft to the end-effector."""
-        return moving_joints(self.description, self._end_effector_link, self.held)
-
     @property
     def pin_model(self) -> Any:
         """The Pinocchio model: free-flyer root, moving joints, a frame for each link. Read only."""
         return self._built[0]
+
+    @property
+    def link_places(self) -> Mapping[str, tuple[int, Pose]]:
+        """The body that each link is part of, and the link's frame in that body's joint frame.
+
+        Bodies are numbered as in :attr:`bodies`: 0 is the spacecraft.
+        """
+        return self._built[1]
 
     @cached_property
     def scratch(self) -> Any:
@@ -149,14 +161,6 @@ class FreeFloatingModel:
         """The end-effector's frame in the frame of the last joint."""
         return self.link_places[self._end_effector_link][1]
 
-    @property
-    def link_places(self) -> Mapping[str, tuple[int, Pose]]:
-        """The body that each link is part of, and the link's frame in that body's joint frame.
-
-        Bodies are numbered as in :attr:`bodies`: 0 is the spacecraft.
-        """
-        return self._built[1]
-
     @cached_property
     def body_names(self) -> tuple[str, ...]:
         """A link for each body: the root link, then the children of the moving joints."""
@@ -190,7 +194,7 @@ class FreeFloatingModel:
         """Poses of the bodies' joint frames in the inertial frame, the root link's first."""
         q = self.configuration(attitude, joints)
         pin.forwardKinematics(self.pin_model, self.scratch, q)
-        return tuple(pose_of(placement) for placement in self.scratch.oMi.tolist()[1:])
+        return tuple(map(pose_of, self.scratch.oMi.tolist()[1:]))
 
     def joint_vector(self, joints: Mapping[str, float] | npt.ArrayLike) -> Array:
         """Joint values as a vector, from a map by joint name or a sequence in chain order.
@@ -199,23 +203,11 @@ class FreeFloatingModel:
             InputError: If a joint is missing, unknown, or a value is not a finite number.
         """
         if isinstance(joints, Mapping):
-            unknown = sorted(set(joints) - set(self.joint_names))
-            missing = [name for name in self.joint_names if name not in joints]
-            if unknown or missing:
-                raise InputError(
-                    "joints",
-                    f"unknown: {', '.join(unknown) or '-'}, missing: {', '.join(missing) or '-'}",
-                    ", ".join(self.joint_names),
-                )
+            if set(joints) != set(self.joint_names):
+                problem = f"values of {', '.join(joints) or 'no joint'} were given"
+                raise InputError("joints", problem, f"values of {', '.join(self.joint_names)}")
             joints = [joints[name] for name in self.joint_names]
-        accepted = f"{self.dof} values: {', '.join(self.joint_names)}"
-        try:
-            values = np.atleast_1d(np.asarray(joints, dtype=float))
-        except (TypeError, ValueError):
-            raise InputError("joints", f"{joints!r} was given", accepted) from None
-        if values.shape != (self.dof,):
-            raise InputError("joints", f"{values.size} values were given", accepted)
-        return finite_vector("joints", values, self.dof)
+        return finite_vector("joints", joints, self.dof)
 
     def joint_distance(self, first: npt.ArrayLike, second: npt.ArrayLike) -> float:
         """The largest difference of joint values [rad, m], modulo 2 pi for revolute joints."""
@@ -223,13 +215,3 @@ class FreeFloatingModel:
         revolute = [joint.type != "prismatic" for joint in self.moving_joints]
         difference[revolute] = (difference[revolute] + np.pi) % (2.0 * np.pi) - np.pi
         return float(np.abs(difference).max())
-
-
-def _file_of(urdf: str | Path) -> str | Path:
-    """The file of a robot's name; files and XML text unchanged."""
-    if is_text(urdf) or (os.path.exists(urdf) and not os.path.isdir(urdf)):
-        return urdf
-    try:
-        return find_robot(str(urdf), Path())
-    except InputError as error:
-        raise ModelError(error.key, error.problem, error.accepted) from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sysconfig
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -61,10 +61,8 @@ def find_study(name: str) -> Path:
 
 
 def _find(kind: str, name: str, known: tuple[str, ...], below: str) -> Path:
-    """A file, or that of a bundled name in a subfolder of its robot's folder."""
-    path = Path(name)
-    if is_file(path):
-        return path
+    if is_file(Path(name)):
+        return Path(name)
     if name in known:
         robot, _, stem = name.partition("/")
         return models_folder() / robot / below / f"{stem}.yaml"
@@ -82,19 +80,21 @@ def find_robot(name: str, folder: Path) -> Path:
         InputError: Listing the known names when it is none of them.
     """
     if name.startswith(EXAMPLE):
-        return _find_example(name)
-    path = folder / name
+        robots = example_robots()
+        short = name.removeprefix(EXAMPLE).removesuffix("_robot")
+        if short not in robots:
+            raise unknown("urdf", name, [EXAMPLE + robot for robot in sorted(robots)], "one of")
+        return robots[short]
+    path, stem = folder / name, name.removesuffix(".urdf")
     if is_file(path):
         return path
-    stem = name.removesuffix(".urdf")
     if stem in bundled_robots():
         return models_folder() / stem / f"{stem}.urdf"
-    error = unknown("urdf", name, (*bundled_robots(), f"{EXAMPLE}NAME"), "a URDF file, or one of")
+    names = [*bundled_robots(), f"{EXAMPLE}NAME"]
     with suppress(InputError):
         short = stem.removesuffix("_robot")
-        if short in example_robots():
-            error.problem += f" (did you mean {EXAMPLE}{short}?)"
-    raise InputError(error.key, error.problem, error.accepted)
+        names += [EXAMPLE + short] if short in example_robots() else []
+    raise unknown("urdf", name, names, "a URDF file, or one of")
 
 
 def example_robots() -> dict[str, Path]:
@@ -129,18 +129,8 @@ def examples_folder() -> Path:
     for folder in shared:
         if (folder / _EXAMPLES / "robots").is_dir():
             return folder / _EXAMPLES / "robots"
-    raise InputError(
-        "urdf", f"the package {_EXAMPLES} is not installed", f"pip install {_EXAMPLES}, or a file"
-    )
-
-
-def _find_example(name: str) -> Path:
-    robots = example_robots()
-    short = name.removeprefix(EXAMPLE).removesuffix("_robot")
-    if short in robots:
-        return robots[short]
-    names = tuple(EXAMPLE + robot for robot in sorted(robots))
-    raise unknown("urdf", name, names, "one of")
+    problem = f"the package {_EXAMPLES} is not installed"
+    raise InputError("urdf", problem, f"pip install {_EXAMPLES}, or a file")
 
 
 def is_file(path: Path) -> bool:
@@ -151,12 +141,9 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def unknown(key: str, name: str, names: tuple[str, ...], what: str) -> InputError:
+def unknown(key: str, name: str, names: Sequence[str], what: str) -> InputError:
     """The error for an unknown name, with the most similar known one."""
-    shown = name if len(name) <= 240 else name[:237] + "..."
-    problem = f"no such file or name: {shown}{did_you_mean(name, names)}"
-    if name and len(name) < 256 and "\0" not in name and Path(name).is_dir():
-        problem = f"{name} is a directory"
+    problem = f"no such file or name: {name[:240]}{did_you_mean(name, names)}"
     return InputError(key, problem, f"{what} {', '.join(names)}")
 
 
@@ -193,25 +180,24 @@ def find_mesh(name: str, urdf: str) -> Path:
     for place in places:
         if is_file(place):
             return place
-    raise MeshFileError(f"no such file{_hint(split.scheme, split.netloc)}")
-
-
-def _hint(scheme: str, package: str) -> str:
-    if scheme not in ("package", "model"):
-        return ""
-    return f" in a folder {package} above the URDF, on ROS_PACKAGE_PATH or under AMENT_PREFIX_PATH"
+    hint = ""
+    if split.scheme in ("package", "model"):
+        where = "above the URDF, on ROS_PACKAGE_PATH or under AMENT_PREFIX_PATH"
+        hint = f" in a folder {split.netloc} {where}"
+    raise MeshFileError(f"no such file{hint}")
 
 
 def _in_package(package: str, rest: str, urdf: Path) -> Iterator[Path]:
     """Paths that a file of a package may have, in order of precedence."""
-    ros = [Path(word) for word in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if word]
+    ros, ament = (
+        [Path(word) for word in os.environ.get(variable, "").split(os.pathsep) if word]
+        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    )
     for folder in [*urdf.absolute().parents, *ros]:
         if folder.name == package:
             yield folder / rest
         yield folder / package / rest
-    for word in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        if word:
-            yield Path(word) / "share" / package / rest
+    yield from (folder / "share" / package / rest for folder in ament)
     with suppress(InputError):
         examples = examples_folder()
         if package == examples.parent.name:

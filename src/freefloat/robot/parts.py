@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +12,8 @@ import numpy.typing as npt
 from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.robot.names import is_file
 from freefloat.robot.parsing import require_urdf
-from freefloat.robot.shapes import breaks_triangle
-from freefloat.robot.urdf import roll_pitch_yaw, rpy_rotation
+from freefloat.robot.plausibility import breaks_triangle
+from freefloat.robot.urdf import rpy_rotation
 from freefloat.so3 import Array, Pose, frozen
 
 INERTIA = (
@@ -43,11 +44,6 @@ class Mount:
         for name in ("xyz", "rpy"):
             values = finite_vector(f"spacecraft.mount.{name}", getattr(self, name), 3)
             object.__setattr__(self, name, frozen(values))
-
-    @classmethod
-    def from_pose(cls, pose: Pose) -> Mount:
-        """The mount with a pose."""
-        return cls(pose.position, roll_pitch_yaw(pose.rotation))
 
     @property
     def pose(self) -> Pose:
@@ -132,17 +128,34 @@ class Attachment:
         require_type("attachment.mount", self.mount, Mount, _MOUNT)
 
 
-def inertia_matrix(key: str, values: npt.ArrayLike) -> Array:
-    """The inertia matrix of a rigid body, shape (3, 3).
+def _check_body(name: str, body: Spacecraft | Payload) -> None:
+    """Check the values of a rigid body and replace them by read-only arrays."""
+    mass = float(finite_vector(f"{name}.mass", [body.mass], 1)[0])
+    if mass <= 0.0:
+        raise InputError(f"{name}.mass", f"{mass:g} kg was given", "a positive mass [kg]")
+    values: dict[str, Any] = {
+        "mass": mass,
+        "inertia": _inertia_matrix(f"{name}.inertia", body.inertia),
+        "com": frozen(finite_vector(f"{name}.com", body.com, 3)),
+    }
+    if body.size is not None:
+        edges = finite_vector(f"{name}.size", body.size, 3)
+        if edges.min() <= 0.0:
+            problem = f"{edges.tolist()} was given"
+            raise InputError(f"{name}.size", problem, "three positive lengths [m]")
+        values["size"] = frozen(edges)
+    if body.mesh is not None:
+        if body.size is not None:
+            raise InputError(f"{name}.mesh", "size is given, too", "one of mesh and size")
+        values["mesh"] = Path(body.mesh).absolute()
+        if not is_file(values["mesh"]):
+            raise InputError(f"{name}.mesh", f"{values['mesh']}: no such file", "a mesh file")
+    for key, value in values.items():
+        object.__setattr__(body, key, value)
 
-    Args:
-        key: Named in errors.
-        values: Principal moments, shape (3,), the six moments in a URDF's order, shape (6,), or a
-            matrix, shape (3, 3) or (9,).
 
-    Raises:
-        InputError: If the values have another form, or no rigid body has them.
-    """
+def _inertia_matrix(key: str, values: npt.ArrayLike) -> Array:
+    """The inertia matrix (3, 3) from three principal moments, six moments or a matrix."""
     try:
         matrix = np.array(values, dtype=float)
     except (TypeError, ValueError):
@@ -150,8 +163,7 @@ def inertia_matrix(key: str, values: npt.ArrayLike) -> Array:
     if matrix.shape == (3,):
         matrix = np.diag(matrix)
     elif matrix.shape == (6,):
-        xx, xy, xz, yy, yz, zz = matrix
-        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        matrix = matrix[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
     elif matrix.shape == (9,):
         matrix = matrix.reshape(3, 3)
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
@@ -166,26 +178,3 @@ def inertia_matrix(key: str, values: npt.ArrayLike) -> Array:
         accepted = "moments of which the smaller two sum to the largest or more"
         raise InputError(key, f"{shown} break the triangle inequality", accepted)
     return frozen(matrix)
-
-
-def _check_body(name: str, body: Spacecraft | Payload) -> None:
-    """Check the values of a rigid body and replace them by read-only arrays."""
-    mass = float(finite_vector(f"{name}.mass", [body.mass], 1)[0])
-    if mass <= 0.0:
-        raise InputError(f"{name}.mass", f"{mass:g} kg was given", "a positive mass [kg]")
-    object.__setattr__(body, "mass", mass)
-    object.__setattr__(body, "inertia", inertia_matrix(f"{name}.inertia", body.inertia))
-    object.__setattr__(body, "com", frozen(finite_vector(f"{name}.com", body.com, 3)))
-    if body.size is not None:
-        edges = finite_vector(f"{name}.size", body.size, 3)
-        if edges.min() <= 0.0:
-            problem = f"{edges.tolist()} was given"
-            raise InputError(f"{name}.size", problem, "three positive lengths [m]")
-        object.__setattr__(body, "size", frozen(edges))
-    if body.mesh is not None:
-        if body.size is not None:
-            raise InputError(f"{name}.mesh", "size is given, too", "one of mesh and size")
-        mesh = Path(body.mesh).absolute()
-        if not is_file(mesh):
-            raise InputError(f"{name}.mesh", f"{mesh}: no such file", "a mesh file")
-        object.__setattr__(body, "mesh", mesh)

@@ -14,10 +14,11 @@ from freefloat.robot.parsing import UNLIMITED
 from freefloat.robot.urdf import IDENTITY, Joint, RobotDescription
 from freefloat.so3 import Array, Pose, frozen
 
-_REVOLUTE = {(1.0, 0.0, 0.0): pin.JointModelRX, (0.0, 1.0, 0.0): pin.JointModelRY,
-             (0.0, 0.0, 1.0): pin.JointModelRZ}  # fmt: skip
-_PRISMATIC = {(1.0, 0.0, 0.0): pin.JointModelPX, (0.0, 1.0, 0.0): pin.JointModelPY,
-              (0.0, 0.0, 1.0): pin.JointModelPZ}  # fmt: skip
+_ALIGNED = {
+    False: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
+    True: (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
+}
+"""Joints along coordinate axes, by whether they are prismatic."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,23 +57,10 @@ def moving_joints(
 ) -> tuple[Joint, ...]:
     """The joints that move a link, from the root link outwards, without held ones.
 
-    Args:
-        robot: The robot.
-        link: The end-effector's link.
-        held: Values of held joints by name [rad or m].
-
     Raises:
         ModelError: If no joint moves the link, there is no held joint of a name, or a value is not
             finite.
     """
-    chain = [joint for joint in robot.chain(link) if joint.moving]
-    if not chain:
-        groups = robot.rigid_groups.items()
-        moved = [
-            name for first, group in groups if first not in robot.roots for name in group.links
-        ]
-        problem = f"{link!r} is fixed to the spacecraft, no joint moves it"
-        raise ModelError("end_effector", problem, f"one of {', '.join(moved)}")
     names = [joint.name for joint in robot.joints if joint.moving]
     for name, value in held.items():
         if name not in names:
@@ -80,7 +68,17 @@ def moving_joints(
             raise ModelError(f"held.{name}", problem, ", ".join(names))
         if not np.isfinite(value):
             raise ModelError(f"held.{name}", f"{value} was given", "a finite number [rad, m]")
-    moving = tuple(joint for joint in chain if joint.name not in held)
+    chain: list[Joint] = []
+    below = link
+    while below in robot.parent_joint:
+        chain.insert(0, robot.parent_joint[below])
+        below = chain[0].parent
+    if not any(joint.moving for joint in chain):
+        fixed = {name for root in robot.roots for name in robot.rigid_groups[root].links}
+        moved = [name for name in robot.link if name not in fixed]
+        problem = f"{link!r} is fixed to the spacecraft, no joint moves it"
+        raise ModelError("end_effector", problem, f"one of {', '.join(moved)}")
+    moving = tuple(joint for joint in chain if joint.moving and joint.name not in held)
     if not moving:
         problem = f"all joints that move {link!r} are held"
         raise ModelError("held", problem, "at least one joint that moves")
@@ -99,52 +97,48 @@ def build_model(
         body, pose = places[name]
         inertial = robot.link[name].inertial
         if inertial is not None:
-            at = pose @ inertial.origin
             inertia = pin.Inertia(inertial.mass, np.zeros(3), inertial.inertia)
-            model.appendBodyToJoint(body + 1, inertia, pin.SE3(at.rotation, at.position))
+            model.appendBodyToJoint(body + 1, inertia, _placement(pose @ inertial.origin))
         for joint in robot.children.get(name, ()):
             at = pose @ joint.origin
             if joint in moving:
-                index = model.addJoint(
-                    body + 1, _joint_model(joint), pin.SE3(at.rotation, at.position), joint.name
-                )
+                index = model.addJoint(body + 1, _joint_model(joint), _placement(at), joint.name)
                 places[joint.child] = (index - 1, IDENTITY)
             else:
-                places[joint.child] = (body, at @ joint.displacement(held.get(joint.name, 0.0)))
+                places[joint.child] = (body, at @ _displacement(joint, held.get(joint.name, 0.0)))
             links.append(joint.child)
     for name, (body, pose) in places.items():
-        placement = pin.SE3(pose.rotation, pose.position)
-        model.addFrame(pin.Frame(name, body + 1, 0, placement, pin.BODY), False)
+        model.addFrame(pin.Frame(name, body + 1, 0, _placement(pose), pin.BODY), False)
     return model, places
 
 
 def _joint_model(joint: Joint) -> Any:
-    axis = joint.axis / np.linalg.norm(joint.axis)
-    aligned = (_PRISMATIC if joint.type == "prismatic" else _REVOLUTE).get(tuple(axis.tolist()))
-    if aligned is not None:
-        return aligned()
-    if joint.type == "prismatic":
-        return pin.JointModelPrismaticUnaligned(axis)
-    return pin.JointModelRevoluteUnaligned(axis)
+    axis, prismatic = joint.axis / np.linalg.norm(joint.axis), joint.type == "prismatic"
+    for aligned, direction in zip(_ALIGNED[prismatic], np.eye(3), strict=True):
+        if (axis == direction).all():
+            return aligned()
+    unaligned = pin.JointModelPrismaticUnaligned if prismatic else pin.JointModelRevoluteUnaligned
+    return unaligned(axis)
 
 
-def pose_of(placement: Any) -> Pose:
-    """The pose of one of Pinocchio's placements."""
-    return Pose(placement.translation, placement.rotation)
+def _displacement(joint: Joint, value: float) -> Pose:
+    """Pose of the child link's frame in the joint's frame at a joint value [rad or m]."""
+    if value == 0.0:
+        return IDENTITY
+    step = joint.axis * (value / np.linalg.norm(joint.axis))
+    prismatic = joint.type == "prismatic"
+    return Pose(step, np.eye(3)) if prismatic else Pose(np.zeros(3), pin.exp3(step))
 
 
 def body_of(model: Any, index: int, joint: Joint | None) -> Body:
     """The body of a joint of the Pinocchio model; the spacecraft's joint is None."""
     inertia = model.inertias[index]
-    axis = np.zeros(3) if joint is None else joint.axis / np.linalg.norm(joint.axis)
     rated = (None, None) if joint is None else (joint.velocity, joint.effort)
-    speed, effort = (
-        value if value is not None and 0.0 < value < UNLIMITED else np.inf for value in rated
-    )
+    speed, effort = (value if value and 0.0 < value < UNLIMITED else np.inf for value in rated)
     return Body(
         joint=model.names[index],
         placement=pose_of(model.jointPlacements[index]),
-        axis=frozen(axis),
+        axis=frozen(np.zeros(3) if joint is None else joint.axis / np.linalg.norm(joint.axis)),
         prismatic=joint is not None and joint.type == "prismatic",
         lower=-np.inf if joint is None else joint.lower,
         upper=np.inf if joint is None else joint.upper,
@@ -154,3 +148,12 @@ def body_of(model: Any, index: int, joint: Joint | None) -> Body:
         centre=frozen(inertia.lever),
         inertia=frozen(inertia.inertia),
     )
+
+
+def _placement(pose: Pose) -> Any:
+    return pin.SE3(pose.rotation, pose.position)
+
+
+def pose_of(placement: Any) -> Pose:
+    """The pose of one of Pinocchio's placements."""
+    return Pose(placement.translation, placement.rotation)

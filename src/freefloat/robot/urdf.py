@@ -2,36 +2,94 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.robot.diagnostics import Severity, UrdfDiagnostic
-from freefloat.robot.shapes import Box, Colour, Cylinder, MeshFile, Sphere
-from freefloat.so3 import Array, Pose
+from freefloat.errors import ModelError
+from freefloat.so3 import Array, Pose, frozen
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints that move."""
 IDENTITY = Pose(np.zeros(3), np.eye(3))
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each from 0 to 1."""
+
+
+class Severity(StrEnum):
+    """How severe a diagnostic is."""
+
+    ERROR = "error"
+    """The model cannot be loaded."""
+    WARNING = "warning"
+    """The model loads, but the URDF probably does not say what was meant."""
+
+
+@dataclass(frozen=True)
+class UrdfDiagnostic:
+    """An error or a warning about one element of a URDF.
+
+    Attributes:
+        severity: Whether the model can be loaded.
+        file: The file, or ``"URDF text"``.
+        line: Line on which the element begins, counted from 1.
+        element: The link or joint concerned, as in ``"joint elbow"``.
+        problem: What is wrong, with its numbers.
+        remedy: What to write instead.
+    """
+
+    severity: Severity
+    file: str
+    line: int
+    element: str
+    problem: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.element}: {self.problem}; {self.remedy}"
+
+    def exception(self) -> ModelError:
+        """The diagnostic as an exception."""
+        return ModelError(self.element, self.problem, self.remedy, self.file, self.line)
 
 
 @dataclass(frozen=True, eq=False)
-class Inertial:
-    """Mass properties of a link.
+class Box:
+    """A box centred on the origin; edges along x, y, z [m], shape (3,)."""
 
-    Attributes:
-        mass: [kg].
-        origin: Frame of the inertia in the link's frame; its origin is the centre of mass.
-        inertia: About the centre of mass, axes of ``origin`` [kg m²], shape (3, 3).
-    """
+    size: Array
 
-    mass: float
-    origin: Pose
-    inertia: Array
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "size", frozen(self.size))
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder about the z axis, centred on the origin; lengths in metres."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere about the origin; radius in metres."""
+
+    radius: float
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh file as the URDF names it, and its scale along x, y, z."""
+
+    filename: str
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,15 +112,23 @@ class LinkShape:
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
-    """A link.
+class Inertial:
+    """Mass properties of a link.
 
     Attributes:
-        name: Its name.
-        inertial: Its mass properties, if it has any.
-        shapes: Its visuals and collision shapes.
-        lines: Line of the ``link`` and of the elements in it, by tag.
+        mass: [kg].
+        origin: Frame of the inertia in the link's frame; its origin is the centre of mass.
+        inertia: About the centre of mass, axes of ``origin`` [kg m²], shape (3, 3).
     """
+
+    mass: float
+    origin: Pose
+    inertia: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A link: mass properties if it has any, shapes, and the lines of its elements by tag."""
 
     name: str
     inertial: Inertial | None
@@ -91,7 +157,7 @@ class Joint:
     """A joint.
 
     Attributes:
-        name: Its name.
+        name: Name of the joint.
         type: ``revolute``, ``continuous``, ``prismatic`` or ``fixed`` in a valid URDF.
         parent: Name of the parent link.
         child: Name of the child link.
@@ -124,15 +190,6 @@ class Joint:
         """Whether it is not fixed."""
         return self.type in MOVING
 
-    def displacement(self, value: float) -> Pose:
-        """Pose of the child link's frame in the joint's frame at a joint value [rad or m]."""
-        if not self.moving or value == 0.0:
-            return IDENTITY
-        step = self.axis * (value / np.linalg.norm(self.axis))
-        if self.type == "prismatic":
-            return Pose(step, np.eye(3))
-        return Pose(np.zeros(3), Rotation.from_rotvec(step).as_matrix())
-
 
 @dataclass(frozen=True, eq=False)
 class RigidGroup:
@@ -141,7 +198,7 @@ class RigidGroup:
     Attributes:
         links: Pose of every link in the frame of the first one, by name. The first is the root
             link or the child of a moving joint.
-        joints: Origins of the moving joints that leave the body, in that frame [m], by child link.
+        joints: Origins of the moving joints that leave the group, in that frame [m], by child link.
     """
 
     links: Mapping[str, Pose]
@@ -167,16 +224,12 @@ class RobotDescription:
     text: str = field(repr=False)
     source: str
     diagnostics: tuple[UrdfDiagnostic, ...] = field(default=(), repr=False)
-
-    @property
-    def errors(self) -> tuple[UrdfDiagnostic, ...]:
-        """Diagnostics that keep the model from being loaded."""
-        return tuple(one for one in self.diagnostics if one.severity is Severity.ERROR)
+    tag = "robot"
 
     @property
     def warnings(self) -> tuple[UrdfDiagnostic, ...]:
         """Diagnostics about what is probably not meant."""
-        return tuple(one for one in self.diagnostics if one.severity is Severity.WARNING)
+        return tuple(entry for entry in self.diagnostics if entry.severity is Severity.WARNING)
 
     @cached_property
     def link(self) -> Mapping[str, Link]:
@@ -186,10 +239,10 @@ class RobotDescription:
     @cached_property
     def children(self) -> Mapping[str, tuple[Joint, ...]]:
         """Joints that leave a link, by the link's name."""
-        found: dict[str, tuple[Joint, ...]] = {}
+        children: dict[str, tuple[Joint, ...]] = {}
         for joint in self.joints:
-            found[joint.parent] = (*found.get(joint.parent, ()), joint)
-        return found
+            children[joint.parent] = (*children.get(joint.parent, ()), joint)
+        return children
 
     @cached_property
     def parent_joint(self) -> Mapping[str, Joint]:
@@ -227,38 +280,19 @@ class RobotDescription:
                     queue.append(joint.child)
         return RigidGroup(links, joints)
 
-    def error(self, at: Link | Joint, tag: str, problem: str, remedy: str) -> UrdfDiagnostic:
-        """An error about an element of a link or joint."""
-        return self._diagnostic(Severity.ERROR, at, tag, problem, remedy)
 
-    def warning(self, at: Link | Joint, tag: str, problem: str, remedy: str) -> UrdfDiagnostic:
-        """A warning about an element of a link or joint."""
-        return self._diagnostic(Severity.WARNING, at, tag, problem, remedy)
-
-    def _diagnostic(
-        self, severity: Severity, at: Link | Joint, tag: str, problem: str, remedy: str
-    ) -> UrdfDiagnostic:
-        line = at.lines.get(tag, at.lines[at.tag])
-        name = f"{at.tag} {at.name}".strip()
-        return UrdfDiagnostic(severity, self.source, line, name, problem, remedy)
-
-    def chain(self, link: str) -> tuple[Joint, ...]:
-        """Joints from the root link to a link."""
-        joints: list[Joint] = []
-        while link in self.parent_joint:
-            joints.append(self.parent_joint[link])
-            link = joints[-1].parent
-        return tuple(reversed(joints))
+def corners(shape: Box | Cylinder | Sphere) -> Array:
+    """Corners of the box around a shape in its frame [m], shape (8, 3); z changes fastest."""
+    match shape:
+        case Box(size=size):
+            half = size / 2.0
+        case Cylinder(radius=radius, length=length):
+            half = np.array([radius, radius, length / 2.0])
+        case Sphere(radius=radius):
+            half = np.full(3, radius)
+    return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
 
 
 def rpy_rotation(rpy: Array) -> Array:
     """The rotation (3, 3) of roll, pitch, yaw about the fixed x, y, z axes in this order [rad]."""
     return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
-
-
-def roll_pitch_yaw(R: Array) -> Array:
-    """Roll, pitch, yaw of a rotation (3, 3), see :func:`rpy_rotation`; also at gimbal lock."""
-    yaw = np.arctan2(R[1, 0], R[0, 0])
-    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
-    _, cosine, sine = np.cos(yaw) * R[1] - np.sin(yaw) * R[0]
-    return np.array([np.arctan2(-sine, cosine), pitch, yaw])

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.motion.motion import Motion
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.robot.shapes import Box
+from freefloat.robot.urdf import Box
 from freefloat.so3 import Array
 from freefloat.visualization.visuals import bounding_box, robot_visuals
 

@@ -17,8 +17,9 @@ from meshcat import geometry as g
 from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
-from freefloat.robot.shapes import Box, Cylinder, Sphere, Visual
+from freefloat.robot.urdf import Box, Cylinder, Sphere
 from freefloat.so3 import Array, IntArray, Pose
+from freefloat.visualization.visuals import Visual
 
 ROOT = "meshcat"
 """First part of all paths except those of lights, camera and background."""

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, partial
-from itertools import product
 
 import numpy as np
 
-from freefloat.robot.meshes import Part, read_mesh
+from freefloat.robot.meshes import Mesh, Part, read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.robot.shapes import Box, Colour, Cylinder, Mesh, MeshFile, Shape, Visual, along
-from freefloat.so3 import Array, Pose
+from freefloat.robot.urdf import Box, Colour, Cylinder, MeshFile, Sphere, corners
+from freefloat.so3 import Array, Pose, axes_rotation
 
 _SPACECRAFT: Colour = (0.75, 0.77, 0.80, 1.0)
 _LINK: Colour = (0.93, 0.94, 0.95, 1.0)
@@ -22,7 +21,28 @@ _ROD, _HUB = 0.015, 0.026
 """Radii of rods and of joints as fractions of the arm's length."""
 _SMALLEST, _LARGEST = 0.05, 2.0
 """Limits of the edges of a spacecraft without visuals, as fractions of the arm's length."""
-_CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
+
+
+Shape = Box | Cylinder | Sphere | Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Visual:
+    """A shape of a link, as it is drawn.
+
+    Attributes:
+        name: Name of the link, numbered where it has several shapes; unique in the robot.
+        body: The rigid body that it is part of: 0 is the spacecraft, k is moved by joint k.
+        placement: Its frame in the body's joint frame.
+        shape: Its geometry.
+        colour: Of the whole shape.
+    """
+
+    name: str
+    body: int
+    placement: Pose
+    shape: Shape
+    colour: Colour
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +121,19 @@ def _default_visuals(
             start, name = body.centre, f"{spacecraft} mount"
         else:
             hub = Cylinder(_HUB * size, 2.5 * _HUB * size)
-            yield Visual(f"{name} joint", index, along(np.zeros(3), body.axis), hub, _JOINT)
+            yield Visual(f"{name} joint", index, _along(np.zeros(3), body.axis), hub, _JOINT)
             start = np.zeros(3)
         step = ends[index] - start
         length = float(np.linalg.norm(step))
         if length > _ROD * size:
             rod = Cylinder(_ROD * size, length)
-            yield Visual(name, index, along(start + step / 2.0, step), rod, _LINK)
+            yield Visual(name, index, _along(start + step / 2.0, step), rod, _LINK)
+
+
+def _along(position: Array, direction: Array) -> Pose:
+    """A frame at a position with its z axis along a direction (3,) of any length but zero."""
+    across = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    return Pose(position, axes_rotation("direction", ("z", direction), ("x", across)))
 
 
 def bounding_box(visual: Visual) -> Array:
@@ -115,14 +141,10 @@ def bounding_box(visual: Visual) -> Array:
 
     z changes fastest, then y.
     """
-    shape, centre = visual.shape, np.zeros(3)
-    if isinstance(shape, Box):
-        size = shape.size
-    elif isinstance(shape, Mesh):
+    shape, at = visual.shape, visual.placement
+    if isinstance(shape, Mesh):
         low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
-        size, centre = high - low, (low + high) / 2.0
+        points = (low + high) / 2.0 + corners(Box(high - low))
     else:
-        width = 2.0 * shape.radius
-        size = np.array([width, width, getattr(shape, "length", width)])
-    at = visual.placement
-    return np.asarray(at.position + (centre + _CORNERS * size) @ at.rotation.T)
+        points = corners(shape)
+    return np.asarray(at.position + points @ at.rotation.T)
