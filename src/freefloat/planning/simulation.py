@@ -215,15 +215,13 @@ def _branches(
 
 
 def _score(branch: SimulatedBranch) -> tuple[bool, float, float]:
-    """Completion first, then the minimum margin, then the time reached.
+    """Completion first; then the minimum margin of complete motions, the time others reach.
 
     To six digits: the motions of mirrored branches differ by rounding, and the first is preferred.
     """
-    return (
-        branch.motion.completed,
-        float(f"{branch.closest_approach.value:.6g}"),
-        float(f"{branch.motion.final.time:.6g}"),
-    )
+    completed = branch.motion.completed
+    margin = branch.closest_approach.value if completed else 0.0
+    return completed, float(f"{margin:.6g}"), float(f"{branch.motion.final.time:.6g}")
 
 
 def _unreachable(problem: Problem, attitude: Array) -> UnreachableError:
