@@ -32,7 +32,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR
 from freefloat.errors import IntegrationError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem

@@ -20,7 +20,7 @@ from rich.table import Table
 
 import freefloat as ff
 from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
 from freefloat.paths.curves import PolynomialCurve

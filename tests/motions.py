@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels.integration import EnsembleResult
+from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion

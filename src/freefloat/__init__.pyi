@@ -4,7 +4,7 @@ from . import paths as paths
 from .dynamics.measures import singularity_measure as singularity_measure
 from .dynamics.momentum import Task as Task
 from .dynamics.momentum import generalized_jacobian as generalized_jacobian
-from .dynamics.redundancy import Redundancy as Redundancy
+from .dynamics.resolved_rates import Redundancy as Redundancy
 
 # Errors
 from .errors import FreeFloatError as FreeFloatError
@@ -14,7 +14,7 @@ from .io.results import save as save
 from .io.scenario import load_scenario as load_scenario
 from .limits.check import check_limits as check_limits
 from .limits.limits import Limits as Limits
-from .motion.closest_approach import closest_approach as closest_approach
+from .motion.extrema import closest_approach as closest_approach
 from .motion.integration import integrate_motion as integrate_motion
 
 # The problem

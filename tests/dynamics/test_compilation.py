@@ -13,7 +13,7 @@ from numba.core.dispatcher import Dispatcher
 from freefloat.dynamics.kernels.compilation import compiled
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.arc_length import arc_flow
+from freefloat.motion.integration import arc_flow
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Margin, Problem
 from freefloat.paths.timing import TimedPath, Timing

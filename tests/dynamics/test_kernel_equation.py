@@ -34,7 +34,7 @@ from freefloat.dynamics.momentum import (
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels.measures import measure_at
+from freefloat.ensemble.kernels.steps import measure_at
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
 from freefloat.paths.curves import PolynomialCurve

@@ -13,12 +13,17 @@ from freefloat.dynamics.momentum import (
     generalized_jacobian,
     momentum_map,
 )
-from freefloat.dynamics.redundancy import Metric, Redundancy, Toward, range_centres
-from freefloat.dynamics.resolved_rates import ResolvedRateSolver
+from freefloat.dynamics.resolved_rates import (
+    Metric,
+    Redundancy,
+    ResolvedRateSolver,
+    Toward,
+    range_centres,
+)
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.io.trajectory import Trajectory
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel

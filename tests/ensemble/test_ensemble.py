@@ -24,7 +24,7 @@ from freefloat.ensemble.kernels.integration import (
 )
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import closest_approach, first_crossing
+from freefloat.motion.extrema import closest_approach, first_crossing
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Margin, Problem, is_kept

@@ -19,7 +19,7 @@ from freefloat.io.export import csv_text, json_text, ros2_text, write_mat
 from freefloat.io.results import save
 from freefloat.io.scenario import load_scenario
 from freefloat.io.trajectory import Trajectory, even_times
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_quaternion

@@ -8,7 +8,7 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.bounds import lower_bounds
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.matrix_bounds import ScaledSystem
 from freefloat.motion.motion import Ending, Motion

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from freefloat.io.scenario import load_scenario, parse_scenario
-from freefloat.motion.certificate import certify
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.certificate import certify, integrate_again
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Ending
-from freefloat.motion.second_integration import integrate_again
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
 from freefloat.verification.mujoco_engine import Engine

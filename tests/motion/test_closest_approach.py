@@ -7,7 +7,7 @@ import pytest
 
 from freefloat.dynamics.measures import NAMES, SingularityMeasure, singularity_measure
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import closest_approach, first_crossing
+from freefloat.motion.extrema import closest_approach, first_crossing
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin

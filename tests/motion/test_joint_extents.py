@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.joint_extents import (
+from freefloat.motion.extrema import (
     _turns,
     joint_extents,
     joint_ranges,
     unwrapped,
     whole_turns,
 )
+from freefloat.motion.integration import integrate_motion
 from freefloat.robot.model import FreeFloatingModel
 from tests.sliding import RELATIVE, sliding_motion, sliding_robot
 

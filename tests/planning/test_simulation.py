@@ -12,8 +12,7 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError, UnreachableError
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import closest_approach
-from freefloat.motion.joint_extents import joint_extents
+from freefloat.motion.extrema import closest_approach, joint_extents
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin
 from freefloat.paths.curves import PolynomialCurve

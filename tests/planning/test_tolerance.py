@@ -10,7 +10,7 @@ import pytest
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
 from freefloat.paths.path import EndEffectorPath

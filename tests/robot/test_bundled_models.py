@@ -14,7 +14,7 @@ import yourdfpy
 
 from freefloat.dynamics.momentum import Task
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits

@@ -10,7 +10,7 @@ import pytest
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.so3 import attitude_grid
 from tests.motions import bundled

@@ -17,7 +17,7 @@ from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.errors import IntegrationError
 from freefloat.motion import integration
 from freefloat.motion.certificate import certify
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin, is_kept

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges

@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 
-from freefloat.dynamics.in_plane_factor import in_plane_determinant, plane_axes
 from freefloat.dynamics.momentum import (
     Task,
     determinant,
@@ -21,12 +20,14 @@ from freefloat.dynamics.momentum import (
     require_enough_joints,
     system_matrix,
 )
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen, low_discrepancy
 
 NAMES = ("gjm", "system", "arm", "sigma")
+_REFINED = 8
+"""Samples from which each extremum over the joint space is refined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,9 @@ def singularity_measure(
     if name == "arm":
         axes = plane_axes(model, task)
         words = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
-        return SingularityMeasure(name, words, "m^4 kg", partial(in_plane_determinant, model, axes))
+        return SingularityMeasure(
+            name, words, "m^4 kg", partial(_in_plane_determinant, model, axes)
+        )
     raise InputError("margin.measure", f"{name!r} was given", ", ".join(NAMES))
 
 
@@ -141,15 +144,10 @@ class Extremes:
 def joint_space_extremes(
     model: FreeFloatingModel, measure: SingularityMeasure, samples: int = 4096
 ) -> Extremes:
-    """Search the joint space for the extremes of a measure.
+    """The extremes of a measure over the joint space, see :func:`joint_box`.
 
-    The best points of a low-discrepancy sequence are refined by a quasi-Newton method. Revolute
-    joints range over a full revolution, prismatic joints over their limits.
-
-    Args:
-        model: Robot.
-        measure: Singularity measure of the robot.
-        samples: Length of the sequence.
+    The best of ``samples`` points of a low-discrepancy sequence are refined by a quasi-Newton
+    method.
     """
     points, _ = _sorted_samples(model, measure, samples)
     smallest, smallest_at = _minimized(model, measure, points[:_REFINED])
@@ -160,16 +158,12 @@ def joint_space_extremes(
 def largest_magnitude(
     model: FreeFloatingModel, measure: SingularityMeasure, samples: int = 4096
 ) -> float:
-    """:attr:`Extremes.magnitude`, faster for measures that are nowhere negative.
-
-    The minimum of such a measure lies at a kink, where the refinement converges slowest.
-    """
+    """:attr:`Extremes.magnitude`, without the slow search for the minimum if none is negative."""
     points, values = _sorted_samples(model, measure, samples)
-    magnitude, _ = _minimized(model, lambda q: -measure(q), points[-_REFINED:])
+    largest = abs(_minimized(model, lambda q: -measure(q), points[-_REFINED:])[0])
     if values[0] >= 0.0:
-        return abs(magnitude)
-    smallest, _ = _minimized(model, measure, points[:_REFINED])
-    return max(abs(magnitude), abs(smallest))
+        return largest
+    return max(largest, abs(_minimized(model, measure, points[:_REFINED])[0]))
 
 
 def joint_box(model: FreeFloatingModel) -> tuple[Array, Array]:
@@ -186,10 +180,6 @@ def joint_box(model: FreeFloatingModel) -> tuple[Array, Array]:
             )
     lower = np.array([body.lower if body.prismatic else -np.pi for body in arm])
     return lower, np.array([body.upper if body.prismatic else np.pi for body in arm])
-
-
-_REFINED = 8
-"""Samples from which each extremum is refined."""
 
 
 def _sorted_samples(
@@ -221,3 +211,84 @@ def _minimized(
     ]  # fmt: skip
     best = min(minima, key=lambda minimum: float(minimum.fun))
     return float(function(best.x)), best.x
+
+
+_WRIST = (0.0, np.pi / 2, 0.0)
+"""Wrist angles for evaluating (37), which does not depend on them: far from singular."""
+_IN_PLANE, _OUT_OF_PLANE = [0, 4, 5], [1, 2, 3]
+_TOLERANCE = 1e-6
+
+
+def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
+    """Axes of an elbow arm's plane at q1 = 0: its normal and two in it, rows of shape (3, 3).
+
+    With the spherical wrist eliminated and the end-effector not rotating, shoulder and elbow
+    satisfy the 6x6 system (37). In these axes it splits into two blocks as in (39): momentum about
+    the normal and velocities in the plane on one side, the rest on the other.
+
+    The bodies behind the wrist move with its velocity v and contribute m d x v to the momentum, d
+    from the wrist centre to their centre of mass. Where d leaves the plane that term couples the
+    blocks; it is a multiple of other rows and is subtracted before the coupling is tested.
+
+    Raises:
+        InputError: If the system of the arm does not split into the two blocks.
+    """
+    error = InputError(
+        "margin.measure",
+        "this arm's system (5) has no in-plane factor",
+        "gjm, system or sigma; arm wants six joints, the second and third parallel and normal to "
+        "the first, the last three meeting in a point, and a spacecraft symmetric about the first",
+    )
+    virtual = VirtualManipulator.of(model)
+    if task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:
+        raise error
+    offset = _last_body_offset(model, virtual.reach)
+    if offset is None:
+        raise error
+    reference = _plane_axes_at(virtual, np.zeros(6))
+    for fraction in low_discrepancy(8, 6):
+        joints = np.pi * (2.0 * fraction - 1.0)
+        joints[4] = 0.5 + 2.0 * fraction[4]
+        axes = _plane_axes_at(virtual, joints)
+        R = _shoulder_system(model, joints, axes)
+        d = axes @ virtual.pose(joints).rotation @ virtual.tool.T @ offset
+        R[:3] -= model.bodies[-1].mass * np.cross(d, R[3:].T).T
+        blocks = R[np.ix_(_IN_PLANE, _OUT_OF_PLANE)], R[np.ix_(_OUT_OF_PLANE, _IN_PLANE)]
+        coupling, scale = np.abs(blocks).max(), np.abs(R).max()
+        factor = np.linalg.det(R[np.ix_(_IN_PLANE, _IN_PLANE)])
+        change = abs(factor - _in_plane_determinant(model, reference, joints))
+        if max(abs(axes[0] @ axes[2]), coupling / scale, change / scale**3) > _TOLERANCE:
+            raise error
+    return reference
+
+
+def _in_plane_determinant(model: FreeFloatingModel, axes: Array, joints: Array) -> float:
+    """The factor S(q2, q3) (40) of det A, which by (39) does not depend on the first joint."""
+    R = _shoulder_system(model, np.array([0.0, joints[1], joints[2], *_WRIST]), axes)
+    return float(np.linalg.det(R[np.ix_(_IN_PLANE, _IN_PLANE)]))
+
+
+def _shoulder_system(model: FreeFloatingModel, joints: Array, axes: Array) -> Array:
+    """The system (37): rows ``h, v`` and columns ``w, q1 q2 q3``, in axes (3, 3) given as rows."""
+    A = system_matrix(model, joints)
+    R = A[:6, :6] - A[:6, 6:] @ np.linalg.solve(A[6:, 6:], A[6:, :6])
+    R[:3], R[3:] = axes @ R[:3], axes @ R[3:]
+    R[:, :3] = R[:, :3] @ axes.T
+    return R
+
+
+def _plane_axes_at(virtual: VirtualManipulator, joints: Array) -> Array:
+    """Normal of the arm's plane (joint 2), joint 1 x joint 2, joint 1: rows, shape (3, 3)."""
+    k, normal = virtual.axes_at(joints)[:2]
+    return np.array([normal, np.cross(k, normal), k])
+
+
+def _last_body_offset(model: FreeFloatingModel, reach: float) -> Array | None:
+    """Vector from the real arm's wrist centre to the last body's centre of mass, in that body."""
+    four, five, six = model.bodies[4:]
+    R = five.placement.rotation @ six.placement.rotation
+    origin = five.placement.position + five.placement.rotation @ six.placement.position
+    points = np.array([np.zeros(3), five.placement.position, origin])
+    axes = np.array([four.axis, five.placement.rotation @ five.axis, R @ six.axis])
+    centre = meeting_point(points, axes, 1e-9 * reach)
+    return None if centre is None else six.centre - R.T @ (centre - origin)

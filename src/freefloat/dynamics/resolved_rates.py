@@ -1,6 +1,37 @@
-"""Equation (4): the rates that give the end-effector its twist and conserve the momentum."""
+"""Equation (4): the rates that give the end-effector its twist and conserve the momentum.
+
+    [ centroidal momentum matrix ]        [ 0   ]
+    [ end-effector Jacobian rows ]  v  =  [ h   ]
+                                          [ v_E ]
+
+With as many joints as task rows the solution is unique. The joint rates of a redundant arm differ
+by motions in the null space of the generalized Jacobian S*, which neither move the end-effector nor
+change the momentum. Among them the rates ``u`` are taken that minimize
+
+    u^T W u / 2 - gain ds/dt (u . g)
+
+where W is the metric, divided by its mean diagonal element, and g the gradient of the objective:
+the rates of minimum norm, and with an objective a null-space motion, projected in the same metric,
+along which the objective does not decrease.
+
+The attraction is proportional to the path speed ds/dt, so it vanishes where the path stops, and
+without momentum joints and attitude depend on the path parameter alone: a longer duration gives the
+same motion. The gain is therefore dimensionless: one over the fraction of the path in which an
+attraction of unit gradient takes effect. A motion integrated backward retraces the forward one,
+because ds/dt changes sign with the end-effector's velocity.
+
+Toward ``sigma`` g is the gradient of ln sqrt(det(S* S*^T)), the logarithm of the manipulability: it
+grows with the smallest singular value but is smooth where two singular values coincide, and it does
+not depend on the unit of length. Toward ``middle`` g is the difference from the joints to the
+centres of their ranges; joints without a range do not count.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -8,23 +39,126 @@ import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dtrtrs
 
 from freefloat.dynamics.momentum import Task, require_enough_joints
-from freefloat.dynamics.null_space import NullSpaceMotion
-from freefloat.dynamics.redundancy import Redundancy
-from freefloat.errors import finite_vector
+from freefloat.errors import InputError, did_you_mean, finite_vector
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
+_LARGEST_WEIGHT = 1e6
+
+
+class Metric(StrEnum):
+    """Norm of the joint rates that is minimized.
+
+    ``JOINTS``: the Euclidean norm [rad/s, m/s]. ``ENERGY``: the kinetic energy of the free-floating
+    system, apart from the momentum's constant contribution.
+    """
+
+    JOINTS = "joints"
+    ENERGY = "energy"
+
+
+class Toward(StrEnum):
+    """Objective of the null-space motion.
+
+    ``SIGMA``: manipulability, the product of the singular values of S*. ``MIDDLE``: the centres of
+    the joint ranges.
+    """
+
+    NONE = "none"
+    SIGMA = "sigma"
+    MIDDLE = "middle"
+
+
+@dataclass(frozen=True, eq=False)
+class Redundancy:
+    """Null-space motion of a redundant arm, see :mod:`freefloat.dynamics.resolved_rates`.
+
+    Attributes:
+        metric: Norm of the joint rates that is minimized; a map from joint to weight for the sum of
+            weight times rate squared, in which the other joints have weight 1.
+        toward: Objective of the null-space motion.
+        gain: Gain of the attraction over the path, dimensionless.
+        bound: Smooth upper bound of the length of the null-space motion over the path [rad, m].
+    """
+
+    metric: Metric | Mapping[str, float] = Metric.JOINTS
+    toward: Toward = Toward.NONE
+    gain: float = 1.0
+    bound: float = 3.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "metric", _checked_metric(self.metric))
+        if self.toward not in tuple(Toward):
+            raise InputError("redundancy.toward", f"{self.toward!r} was given", ", ".join(Toward))
+        object.__setattr__(self, "toward", Toward(self.toward))
+        if not 0.0 <= self.gain < np.inf:
+            raise InputError("redundancy.gain", f"{self.gain} was given", "0 or more, per path")
+        if not 0.0 < self.bound < np.inf:
+            raise InputError("redundancy.bound", f"{self.bound} was given", "more than 0, per path")
+
+    @property
+    def minimum_norm(self) -> bool:
+        """Whether the joint rates are those of minimum Euclidean norm."""
+        return self.metric is Metric.JOINTS and self.toward is Toward.NONE
+
+    @property
+    def weights(self) -> Mapping[str, float]:
+        """Weights by joint, apart from those that are 1."""
+        return {} if isinstance(self.metric, Metric) else self.metric
+
+    def require_applicable(self, model: FreeFloatingModel, task: Task) -> None:
+        """Raise an InputError if the settings do not apply to an arm and a task."""
+        if model.dof <= len(task.rows):
+            raise InputError(
+                "redundancy",
+                f"the task prescribes {len(task.rows)} rates and the arm has {model.dof} joints: "
+                "not redundant",
+                "no such key, or a task that prescribes less",
+            )
+        for joint in self.weights:
+            if joint not in model.joint_names:
+                raise InputError(
+                    f"redundancy.metric.{joint}",
+                    f"there is no such moving joint{did_you_mean(joint, model.joint_names)}",
+                    ", ".join(model.joint_names),
+                )
+        if self.toward is Toward.MIDDLE and not np.isfinite(range_centres(model)).any():
+            raise InputError(
+                "redundancy.toward", "middle, but no joint of this arm has a range", "none or sigma"
+            )
+
+
+def _checked_metric(metric: Any) -> Metric | Mapping[str, float]:
+    if isinstance(metric, str):
+        if metric in tuple(Metric):
+            return Metric(metric)
+        accepted = "joints, energy, or a map from joint to weight"
+        raise InputError("redundancy.metric", f"{metric!r} was given", accepted)
+    weights = {str(joint): float(weight) for joint, weight in dict(metric).items()}
+    for joint, weight in weights.items():
+        if not 1.0 / _LARGEST_WEIGHT <= weight <= _LARGEST_WEIGHT:
+            raise InputError(
+                f"redundancy.metric.{joint}", f"{weight} was given", "from 1e-06 to 1e+06"
+            )
+    return weights
+
+
+def range_centres(model: FreeFloatingModel) -> Array:
+    """Centres of the joint ranges [rad, m], NaN for unlimited joints, shape (n,)."""
+    lower, upper = np.array([(body.lower, body.upper) for body in model.bodies[1:]]).T
+    with np.errstate(invalid="ignore"):
+        centres = (lower + upper) / 2.0
+    return np.where(np.isfinite(centres), centres, np.nan)
+
+
+def joint_weights(model: FreeFloatingModel, redundancy: Redundancy) -> Array:
+    """Weights of the squared joint rates, divided by their mean, shape (n,)."""
+    weights = np.array([redundancy.weights.get(joint, 1.0) for joint in model.joint_names])
+    return np.asarray(weights / weights.mean())
+
 
 class ResolvedRateSolver:
-    """Solves equation (4) for the spacecraft's angular velocity and the joint rates.
-
-        [ centroidal momentum matrix ]        [ 0   ]
-        [ end-effector Jacobian rows ]  v  =  [ h   ]
-                                              [ v_E ]
-
-    With as many joints as task rows the solution is unique; a redundant arm takes the rates
-    described in :mod:`freefloat.dynamics.null_space`.
-    """
+    """Solves equation (4) for the spacecraft's angular velocity and the joint rates."""
 
     def __init__(
         self,
@@ -47,16 +181,17 @@ class ResolvedRateSolver:
         """
         m, n = len(task.rows), model.dof
         require_enough_joints(model, task)
-        self._model = model
-        self._rows = slice(None) if m == 6 else task.rows
+        if redundancy is not None:
+            redundancy.require_applicable(model, task)
+        self._model, self._rows = model, task.rows
+        self._selected = slice(None) if m == 6 else task.rows
         self._q = np.zeros(7 + n)
         self._A = np.zeros((6 + m, 6 + n), order="F")
         self._b = np.zeros(6 + m)
         self._b[3:6] = finite_vector("momentum", momentum, 3)
-        self._null_space = None
-        if redundancy is not None:
-            null_space = NullSpaceMotion(model, task.rows, redundancy)
-            self._null_space = None if redundancy.minimum_norm else null_space
+        self._redundancy = redundancy or Redundancy()
+        self._weights = np.diag(joint_weights(model, self._redundancy))
+        self._centres = range_centres(model)
 
     def rates(
         self, attitude: Array, joints: Array, twist: Array, speed: float = 0.0
@@ -78,26 +213,80 @@ class ResolvedRateSolver:
         A[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
         A[6:] = pin.getFrameJacobian(
             model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
-        )[self._rows]
-        b[6:] = twist[self._rows]
+        )[self._selected]
+        b[6:] = twist[self._selected]
         if A.shape[0] == A.shape[1]:
             _, _, v, singular = dgesv(A, b)
-            if singular:
-                v = np.full(len(v), np.inf)
-            return v[3:6], v[6:]
-        return self._redundant_rates(speed)
+            return (v[3:6], v[6:]) if not singular else self._infinite()
+        try:
+            return self._redundant_rates(speed)
+        except np.linalg.LinAlgError:
+            return self._infinite()
+
+    def _infinite(self) -> tuple[Array, Array]:
+        return np.full(3, np.inf), np.full(self._model.dof, np.inf)
 
     def _redundant_rates(self, speed: float) -> tuple[Array, Array]:
         Ab, Am = self._A[:6, :6], self._A[:6, 6:]
         Jb, Jm = self._A[6:, :6], self._A[6:, 6:]
         B = np.linalg.solve(Ab, np.column_stack([Am, self._b[:6]]))
-        S = Jm - Jb @ B[:, :-1]
-        Q, R = np.linalg.qr(S.T)
-        coordinates, singular = dtrtrs(R, self._b[6:] - Jb @ B[:, -1], trans=1)
+        base, drift = np.asarray(B[:, :-1], dtype=float), B[:, -1]
+        S: Array = Jm - Jb @ base
+        m = len(S)
+        Q, R = np.linalg.qr(S.T, mode="complete")
+        coordinates, singular = dtrtrs(R[:m], self._b[6:] - Jb @ drift, trans=1)
         if singular:
-            return np.full(3, np.inf), np.full(S.shape[1], np.inf)
-        u = Q @ coordinates
-        if self._null_space is not None:
-            u = u + self._null_space.rates(self._q, self._A, u, speed)
-        base_twist = B[:, -1] - B[:, :-1] @ u
-        return base_twist[3:], u
+            return self._infinite()
+        u = Q[:, :m] @ coordinates
+        if not self._redundancy.minimum_norm:
+            u = u + self._null_space_rates(base, S, Q[:, m:], u, speed)
+        return (drift - base @ u)[3:], u
+
+    def _null_space_rates(self, base: Array, S: Array, N: Array, u: Array, speed: float) -> Array:
+        """Rates to add to the minimum-norm rates ``u``; columns of N span the null space of S."""
+        W = self._metric(base)
+        H = N.T @ W @ N
+        z = -N @ np.linalg.solve(H, N.T @ (W @ u))
+        if self._redundancy.toward is not Toward.NONE and speed != 0.0:
+            if self._redundancy.toward is Toward.MIDDLE:
+                g = np.nan_to_num(self._centres - self._q[7:])
+            else:
+                g = self._manipulability_gradient(base, S)
+            attraction = self._redundancy.gain * (N @ np.linalg.solve(H, N.T @ g))
+            ratio = np.linalg.norm(attraction) / self._redundancy.bound
+            z += speed / np.hypot(1.0, ratio) * attraction
+        return np.asarray(z)
+
+    def _metric(self, base: Array) -> Array:
+        """W divided by its mean diagonal element, shape (n, n)."""
+        if self._redundancy.metric is not Metric.ENERGY:
+            return self._weights
+        upper = np.triu(pin.crba(self._model.pin_model, self._model.scratch, self._q))
+        H = upper + np.triu(upper, 1).T
+        W = H[6:, 6:] - H[6:, :6] @ base
+        return np.asarray(W / W.diagonal().mean())
+
+    def _manipulability_gradient(self, base: Array, S: Array) -> Array:
+        """Gradient of ln sqrt(det(S* S*^T)): trace of the pseudoinverse times dS*, shape (n,).
+
+        A column of the pseudoinverse is a momentum-free motion of the whole robot that moves the
+        end-effector along one row alone. The change of S* along it follows from the derivatives of
+        momentum and twist, with the base conserving the momentum. Pinocchio differentiates the
+        twist at a point fixed in space; the motion of that point with the end-effector is added.
+        """
+        model, data, frame = self._model.pin_model, self._model.scratch, self._model.frame_id
+        q, A, world = self._q, self._A, pin.LOCAL_WORLD_ALIGNED
+        columns = np.linalg.pinv(S)
+        motions = np.vstack([-base @ columns, columns])
+        recoil = np.linalg.solve(A[:6, :6].T, A[6:, :6].T).T
+        J = np.array(pin.computeFrameJacobian(model, data, q, frame, world))
+        gradient, no_acceleration = np.zeros(len(columns)), np.zeros(len(motions))
+        for i, row in enumerate(self._rows):
+            momentum = pin.computeCentroidalDynamicsDerivatives(
+                model, data, q, np.ascontiguousarray(motions[:, i]), no_acceleration
+            )[0]
+            twist = pin.getFrameVelocityDerivatives(model, data, frame, world)[0]
+            gradient += twist[row, 6:] - recoil[i] @ momentum[:, 6:]
+            if row < 3:
+                gradient += np.cross(J[3:] @ motions[:, i], J[:3, 6:].T)[:, row]
+        return gradient

@@ -10,34 +10,28 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from freefloat.dynamics.in_plane_factor import plane_axes
 from freefloat.dynamics.kernels.equation import LEVEL, METRIC, MIDDLE, WEIGHT
 from freefloat.dynamics.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
-from freefloat.dynamics.kernels.right_side import Robot
-from freefloat.dynamics.kernels.robot_arrays import robot_facts, robot_rows
-from freefloat.dynamics.measures import NAMES
-from freefloat.dynamics.redundancy import (
-    Metric,
-    Redundancy,
-    Toward,
-    joint_weights,
-    range_centres,
-)
+from freefloat.dynamics.kernels.right_side import Robot, robot_facts, robot_rows
+from freefloat.dynamics.measures import NAMES, plane_axes
+from freefloat.dynamics.resolved_rates import Metric, Toward, joint_weights, range_centres
 from freefloat.ensemble.kernels.integration import (
-    EnsembleResult,
+    COMPLETED,
+    UNREACHED,
     integrate_many,
     make_buffers,
 )
 from freefloat.ensemble.kernels.steps import TABLEAU
 from freefloat.errors import whole_number
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, is_kept
 from freefloat.paths.path import EndEffectorPath
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 TOLERANCE = 1e-6
 _CELLS = 512
@@ -50,6 +44,54 @@ _CHUNK = 128
 
 Progress = Callable[[float], None]
 """Called with the fraction done, in [0, 1], during a long computation."""
+
+
+class EnsembleResult(NamedTuple):
+    """Results of K motions; in tables of arm branches the leading shape is (K, B) instead.
+
+    Attributes:
+        endings: 0 completed, 1 singular, 2 margin violated, 3 step limit reached, shape (K,); in
+            tables -1 where the arm branch does not exist.
+        ended_at: Final times [s], shape (K,).
+        minimum: Minimum magnitude of the measure, zero where it changes sign, shape (K,).
+        minimum_at: Times of the minimum [s], shape (K,).
+        attitudes: Final attitudes, quaternions x, y, z, w, shape (K, 4).
+        joints: Final joint values [rad or m], shape (K, n).
+        rates: Largest magnitudes of the joint rates at the integrator's steps, shape (K, n).
+        lower: Smallest joint values at the steps, shape (K, n).
+        upper: Largest joint values at the steps, shape (K, n).
+        determinant_ratios: Smallest over largest magnitude of det S* at the steps; small near any
+            singularity, also one at which the measure does not vanish, shape (K,).
+        evaluations: Number of evaluations of (4), shape (K,).
+    """
+
+    endings: npt.NDArray[np.int8]
+    ended_at: Array
+    minimum: Array
+    minimum_at: Array
+    attitudes: Array
+    joints: Array
+    rates: Array
+    lower: Array
+    upper: Array
+    determinant_ratios: Array
+    evaluations: IntArray
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], n: int) -> EnsembleResult:
+        """Arrays for results of motions of n joints, with the ending of missing branches."""
+        times, minimum_at = np.full((2, *shape), np.nan)
+        minimum, determinant_ratios = np.zeros((2, *shape))
+        joints, rates, lower, upper = np.full((4, *shape, n), np.nan)
+        return cls(
+            np.full(shape, UNREACHED, np.int8), times, minimum, minimum_at,
+            np.full((*shape, 4), np.nan), joints, rates, lower, upper, determinant_ratios,
+            np.zeros(shape, np.int64),
+        )  # fmt: skip
+
+    def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
+        """Which motions complete and keep a margin, shape (K,)."""
+        return np.asarray((self.endings == COMPLETED) & is_kept(self.minimum, margin))
 
 
 class EnsembleIntegrator:
@@ -93,19 +135,18 @@ class EnsembleIntegrator:
             progress: Called with the fraction done, in [0, 1].
         """
         K, n = joints.shape
-        duration = self.problem.path.duration
-        states = (
-            np.array(attitudes, dtype=float, order="C"),  # copies: the kernels are compiled for
-            np.array(joints, dtype=float, order="C"),  # writable arrays
-            np.array(
-                np.broadcast_to(self.problem.momentum if momenta is None else momenta, (K, 3)),
-                dtype=float,
-                order="C",
-            ),
-            np.zeros(K) if starts is None else np.array(starts, dtype=float),
-            np.full(K, duration) if ends is None else np.array(ends, dtype=float),
-        )
+        momenta = self.problem.momentum if momenta is None else momenta
+        starts = np.zeros(K) if starts is None else starts
+        ends = np.full(K, self.problem.path.duration) if ends is None else ends
         result = EnsembleResult.empty((K,), n)
+
+        def copied(array: Array) -> Array:  # the kernels are compiled for writable arrays
+            return np.array(array, dtype=float, order="C")
+
+        states = (
+            copied(attitudes), copied(joints), copied(np.broadcast_to(momenta, (K, 3))),
+            copied(starts), copied(ends),
+        )  # fmt: skip
 
         def integrate_chunk(first: int) -> None:
             integrate_many(
@@ -114,8 +155,8 @@ class EnsembleIntegrator:
             )  # fmt: skip
 
         run_chunks(integrate_chunk, range(0, K, _CHUNK), self.threads, progress)
-        for values in result:
-            values.setflags(write=False)
+        for array in result:
+            array.setflags(write=False)
         return result
 
 
@@ -123,19 +164,18 @@ def run_chunks(
     work: Callable[[int], None], chunks: range, threads: int, progress: Progress | None = None
 ) -> None:
     """Process independent chunks on several threads; an interruption cancels pending chunks."""
+    report = progress or (lambda fraction: None)
     if len(chunks) < 2 or threads == 1:
-        for done, chunk in enumerate(chunks):
+        for done, chunk in enumerate(chunks, 1):
             work(chunk)
-            if progress is not None:
-                progress((done + 1) / len(chunks))
+            report(done / len(chunks))
         return
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(work, chunk) for chunk in chunks]
         try:
-            for done, future in enumerate(as_completed(futures)):
+            for done, future in enumerate(as_completed(futures), 1):
                 future.result()
-                if progress is not None:
-                    progress((done + 1) / len(futures))
+                report(done / len(futures))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
@@ -148,8 +188,13 @@ def _robot(problem: Problem) -> Robot:
     facts, bodies = robot_facts(model, task), robot_rows(model)
     if name == "arm":
         facts[LEVEL:METRIC] = plane_axes(model, task).ravel()
-    if problem.redundancy is not None and not problem.redundancy.minimum_norm:
-        _set_redundancy(problem.redundancy, model, bodies, facts)
+    redundancy = problem.redundancy
+    if redundancy is not None and not redundancy.minimum_norm:
+        bodies[1:, WEIGHT] = joint_weights(model, redundancy)
+        bodies[1:, MIDDLE] = range_centres(model)
+        metric = ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED
+        toward = {Toward.NONE: 0, Toward.SIGMA: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
+        facts[METRIC:] = metric, toward[redundancy.toward], redundancy.gain, redundancy.bound
     ends = np.append(path.breaks, path.duration)
     middles = [(low + high) / 2.0 for low, high in pairwise([0.0, *ends.tolist()])]
     segments = [path.timing.segments[path.timing.segment_at(t)] for t in middles]
@@ -191,13 +236,3 @@ def _tangents(path: EndEffectorPath) -> Array:
             cubic = _THROUGH_THIRDS @ np.array(values) / width ** np.arange(4.0)[:, None]
             cells.append(np.vstack([cubic[::-1].T, [start, 0.0, 0.0, 0.0]]))
     return np.array(cells)
-
-
-def _set_redundancy(
-    redundancy: Redundancy, model: FreeFloatingModel, bodies: Array, facts: Array
-) -> None:
-    """Write the settings of a redundant arm into the arrays of the kernels."""
-    bodies[1:, WEIGHT], bodies[1:, MIDDLE] = joint_weights(model, redundancy), range_centres(model)
-    metric = ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED
-    codes = {Toward.NONE: 0, Toward.SIGMA: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
-    facts[METRIC:] = metric, codes[redundancy.toward], redundancy.gain, redundancy.bound

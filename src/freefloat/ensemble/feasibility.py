@@ -10,8 +10,13 @@ import numpy.typing as npt
 
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.ensemble import TOLERANCE, EnsembleIntegrator, Progress
-from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED, EnsembleResult
+from freefloat.ensemble.ensemble import (
+    TOLERANCE,
+    EnsembleIntegrator,
+    EnsembleResult,
+    Progress,
+)
+from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array
 
@@ -128,10 +133,8 @@ class FeasibilityEvaluator:
     def regular(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any, keeps the margin and avoids all singularities, shape (K,)."""
         motions = self.evaluate(attitudes, branch, stop_at_margin=True).motions
-        regular = motions.keeps(self.problem.margin.threshold) & is_regular(
-            motions.determinant_ratios
-        )
-        return np.asarray(regular.any(axis=1))
+        keeps = motions.keeps(self.problem.margin.threshold)
+        return np.asarray((keeps & is_regular(motions.determinant_ratios)).any(axis=1))
 
 
 _REGULAR_RATIO = 0.01

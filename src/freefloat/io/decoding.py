@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.limits.limits import LimitKind, LimitResult
-from freefloat.motion.certificate import Certificate, Proven, Worst
-from freefloat.motion.second_integration import Comparison
+from freefloat.motion.certificate import Certificate, Comparison, Proven, Worst
 
 Document = dict[str, Any]
 _RELATIVE, _ABSOLUTE = 1e-6, 1e-9

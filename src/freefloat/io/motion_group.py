@@ -8,7 +8,7 @@ import numpy as np
 
 from freefloat.ik.branches import ArmBranch
 from freefloat.io.hdf5 import TEXT, read_numbers
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE
 from freefloat.motion.problem import Problem

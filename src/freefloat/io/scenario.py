@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from freefloat.dynamics.measures import largest_magnitude, singularity_measure
-from freefloat.dynamics.redundancy import Redundancy, Toward
+from freefloat.dynamics.resolved_rates import Redundancy, Toward
 from freefloat.errors import InputError, did_you_mean
 from freefloat.io.path_section import path_of, section_of
 from freefloat.io.robot_section import RobotFile

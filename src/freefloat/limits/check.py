@@ -12,8 +12,14 @@ import numpy as np
 from freefloat.errors import InputError
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.limits.torques import InverseDynamics
-from freefloat.motion.extrema import Extremum, Function, at_nodes, maximum
-from freefloat.motion.joint_extents import joint_extents, joint_ranges
+from freefloat.motion.extrema import (
+    Extremum,
+    Function,
+    at_nodes,
+    joint_extents,
+    joint_ranges,
+    maximum,
+)
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import TOLERANCE, Problem
 from freefloat.so3 import Array
@@ -30,7 +36,7 @@ def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
 
     Args:
         motion: Its joints are compared with their ranges as they are; see
-            :func:`freefloat.motion.joint_extents.unwrapped`.
+            :func:`freefloat.motion.extrema.unwrapped`.
         limits: The limits in addition to the joint ranges.
 
     Raises:

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from freefloat.errors import ModelError
 from freefloat.limits.convex_decomposition import convex_parts
-from freefloat.motion.joint_extents import joint_ranges
+from freefloat.motion.extrema import joint_ranges
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh

@@ -1,8 +1,15 @@
-"""The certificate of a motion: its errors and margins, from recorded configurations alone."""
+"""The certificate of a motion: its errors and margins, from recorded configurations alone.
+
+It includes a second integration by an independent integrator: fixed steps in time, fourth order, on
+the group of rotations itself (Munthe-Kaas 1998). The attitude is advanced by the exponential of a
+rotation vector and needs no normalization. The main integrator takes adaptive steps of eighth order
+along the arc length, in quaternions.
+"""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,12 +17,14 @@ import numpy as np
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.motion.bounds import METHOD, Bounds, lower_bounds
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.panels import NODES, with_slopes
-from freefloat.motion.residuals import path_errors
-from freefloat.motion.second_integration import NAME, Comparison, integrate_again
-from freefloat.so3 import Array
+from freefloat.motion.panels import DEGREE, NODES, path_errors, with_slopes
+from freefloat.so3 import Array, angle_between, cross
+
+_INTEGRATOR = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"
+_BEFORE_SINGULAR = 2
+"""Number of panels before a singularity that are omitted: the rates by time have no bound there."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,33 @@ class Worst:
 
 
 @dataclass(frozen=True)
+class Comparison:
+    """Differences between a motion and its second integration.
+
+    Attributes:
+        attitude: Largest angle between the attitudes [rad].
+        attitude_time: Its time [s].
+        joints: Largest difference of a joint [rad or m].
+        joints_time: Its time [s].
+        joint: Name of that joint.
+        halving_attitude: Change of the last attitude when steps are halved [rad].
+        halving_joints: Change of the last joint values [rad or m].
+        steps: Number of the halved steps.
+        until: Time at which the comparison ends [s].
+    """
+
+    attitude: float
+    attitude_time: float
+    joints: float
+    joints_time: float
+    joint: str
+    halving_attitude: float
+    halving_joints: float
+    steps: int
+    until: float
+
+
+@dataclass(frozen=True)
 class Certificate:
     """Margins and largest errors of a motion.
 
@@ -78,7 +114,7 @@ class Certificate:
     centre_of_mass: Worst
     rates: Worst
     integration: Comparison
-    integrator: str = NAME
+    integrator: str = _INTEGRATOR
 
     def to_dict(self) -> dict[str, Any]:
         """The certificate as a JSON document."""
@@ -163,3 +199,79 @@ def _proven(motion: Motion) -> tuple[tuple[Proven, ...], int]:
         Proven(approach.measure, approach.value, approach.time, bounds.bounds[approach.measure])
         for approach in approaches
     ), bounds.intervals
+
+
+def integrate_again(motion: Motion) -> Comparison:
+    """Integrate a motion from its first state with steps from node to node, whole and halved.
+
+    Args:
+        motion: The motion; of one that ends singular, the last panels are omitted.
+    """
+    omitted = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 0
+    panels = max(0, motion.panels - omitted)
+    whole = _integrated(motion, panels, 1)
+    attitudes, joints = _integrated(motion, panels, 2)
+    nodes = slice(0, DEGREE * panels + 1)
+    times = motion.times[nodes]
+    angles = angle_between(attitudes, motion.attitudes[nodes])
+    differences = np.abs(joints - motion.joints[nodes])
+    node, joint = np.unravel_index(int(differences.argmax()), differences.shape)
+    return Comparison(
+        attitude=float(angles.max()),
+        attitude_time=float(times[angles.argmax()]),
+        joints=float(differences.max()),
+        joints_time=float(times[node]),
+        joint=motion.problem.model.joint_names[joint],
+        halving_attitude=float(angle_between(attitudes[-1], whole[0][-1])),
+        halving_joints=float(np.abs(joints[-1] - whole[1][-1]).max()),
+        steps=2 * DEGREE * panels,
+        until=float(times[-1]),
+    )
+
+
+def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
+    """Attitudes (N, 4) and joints (N, n) at the nodes, with ``parts`` steps between nodes."""
+    path, solver = motion.problem.path, motion.problem.resolved_rate_solver()
+
+    def rates(t: float, attitude: Array, z: Array, segment: int) -> Array:
+        """Rates of z: the rotation vector (the exponential's derivative inverted) and joints."""
+        twist, speed = path.twist_and_speed(t, segment)
+        omega, joint_rates = solver.rates(_rotated(attitude, z[:3]), z[3:], twist, speed)
+        first = cross(z[:3], omega)
+        return np.concatenate([omega + first / 2.0 + cross(z[:3], first) / 12.0, joint_rates])
+
+    attitudes, joints = [motion.attitudes[0]], [motion.joints[0]]
+    for panel in range(panels):
+        nodes = motion.times[DEGREE * panel : DEGREE * (panel + 1) + 1]
+        segment = motion.timing_segment(panel)
+        for start, end in pairwise(nodes.tolist()):
+            h, attitude, z = (
+                (end - start) / parts,
+                attitudes[-1],
+                np.append(np.zeros(3), joints[-1]),
+            )
+            for part in range(parts):
+                t = start + part * h
+                k1 = rates(t, attitude, z, segment)
+                k2 = rates(t + h / 2.0, attitude, z + h / 2.0 * k1, segment)
+                k3 = rates(t + h / 2.0, attitude, z + h / 2.0 * k2, segment)
+                k4 = rates(t + h, attitude, z + h * k3, segment)
+                z = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+                attitude, z[:3] = _rotated(attitude, z[:3]), 0.0
+            attitudes.append(attitude)
+            joints.append(z[3:])
+    return np.array(attitudes), np.array(joints)
+
+
+def _rotated(attitude: Array, vector: Array) -> Array:
+    """An attitude rotated about spacecraft axes by a rotation vector [rad]."""
+    angle = float(np.sqrt(vector @ vector))
+    p, q, r = (np.sinc(angle / (2.0 * np.pi)) / 2.0 * vector).tolist()
+    s = float(np.cos(angle / 2.0))
+    x, y, z, w = attitude.tolist()
+    return np.array([
+        w * p + x * s + y * r - z * q,
+        w * q - x * r + y * s + z * p,
+        w * r + x * q - y * p + z * s,
+        w * s - x * p - y * q - z * r,
+    ])  # fmt: skip

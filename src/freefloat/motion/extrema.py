@@ -1,4 +1,4 @@
-"""Extrema of functions along a motion, located between its nodes.
+"""Extrema along a motion: closest approach to a singularity, extents of the joints.
 
 Inside a panel a smooth function is close to the polynomial through its values at the panel's nodes.
 The stationary points of that polynomial are candidates, which are refined on the function itself.
@@ -7,14 +7,18 @@ The stationary points of that polynomial are candidates, which are refined on th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.optimize import brentq, minimize_scalar
 
+from freefloat.dynamics.measures import SingularityMeasure
+from freefloat.errors import require_type
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 _GRID = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)
@@ -23,6 +27,7 @@ _LAST = 3
 _MOST_REFINED = 8
 _XATOL = 1e-9
 """Tolerance of refined parameters; a minimum is flat: its value is exact up to rounding."""
+_REVOLUTION = 2.0 * np.pi
 
 Function = Callable[[int, float], Array]
 """Values of c functions, shape (c,), in a panel at its parameter x in [-1, 1]. Functions are smooth
@@ -82,16 +87,10 @@ def maximum(values: Array, f: Function | None = None) -> Extremum:
     return replace(lowest, value=-lowest.value)
 
 
-def first_below(values: Array, f: Function, level: float) -> float | None:
-    """Panel coordinate at which one function first falls below a level.
+def _first_below(values: Array, f: Function, level: float) -> float | None:
+    """Panel coordinate at which a continuous function first falls below a level, or None.
 
-    Args:
-        values: Its values at the nodes of every panel, shape (panels, 9, 1).
-        f: The function, continuous along the whole motion.
-        level: The level.
-
-    Returns:
-        None where it stays at the level or above.
+    ``values`` are those at the nodes of every panel, shape (panels, 9, 1).
     """
     if values[0, 0, 0] < level:
         return 0.0
@@ -99,8 +98,7 @@ def first_below(values: Array, f: Function, level: float) -> float | None:
     below = np.argwhere(values[:, :, 0] < level)
     if len(below):
         low = int(below[0, 0]), float(NODES[below[0, 1]])
-    candidates = sorted(_stationary(values, level), key=lambda entry: entry[0].u)
-    for candidate, _ in candidates:
+    for candidate, _ in sorted(_stationary(values, level), key=lambda entry: entry[0].u):
         before_low = (candidate.panel, candidate.x) < low
         if before_low and (refined := _refined(f, candidate)).value < level:
             low = min(low, (refined.panel, refined.x))
@@ -108,8 +106,7 @@ def first_below(values: Array, f: Function, level: float) -> float | None:
     panel, x = low
     if panel == len(values):
         return None
-    inner = values[panel, :, 0]
-    before = float(NODES[(x > NODES) & (inner >= level)][-1])
+    before = float(NODES[(x > NODES) & (values[panel, :, 0] >= level)][-1])
 
     def excess(x: float) -> float:
         return float(f(panel, x)[0]) - level
@@ -131,16 +128,14 @@ def _stationary(values: Array, level: float) -> list[tuple[Extremum, float]]:
     slack = errors + 0.01 * np.ptp(values, axis=1)  # the second: of the grid
     minima = []
     for panel, index in np.argwhere(lowest - slack <= level):
-        c = coefficients[panel, :, index]
+        c, error = coefficients[panel, :, index], float(errors[panel, index])
         slope = chebyshev.chebder(c)
         if not slope[1:].any():
             continue
         roots = chebyshev.chebroots(slope)
-        inside = (np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)
-        x = roots.real[inside]
+        x = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)]
         x = x[chebyshev.chebval(x, chebyshev.chebder(c, 2)) >= 0.0]
         for position, value in zip(x.tolist(), chebyshev.chebval(x, c).tolist(), strict=True):
-            error = float(errors[panel, index])
             if value - error <= level:
                 minima.append((Extremum(value, int(index), int(panel), position), error))
     return minima
@@ -156,3 +151,143 @@ def _refined(f: Function, candidate: Extremum) -> Extremum:
         bounds=bounds, method="bounded", options={"xatol": _XATOL},
     )  # fmt: skip
     return Extremum(float(search.fun), index, panel, float(search.x))
+
+
+@dataclass(frozen=True)
+class ClosestApproach:
+    """The smallest magnitude of a singularity measure along a motion.
+
+    Attributes:
+        measure: Name of the measure.
+        value: The magnitude; zero where the measure changes sign.
+        sign: Sign of the measure at the start, 1 or -1.
+        time: Its time [s].
+    """
+
+    measure: str
+    value: float
+    sign: int
+    time: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The record as a JSON document."""
+        return asdict(self)
+
+
+def closest_approach(motion: Motion, measure: SingularityMeasure) -> ClosestApproach:
+    """The smallest magnitude of a singularity measure along a motion.
+
+    Args:
+        motion: The motion.
+        measure: A measure of the same robot.
+
+    Raises:
+        InputError: If an argument is of another type.
+    """
+    require_type("motion", motion, Motion, "a Motion, such as simulate(...).chosen.motion")
+    accepted = "singularity_measure(model, task, name), or margin.measure"
+    require_type("measure", measure, SingularityMeasure, accepted)
+    profile, values, sign = _profile(motion, measure)
+    if not motion.panels:
+        u, value = 0.0, sign * measure(motion.joints[0])
+    elif (crossing := _first_below(values, profile, 0.0)) is not None:
+        u, value = crossing, 0.0
+    else:
+        lowest = minimum(values, profile)
+        u, value = lowest.u, lowest.value
+    time = np.clip(motion.evaluate(u)[0][0], motion.times.min(), motion.times.max())
+    return ClosestApproach(measure.name, abs(value), sign, float(time))  # not -0.0
+
+
+def first_crossing(motion: Motion, f: Callable[[Array], float], level: float) -> float | None:
+    """Panel coordinate at which a function of the joints first changes sign or falls below a level.
+
+    Args:
+        motion: The motion.
+        f: Function of joint values, shape (n,).
+        level: Required magnitude.
+
+    Returns:
+        None where it keeps its sign and that magnitude.
+    """
+    if not motion.panels:
+        return 0.0 if abs(f(motion.joints[0])) < level else None
+    profile, values, _ = _profile(motion, f)
+    return _first_below(values, profile, level)
+
+
+def _profile(motion: Motion, f: Callable[[Array], float]) -> tuple[Function, Array, int]:
+    """A function of the joints made positive at the start, its values at the nodes, its sign."""
+    values = np.array([f(joints) for joints in motion.joints])
+    sign = -1 if values[0] < 0.0 else 1
+
+    def profile(panel: int, x: float) -> Array:
+        return np.array([sign * f(motion.at(panel, x)[2])])
+
+    return profile, sign * values[motion.panel_nodes][:, :, None], sign
+
+
+@dataclass(frozen=True, eq=False)
+class JointExtents:
+    """Minimum and maximum of every joint along a motion.
+
+    Attributes:
+        low: Minima [rad or m], shape (n,).
+        high: Maxima [rad or m], shape (n,).
+        low_places: Panel coordinates of the minima, see
+            :meth:`freefloat.motion.motion.Motion.evaluate`, shape (n,).
+        high_places: Panel coordinates of the maxima, shape (n,).
+    """
+
+    low: Array
+    high: Array
+    low_places: Array
+    high_places: Array
+
+
+def joint_extents(motion: Motion) -> JointExtents:
+    """Minimum and maximum of every joint along a motion."""
+    n = motion.joints.shape[1]
+    if not motion.panels:
+        return JointExtents(motion.joints[0], motion.joints[0], np.zeros(n), np.zeros(n))
+    joints = np.split(motion.joints[motion.panel_nodes], n, axis=2)
+    extrema = [[search(values) for values in joints] for search in (minimum, maximum)]
+    values = [np.array([extremum.value for extremum in row]) for row in extrema]
+    places = [np.array([extremum.u for extremum in row]) for row in extrema]
+    return JointExtents(*values, *places)
+
+
+def joint_ranges(model: FreeFloatingModel) -> tuple[Array, Array]:
+    """Lower and upper ends of the joints' ranges [rad or m], infinite where there are none.
+
+    A range whose ends are not in order is ignored; the URDF's warnings name it.
+    """
+    lower, upper = np.array([(body.lower, body.upper) for body in model.bodies[1:]]).T
+    return np.where(lower < upper, lower, -np.inf), np.where(lower < upper, upper, np.inf)
+
+
+def unwrapped(motion: Motion) -> Motion:
+    """The same motion with revolute joints shifted by multiples of 2 pi into their ranges.
+
+    A joint is shifted by as few revolutions as put all of the motion inside its range; where none
+    do, by those that leave the smallest excess. Nothing else of the motion changes.
+    """
+    extents, model = joint_extents(motion), motion.problem.model
+    joints = zip(model.bodies[1:], extents.low, extents.high, *joint_ranges(model), strict=True)
+    shifts = [0 if body.prismatic else _revolutions(*values) for body, *values in joints]
+    if not any(shifts):
+        return motion
+    return replace(motion, joints=motion.joints + _REVOLUTION * np.array(shifts, dtype=float))
+
+
+def _revolutions(low: float, high: float, lower: float, upper: float) -> int:
+    """Revolutions to add to values from low to high to get them between lower and upper."""
+    first, last = np.ceil((lower - low) / _REVOLUTION), np.floor((upper - high) / _REVOLUTION)
+    if first <= last:
+        return int(min(max(0.0, first), last))
+
+    def excess(shift: int) -> float:
+        return max(lower - low - _REVOLUTION * shift, high + _REVOLUTION * shift - upper)
+
+    middle = ((lower + upper) - (low + high)) / (2.0 * _REVOLUTION)
+    return min((int(np.floor(middle)), int(np.ceil(middle)), 0), key=excess)

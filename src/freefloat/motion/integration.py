@@ -7,6 +7,7 @@ arc length it is an ordinary curve, and the singularity is the point of its larg
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 
@@ -17,15 +18,18 @@ from scipy.optimize import brentq
 
 from freefloat.dynamics.momentum import generalized_jacobian
 from freefloat.errors import InputError, IntegrationError, finite_number
-from freefloat.motion.arc_length import ArcFlow, arc_flow
-from freefloat.motion.closest_approach import first_crossing
+from freefloat.motion.extrema import first_crossing
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.panels import NODES
+from freefloat.motion.panels import NODES, path_errors
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.motion.residuals import path_errors
 from freefloat.paths.timing import Leg
-from freefloat.so3 import Array
+from freefloat.so3 import Array, cross
 
+_TIME_UNITS = 10.0
+"""Arc length of the duration, along with the joints' radians and metres."""
+_STALLED = 5e-5
+"""Pace of time per arc length below which time stands still: a redundant arm may move along a
+singularity instead of reversing time there."""
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
 _OVERSHOOT, _SLOWEST = 1.1, 1e-3
@@ -83,28 +87,7 @@ def integrate_motion(
     for key, time in (("start", start), ("end", end)):
         if not 0.0 <= time <= duration:
             raise InputError(key, f"{time} was given", f"a time from 0 to {duration:g} s")
-    _require_on_path(problem, attitude, joints, start)
-    flow = arc_flow(problem)
-    rows, ending = _integrate(
-        problem, flow, np.concatenate([[start], attitude, joints]), end, float(tolerance)
-    )
-    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
-    if flow.determinant is not None:
-        motion = _cut(motion, first_crossing(motion, flow.determinant, 0.0), Ending.SINGULAR)
-    margin = problem.margin
-    if stop_at_margin and margin.threshold > 0.0:
-        u = first_crossing(motion, margin.measure, margin.threshold)
-        motion = _cut(motion, u, Ending.MARGIN)
-    return motion
-
-
-def _cut(motion: Motion, u: float | None, ending: Ending) -> Motion:
-    return motion if u is None else motion.cut(u, ending)
-
-
-def _require_on_path(problem: Problem, attitude: Array, joints: Array, start: float) -> None:
-    times = np.array([start])
-    offset, angle = path_errors(problem, times, attitude[None], joints[None])[0]
+    offset, angle = path_errors(problem, np.array([start]), attitude[None], joints[None])[0]
     if max(offset, angle) > _ON_PATH:
         raise InputError(
             "joints",
@@ -112,6 +95,21 @@ def _require_on_path(problem: Problem, attitude: Array, joints: Array, start: fl
             f"t = {start:g} s",
             "joints that meet the path; Problem.branches(attitude) lists them",
         )
+    flow = arc_flow(problem)
+    first = np.concatenate([[start], attitude, joints])
+    rows, ending = _integrate(problem, flow, first, end, float(tolerance))
+    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
+    if isinstance(flow, _CompiledFlow):
+        motion = _cut(motion, flow.determinant, 0.0, Ending.SINGULAR)
+    if stop_at_margin and problem.margin.threshold > 0.0:
+        motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
+    return motion
+
+
+def _cut(motion: Motion, f: Callable[[Array], float], level: float, ending: Ending) -> Motion:
+    """The motion up to where a function of the joints changes sign or falls below a level."""
+    u = first_crossing(motion, f, level)
+    return motion if u is None else motion.cut(u, ending)
 
 
 def _integrate(
@@ -119,14 +117,19 @@ def _integrate(
 ) -> tuple[Array, Ending]:
     """Nodes (time, attitude, joints) from a first one up to a time or a singularity."""
     start = float(row[0])
-    if _is_singular(problem, row[5:]):
+    S = generalized_jacobian(problem.model, row[5:], problem.task)
+    values = np.linalg.svd(S, compute_uv=False)
+    if values[-1] < _RANK_LOST * values[0]:
         return row[None], Ending.SINGULAR
     if start == end:
         return row[None], Ending.COMPLETED
+    breaks, (low, high) = problem.path.breaks, sorted((start, end))
+    between = breaks[(breaks > low) & (breaks < high)]
+    times = [start, *(between if end > start else between[::-1]).tolist(), end]
     panels, reference = [row[None]], np.zeros(len(row))
     reference[0] = 1.0 if end > start else -1.0
     stepper = _Stepper(flow, tolerance, reference, bool(len(problem.path.path.breaks)))
-    for leg_start, leg_end in pairwise(_legs(problem, start, end)):
+    for leg_start, leg_end in pairwise(times):
         leg = problem.path.leg(leg_start, leg_end)
         for panel, reversed_time in stepper.panels(panels[-1][-1], leg, leg_end):
             panels.append(panel[1:])
@@ -136,22 +139,8 @@ def _integrate(
     return np.vstack(panels), Ending.COMPLETED
 
 
-def _is_singular(problem: Problem, joints: Array) -> bool:
-    S = generalized_jacobian(problem.model, joints, problem.task)
-    values = np.linalg.svd(S, compute_uv=False)
-    return bool(values[-1] < _RANK_LOST * values[0])
-
-
-def _legs(problem: Problem, start: float, end: float) -> list[float]:
-    """Times from start to end between which the path's derivatives do not jump."""
-    breaks = problem.path.breaks
-    low, high = sorted((start, end))
-    between = breaks[(breaks > low) & (breaks < high)].tolist()
-    return [start, *(between if end > start else reversed(between)), end]
-
-
 class _Stepper:
-    """Steps of DOP853 along the legs of a motion.
+    """Steps of DOP853 along the legs of a motion, between which the path's derivatives may jump.
 
     Where the path itself has breaks, legs may be as short as one step: then steps are made no
     longer than their legs, and a leg begins with the step that the one before proposed.
@@ -173,7 +162,9 @@ class _Stepper:
         def tangent(_: float, y: Array) -> Array:
             return self._flow(y, leg, self._reference)
 
-        e = self._tolerance_on(abs(goal - y[0]))
+        e = self._tolerance
+        if self._breaks:  # rates are differences of states by the leg's length, and as precise
+            e = max(e * min(abs(goal - y[0]), 1.0), min(e, _FINEST))
         solver = DOP853(
             tangent, 0.0, y, np.inf, max_step=_LONGEST_STEP, rtol=e, atol=e,
             first_step=self._proposed,
@@ -209,15 +200,100 @@ class _Stepper:
             "a shorter duration or less momentum: the system may rotate hundreds of times",
         )
 
-    def _tolerance_on(self, leg: float) -> float:
-        """Per step of a leg: rates are differences of states by its length, and as precise."""
-        if not self._breaks:
-            return self._tolerance
-        return max(self._tolerance * min(leg, 1.0), min(self._tolerance, _FINEST))
-
 
 def _nodes(unit: float, dense: Callable[[Array], Array], start: float, stop: float) -> Array:
     values = dense(start + (stop - start) * (NODES + 1.0) / 2.0).T
     values[:, 0] *= unit
     values[:, 1:5] /= np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
     return values
+
+
+class _CompiledFlow:
+    """Flow of an arm with as many joints as its task has rows.
+
+    The kernel takes a timed path; it is called with one of constant twist, that of the moment.
+    """
+
+    stalled = 0.0
+
+    def __init__(self, problem: Problem) -> None:
+        # compiled code takes half a second to import: not before it is needed
+        from freefloat.dynamics.kernels import right_side as kernels
+        from freefloat.dynamics.kernels.equation import DEMAND, WORK_COLUMNS
+
+        model, task, n = problem.model, problem.task, problem.model.dof
+        self.unit = problem.path.duration / _TIME_UNITS
+        self._timing = problem.path.timing
+        self._kernels = kernels
+        rows = np.array(task.rows, np.int64)
+        self._robot = kernels.robot_rows(model), kernels.robot_facts(model, task), rows
+        self._speed, self._twist = np.zeros((1, 2, 1)), np.zeros((1, 6, 4))
+        self._clock = np.array([[0.0], [1.0]])
+        self._duration, self._momentum = problem.path.duration, np.array(problem.momentum)
+        self._buffers = np.zeros((n + 1, WORK_COLUMNS)), np.zeros((n, n)), np.zeros((n, n + 1))
+        self._vectors = np.zeros((3, max(n, DEMAND)))
+
+    def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
+        t = float(y[0]) * self.unit
+        self._speed[0, 1, 0] = self._timing.s(t, 1, leg.segment)
+        self._twist[0, :, 3] = leg.tangent(self._timing.s(t, 0, leg.segment))
+        tangent = np.empty(len(y))
+        tangent[0] = _TIME_UNITS
+        regular = self._kernels.tangent_at(
+            *self._robot, self._clock, self._speed, self._twist, self._duration, self._momentum,
+            y, reference, tangent, *self._buffers, self._vectors,
+        )  # fmt: skip
+        return tangent if regular else _without_time(reference)
+
+    def determinant(self, joints: Array) -> float:
+        """Det S* at joint values (n,)."""
+        # joints are copied: kernels are compiled for arrays that may be written to
+        return float(self._kernels.determinant_at(*self._robot, np.array(joints), *self._buffers))
+
+
+class _RedundantFlow:
+    """Flow of a redundant arm."""
+
+    stalled = _STALLED
+
+    def __init__(self, problem: Problem) -> None:
+        self.unit = problem.path.duration / _TIME_UNITS
+        self._timing = problem.path.timing
+        self._solver = problem.resolved_rate_solver()
+
+    def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
+        attitude = y[1:5] / math.sqrt(y[1:5] @ y[1:5])
+        t = y[0] * self.unit
+        speed = self._timing.s(t, 1, leg.segment)
+        twist = leg.tangent(self._timing.s(t, 0, leg.segment)) * speed
+        omega, rates = self._solver.rates(attitude, y[5:], twist, speed)
+        x, w = attitude[:3], attitude[3]
+        turning = 0.5 * (w * omega + cross(x, omega)), [-0.5 * (x @ omega)]  # (8c)
+        tangent = np.concatenate([[1.0 / self.unit], *turning, rates])
+        square = tangent @ tangent
+        if not math.isfinite(square):
+            return _without_time(reference)
+        tangent /= math.sqrt(square)
+        return tangent if tangent @ reference >= 0.0 else -tangent
+
+
+ArcFlow = _CompiledFlow | _RedundantFlow
+"""The unit tangent of the curve (time, attitude, joints) along which (8) moves the system.
+
+It is a function of a point (5 + n,) of the curve, its attitude of any length, of the leg of the
+path, and of the last tangent (5 + n,). It keeps to the side of the latter, and so stays continuous
+across a singularity, where time reverses. The curve counts time in units of ``unit`` seconds; at a
+pace of time per arc length of ``stalled`` or less, rates by time have no bound.
+"""
+
+
+def arc_flow(problem: Problem) -> ArcFlow:
+    """The flow of a problem."""
+    return _RedundantFlow(problem) if problem.redundant else _CompiledFlow(problem)
+
+
+def _without_time(reference: Array) -> Array:
+    """The tangent where (4) is singular to the last digit: in the limit no time passes."""
+    tangent = reference.copy()
+    tangent[0] = 0.0
+    return tangent

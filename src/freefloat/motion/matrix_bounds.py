@@ -42,7 +42,7 @@ import numpy as np
 
 from freefloat.dynamics.momentum import Task, system_matrix, system_matrix_derivative
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.joint_extents import joint_extents
+from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen

@@ -21,18 +21,17 @@ from freefloat.motion.panels import (
     DEGREE,
     NODES,
     TO_COEFFICIENTS,
-    panel_nodes,
-    panel_parameters,
+    momentum_errors,
+    path_errors,
 )
 from freefloat.motion.problem import Problem
-from freefloat.motion.residuals import momentum_errors, path_errors
 from freefloat.so3 import Array, IntArray, frozen
 
 _BISECTIONS = 60
 
 
 class Ending(Enum):
-    """How a motion ended; the value is the sentence shown to people."""
+    """How a motion ended; the value is the sentence shown in tables."""
 
     COMPLETED = "The whole path was followed."
     SINGULAR = "The arm became dynamically singular."
@@ -67,7 +66,7 @@ class State:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Largest errors of a motion; zero is perfect.
+    """Largest errors of a motion.
 
     Attributes:
         end_effector_position: Distance from the path [m].
@@ -88,7 +87,7 @@ class Residuals:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of spacecraft and arm while the end-effector follows its path.
+    """Motion of spacecraft and arm along the end-effector's path.
 
     Panel k holds the nodes 8 k to 8 k + 8; neighbours share a node.
 
@@ -110,10 +109,6 @@ class Motion:
         for name in ("times", "attitudes", "joints"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
-    def __reduce__(self) -> tuple[type[Motion], tuple[Any, ...]]:
-        """Arguments of the constructor, so that unpickled arrays are read-only, too."""
-        return Motion, (self.problem, self.ending, self.times, self.attitudes, self.joints)
-
     @property
     def panels(self) -> int:
         """Number of panels; zero for a motion that ends where it begins."""
@@ -122,7 +117,7 @@ class Motion:
     @property
     def panel_nodes(self) -> IntArray:
         """Indices of the nodes of every panel, shape (panels, 9)."""
-        return panel_nodes(self.panels)
+        return np.asarray(DEGREE * np.arange(self.panels)[:, None] + np.arange(DEGREE + 1))
 
     @property
     def completed(self) -> bool:
@@ -167,6 +162,12 @@ class Motion:
         row = chebyshev.chebval(x, self.coefficients[panel])
         return float(row[0]), row[1:5] / np.linalg.norm(row[1:5]), row[5:]
 
+    def _located(self, u: npt.ArrayLike) -> tuple[IntArray, Array]:
+        """Panels and their parameters, shape (K,) each, of panel coordinates (K,)."""
+        u = np.atleast_1d(np.asarray(u, dtype=float))
+        panel = np.clip(u.astype(np.int64), 0, self.panels - 1)
+        return panel, np.asarray(2.0 * (u - panel) - 1.0)
+
     def timing_segment(self, panel: int) -> int:
         """Number of the segment of the time law that holds in a panel."""
         first, last = self.times[DEGREE * panel], self.times[DEGREE * (panel + 1)]
@@ -184,7 +185,7 @@ class Motion:
         if not self.panels:
             node = np.zeros(np.size(u), dtype=int)
             return self.times[node], self.attitudes[node], self.joints[node]
-        panel, x = panel_parameters(u, self.panels)
+        panel, x = self._located(u)
         basis = chebyshev.chebvander(x, DEGREE)
         values = np.einsum("ij,ijc->ic", basis, self.coefficients[panel])
         attitudes = values[:, 1:5] / np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
@@ -232,15 +233,10 @@ class Motion:
         """The motion up to a panel coordinate, ending there."""
         whole = min(int(u), max(self.panels - 1, 0))
         before = slice(0, DEGREE * whole + 1)
-        nodes = NODES[1:] if u > whole else NODES[:0]
-        t, a, q = self.evaluate(whole + (u - whole) * (nodes + 1.0) / 2.0)
-        return Motion(
-            self.problem,
-            ending,
-            np.concatenate([self.times[before], t]),
-            np.vstack([self.attitudes[before], a]),
-            np.vstack([self.joints[before], q]),
-        )
+        last = NODES[1:] if u > whole else NODES[:0]
+        t, a, q = self.evaluate(whole + (u - whole) * (last + 1.0) / 2.0)
+        nodes = (self.times, t), (self.attitudes, a), (self.joints, q)
+        return Motion(self.problem, ending, *(np.concatenate([x[before], y]) for x, y in nodes))
 
     def residuals(self) -> Residuals:
         """Largest distance from the path and deviation of the momentum."""
@@ -248,11 +244,9 @@ class Motion:
         panel = np.repeat(np.arange(self.panels), DEGREE + 1)
         momentum = self._momentum_errors(panel, np.tile(NODES, self.panels))
         return Residuals(
-            end_effector_position=float(position),
-            end_effector_attitude=float(attitude)
-            if self.problem.task.prescribes_orientation
-            else None,
-            momentum=float(np.max(momentum, initial=0.0, where=np.isfinite(momentum))),
+            float(position),
+            float(attitude) if self.problem.task.prescribes_orientation else None,
+            float(np.max(momentum, initial=0.0, where=np.isfinite(momentum))),
         )
 
     @cached_property
@@ -275,7 +269,7 @@ class Motion:
         """
         if not self.panels:
             return np.full(np.size(u), np.nan)
-        return self._momentum_errors(*panel_parameters(u, self.panels))
+        return self._momentum_errors(*self._located(u))
 
     def _momentum_errors(self, panel: IntArray, x: Array) -> Array:
         rows = np.column_stack([self.times, self.attitudes, self.joints, self.base_positions])

@@ -1,17 +1,25 @@
-"""Panels: the segments of the piecewise polynomial that represents a motion.
+"""Panels of a motion, and the errors of the configurations that they describe.
 
-Consecutive panels of 9 nodes share their end nodes. Inside a panel, everything is a polynomial of
-degree 8 of the panel's parameter x in [-1, 1]. The panel coordinate u is k + (x + 1) / 2 in panel
-k.
+Panels are the segments of the piecewise polynomial that represents a motion. Consecutive panels of
+9 nodes share their end nodes. Inside a panel, everything is a polynomial of degree 8 of the panel's
+parameter x in [-1, 1]. The panel coordinate u is k + (x + 1) / 2 in panel k.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
-from freefloat.so3 import Array, IntArray, frozen
+from freefloat.dynamics.momentum import momentum_map
+from freefloat.motion.problem import Problem
+from freefloat.so3 import (
+    Array,
+    IntArray,
+    cross,
+    frozen,
+    rotation_matrix,
+    rotation_vector_between,
+)
 
 DEGREE = 8
 """Degree of the polynomials; one above the integrator's dense output."""
@@ -21,18 +29,8 @@ TO_COEFFICIENTS = frozen(np.linalg.inv(chebyshev.chebvander(NODES, DEGREE)))
 """Maps values at the nodes of a panel to Chebyshev coefficients, shape (9, 9)."""
 _NEARLY_STILL = 1e-2
 """Fraction of a panel's largest pace of time below which there are no rates by time."""
-
-
-def panel_nodes(panels: int) -> IntArray:
-    """Indices of the nodes of every panel, shape (panels, 9)."""
-    return np.asarray(DEGREE * np.arange(panels)[:, None] + np.arange(DEGREE + 1))
-
-
-def panel_parameters(u: npt.ArrayLike, panels: int) -> tuple[IntArray, Array]:
-    """Panels and parameters, shape (K,) each, of panel coordinates (K,)."""
-    u = np.atleast_1d(np.asarray(u, dtype=float))
-    panel = np.clip(u.astype(np.int64), 0, panels - 1)
-    return panel, np.asarray(2.0 * (u - panel) - 1.0)
+_UNRESOLVED = 1e-7
+"""Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""
 
 
 def with_slopes(c: Array, x: Array) -> list[tuple[int, Array, Array]]:
@@ -51,3 +49,65 @@ def with_slopes(c: Array, x: Array) -> list[tuple[int, Array, Array]]:
     values, rates = (chebyshev.chebval(x, series).T for series in (c, slope))
     return [(int(k), values[k], rates[k] / rates[k, 0])
             for k in np.flatnonzero(np.abs(rates[:, 0]) > still)]  # fmt: skip
+
+
+def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array) -> Array:
+    """Distances from the path [m] and angles from its orientation [rad], shape (K, 2).
+
+    Only components prescribed by the task count.
+
+    Args:
+        problem: Robot, path and task.
+        times: [s], shape (K,).
+        attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
+        joints: Joint values, shape (K, n).
+    """
+    model, rows = problem.model, problem.task.rows
+    states = zip(attitudes, joints, strict=True)
+    poses = [model.end_effector_pose(attitude, q) for attitude, q in states]
+    path = [problem.path.pose(float(t)) for t in times]
+    offsets = np.array([a.position - b.position for a, b in zip(poses, path, strict=True)])
+    angles = rotation_vector_between(
+        [pose.rotation for pose in poses], [pose.rotation for pose in path]
+    )
+    errors = np.hstack([offsets, angles])
+    linear, angular = [row for row in rows if row < 3], [row for row in rows if row > 2]
+    return np.column_stack([np.linalg.norm(errors[:, part], axis=1) for part in (linear, angular)])
+
+
+def momentum_errors(problem: Problem, values: Array, panel: IntArray, x: Array) -> Array:
+    """Magnitude of the angular momentum's deviation from the prescribed one [N m s], shape (K,).
+
+    The momentum is recomputed from the recorded configurations alone, by the derivatives of the
+    panels' polynomials, time included. nan in panels without motion and where time nearly stands
+    still.
+
+    Args:
+        problem: Robot and momentum.
+        values: (time, attitude, joints, base position) at the nodes of every panel, shape
+            (panels, 9, 8 + n).
+        panel: Panels, shape (K,).
+        x: Parameters, shape (K,).
+    """
+    errors = np.full(len(x), np.nan)
+    scale = np.ones(values.shape[2] - 3)
+    scale[0] = problem.path.duration
+    for k in np.unique(panel):
+        if (np.ptp(values[k, :, :-3], axis=0) / scale).max() < _UNRESOLVED:
+            continue
+        points = np.flatnonzero(panel == k)
+        for i, value, rate in with_slopes(TO_COEFFICIENTS @ values[k], x[points]):
+            errors[points[i]] = _momentum_error(problem, value, rate)
+    return errors
+
+
+def _momentum_error(problem: Problem, values: Array, rates: Array) -> float:
+    """The deviation from (time, attitude, joints, base position) and their derivatives by time."""
+    size = np.linalg.norm(values[1:5])
+    attitude, change = values[1:5] / size, rates[1:5] / size
+    x, w = attitude[:3], attitude[3]
+    omega = 2.0 * (w * change[:3] - change[3] * x - cross(x, change[:3]))  # (8c) inverted
+    base = rotation_matrix(attitude).T @ rates[-3:]
+    v = np.concatenate([base, omega, rates[5:-3]])
+    momentum = momentum_map(problem.model, values[5:-3], attitude) @ v
+    return float(np.linalg.norm(momentum[3:] - problem.momentum))

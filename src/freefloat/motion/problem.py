@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.dynamics.momentum import Task, momentum_map
-from freefloat.dynamics.redundancy import Redundancy
-from freefloat.dynamics.resolved_rates import ResolvedRateSolver
+from freefloat.dynamics.resolved_rates import Redundancy, ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.ik.branches import (

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.joint_extents import unwrapped
 from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import Array

@@ -16,7 +16,7 @@ import numpy as np
 
 from freefloat.dynamics.measures import largest_magnitude
 from freefloat.errors import IntegrationError
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, is_kept

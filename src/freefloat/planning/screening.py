@@ -17,7 +17,7 @@ import numpy.typing as npt
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.limits.collision import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
-from freefloat.motion.joint_extents import joint_ranges
+from freefloat.motion.extrema import joint_ranges
 from freefloat.motion.problem import Problem
 from freefloat.planning.options import Objective, Search
 from freefloat.planning.regions import depths

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.redundancy import Redundancy
+from freefloat.dynamics.resolved_rates import Redundancy
 from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import LimitResult, Limits
-from freefloat.motion.closest_approach import ClosestApproach, closest_approach
+from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.joint_extents import unwrapped
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.reach import light_spacecraft, out_of_reach, reach_message

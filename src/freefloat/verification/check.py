@@ -13,7 +13,7 @@ from freefloat.errors import FreeFloatError, InputError
 from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, certify
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, Simulation

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import UnreachableError, require_type
-from freefloat.motion.closest_approach import closest_approach
+from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap

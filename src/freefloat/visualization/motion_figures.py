@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 from freefloat.io.trajectory import Trajectory
-from freefloat.motion.closest_approach import ClosestApproach
+from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (

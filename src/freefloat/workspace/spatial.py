@@ -6,11 +6,11 @@ from functools import partial
 
 import numpy as np
 
-from freefloat.dynamics.in_plane_factor import plane_axes
 from freefloat.dynamics.measures import (
     SingularityMeasure,
     joint_box,
     joint_space_extremes,
+    plane_axes,
     singularity_measure,
 )
 from freefloat.dynamics.momentum import Task

@@ -1,4 +1,4 @@
-"""Null-space motion of a redundant arm compiled, see :mod:`freefloat.dynamics.null_space`.
+"""Null-space motion of a redundant arm compiled, see :mod:`freefloat.dynamics.resolved_rates`.
 
 The null-space rates z follow from the optimality conditions with Lagrange multipliers,
 

@@ -1,13 +1,32 @@
-"""The right-hand side of (8) compiled: rates of attitude and joints along a path."""
+"""The right-hand side of (8) compiled: rates of attitude and joints along a path.
+
+By time for the integration of ensembles, by arc length for that of single motions; and the arrays
+of a robot that the kernels read, see :mod:`freefloat.dynamics.kernels.equation`.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from freefloat.dynamics.kernels.compilation import compiled
-from freefloat.dynamics.kernels.equation import METRIC, OMEGA, configure, solve_rates
+import numpy as np
+
+from freefloat.dynamics.kernels.compilation import compiled, unowned
+from freefloat.dynamics.kernels.elimination import eliminate
+from freefloat.dynamics.kernels.equation import (
+    FACTS,
+    LEVEL,
+    METRIC,
+    OMEGA,
+    configure,
+    form_jacobian,
+    solve_rates,
+)
 from freefloat.dynamics.kernels.null_space import choose_rates
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.rigid_bodies import Body
 from freefloat.so3 import Array, IntArray
 
 
@@ -28,6 +47,32 @@ class Robot(NamedTuple):
     # intervals (N, 7, 4), where the last row starts with their lower ends
     tangents: Array
     duration: float  # [s]
+
+
+def robot_rows(model: FreeFloatingModel) -> Array:
+    """Array ``bodies``: a row for the spacecraft and one for each body behind a joint."""
+    return np.array([_row(body) for body in model.bodies])
+
+
+def robot_facts(model: FreeFloatingModel, task: Task) -> Array:
+    """Array ``facts``, zero where values of a measure or of a redundant arm belong."""
+    facts = np.zeros(FACTS)
+    facts[:LEVEL] = [
+        model.total_mass, VirtualManipulator.of(model).reach, task.planar, *model.tool.position,
+    ]  # fmt: skip
+    return facts
+
+
+def _row(body: Body) -> Array:
+    """A body's row; the joint rotation follows Rodrigues' formula."""
+    x, y, z = body.axis
+    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    P, inertia = body.placement.rotation, body.inertia
+    return np.concatenate([
+        body.placement.position, P.ravel(), (P @ hat).ravel(), (P @ hat @ hat).ravel(), body.axis,
+        [body.prismatic, body.mass], body.centre,
+        inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], [1.0, np.nan],
+    ])  # fmt: skip
 
 
 @compiled
@@ -101,3 +146,58 @@ def flow(
     for j in range(n):
         f[4 + j] = rates[j] * duration
     return determinant
+
+
+@compiled
+def tangent_at(
+    bodies: Array, facts: Array, rows: IntArray, clock: Array, law: Array, tangents: Array,
+    duration: float, h: Array, y: Array, reference: Array, f: Array, w: Array, S: Array, L: Array,
+    vectors: Array,
+) -> bool:  # fmt: skip
+    """Write the unit tangent of the curve (time, attitude, joints) into ``f``.
+
+    Of its two directions the one with a positive product with ``reference`` is taken. The first
+    entry of ``y`` is time, in any unit; that of ``f`` must hold the duration in the same unit.
+    ``clock``, ``law`` and ``tangents`` describe a path of constant twist and speed.
+
+    Returns:
+        Whether the tangent exists: it does not where (4) is exactly singular.
+    """
+    return _tangent_at(
+        unowned(bodies), unowned(facts), unowned(rows), unowned(clock), unowned(law),
+        unowned(tangents), duration, unowned(h), unowned(y), unowned(reference), unowned(f),
+        unowned(w), unowned(S), unowned(L), unowned(vectors),
+    )  # fmt: skip
+
+
+@compiled
+def _tangent_at(
+    bodies: Array, facts: Array, rows: IntArray, clock: Array, law: Array, tangents: Array,
+    duration: float, h: Array, y: Array, reference: Array, f: Array, w: Array, S: Array, L: Array,
+    vectors: Array,
+) -> bool:  # fmt: skip
+    n = S.shape[1]
+    flow(
+        bodies, facts, rows, clock[0], clock[1], law, tangents, duration, 0, h, 0.0, y[1:], f[1:],
+        w, S, L, vectors[0, :n], vectors[1, :n], vectors[2],
+    )  # fmt: skip
+    square, along = 0.0, 0.0
+    for j in range(len(f)):
+        square += f[j] * f[j]
+        along += f[j] * reference[j]
+    if not math.isfinite(square):
+        return False
+    scale = math.copysign(1.0 / math.sqrt(square), along)
+    for j in range(len(f)):
+        f[j] *= scale
+    return True
+
+
+@compiled
+def determinant_at(
+    bodies: Array, facts: Array, rows: IntArray, q: Array, w: Array, S: Array, L: Array
+) -> float:
+    """Det S* of (6) at joint values; the last three arguments are buffers."""
+    configure(unowned(bodies), unowned(facts), unowned(q), unowned(w))
+    form_jacobian(unowned(facts), unowned(rows), unowned(w), unowned(S))
+    return eliminate(unowned(S), unowned(L))

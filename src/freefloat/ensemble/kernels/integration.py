@@ -9,24 +9,28 @@ admits a new minimum in between, the interpolant of the steps is searched.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.dynamics.kernels.compilation import compiled, unowned
 from freefloat.dynamics.kernels.equation import DEMAND, WORK_COLUMNS, form_jacobian
 from freefloat.dynamics.kernels.right_side import Robot, flow
-from freefloat.ensemble.kernels.measures import ARM, GJM, SIGMA, measure_at
 from freefloat.ensemble.kernels.steps import (
+    ARM,
+    GJM,
+    SIGMA,
     error_of,
     has_lower_minimum,
     inside,
     local_minimum,
     make_stages,
+    measure_at,
 )
-from freefloat.motion.problem import is_kept
 from freefloat.so3 import Array, IntArray
+
+if TYPE_CHECKING:
+    from freefloat.ensemble.ensemble import EnsembleResult
 
 COMPLETED, SINGULAR, MARGIN, FAILED = 0, 1, 2, 3
 """Codes of endings."""
@@ -62,54 +66,6 @@ def make_buffers(n: int, m: int) -> Buffers:
         S=np.zeros((m, n)), L=np.zeros(equations), stages=np.zeros((2, 7, 4 + n)),
         states=np.zeros((3, 4 + n)), vectors=np.zeros((4, max(n, DEMAND))),
     )  # fmt: skip
-
-
-class EnsembleResult(NamedTuple):
-    """Results of K motions; in tables of arm branches the leading shape is (K, B) instead.
-
-    Attributes:
-        endings: 0 completed, 1 singular, 2 margin violated, 3 step limit reached, shape (K,); in
-            tables -1 where the arm branch does not exist.
-        ended_at: Final times [s], shape (K,).
-        minimum: Minimum magnitude of the measure, zero where it changes sign, shape (K,).
-        minimum_at: Times of the minimum [s], shape (K,).
-        attitudes: Final attitudes, quaternions x, y, z, w, shape (K, 4).
-        joints: Final joint values [rad or m], shape (K, n).
-        rates: Largest magnitudes of the joint rates at the integrator's steps, shape (K, n).
-        lower: Smallest joint values at the steps, shape (K, n).
-        upper: Largest joint values at the steps, shape (K, n).
-        determinant_ratios: Smallest over largest magnitude of det S* at the steps; small near any
-            singularity, also one at which the measure does not vanish, shape (K,).
-        evaluations: Number of evaluations of (4), shape (K,).
-    """
-
-    endings: npt.NDArray[np.int8]
-    ended_at: Array
-    minimum: Array
-    minimum_at: Array
-    attitudes: Array
-    joints: Array
-    rates: Array
-    lower: Array
-    upper: Array
-    determinant_ratios: Array
-    evaluations: IntArray
-
-    @classmethod
-    def empty(cls, shape: tuple[int, ...], n: int) -> EnsembleResult:
-        """Arrays for results of motions of n joints, with the ending of missing branches."""
-        times, minimum_at = np.full((2, *shape), np.nan)
-        minimum, determinant_ratios = np.zeros((2, *shape))
-        joints, rates, lower, upper = np.full((4, *shape, n), np.nan)
-        return cls(
-            np.full(shape, UNREACHED, np.int8), times, minimum, minimum_at,
-            np.full((*shape, 4), np.nan), joints, rates, lower, upper, determinant_ratios,
-            np.zeros(shape, np.int64),
-        )  # fmt: skip
-
-    def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
-        """Which motions complete and keep a margin, shape (K,)."""
-        return np.asarray((self.endings == COMPLETED) & is_kept(self.minimum, margin))
 
 
 @compiled
