@@ -14,13 +14,12 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, generalized_determinant
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
-from freefloat.ensemble.ensemble import EnsembleIntegrator, run_chunks
+from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult, run_chunks
 from freefloat.ensemble.kernels.integration import (
     COMPLETED,
     FAILED,
     MARGIN,
     SINGULAR,
-    EnsembleResult,
 )
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
