@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import sqlite3
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,11 +17,9 @@ import pytest
 
 from freefloat.errors import InputError
 from freefloat.studies.report import save_summary, save_tables, study_table
-from freefloat.studies.results import open_results
-from freefloat.studies.row import Row
-from freefloat.studies.run import RunResult, study_files
+from freefloat.studies.results import COLUMNS, Row, StudyResult, open_results
+from freefloat.studies.run import study_files
 from freefloat.studies.study import Study
-from freefloat.studies.summary import StudyResult
 from tests.example_studies import BASE, a_study
 
 VARY = {"momentum.2": {"uniform": [-1, 1]}}
@@ -49,29 +48,42 @@ def study(tmp_path: Path) -> Study:
     return a_study(tmp_path, VARY, cases=4)
 
 
-def finished(study: Study, folder: Path, *results: RunResult) -> dict[int, Row]:
-    """Add results to the database of a study, and return its rows."""
+def finished(
+    study: Study, folder: Path, *rows: Row, content: bytes | None = None
+) -> dict[int, Row]:
+    """Add rows to the database of a study, and return all of them."""
     with open_results(folder, study, study_files(study)) as database:
-        for result in results:
-            database.add(result)
+        for row in rows:
+            database.add(row, content)
         return database.rows
 
 
 def test_a_database_returns_the_rows_that_were_added(study: Study, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    finished(study, out, RunResult(FEASIBLE, b"content"), RunResult(ERROR))
-    again = finished(study, out, RunResult(INFEASIBLE))
+    finished(study, out, FEASIBLE, content=b"content")
+    finished(study, out, ERROR)
+    again = finished(study, out, INFEASIBLE)
     assert (out / "cases" / "00000.h5").read_bytes() == b"content"
     assert again[0] == replace(FEASIBLE, file="cases/00000.h5", bytes=7)
     assert again[1] == INFEASIBLE
     assert repr(again[2]) == repr(ERROR)
 
 
+def test_columns_of_the_database_have_types(study: Study, tmp_path: Path) -> None:
+    """Numbers and texts are columns; lists and maps are JSON."""
+    finished(study, tmp_path, FEASIBLE, INFEASIBLE)
+    kinds = {name: COLUMNS[name] for name in ("number", "verdict", "margin", "completed", "joints")}
+    assert list(kinds.values()) == ["INTEGER", "TEXT", "REAL", "BOOLEAN", "JSON"]
+    connection = sqlite3.connect(tmp_path / "study.sqlite")
+    query = "SELECT number, verdict, margin FROM runs WHERE margin > 5"
+    assert connection.execute(query).fetchall() == [(0, "feasible", 7.5)]
+    connection.close()
+
+
 @pytest.mark.parametrize(
     ("vary", "keys"),
     [
         (VARY, {"cases": 5}),
-        (VARY, {"cases": 4, "heading_deg": 10.0}),
         ({"momentum.2": {"uniform": [-1, 2]}}, {"cases": 4}),
         (VARY, {"cases": 4, "base": BASE | {"timing": {"duration": 90}}}),
     ],
@@ -79,7 +91,7 @@ def test_a_database_returns_the_rows_that_were_added(study: Study, tmp_path: Pat
 def test_another_study_is_refused(
     vary: dict[str, Any], keys: dict[str, Any], study: Study, tmp_path: Path
 ) -> None:
-    finished(study, tmp_path / "out", RunResult(FEASIBLE))
+    finished(study, tmp_path / "out", FEASIBLE)
     with pytest.raises(InputError) as caught:
         finished(a_study(tmp_path, vary, **keys), tmp_path / "out")
     assert caught.value.key == "output"
@@ -94,7 +106,7 @@ def test_a_changed_robot_is_another_study_but_not_a_comment_or_folder(tmp_path: 
         (tmp_path / name).mkdir()
         (tmp_path / name / "arm.urdf").write_text(text)
     first, second = (a_study(tmp_path / name, VARY, base=base, cases=4) for name in ("a", "b"))
-    finished(first, tmp_path / "out", RunResult(FEASIBLE))
+    finished(first, tmp_path / "out", FEASIBLE)
     assert list(finished(second, tmp_path / "out")) == [0]
     (tmp_path / "b" / "arm.urdf").write_text(text.replace('value="40"', 'value="41"'))
     with pytest.raises(InputError) as caught:
@@ -115,18 +127,13 @@ def test_a_second_process_is_refused(study: Study, tmp_path: Path) -> None:
     assert "another process" in done.stderr
 
 
-@pytest.mark.parametrize("kind", ["file", "below a file", "no database"])
-def test_a_folder_that_cannot_be_used_is_an_error(kind: str, study: Study, tmp_path: Path) -> None:
-    path = tmp_path / "out"
-    if kind == "no database":
-        path.mkdir()
-        (path / "study.sqlite").write_text("no database" * 100)
-    else:
-        path.write_text("")
-        path = path / "inner" if kind == "below a file" else path
-    with pytest.raises(InputError) as caught:
-        finished(study, path)
-    assert caught.value.key == "output"
+def test_a_folder_that_cannot_be_used_is_an_error(study: Study, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "study.sqlite").write_text("no database" * 100)
+    for folder in (tmp_path / "file", tmp_path):
+        with pytest.raises(InputError) as caught:
+            finished(study, folder)
+        assert caught.value.key == "output"
 
 
 def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:

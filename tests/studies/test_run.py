@@ -12,7 +12,7 @@ from freefloat.io.results import load
 from freefloat.io.scenario import load_scenario
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
-from freefloat.studies.row import Row
+from freefloat.studies.results import Row
 from freefloat.studies.run import Run, RunResult, execute, study_files
 from freefloat.studies.study import load_study
 from tests.example_studies import BASE, HEADINGS, a_study, write_study
@@ -47,6 +47,7 @@ def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -
     assert simulated[1].row.reason == "The arm became dynamically singular."
 
 
+@pytest.mark.slow
 def test_a_plan_has_the_results_of_plan(tmp_path: Path) -> None:
     keys = {"command": "plan", "heading_deg": None}
     (result,) = results(tmp_path, {"momentum.2": {"list": [0.25]}}, **keys)

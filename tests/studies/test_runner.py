@@ -23,11 +23,9 @@ from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.results import load
 from freefloat.robot.names import bundled_studies, models_folder
-from freefloat.studies.cluster import execute_all
-from freefloat.studies.results import open_results
-from freefloat.studies.row import Row
+from freefloat.studies.results import Row, open_results
 from freefloat.studies.run import Run, RunResult, execute, study_files
-from freefloat.studies.runner import estimate_study, run_study
+from freefloat.studies.runner import estimate_study, execute_all, run_study
 from freefloat.studies.study import load_study
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study
 
@@ -57,6 +55,7 @@ def without_times(row: Row) -> Row:
     return replace(row, seconds=None, began=None, file=None, bytes=None)
 
 
+@pytest.mark.slow
 def test_a_study_has_the_rows_of_its_runs_and_is_not_repeated(folder: Path) -> None:
     study = a_study(folder, HEADINGS, branch=0)
     fractions: list[float] = []
@@ -76,13 +75,14 @@ def test_a_study_has_the_rows_of_its_runs_and_is_not_repeated(folder: Path) -> N
     assert again.rows == result.rows
 
 
+@pytest.mark.slow
 def test_one_run_in_ten_that_fails_stops_no_other(folder: Path) -> None:
     """Runs with a path out of reach, a broken robot, a number that is none, or a missing file."""
     (folder / "bad.urdf").write_text("<robot><link")
     good: dict[str, Any] = {"momentum.2": 0.1, "x": 2, "robot.urdf": "planar_3dof"}
     bad = [{"x": 9}, {"robot.urdf": "bad.urdf"}, {"momentum.2": float("nan")},
            {"robot.urdf": "none"}]  # fmt: skip
-    runs = [good | bad[k // 10 % 4] if k % 10 == 3 else good for k in range(80)]
+    runs = [good | bad[k // 10 % 4] if k % 10 == 3 else good for k in range(40)]
     names = {"momentum.2": "momentum.2", "x": "path.polynomial.x.0", "robot.urdf": "robot.urdf"}
     vary = {key: {"list": [values[name] for values in runs]} for name, key in names.items()}
     write_study(folder, vary, base=SHORT, combine="zipped", files=False)
@@ -91,8 +91,8 @@ def test_one_run_in_ten_that_fails_stops_no_other(folder: Path) -> None:
     assert len(result.stderr.splitlines()) == 1
     rows = table(folder / "out")
     failed = [number for number, error in enumerate(rows["error"]) if error is not None]
-    assert failed == list(range(3, 80, 10))
-    assert rows["verdict"].count("feasible") == 72
+    assert failed == list(range(3, 40, 10))
+    assert rows["verdict"].count("feasible") == 36
 
 
 def started(*words: str) -> subprocess.Popen[str]:
@@ -126,8 +126,9 @@ def workers(process: subprocess.Popen[str]) -> list[psutil.Process]:
     return processes
 
 
+@pytest.mark.slow
 def test_no_finished_run_is_lost_or_repeated_whatever_process_is_killed(folder: Path) -> None:
-    count, out = 40, folder / "out"
+    count, out = 24, folder / "out"
     write_study(folder, RANDOM, base=SHORT, cases=count)
     coordinator = started("study.yaml", "-o", "out", "--workers", "1")
     wait_until(lambda: len(files(out)) >= 5, coordinator)
@@ -152,6 +153,7 @@ def test_no_finished_run_is_lost_or_repeated_whatever_process_is_killed(folder: 
         assert (out / "cases" / name).stat().st_mtime_ns == modified
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("finished", [0, 3])
 def test_an_interruption_ends_all_processes_and_keeps_rows(finished: int, folder: Path) -> None:
     """Ctrl-C in a terminal reaches the workers too, before and after the first runs."""
@@ -180,7 +182,7 @@ def test_a_robot_that_changed_since_the_start_is_exit_code_2(folder: Path) -> No
     base = SHORT | {"robot": {"urdf": "arm.urdf", "end_effector": "end_effector"}}
     study = a_study(folder, RANDOM, base=base, cases=2)
     with open_results(folder / "out", study, study_files(study)) as database:
-        database.add(execute(Run.of(study, 0)))
+        database.add(execute(Run.of(study, 0)).row)
     robot.write_text(robot.read_text().replace('value="40"', 'value="41"'))
     result = run("study.yaml", "-o", "out", "--json")
     assert result.exit_code == 2
@@ -195,6 +197,7 @@ class Deadly:
         return eval, (f"{worker} and __import__('os')._exit(1)",)
 
 
+@pytest.mark.slow
 def test_a_run_that_kills_its_workers_becomes_an_error(folder: Path) -> None:
     study = a_study(folder, RANDOM, base=SHORT, cases=3, files=False)
     runs = [Run.of(study, number) for number in range(3)]
@@ -221,6 +224,7 @@ def scheduler() -> Iterator[str]:
         process.communicate()
 
 
+@pytest.mark.slow
 def test_workers_of_a_scheduler_get_the_same_rows(folder: Path, scheduler: str) -> None:
     study = a_study(folder, RANDOM, base=SHORT, cases=4)
     result = run_study(study, folder / "out", scheduler=scheduler, report=False)
@@ -233,7 +237,7 @@ def test_workers_of_a_scheduler_get_the_same_rows(folder: Path, scheduler: str) 
 def test_a_scheduler_that_does_not_answer_is_an_error(
     address: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("freefloat.studies.cluster._TIMEOUT", 1.0)
+    monkeypatch.setattr("freefloat.studies.runner._TIMEOUT", 1.0)
     with pytest.raises(InputError) as caught:
         run_study(a_study(folder), folder / "out", scheduler=address)
     assert caught.value.key == "scheduler"

@@ -16,7 +16,8 @@ from freefloat.cli.options import Json, Quiet, make_folder, study_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.studies.summary import StudyEstimate, StudyResult
+    from freefloat.studies.results import StudyResult
+    from freefloat.studies.runner import StudyEstimate
 
 _MAX_ROWS = 20
 """Runs listed by a dry run; --json lists all."""

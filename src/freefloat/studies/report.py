@@ -16,8 +16,7 @@ import pyarrow.parquet
 from jinja2 import Environment, PackageLoader
 
 from freefloat.io.files import written_beside
-from freefloat.studies.row import Row
-from freefloat.studies.summary import StudyResult
+from freefloat.studies.results import COLUMNS, Row, StudyResult
 
 PARQUET, CSV, REPORT = "cases.parquet", "cases.csv", "report.html"
 _FIRST = (
@@ -28,11 +27,8 @@ _FIRST = (
 )
 """Columns after the parameters; then joints, residuals, limits and heading ranges."""
 _LAST = ("seconds", "began", "file", "bytes", "error")
-_TYPES = {
-    **dict.fromkeys(("verdict", "reason", "error", "measure", "file", "began"), pa.string()),
-    **dict.fromkeys(("branch", "bytes"), pa.int64()),
-    **dict.fromkeys(("completed", "limits_kept"), pa.bool_()),
-}
+_TYPES = {"TEXT": pa.string(), "INTEGER": pa.int64(), "BOOLEAN": pa.bool_()}
+"""Types of columns by those of the database; others are floating-point numbers."""
 _LISTED = ("verdict", "margin", "singular_time", "branch", "heading_deg", "robust_radius_deg",
            "feasible_fraction", "limits_kept", "seconds", "reason", "error")  # fmt: skip
 """Columns of the report after the parameters, unless they are empty."""
@@ -86,22 +82,23 @@ def study_table(rows: Mapping[int, Row]) -> pa.Table:
     Parameters are named by their dotted paths, and entries of lists by their index.
     """
     numbers = sorted(rows)
-    parameters = [dict(_flat_parameters(rows[number].parameters)) for number in numbers]
+    parameters = [dict(_flat(rows[number].parameters)) for number in numbers]
     results = [dict(_flat_results(rows[number])) for number in numbers]
     columns: dict[str, pa.Array] = {"case": pa.array(numbers, pa.int64())}
     for key in _keys(parameters):
         columns[key] = _parameter_array([values.get(key) for values in parameters])
     varying = [key for key in _keys(results) if key not in (*_FIRST, *_LAST)]
     for key in (*_FIRST, *varying, *_LAST):
-        kind = pa.string() if key.startswith("attitude_ranges_deg.") else _TYPES.get(key)
+        text = key.startswith("attitude_ranges_deg.")
+        kind = _TYPES.get("TEXT" if text else COLUMNS.get(key, "REAL"), pa.float64())
         name = key if key not in columns else f"found.{key}"
-        columns[name] = pa.array([values.get(key) for values in results], kind or pa.float64())
+        columns[name] = pa.array([values.get(key) for values in results], kind)
     return pa.table(columns)
 
 
-def _flat_parameters(parameters: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the entries of lists and maps of numbers one by one, and other values whole."""
-    for key, value in parameters.items():
+    for key, value in values.items():
         if isinstance(value, list) and all(map(_is_number, value)):
             yield from ((f"{key}.{index}", entry) for index, entry in enumerate(value))
         elif isinstance(value, dict) and value and all(map(_is_number, value.values())):

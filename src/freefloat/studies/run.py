@@ -7,26 +7,33 @@ import os
 import re
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.results import save
+from freefloat.limits.limits import LimitResult
+from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
-from freefloat.planning.simulation import simulate
+from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import SimulatedBranch, Simulation, simulate
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
-from freefloat.so3 import heading_quaternion
-from freefloat.studies.row import ERROR, Row, finite, map_values, plan_values, simulation_values
+from freefloat.so3 import heading_of, heading_quaternion
+from freefloat.studies.results import ERROR, FEASIBLE, INFEASIBLE, Files, Row
 from freefloat.studies.schema import Command
 from freefloat.studies.study import Study, scenario_from
 
-Files = tuple[tuple[str, bytes], ...]
-"""Absolute paths of files and their contents."""
+if TYPE_CHECKING:  # compiled kernels are slow to import
+    from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.heading_map import HeadingMap
+
 _MESH = re.compile(rb"""<mesh\s[^>]*filename\s*=\s*["']([^"'&]+)["']""")
 
 
@@ -115,25 +122,24 @@ def _execute(run: Run, source: Path) -> RunResult:
     scenario = scenario_from(run.document, source)
     problem = scenario.problem()
     record: Any
-    if run.command is Command.SIMULATE:
-        attitude, branch = _initial_attitude(problem, run.start), run.start.get("branch")
-        limits = scenario.limits(problem.model)
-        record = simulate(problem, attitude, branch=branch, limits=limits)
-        values = simulation_values(record)
-    elif run.command is Command.PLAN:
-        from freefloat.planning.planner import plan  # compiled kernels are slow to import
-
-        limits = scenario.limits(problem.model)
-        with scenario.error_context():
-            record = plan(problem, scenario.search(), limits, threads=1)
-        values = plan_values(record)
-    else:
-        from freefloat.planning.mapping import attitude_map
+    if run.command is Command.MAP:
+        from freefloat.planning.mapping import attitude_map  # compiled kernels are slow to import
 
         search = scenario.search()
         with scenario.error_context():
             record = attitude_map(problem, search.samples, seed=search.seed, threads=1)
-        values = map_values(record)
+        values = _map_values(record)
+    elif run.command is Command.PLAN:
+        from freefloat.planning.planner import plan
+
+        limits = scenario.limits()
+        with scenario.error_context():
+            record = plan(problem, scenario.search(), limits, threads=1)
+        values = _plan_values(record)
+    else:
+        attitude, branch = _initial_attitude(problem, run.start), run.start.get("branch")
+        record = simulate(problem, attitude, branch=branch, limits=scenario.limits())
+        values = _simulation_values(record)
     row = Row(run.number, parameters=run.parameters, **finite(values))
     return RunResult(row, _file_content(record) if run.save else None)
 
@@ -156,6 +162,97 @@ def _file_content(record: Any) -> bytes:
         return file.read_bytes()
 
 
+def _simulation_values(simulation: Simulation) -> dict[str, Any]:
+    chosen, limits = simulation.chosen, simulation.limit_results
+    violated = [str(result.limit) for result in limits if not result.kept]
+    reason = ""
+    if not chosen.motion.completed:
+        reason = chosen.motion.ending.value
+    elif not chosen.feasible:
+        reason = "The margin is not kept."
+    elif violated:
+        reason = f"Limits are not kept: {', '.join(violated)}."
+    verdict = INFEASIBLE if reason else FEASIBLE
+    return {"verdict": verdict, "reason": reason, **_motion_values(chosen), **_limit_values(limits)}
+
+
+def _plan_values(plan: Plan) -> dict[str, Any]:
+    motion = {"completed": False} if plan.chosen is None else _motion_values(plan.chosen)
+    values = {
+        "verdict": FEASIBLE if plan.feasible else INFEASIBLE,
+        "reason": plan.reason,
+        **motion,
+        **_limit_values(plan.limit_results),
+        "robust_radius_deg": _degrees(plan.robust_radius),
+        "deviation_deg": _degrees(plan.deviation),
+        "feasible_fraction": None if plan.map is None else plan.map.feasible_fraction,
+    }
+    if plan.ranges:
+        ranges = {str(entry.branch): entry.degrees for entry in plan.ranges}
+        values["attitude_ranges_deg"], fraction, covered = ranges, 0.0, 0.0
+        for low, high in sorted(span for spans in ranges.values() for span in spans):
+            fraction += max(0.0, high - max(low, covered)) / 360.0
+            covered = max(covered, high)
+        values["feasible_fraction"] = fraction  # of headings in a range of any branch
+    return values
+
+
+def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
+    document, problem = result.to_dict(), result.problem
+    best, robust = document["best"] or {}, document["robust"] or {}
+    feasible = result.feasible_fraction > 0.0 or bool(best and not problem.task.planar)
+    return {
+        "verdict": FEASIBLE if feasible else INFEASIBLE,
+        "reason": "" if feasible else "no attitude tried keeps the margin",
+        "measure": None if problem.task.planar else problem.margin.measure.name,
+        "margin": best.get("value"),
+        "margin_required": problem.margin.threshold,
+        "robust_radius_deg": robust.get("radius_deg"),
+        "feasible_fraction": result.feasible_fraction,
+        "motion_fraction": result.motion_fraction,
+        **{key: best.get(key) for key in ("branch", "attitude", "heading_deg")},
+    }
+
+
+def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
+    motion, margin = chosen.motion, chosen.closest_approach
+    attitude = motion.initial.attitude.tolist()
+    in_plane = attitude[:2] == [0.0, 0.0]
+    return {
+        "completed": motion.completed,
+        "measure": margin.measure,
+        "margin": margin.value,
+        "margin_time": margin.time,
+        "margin_required": motion.problem.margin.threshold,
+        "singular_time": motion.final.time if motion.ending is Ending.SINGULAR else None,
+        "branch": chosen.branch.index,
+        "attitude": attitude,
+        "heading_deg": math.degrees(heading_of(attitude)) if in_plane else None,
+        "joints": motion.initial.joints.tolist(),
+        "residuals": asdict(motion.residuals()),
+    }
+
+
+def _limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
+    return {
+        "limits_kept": all(result.kept for result in limits) if limits else None,
+        "limits": {str(result.limit): result.ratio for result in limits},
+    }
+
+
+def _degrees(angle: float | None) -> float | None:
+    return None if angle is None else float(np.degrees(angle))
+
+
+def finite(value: Any) -> Any:
+    """Replace numbers that JSON does not know by None."""
+    if isinstance(value, dict):
+        return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def study_files(study: Study) -> Files:
     """Read the files that the scenarios of a study name by relative paths, and their meshes.
 
@@ -173,9 +270,11 @@ def study_files(study: Study) -> Files:
     for name in names:
         path = Path(os.path.normpath(folder / name))
         if is_file(path) and not os.path.isabs(name):
-            contents[str(path)] = _read(path)
-            for mesh in _meshes(path, contents[str(path)]):
-                contents[str(mesh)] = _read(mesh)
+            content = contents[str(path)] = _read(path)
+            for mesh in _MESH.findall(content):
+                with suppress(MeshFileError, UnicodeDecodeError):
+                    file = os.path.abspath(find_mesh(mesh.decode(), str(path)))
+                    contents[file] = _read(Path(file))
     return tuple(sorted(contents.items()))
 
 
@@ -189,12 +288,6 @@ def _file_names(node: Any, key: str = "") -> Iterator[str]:
             yield from _file_names(value, key)
     elif isinstance(node, str) and key in ("urdf", "mesh", "samples"):
         yield node
-
-
-def _meshes(urdf: Path, content: bytes) -> Iterator[Path]:
-    for name in _MESH.findall(content):
-        with suppress(MeshFileError, UnicodeDecodeError):
-            yield Path(os.path.abspath(find_mesh(name.decode(), str(urdf))))
 
 
 def _read(path: Path) -> bytes:

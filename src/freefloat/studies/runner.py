@@ -1,20 +1,41 @@
-"""Execution of a study: runs that are not finished yet, then tables, figure and report."""
+"""Execution of a study by Dask workers, on this machine or those of a scheduler."""
 
 from __future__ import annotations
 
+import logging
 import os
+import signal
+import threading
 import time
-from collections.abc import Callable
-from contextlib import closing
-from dataclasses import replace
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field, replace
+from importlib.metadata import PackageNotFoundError, version
+from multiprocessing import resource_tracker
 from pathlib import Path
+from typing import Any
+
+import dask
+from distributed import Client, KilledWorker, LocalCluster, as_completed
 
 from freefloat.errors import InputError
-from freefloat.studies.results import DATABASE, open_results
-from freefloat.studies.row import ERROR, Row
-from freefloat.studies.run import Run, execute, study_files
+from freefloat.studies.results import DATABASE, ERROR, Row, StudyResult, open_results
+from freefloat.studies.run import Run, RunResult, error_result, execute, finite, study_files
 from freefloat.studies.study import Study
-from freefloat.studies.summary import StudyEstimate, StudyResult
+
+_REPETITIONS = 2
+"""How often a run is repeated after the death of its worker."""
+_TIMEOUT = 10.0
+"""Time to wait for a scheduler and its first worker [s]."""
+_START_SECONDS = 3.0
+"""Typical time until local workers have started."""
+_CONFIG: dict[str, Any] = {
+    "distributed.scheduler.allowed-failures": _REPETITIONS,
+    "distributed.scheduler.worker-ttl": None,  # compiled code may hold the interpreter for long
+    "distributed.deploy.lost-worker-timeout": "1 day",  # restarts are slow on a busy machine
+    "distributed.worker.profile.enabled": False,
+}
 
 
 def run_study(
@@ -45,8 +66,7 @@ def run_study(
         InputError: If the study cannot be run, the folder cannot be written to, holds another
             study or is in use, or the scheduler does not answer.
     """
-    from freefloat.studies.cluster import execute_all  # Dask and PyArrow are slow to import
-    from freefloat.studies.report import save_summary, save_tables
+    from freefloat.studies.report import save_summary, save_tables  # PyArrow is slow to import
 
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
@@ -62,7 +82,7 @@ def run_study(
         try:
             with closing(execute_all(runs, workers=count, scheduler=scheduler)) as results:
                 for finished in results if missing else ():
-                    database.add(finished)
+                    database.add(finished.row, finished.content)
                     if progress is not None:
                         progress(len(database.rows) / study.count)
         except KeyboardInterrupt:
@@ -72,6 +92,169 @@ def run_study(
         result = StudyResult(study, rows, folder, computed=len(missing))
         paths = {"database": folder / DATABASE, **save_summary(result, report)}
     return replace(result, files=paths, seconds=time.perf_counter() - begin)
+
+
+def _processes(workers: int | None) -> int:
+    return workers or len(os.sched_getaffinity(0))
+
+
+def execute_all(
+    runs: Iterable[Run], *, workers: int = 1, scheduler: str | None = None
+) -> Generator[RunResult]:
+    """Execute runs side by side and yield their results as they finish.
+
+    As many runs are submitted at a time as there are threads. A run whose worker dies is repeated.
+
+    Args:
+        runs: The runs.
+        workers: Number of processes started on this machine.
+        scheduler: Address of a Dask scheduler whose workers are used instead, ``tcp://...``.
+
+    Raises:
+        InputError: If the scheduler does not answer, is lost, or lacks workers with this version.
+    """
+    with _local_client(workers) if scheduler is None else _remote_client(scheduler) as client:
+        waiting, submitted, completed = iter(runs), dict[Any, Run](), as_completed(loop=client.loop)
+
+        def submit() -> None:
+            while len(submitted) < max(1, sum(client.nthreads().values())):
+                run = next(waiting, None)
+                if run is None:
+                    return
+                future = client.submit(execute, run, pure=False)
+                submitted[future.key] = run
+                completed.add(future)
+
+        submit()
+        for future in completed:
+            result = _result(submitted.pop(future.key), future)
+            del future  # its result is released
+            submit()
+            yield result
+
+
+def _result(run: Run, future: Any) -> RunResult:
+    try:
+        result: RunResult = future.result()
+    except (OSError, CancelledError):  # the connection is lost
+        raise
+    except KilledWorker:
+        return error_result(run, f"worker died, also in {_REPETITIONS} repetitions")
+    except Exception as error:
+        return error_result(run, error)
+    return result
+
+
+@contextmanager
+def _local_client(workers: int) -> Iterator[Client]:
+    with dask.config.set(_CONFIG), ExitStack() as stack:
+        with _interrupts_deferred():
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+            stack.enter_context(cluster)
+            client = stack.enter_context(Client(cluster, set_as_default=False))
+        yield client
+
+
+@contextmanager
+def _interrupts_deferred() -> Iterator[None]:
+    """Defer Ctrl-C to the end of the block; processes started by its threads do not receive it.
+
+    A terminal sends it to all processes, but only this one may end, and after its workers.
+    """
+    resource_tracker.ensure_running()  # its start would unblock the signal
+    received: list[int] = []
+    if main := threading.current_thread() is threading.main_thread():
+        handler = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        if main:
+            signal.signal(signal.SIGINT, handler)
+    if received:
+        signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _remote_client(scheduler: str) -> Iterator[Client]:
+    accepted = "the address of a running Dask scheduler with workers, such as tcp://host:8786"
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    expected = version("freefloat")
+    try:
+        with Client(scheduler, timeout=_TIMEOUT, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=_TIMEOUT)
+            try:
+                versions = set(client.run(version, "freefloat").values())
+            except PackageNotFoundError:
+                versions = {"none"}
+            if versions != {expected}:
+                accepted = f"workers with freefloat {expected} installed"
+                raise ValueError(f"its workers have {', '.join(sorted(versions))}")
+            yield client
+    except (OSError, ValueError, TypeError, CancelledError) as error:
+        problem = f"{scheduler}: {str(error) or type(error).__name__}"
+        raise InputError("scheduler", problem, accepted) from None
+
+
+@dataclass(frozen=True, eq=False)
+class StudyEstimate:
+    """Runs of a study and the expected duration of those that are not finished.
+
+    Attributes:
+        study: The study.
+        finished: Numbers of the finished runs.
+        workers: Number of workers; None for those of a scheduler.
+        run_seconds: Expected duration of a run [s]; None if no run could be timed.
+        timed: Which runs were timed, or why none was.
+    """
+
+    study: Study
+    finished: frozenset[int] = field(repr=False)
+    workers: int | None
+    run_seconds: float | None
+    timed: str | None
+
+    @property
+    def missing(self) -> int:
+        """Number of runs that are not finished."""
+        return self.study.count - len(self.finished)
+
+    @property
+    def start_seconds(self) -> float:
+        """Expected time until the workers have started [s]."""
+        return _START_SECONDS if self.workers is not None and self.missing else 0.0
+
+    @property
+    def seconds(self) -> float | None:
+        """Expected duration of the study [s]; with a scheduler on one worker."""
+        if self.run_seconds is None:
+            return None
+        parallel = min(self.workers or 1, _processes(None), self.missing or 1)
+        return self.start_seconds + self.run_seconds * self.missing / parallel
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the JSON document of ``batch --dry-run``."""
+        return {
+            "study": self.study.source,
+            "base": str(self.study.base_source),
+            "task": str(self.study.content.command),
+            "count": self.study.count,
+            "done": len(self.finished),
+            "workers": self.workers,
+            "seconds_each": self.run_seconds,
+            "start_up_seconds": self.start_seconds,
+            "timed": self.timed,
+            "seconds": self.seconds,
+            "cases": [
+                {"case": number, "done": number in self.finished,
+                 "parameters": finite(self.study.parameters(number))}
+                for number in range(self.study.count)
+            ],
+        }  # fmt: skip
 
 
 def estimate_study(
@@ -106,7 +289,3 @@ def estimate_study(
             each, timed = None, f"no run could be timed, run {row.number}: {row.error}"
     count = _processes(workers) if scheduler is None else None
     return StudyEstimate(study, frozenset(rows), count, each, timed)
-
-
-def _processes(workers: int | None) -> int:
-    return workers or len(os.sched_getaffinity(0))

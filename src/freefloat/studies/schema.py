@@ -1,18 +1,27 @@
-"""Schema of study files."""
+"""Schema of study files, and the values of their varied keys."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from enum import StrEnum
+from hashlib import sha256
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
+from scipy.spatial.transform import Rotation
 
 from freefloat.io.field_types import Name, NotNegative, Number, Quaternion, Section
+from freefloat.so3 import Array
 
 MAX_RUNS = 1_000_000
 """Largest number of runs of a study, and of values of one key."""
+_DIGITS = 12
+_ROUNDING_ERROR = 1e-15
+"""Largest error of accumulated steps, relative to the largest value."""
+_STEP_TOLERANCE = 1e-9
+"""Fraction of a step by which a range may miss its last value."""
 
 _Value = TypeVar("_Value")
 _List = Annotated[list[_Value], Field(min_length=1, max_length=100)]
@@ -69,6 +78,16 @@ class GridSection(Section):
             raise ValueError(f"count: a product of at most {MAX_RUNS:,}")
         return self
 
+    def values(self) -> list[Any]:
+        """The numbers or points of the grid."""
+        if not isinstance(self.count, list):
+            return _integers(_rounded(np.linspace(self.start, self.end, self.count).tolist()))
+        axes = [
+            _rounded(np.linspace(*ends).tolist())
+            for ends in zip(self.start, self.end, self.count, strict=True)  # type: ignore[arg-type]
+        ]
+        return [list(point) for point in itertools.product(*axes)]
+
 
 class NormalSection(Section):
     """Normally distributed values."""
@@ -93,6 +112,13 @@ class BallSection(Section):
     radius: NotNegative
     """In the unit of the key."""
 
+    def draw(self, rng: np.random.Generator) -> Array:
+        """A random point."""
+        direction = rng.normal(size=len(self.center))
+        length = np.linalg.norm(direction)
+        point = direction / length * rng.random() ** (1.0 / len(self.center))
+        return np.asarray(self.center + self.radius * point)
+
 
 class RotationSection(Section):
     """Attitudes uniformly distributed on SO(3), or in a ball about one attitude."""
@@ -107,6 +133,17 @@ class RotationSection(Section):
         if (self.center is None) != (self.angle_deg is None):
             raise ValueError("center and angle_deg, or {} for all attitudes")
         return self
+
+    def draw(self, rng: np.random.Generator) -> Array:
+        """A random quaternion x, y, z, w; the volume of a ball of angle a is a - sin(a), scaled."""
+        if self.center is None or self.angle_deg is None:
+            return np.asarray(Rotation.random(rng=rng).as_quat())
+        angles = np.linspace(0.0, np.radians(self.angle_deg), 1025)
+        volume = angles - np.sin(angles)
+        angle = np.interp(rng.random() * volume[-1], volume, angles)
+        axis = rng.normal(size=3)
+        rotation = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
+        return np.asarray((rotation * Rotation.from_quat(self.center)).as_quat())
 
 
 class ValuesSection(Section):
@@ -143,6 +180,62 @@ class ValuesSection(Section):
     def random(self) -> bool:
         """Whether a value is drawn for each run."""
         return (self.values, self.steps, self.grid) == (None, None, None)
+
+    @property
+    def numbers(self) -> int:
+        """Number of listed numbers."""
+        if self.grid is not None:
+            counts = self.grid.count
+            return math.prod(counts) * len(counts) if isinstance(counts, list) else counts
+        if self.steps is not None:
+            first, last, step = self.steps
+            return int((last - first) / step + _STEP_TOLERANCE) + 1
+        return len(self.values or ())
+
+    def listed(self) -> list[Any] | None:
+        """The values of a list, range or grid; None for random values."""
+        if self.values is not None:
+            return self.values
+        if self.steps is not None:
+            first, _, step = self.steps
+            return _integers(_rounded([first + step * index for index in range(self.numbers)]))
+        return None if self.grid is None else self.grid.values()
+
+    def draw(self, seed: int, key: str, number: int) -> Any:
+        """The random value of a key in one run: a number or a list of numbers.
+
+        It depends on the arguments alone, not on other keys or earlier runs.
+
+        Args:
+            seed: Seed of the study.
+            key: Dotted path of the key.
+            number: Number of the run.
+        """
+        key_number = int.from_bytes(sha256(key.encode()).digest()[:16])
+        rng = np.random.default_rng([seed, key_number, number])
+        value: Any
+        if self.uniform is not None:
+            low, high = self.uniform
+            value = rng.uniform(np.add(low, 0.0), np.add(high, 0.0))  # no -0.0, which it orders
+        elif self.normal is not None:
+            value = rng.normal(self.normal.mean, np.abs(self.normal.sd))  # -0.0 is refused
+        else:
+            value = (self.ball or self.so3 or RotationSection()).draw(rng)
+        return np.asarray(value).tolist()
+
+
+def _rounded(values: list[float]) -> list[float]:
+    """Remove rounding errors of steps (0.3, not 0.30000000000000004), but no other digits."""
+    largest = max(map(abs, values))
+    digits = _DIGITS - math.ceil(math.log10(largest)) if largest > 0.0 else 0
+    short = [round(value, digits) + 0.0 for value in values]  # + 0.0 turns -0.0 into 0.0
+    limit = _ROUNDING_ERROR * largest
+    return [a if abs(a - b) <= limit else b for a, b in zip(short, values, strict=True)]
+
+
+def _integers(values: list[float]) -> list[Any]:
+    """Return integers if all values are whole: some keys accept nothing else."""
+    return list(map(int, values)) if all(value.is_integer() for value in values) else values
 
 
 class StudyFile(Section):

@@ -21,8 +21,7 @@ from freefloat.io.yaml import parse_yaml, read_text
 from freefloat.paths.samples import samples_text
 from freefloat.robot.names import find_scenario, find_study, is_file
 from freefloat.so3 import unit_quaternion
-from freefloat.studies.sampling import listed_values, random_value
-from freefloat.studies.schema import MAX_RUNS, Combine, Command, StudyFile, ValuesSection
+from freefloat.studies.schema import MAX_RUNS, Combine, Command, StudyFile
 
 START_KEYS = ("attitude", "heading_deg")
 """Keys that may vary but belong to the command simulate, not to the scenario."""
@@ -48,7 +47,7 @@ class Study:
 
     @cached_property
     def _listed(self) -> dict[str, list[Any]]:
-        values = {key: listed_values(section) for key, section in self.content.vary.items()}
+        values = {key: section.listed() for key, section in self.content.vary.items()}
         return {key: listed for key, listed in values.items() if listed is not None}
 
     @cached_property
@@ -74,7 +73,7 @@ class Study:
                 combination //= len(listed)
         for key, section in self.content.vary.items():
             if section.random:
-                values[key] = random_value(section, self.content.seed, key, number)
+                values[key] = section.draw(self.content.seed, key, number)
         return {key: values[key] for key in self.content.vary}
 
     def document(self, number: int) -> dict[str, Any]:
@@ -147,7 +146,7 @@ def load_study(name: str | Path) -> Study:
     text = read_text(source)
     data = parse_yaml(text, source)
     try:
-        if isinstance(data, dict) and "task" in data:
+        if "task" in data:
             raise InputError("task", "the key is now command", "command: plan, map or simulate")
         content = validated(StudyFile, data, source, text)
         base = _find_base(content.base, source.parent)
@@ -171,62 +170,44 @@ def _find_base(name: str, folder: Path) -> Path:
 
 def _check_values(study: Study) -> None:
     """Check that listed and random values make an accepted number of runs."""
-    content = study.content
-    for key, section in content.vary.items():
+    content, vary = study.content, study.content.vary
+    for key, section in vary.items():
         if section.so3 is not None and section.so3.center is not None:
             unit_quaternion(f"vary.{key}.so3.center", section.so3.center)
-    numbers = sum(map(_listed_numbers, content.vary.values()))
+    numbers = sum(section.numbers for section in vary.values())
     if numbers > _MAX_VALUES:
         raise InputError("vary", f"{numbers:,} numbers are listed", f"at most {_MAX_VALUES:,}")
     lengths = {key: len(values) for key, values in study._listed.items()}
     if content.combine is Combine.ZIPPED and len(set(lengths.values())) > 1:
-        counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
-        raise InputError("combine", f"zipped, but of different lengths: {counts}", "equal lengths")
-    random = [key for key, section in content.vary.items() if section.random]
-    if random and content.cases is None:
-        raise InputError("cases", "it is missing", f"the number of draws of {', '.join(random)}")
-    if not random and content.cases is not None:
-        problem = f"{content.cases} was given, but no value is random"
-        raise InputError("cases", problem, f"no such key: there are {study.combinations} runs")
+        raise InputError("combine", f"the lists have the lengths {lengths}", "equal lengths")
+    random = [key for key, section in vary.items() if section.random]
+    if bool(random) != (content.cases is not None):
+        accepted = f"the number of draws of {', '.join(random)}" if random else "no such key"
+        raise InputError("cases", f"{content.cases}, with {len(random)} random keys", accepted)
     if study.count > MAX_RUNS:
         raise InputError("vary", f"{study.count:,} runs", f"at most {MAX_RUNS:,}")
-    for key, other in itertools.permutations(content.vary, 2):
+    for key, other in itertools.permutations(vary, 2):
         if other.startswith(f"{key}."):
             raise InputError(f"vary.{other}", f"{key}, which holds it, varies too", "one of them")
 
 
-def _listed_numbers(section: ValuesSection) -> int:
-    """Return the number of listed numbers without listing them."""
-    if section.grid is not None:
-        counts = section.grid.count
-        return math.prod(counts) * len(counts) if isinstance(counts, list) else counts
-    if section.steps is not None:
-        first, last, step = section.steps
-        return int((last - first) / step) + 1
-    return len(section.values or ())
-
-
 def _check_start(study: Study) -> None:
     """Check that exactly simulations have a start: an attitude, or in the plane a heading."""
-    content = study.content
+    content, task = study.content, study.base.get("task")
     starts = [key for key in START_KEYS if getattr(content, key) is not None]
     starts += [key for key in START_KEYS if key in content.vary]
     if content.command is not Command.SIMULATE:
-        if content.branch is not None:
-            starts.append("branch")
-        if starts:
+        if starts or content.branch is not None:
             problem = f"command {content.command} does not use it"
-            raise InputError(starts[0], problem, "command: simulate, or a study without it")
+            raise InputError([*starts, "branch"][0], problem, "command: simulate")
         return
-    task = study.base.get("task")
     planar = task in [str(task) for task in Task if task.planar]
+    wanted = "heading_deg" if planar else "attitude"
     if len(starts) != 1:
-        wanted = "heading_deg" if planar else "attitude"
         given = " and ".join(starts) or "none"
         raise InputError(wanted, f"{given} was given", f"one {wanted}, or it in vary")
     if starts == ["heading_deg"] and not planar and "task" not in content.vary:
-        problem = f"the task of the base scenario is {task}, which is not planar"
-        raise InputError("heading_deg", problem, "attitude")
+        raise InputError("heading_deg", f"the task {task} is not planar", "attitude")
 
 
 def _check_runs(study: Study) -> None:
