@@ -92,7 +92,7 @@ def test_completing_counts_more_than_any_margin(spatial):
     )
 
 
-@pytest.mark.parametrize("heading", [60.0, 80.0])
+@pytest.mark.parametrize("heading", [80.0, 120.0])
 def test_where_none_completes_the_longest_motion_is_chosen(planar, heading):
     simulation = simulate(planar, heading_quaternion(np.deg2rad(heading)))
     assert {branch.motion.ending for branch in simulation.branches} == {Ending.SINGULAR}
@@ -116,30 +116,23 @@ def test_a_branch_can_be_chosen_by_joints(spatial, good):
         assert (chosen.motion.joints == one.motion.joints).all()
 
 
-def test_a_branch_that_does_not_exist_is_refused_with_those_that_do(planar):
-    """Numbers and joints near none of them."""
-    attitude = heading_quaternion(2.0)
-    with pytest.raises(InputError, match="there is no branch 5 here") as caught:
-        simulate(planar, attitude, branch=5)
-    assert (caught.value.key, caught.value.accepted) == ("branch", "0, 1")
-    with pytest.raises(InputError, match="joints: "):
-        simulate(planar, attitude, joints=[0.0, 0.1, 0.2])
-    with pytest.raises(InputError, match="3 values: q1, q2, q3"):
-        simulate(planar, attitude, joints=[0.0, 0.1])
-
-
-def test_a_branch_is_chosen_in_one_way(planar):
-    """By number or by joints: both could contradict each other."""
+def test_unusable_choices_of_a_branch_are_refused(planar):
     attitude = heading_quaternion(2.0)
     joints = planar.branches(attitude)[0].joints
-    with pytest.raises(InputError, match="branch or joints"):
-        simulate(planar, attitude, branch=0, joints=joints)
+    for key, options in (
+        ("branch", {"branch": 5}),
+        ("joints", {"joints": [0.0, 0.1, 0.2]}),
+        ("joints", {"joints": [0.0, 0.1]}),
+        ("branch", {"branch": 0, "joints": joints}),
+    ):
+        with pytest.raises(InputError) as caught:
+            simulate(planar, attitude, **options)
+        assert caught.value.key == key
 
 
-def test_a_path_out_of_reach_is_told_as_such(spatial):
-    """Not singular, not wrong: unreachable, with the place in the message."""
+def test_a_path_out_of_reach_is_unreachable(spatial):
     far = EndEffectorPath(PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedOrientation(np.eye(3)))
-    with pytest.raises(UnreachableError, match=r"\[4.0, 0.0, 0.0\] m") as caught:
+    with pytest.raises(UnreachableError) as caught:
         simulate(replace(spatial, path=TimedPath(far, Timing(10.0))), GOOD)
     assert caught.value.key == "path"
 
