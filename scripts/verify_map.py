@@ -26,10 +26,9 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.boundary import tangent_boundary
-from freefloat.planning.options import Objective, Search
+from freefloat.planning.mapping import sample_attitudes, tangent_boundary
+from freefloat.planning.plan import Objective, Search
 from freefloat.planning.planner import plan
-from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.search import nearest_feasible
 from freefloat.so3 import angle_between, frozen, rotated
 

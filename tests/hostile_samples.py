@@ -15,8 +15,7 @@ import yaml
 from freefloat.io.results import save
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.certificate import certify
-from freefloat.planning.options import Search
-from freefloat.planning.plan import Plan
+from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planar_ranges import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.planning.simulation import simulate
 from freefloat.robot.names import models_folder

@@ -12,10 +12,9 @@ import pytest
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ik import branches as arm_branches
-from freefloat.planning import diagnostics, spatial_planner
+from freefloat.planning import diagnostics, planner
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
-from freefloat.planning.options import Objective
-from freefloat.planning.plan import Plan
+from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.parts import Attachment
 from tests.redundant import redundant
@@ -177,7 +176,7 @@ def test_reason_of_infeasible_plans_of_redundant_arms_has_the_joints(
         sample = np.argmax(result.margins.max(axis=1))
         return [Candidate(result.attitudes[sample], None, result.margins.max())]
 
-    monkeypatch.setattr(spatial_planner, "largest_margins", best)
+    monkeypatch.setattr(planner, "largest_margins", best)
     monkeypatch.setattr(diagnostics, "largest_margins", best)
     reason = ff.plan(beyond, ff.Search(samples=8)).reason
     joints = re.search(r"with the arm at \[(.*)\]$", reason)

@@ -14,7 +14,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
-from freefloat.planning.sampling import sample_attitudes
+from freefloat.planning.mapping import sample_attitudes
 from freefloat.so3 import attitude_grid
 
 SAMPLES = (1024, 4096, 16_384)

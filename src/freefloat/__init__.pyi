@@ -26,7 +26,7 @@ from .paths.timing import Timing as Timing
 from .planning.mapping import attitude_map as attitude_map
 
 # All attitudes
-from .planning.options import Search as Search
+from .planning.plan import Search as Search
 from .planning.planner import plan as plan
 
 # One motion

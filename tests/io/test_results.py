@@ -18,8 +18,7 @@ from freefloat.io.decoding import differences
 from freefloat.io.hdf5 import AlteredFileError
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_map import HeadingMap
-from freefloat.planning.options import Objective
-from freefloat.planning.plan import Plan
+from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.names import find_robot
 from tests.result_files import altered, replaced, with_digest

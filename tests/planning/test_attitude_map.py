@@ -14,10 +14,10 @@ from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHE
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem, is_kept
-from freefloat.planning import sampling
+from freefloat.planning import mapping
 from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.regions import depths, find_regions
-from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import angle_between, attitude_grid, attitudes_within, grid_spacing
 
@@ -127,7 +127,7 @@ def test_blocks_leave_no_seam(
 ) -> None:
     """A block at a time or at once, to the bit; the last one may be smaller."""
     whole = sample_attitudes(outlook, samples)
-    monkeypatch.setattr(sampling, "_BLOCK", 16)
+    monkeypatch.setattr(mapping, "_BLOCK", 16)
     shares: list[float] = []
     blocks = sample_attitudes(outlook, samples, progress=shares.append)
     for name in ("attitudes", "minimum_margins", "endings"):

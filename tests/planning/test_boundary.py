@@ -13,8 +13,7 @@ from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.boundary import boundary_points, tangent_boundary
-from freefloat.planning.sampling import sample_attitudes
+from freefloat.planning.mapping import boundary_points, sample_attitudes, tangent_boundary
 from freefloat.planning.search import EXACT, ROUGH, Inside, bisect, edge
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import angle_between, attitude_grid, grid_spacing, rotated

@@ -13,7 +13,7 @@ from freefloat.limits.check import check_limits
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits
 from freefloat.planning.plan import Plan
-from freefloat.planning.spatial_planner import plan_in_space
+from freefloat.planning.planner import plan_in_space
 from freefloat.robot.names import models_folder
 
 pytestmark = pytest.mark.usefixtures("kernels")

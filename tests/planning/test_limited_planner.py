@@ -14,8 +14,7 @@ from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits
-from freefloat.planning.options import Objective, Search
-from freefloat.planning.plan import Plan
+from freefloat.planning.plan import Objective, Plan, Search
 from freefloat.planning.planner import plan
 from freefloat.so3 import heading_quaternion
 

@@ -1,4 +1,4 @@
-"""Exact ranges of heading: the paper's, random ones against brute force, and their properties."""
+"""Exact ranges of heading: compared with precise motions, and their properties."""
 
 from dataclasses import replace
 
@@ -13,144 +13,126 @@ from freefloat.planning.planar_ranges import (
     TURN,
     HeadingRange,
     RangeLimitCause,
-    _arcs,
     _branch_of,
-    _joined,
+    arcs_between,
+    branch_ranges,
     find_range_limits,
     heading_ranges,
-    keeps_margin,
-    margin_level,
 )
 from freefloat.so3 import heading_quaternion
+from tests.motions import bundled
+
+MARGIN, REACH = RangeLimitCause.MARGIN, RangeLimitCause.REACH
 
 
 @pytest.fixture(scope="module")
-def example_1():
-    return ff.load_scenario("planar_3dof/parabola").problem()
-
-
-@pytest.fixture(scope="module")
-def ranges(example_1):
+def ranges(planar):
     span = (0.0, 100.0)
-    return heading_ranges(example_1, find_range_limits(example_1, span), span, 0.0)
+    return heading_ranges(planar, find_range_limits(planar, span), span, 0.0)
 
 
-def degrees(entry):
-    return [(np.degrees(one.low), np.degrees(one.high)) for one in entry.ranges]
-
-
-def outcome(problem, heading, branch):
-    """Whether the precise motion from a heading keeps the margin, and its closeness."""
+def is_feasible(problem, heading, branch):
+    """Whether the precise motion of an arm branch from a heading keeps the margin."""
     attitude = heading_quaternion(heading)
-    for one in problem.branches(attitude):
-        if one.index == branch:
-            motion = ff.integrate_motion(problem, attitude, one.joints, tolerance=1e-9)
-            return keeps_margin(problem, motion, problem.margin.threshold)
+    for start in problem.branches(attitude):
+        if start.index == branch:
+            motion = ff.integrate_motion(problem, attitude, start.joints, tolerance=1e-9)
+            approach = ff.closest_approach(motion, problem.margin.measure)
+            return motion.completed and problem.margin.is_kept(approach.value)
     return False
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
-@given(share=st.floats(0.001, 0.999), which=st.integers(0, 2))
-def test_headings_inside_keep_the_margin_and_outside_do_not(example_1, ranges, share, which):
+@given(fraction=st.floats(0.001, 0.999), which=st.integers(0, 2))
+def test_headings_inside_keep_the_margin_and_outside_do_not(planar, ranges, fraction, which):
     """The verdict is constant between neighbouring limits, and opposite across each."""
-    entry, one = [(entry, one) for entry in ranges for one in entry.ranges][which]
-    assert outcome(example_1, one.low + share * one.width, entry.branch)
+    entry, part = [(entry, part) for entry in ranges for part in entry.ranges][which]
+    assert is_feasible(planar, part.low + fraction * part.width, entry.branch)
     bounds = [edge for other in entry.ranges for edge in (other.low, other.high)]
-    gap = min((low - one.high) % TURN for low in bounds if abs((low - one.high) % TURN) > 1e-9)
-    assert not outcome(example_1, one.high + share * gap, entry.branch)
+    gap = min((low - part.high) % TURN for low in bounds if abs((low - part.high) % TURN) > 1e-9)
+    assert not is_feasible(planar, part.high + fraction * gap, entry.branch)
 
 
-def test_limits_are_sharp(example_1, ranges):
-    """A ten-thousandth of a degree decides."""
+def test_limits_are_exact_to_a_ten_thousandth_of_a_degree(planar, ranges):
+    off = np.radians(1e-4)
     for entry in ranges:
-        for one in entry.ranges:
-            nudge = np.radians(1e-4)
-            assert outcome(example_1, one.low + nudge, entry.branch)
-            assert outcome(example_1, one.high - nudge, entry.branch)
-            assert not outcome(example_1, one.low - nudge, entry.branch)
-            assert not outcome(example_1, one.high + nudge, entry.branch)
+        for part in entry.ranges:
+            assert is_feasible(planar, part.low + off, entry.branch)
+            assert is_feasible(planar, part.high - off, entry.branch)
+            assert not is_feasible(planar, part.low - off, entry.branch)
+            assert not is_feasible(planar, part.high + off, entry.branch)
 
 
-def test_a_path_inside_the_path_independent_area_serves_from_everywhere(example_1):
-    """No singularity can occur there: with a zero margin every heading of both branches serves."""
-    from freefloat.paths.curves import PolynomialCurve
-    from freefloat.paths.orientation import FixedOrientation
-
-    curve = PolynomialCurve.line([1.9, 0.0, 0.0], [1.9, 0.4, 0.0])
-    path = ff.EndEffectorPath(curve, FixedOrientation(np.eye(3)))
-    margin = ff.Margin(example_1.margin.measure, 0.0)
-    timed = ff.TimedPath(path, ff.Timing(50.0))
-    problem = ff.Problem(example_1.model, timed, example_1.task, [0, 0, 0], margin)
+def test_every_heading_is_feasible_in_the_path_independent_area(planar):
+    """With a zero margin, for both branches."""
+    line = ff.paths.PolynomialCurve.line([1.9, 0.0, 0.0], [1.9, 0.4, 0.0])
+    path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(np.eye(3)))
+    margin, timed = ff.Margin(planar.margin.measure, 0.0), ff.TimedPath(path, ff.Timing(50.0))
+    problem = replace(planar, path=timed, momentum=[0, 0, 0], margin=margin)
     span = (0.0, 50.0)
     for entry in heading_ranges(problem, find_range_limits(problem, span), span, 0.0):
-        assert [one.width for one in entry.ranges] == [TURN]
+        assert [part.width for part in entry.ranges] == [TURN]
         assert entry.limits == ()
 
 
-def test_a_margin_of_zero_stands_for_nearly_none(example_1):
-    """Limits need S0 > 0: the margin itself, or far less than the arm ever has."""
-    largest = largest_magnitude(example_1.model, example_1.margin.measure)
-    zero = replace(example_1, margin=ff.Margin(example_1.margin.measure, 0.0))
-    assert 0.0 < margin_level(zero) < 1e-3 * largest
-    assert margin_level(example_1) == example_1.margin.threshold
+def test_a_margin_of_zero_is_replaced_by_a_small_one():
+    """Limits need S0 > 0."""
+    problem = bundled("planar_2dof/line")
+    zero = replace(problem, margin=ff.Margin(problem.margin.measure, 0.0))
+    largest = largest_magnitude(problem.model, problem.margin.measure)
+    limits = find_range_limits(zero, (0.0, problem.path.duration))
+    assert limits
+    assert all(0.0 < abs(limit.tangency.level) < 1e-3 * largest for limit in limits)
 
 
-def test_a_limit_belongs_to_the_branch_of_its_joints(example_1):
-    """Whole turns not counted; joints of neither branch, nearly where both meet, tell no branch."""
-    branches = example_1.branches(heading_quaternion(3.5))
-    assert [one.index for one in branches] == [0, 1]
-    for one in branches:
-        for joints in (one.joints, one.joints + np.array([TURN, 0.0, -TURN]), one.joints + 1e-6):
-            assert _branch_of(example_1, 3.5, joints, 0.0) == one.index
+def test_a_limit_belongs_to_the_branch_of_its_joints(planar):
+    """Modulo full rotations; joints near neither branch, nearly where both meet, to none."""
+    branches = planar.branches(heading_quaternion(3.5))
+    assert [branch.index for branch in branches] == [0, 1]
+    for branch in branches:
+        for off in ([0.0, 0.0, 0.0], [TURN, 0.0, -TURN], [1e-6] * 3):
+            joints = branch.joints + np.array(off)
+            assert _branch_of(planar, 3.5, joints, 0.0) == branch.index
         for off in ([1e-3] * 3, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]):
-            assert _branch_of(example_1, 3.5, one.joints + np.array(off), 0.0) is None
+            assert _branch_of(planar, 3.5, branch.joints + np.array(off), 0.0) is None
 
 
-def test_out_of_reach_headings_end_ranges_by_reach(example_1):
-    """Far from the centre the arm reaches the path from some headings only; the cause is told."""
+def test_ranges_end_by_the_margin_or_by_the_reach(planar):
+    """Far from the centre the arm reaches the path from some headings only."""
     span = (69.73, 100.0)
-    entries = heading_ranges(example_1, find_range_limits(example_1, span), span, 100.0)
-    causes = {cause for entry in entries for one in entry.ranges for cause in one.causes}
-    assert causes == {RangeLimitCause.MARGIN, RangeLimitCause.REACH}
+    entries = heading_ranges(planar, find_range_limits(planar, span), span, 100.0)
+    causes = {cause for entry in entries for part in entry.ranges for cause in part.causes}
+    assert causes == {MARGIN, REACH}
 
 
-def test_neighbouring_arcs_with_one_verdict_are_one_range():
-    """Round the circle, too; its ends keep their own causes."""
-    margin, reach = RangeLimitCause.MARGIN, RangeLimitCause.REACH
-    arcs = [(1.0, 2.0, (reach, margin)), (2.0, 3.0, (margin, margin)), (3.0, 5.0, (margin, reach)),
-            (5.0, 1.0 + TURN, (reach, reach))]  # fmt: skip
-    inner = _joined(0, "e+", arcs, [True, True, True, False]).ranges
-    assert [(one.low, one.high, one.causes) for one in inner] == [(1.0, 5.0, (reach, reach))]
-    round_it = _joined(0, "e+", arcs, [True, False, False, True]).ranges
-    assert [(one.low, one.high, one.causes) for one in round_it] == [
-        (5.0, 2.0 + TURN, (reach, margin))
-    ]
-    last = _joined(0, "e+", arcs, [False, True, True, False]).ranges
-    assert [(one.low, one.high, one.causes) for one in last] == [(2.0, 5.0, (margin, reach))]
+@pytest.mark.parametrize(
+    ("feasible", "low", "high", "causes"),
+    [
+        ([True, True, True, False], 1.0, 5.0, (REACH, REACH)),
+        ([True, False, False, True], 5.0, 2.0 + TURN, (REACH, MARGIN)),
+        ([False, True, True, False], 2.0, 5.0, (MARGIN, REACH)),
+    ],
+)
+def test_neighbouring_feasible_arcs_are_one_range(feasible, low, high, causes):
+    """Also across zero; limits are in [0, 2 pi), in order."""
+    arcs = [HeadingRange(1.0, 2.0, (REACH, MARGIN)), HeadingRange(2.0, 3.0, (MARGIN, MARGIN)),
+            HeadingRange(3.0, 5.0, (MARGIN, REACH)),
+            HeadingRange(5.0, 1.0 + TURN, (REACH, REACH))]  # fmt: skip
+    entry = branch_ranges(0, "elbow+", arcs, feasible)
+    assert [(part.low, part.high, part.causes) for part in entry.ranges] == [(low, high, causes)]
+    assert entry.limits == pytest.approx(sorted((low, high % TURN)))
 
 
-def test_limits_are_the_ends_of_ranges_within_one_turn():
-    """In order, those of a range across zero among them."""
-    margin = RangeLimitCause.MARGIN
-    arcs = [(1.0, 3.0, (margin,) * 2), (3.0, 5.0, (margin,) * 2), (5.0, 1.0 + TURN, (margin,) * 2)]
-    assert _joined(0, "e+", arcs, [False, False, True]).limits == pytest.approx((1.0, 5.0))
-    assert _joined(0, "e+", arcs, [False, True, False]).limits == pytest.approx((3.0, 5.0))
-
-
-def test_limits_that_coincide_leave_no_arc_between_them():
-    margin, reach = RangeLimitCause.MARGIN, RangeLimitCause.REACH
-    edges = [(1.0, margin), (1.0 + 1e-12, reach), (3.0, margin)]
-    ends = [(low, high) for low, high, _ in _arcs(edges)]
+def test_equal_limits_leave_no_arc_between_them():
+    arcs = [*arcs_between([(1.0, MARGIN), (1.0 + 1e-12, REACH), (3.0, MARGIN)])]
+    ends = [(arc.low, arc.high) for arc in arcs]
     np.testing.assert_allclose(ends, [(1.0, 3.0), (3.0, 1.0 + TURN)], rtol=1e-9)
 
 
 def test_depth_is_the_distance_to_the_nearer_end():
-    """Positive inside, negative outside, half a turn in a full circle."""
-    one = HeadingRange(6.0, 7.0, (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN))
-    assert one.depth(6.4) == pytest.approx(0.4)
-    assert one.depth(7.0 - TURN) == pytest.approx(0.0, abs=1e-12)
-    assert one.depth(6.9) == pytest.approx(0.1)
-    assert one.depth(7.3 - TURN) == pytest.approx(-0.3)
-    assert one.depth(5.8) == pytest.approx(-0.2)
-    assert one.middle == pytest.approx(6.5 % TURN)
+    """Positive inside, negative outside, pi in a full circle."""
+    part = HeadingRange(6.0, 7.0, (MARGIN, MARGIN))
+    for heading, depth in ((6.4, 0.4), (7.0, 0.0), (6.9, 0.1), (7.3, -0.3), (5.8, -0.2)):
+        assert part.depth(heading % TURN) == pytest.approx(depth, abs=1e-12)
+    assert part.middle == pytest.approx(6.5 % TURN)
     assert HeadingRange(0.0, TURN, ()).depth(1.0) == np.pi

@@ -1,90 +1,73 @@
-"""Touch points: states at which a motion has S = S0 as its smallest value."""
+"""Tangency points: states at which a motion has S = S0 as its smallest magnitude."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import freefloat as ff
+from freefloat.planning import planar_tangency
 from freefloat.planning.planar_tangency import TangencyKind, tangency_points
 from freefloat.so3 import heading_quaternion
+from tests.motions import bundled
 
 
 @pytest.fixture(scope="module")
 def problem():
-    return ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+    return bundled("planar_3dof/parabola_nonstop")
 
 
 @pytest.fixture(scope="module")
-def touches(problem):
+def points(problem):
     return tangency_points(problem, 5.0, (0.0, 100.0))
 
 
-def test_touch_points_lie_on_the_path_with_s_equal_s0(problem, touches):
-    """(15) and (17): S = S0 there, and the end-effector is where the path wants it."""
-    assert touches
-    for touch in touches:
-        assert problem.margin.measure(touch.joints) == pytest.approx(touch.level, abs=1e-8)
-        pose = problem.model.end_effector_pose(heading_quaternion(touch.heading), touch.joints)
-        wanted = problem.path.pose(touch.time)
-        assert pose.position == pytest.approx(wanted.position, abs=1e-9)
-        assert pose.rotation == pytest.approx(wanted.rotation, abs=1e-9)
+def test_tangency_points_are_on_the_path_with_s_equal_s0(problem, points):
+    """(15) and (17), for both signs and in both cases; angles in one revolution."""
+    assert {point.level for point in points} == {5.0, -5.0}
+    assert TangencyKind.END in {point.kind for point in points}
+    for point in points:
+        assert problem.margin.measure(point.joints) == pytest.approx(point.level, abs=1e-8)
+        pose = problem.model.end_effector_pose(heading_quaternion(point.heading), point.joints)
+        required = problem.path.pose(point.time)
+        assert pose.position == pytest.approx(required.position, abs=1e-9)
+        assert pose.rotation == pytest.approx(required.rotation, abs=1e-9)
+        assert np.abs(point.joints).max() <= np.pi
+        assert 0.0 <= point.heading < 2 * np.pi
 
 
-def test_tangent_touches_are_local_minima_of_the_motion_through_them(problem, touches):
-    """(14): a moment before and a moment after, |S| along the motion is larger, to second order."""
-    tangent = [touch for touch in touches if touch.kind is TangencyKind.TANGENT]
+def test_tangent_points_are_local_minima_of_the_motion_through_them(problem, points):
+    """(14): shortly before and after, |S| along the motion is larger, to second order."""
+    tangent = [point for point in points if point.kind is TangencyKind.TANGENT]
     assert tangent
-    for touch in tangent:
+    for point in tangent:
         values = []
-        for step in (0.2, 0.1):
-            for end in (touch.time - step, touch.time + step):
-                motion = ff.integrate_motion(
-                    problem, heading_quaternion(touch.heading), touch.joints,
-                    start=touch.time, end=end,
-                )  # fmt: skip
-                values.append(abs(problem.margin.measure(motion.final.joints)) - 5.0)
+        for step in (-0.2, 0.2, -0.1, 0.1):
+            motion = ff.integrate_motion(
+                problem, heading_quaternion(point.heading), point.joints,
+                start=point.time, end=point.time + step,
+            )  # fmt: skip
+            values.append(abs(problem.margin.measure(motion.final.joints)) - 5.0)
         assert min(values) > 0.0
         assert max(values[2:]) < 0.5 * max(values[:2])
 
 
-def test_both_signs_and_both_ends_are_looked_at(touches):
-    """Negative S0 as well as positive, end touches as well as tangent ones."""
-    assert {touch.level for touch in touches} == {5.0, -5.0}
-    assert TangencyKind.END in {touch.kind for touch in touches}
+def test_without_momentum_tangency_does_not_depend_on_the_time_law(problem):
+    still = replace(problem, momentum=[0, 0, 0])
+    timing = ff.Timing(250.0, law=bundled("planar_3dof/parabola").path.timing.law)
+    slow = replace(still, path=ff.TimedPath(problem.path.path, timing))
+    s = sorted(point.s for point in tangency_points(still, 5.0, (0.0, 100.0)))
+    assert s == pytest.approx(
+        sorted(point.s for point in tangency_points(slow, 5.0, (0.0, 250.0))), abs=1e-8
+    )
 
 
-def test_without_momentum_the_rests_hide_nothing(problem):
-    """With h = 0 where S is smallest does not depend on the time law; nor do touch places."""
-    still = ff.Problem(problem.model, problem.path, problem.task, [0, 0, 0], problem.margin)
-    timing = ff.Timing(250.0, law=ff.load_scenario("planar_3dof/parabola").content.timing.law)
-    slow = ff.Problem(
-        problem.model, ff.TimedPath(problem.path.path, timing), problem.task, [0, 0, 0],
-        problem.margin,
-    )  # fmt: skip
-    fast_places = sorted(t.s for t in tangency_points(still, 5.0, (0.0, 100.0)))
-    slow_places = sorted(t.s for t in tangency_points(slow, 5.0, (0.0, 250.0)))
-    assert fast_places == pytest.approx(slow_places, abs=1e-8)
+def test_ten_times_as_many_instants_find_the_same_points(problem, points, monkeypatch):
+    monkeypatch.setattr(planar_tangency, "_TIMES", 10 * planar_tangency._TIMES)
+    fine = tangency_points(problem, 5.0, (0.0, 100.0))
+    times = sorted(point.time for point in points)
+    assert sorted(point.time for point in fine) == pytest.approx(times, abs=1e-7)
 
 
-def test_no_root_is_missed_by_the_sampling(problem, touches):
-    """Ten times as many instants find the same touch points."""
-    import freefloat.planning.planar_tangency as room
-
-    coarse = room._TIMES
-    try:
-        room._TIMES = 10 * coarse
-        fine = tangency_points(problem, 5.0, (0.0, 100.0))
-    finally:
-        room._TIMES = coarse
-    assert sorted(t.time for t in fine) == pytest.approx(sorted(t.time for t in touches), abs=1e-7)
-
-
-def test_a_level_no_configuration_has_gives_no_touch_point(problem):
-    """S never exceeds S_max."""
+def test_a_level_beyond_s_max_has_no_tangency_point(problem):
     assert tangency_points(problem, 200.0, (0.0, 100.0)) == ()
-
-
-def test_joints_are_told_between_minus_pi_and_pi(touches):
-    """One turn, the same for everybody."""
-    for touch in touches:
-        assert np.abs(touch.joints).max() <= np.pi
-        assert 0.0 <= touch.heading < 2 * np.pi

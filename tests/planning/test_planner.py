@@ -1,6 +1,7 @@
-"""Plans: the attitude chosen is inside, and is the best by what was asked for."""
+"""Planar plans: the chosen heading is feasible and the best by the objective."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,66 +9,72 @@ import pytest
 import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.motion.problem import is_kept
-from freefloat.planning.heading_map import (
-    attitudes_at,
-    evaluator_for,
-    sample_headings,
-)
-from freefloat.planning.options import Objective
-from freefloat.planning.searched_ranges import searched_ranges
-from freefloat.so3 import frozen, heading_of, heading_quaternion
+from freefloat.planning.heading_map import attitudes_at, evaluator_for, sample_headings
+from freefloat.planning.plan import Objective
+from freefloat.planning.planar_planner import _headings, searched_ranges
+from freefloat.planning.planar_ranges import reach_limits
+from freefloat.so3 import heading_of, heading_quaternion
+from tests.motions import bundled
 
 
 @pytest.fixture(scope="module")
 def problem():
-    return ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+    return bundled("planar_3dof/parabola_nonstop")
 
 
-def chosen_heading(plan):
-    return heading_of(plan.chosen.motion.initial.attitude)
+@pytest.fixture(scope="module")
+def sigma(problem):
+    """With sigma as the measure ranges have no closed form."""
+    measure = ff.singularity_measure(problem.model, problem.task, "sigma")
+    return replace(problem, margin=ff.Margin(measure, 0.05))
 
 
-def test_the_largest_margin_beats_a_sweep(problem):
-    """No heading of a sweep in steps of ten degrees keeps a larger margin."""
+@pytest.fixture(scope="module")
+def robust(problem):
+    return ff.plan(problem, ff.Search(Objective.ROBUST))
+
+
+def test_the_largest_margin_exceeds_those_of_a_sweep(problem):
+    """In steps of ten degrees; the chosen motion keeps its margin and momentum."""
     plan = ff.plan(problem)
     assert plan.feasible
+    assert problem.margin.is_kept(plan.chosen.closest_approach.value)
     sweep = attitudes_at(np.radians(np.arange(0.0, 360.0, 10.0)))
     swept = evaluator_for(problem).margins(sweep, None).max()
     assert plan.chosen.closest_approach.value >= swept - 1e-4
     assert plan.chosen.motion.residuals().momentum < 1e-6
 
 
-def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem):
+def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem, robust):
     """Its radius is half that range; at nine tenths of it either way the margin is kept."""
-    plan = ff.plan(problem, ff.Search(Objective.ROBUST))
-    widest = max((one for entry in plan.ranges for one in entry.ranges), key=lambda one: one.width)
-    assert plan.robust_radius == pytest.approx(widest.width / 2)
-    headings = chosen_heading(plan) + np.array([-0.9, 0.9]) * plan.robust_radius
-    margins = evaluator_for(problem).margins(attitudes_at(headings), plan.chosen.branch.index)
+    assert robust.feasible
+    widest = max(part.width for entry in robust.ranges for part in entry.ranges)
+    assert robust.robust_radius == pytest.approx(widest / 2)
+    heading = heading_of(robust.chosen.motion.initial.attitude)
+    headings = heading + np.array([-0.9, 0.9]) * robust.robust_radius
+    margins = evaluator_for(problem).margins(attitudes_at(headings), robust.chosen.branch.index)
     assert (margins > problem.margin.threshold).all()
 
 
-@pytest.mark.parametrize(("now", "deviation"), [(200.0, 0.0), (100.0, None)])
-def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, now, deviation):
+@pytest.mark.parametrize(("present", "deviation"), [(200.0, 0.0), (100.0, None)])
+def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, present, deviation):
     """Inside a range nothing has to change; outside, the nearest limit of any branch is taken."""
-    search = ff.Search(Objective.NEAREST, frozen(heading_quaternion(np.radians(now))))
+    search = ff.Search(Objective.NEAREST, heading_quaternion(np.radians(present)))
     plan = ff.plan(problem, search)
     limits = np.degrees([limit for entry in plan.ranges for limit in entry.limits])
-    nearest = np.abs((limits - now + 180.0) % 360.0 - 180.0).min()
+    nearest = np.abs((limits - present + 180.0) % 360.0 - 180.0).min()
     expected = nearest if deviation is None else deviation
     assert np.degrees(plan.deviation) == pytest.approx(expected, abs=1e-3)
     assert plan.chosen.motion.completed
 
 
-def moved(problem, start, end, value):
-    """The same arm on another line with another margin."""
-    from freefloat.paths.curves import PolynomialCurve
-    from freefloat.paths.orientation import FixedOrientation
-
-    path = ff.EndEffectorPath(PolynomialCurve.line(start, end), FixedOrientation(np.eye(3)))
+def on_line(problem, start, end, value):
+    """The same arm on a line with another margin."""
+    curve = ff.paths.PolynomialCurve.line(start, end)
+    path = ff.EndEffectorPath(curve, ff.paths.FixedOrientation(np.eye(3)))
     margin = ff.Margin(problem.margin.measure, value)
     timed = ff.TimedPath(path, ff.Timing(60.0))
-    return ff.Problem(problem.model, timed, problem.task, [0, 0, 0], margin)
+    return replace(problem, path=timed, momentum=[0, 0, 0], margin=margin)
 
 
 @pytest.mark.parametrize(
@@ -79,106 +86,80 @@ def moved(problem, start, end, value):
         ([2.0, 0, 0], [-1.5, 1.9, 0], 100.0, "every heading violates the margin|no configuration"),
     ],
 )
-def test_infeasible_plans_say_where_and_why(problem, start, end, value, words):
-    """Beyond the reach, a margin nobody has, a start at full stretch where S = 0."""
-    plan = ff.plan(moved(problem, start, end, value))
+def test_infeasible_plans_have_the_place_and_the_reason(problem, start, end, value, words):
+    """Beyond the reach, a margin above S_max, a start at full stretch where S = 0."""
+    plan = ff.plan(on_line(problem, start, end, value))
     assert not plan.feasible
     assert plan.chosen is None
     assert re.search(words, plan.reason), plan.reason
     assert "s =" in plan.reason
 
 
-def test_search_agrees_with_the_exact_ranges(problem):
-    """Sampling and bisection find the ranges that the touch points give."""
-    exact = ff.plan(problem, ff.Search(Objective.ROBUST)).ranges
-    for one, other in zip(searched_ranges(evaluator_for(problem), 24), exact, strict=True):
-        assert np.array(one.limits) == pytest.approx(np.array(other.limits), abs=1e-6)
+def test_searched_ranges_agree_with_the_exact_ones(problem, robust):
+    for searched, exact in zip(searched_ranges(evaluator_for(problem), 24), robust.ranges,
+                               strict=True):  # fmt: skip
+        assert np.array(searched.limits) == pytest.approx(np.array(exact.limits), abs=1e-6)
 
 
-def test_other_measures_are_searched(problem):
-    """With sigma as the margin there is no closed form; the plan still keeps it."""
-    measure = ff.singularity_measure(problem.model, problem.task, "sigma")
-    other = ff.Problem(problem.model, problem.path, problem.task, problem.momentum,
-                       ff.Margin(measure, 0.05))  # fmt: skip
-    plan = ff.plan(other, ff.Search(Objective.ROBUST, samples=12))
+def test_other_measures_are_searched(sigma):
+    plan = ff.plan(sigma, ff.Search(Objective.ROBUST, samples=12))
     assert plan.feasible
     assert plan.chosen.closest_approach.measure == "sigma"
     assert plan.chosen.closest_approach.value >= 0.05
 
 
-def test_precise_motions_confirm_searched_limits(problem):
-    """A hair to either side of a limit of sigma, motions through Pinocchio break and keep it."""
-    measure = ff.singularity_measure(problem.model, problem.task, "sigma")
-    other = ff.Problem(problem.model, problem.path, problem.task, problem.momentum,
-                       ff.Margin(measure, 0.05))  # fmt: skip
-    ranges = [(entry.branch, one) for entry in searched_ranges(evaluator_for(other), 24)
-              for one in entry.ranges]  # fmt: skip
+def test_precise_motions_confirm_searched_limits(sigma):
+    """A millionth of a radian to either side of each limit."""
+    ranges = [(entry.branch, part) for entry in searched_ranges(evaluator_for(sigma), 24)
+              for part in entry.ranges]  # fmt: skip
     assert ranges
-    for branch, one in ranges:
-        for limit, inward in ((one.low, 1e-6), (one.high, -1e-6)):
+    for branch, part in ranges:
+        for limit, inward in ((part.low, 1e-6), (part.high, -1e-6)):
             inside, outside = (
-                ff.simulate(other, heading_quaternion(limit + step), branch=branch).chosen
+                ff.simulate(sigma, heading_quaternion(limit + step), branch=branch).chosen
                 for step in (inward, -inward)
             )
             assert is_kept(inside.closest_approach.value, 0.05)
             assert not (outside.motion.completed and is_kept(outside.closest_approach.value, 0.05))
 
 
-def test_a_planar_arm_with_a_joint_to_spare_is_planned_by_search(problem):
-    """Position alone for the three-joint arm: starting configurations from a reproducible set."""
+def test_a_redundant_planar_arm_is_planned_by_search(problem):
+    """Position alone for the three-joint arm."""
     measure = ff.singularity_measure(problem.model, ff.Task.PLANAR_POSITION, "gjm")
-    other = ff.Problem(problem.model, problem.path, ff.Task.PLANAR_POSITION, problem.momentum,
-                       ff.Margin(measure, 0.02))  # fmt: skip
-    plan = ff.plan(other, ff.Search(Objective.ROBUST, samples=8))
+    redundant = replace(problem, task=ff.Task.PLANAR_POSITION, margin=ff.Margin(measure, 0.02))
+    plan = ff.plan(redundant, ff.Search(Objective.ROBUST, samples=8))
     assert plan.feasible
     assert plan.ranges[0].label == "any"
     assert plan.chosen.motion.completed
     assert plan.chosen.closest_approach.value >= 0.02
 
 
-def test_the_map_shows_the_ranges(problem):
-    """S_min over heading is above the margin exactly inside the ranges, branch by branch."""
-    found = sample_headings(problem, 24)
-    ranges = ff.plan(problem, ff.Search(Objective.ROBUST)).ranges
-    for index, row in zip(found.branches, found.feasible, strict=True):
-        inside = [max(one.depth(h) for one in ranges[index].ranges) > 0 for h in found.headings]
-        assert row.astype(bool).tolist() == inside
+def test_the_map_agrees_with_the_ranges(problem, robust):
+    """Headings are feasible exactly inside the ranges, branch by branch; progress ends at 1."""
+    fractions = []
+    result = sample_headings(problem, 24, fractions.append)
+    for index, row in zip(result.branches, result.feasible, strict=True):
+        parts = robust.ranges[index].ranges
+        inside = [max(part.depth(h) for part in parts) > 0 for h in result.headings]
+        assert row.tolist() == inside
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
 
 
-def test_progress_is_told_from_zero_to_one(problem):
-    """Long searches say how far they are."""
-    shares = []
-    sample_headings(problem, 8, shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-
-
-def test_misuse_is_refused(problem):
-    """Headings of spatial tasks, nearest to nothing, too few samples."""
+def test_unusable_searches_are_refused(problem):
     with pytest.raises(InputError, match="from_attitude"):
         ff.Search(Objective.NEAREST)
     with pytest.raises(InputError, match="samples"):
         ff.Search(samples=2)
     with pytest.raises(InputError, match="leaves the plane"):
-        ff.plan(problem, ff.Search(from_attitude=frozen([1, 0, 0, 0])))
+        ff.plan(problem, ff.Search(from_attitude=[1, 0, 0, 0]))
 
 
-def test_a_sliver_beside_the_reach_is_found_by_search(problem):
-    """Sampled ranges look just inside the reach, where a range may be narrower than the spacing."""
-    from freefloat.planning.planar_ranges import reach_limits
-    from freefloat.planning.searched_ranges import _headings
-
-    stretched = moved(problem, [3.0, 0.5, 0], [2.5, 0.5, 0], 1.0)
+def test_headings_next_to_the_limits_of_the_reach_are_sampled(problem):
+    """There a range may be narrower than the spacing."""
+    stretched = on_line(problem, [3.0, 0.5, 0], [2.5, 0.5, 0], 1.0)
     edges = [*reach_limits(stretched, 0.0)]
     assert edges
-    looked = _headings(stretched, 12)
+    headings = _headings(stretched, 12)
     for edge in edges:
-        assert np.abs(np.angle(np.exp(1j * (looked - edge)))).min() < 1e-5
-
-
-def test_a_plan_that_is_feasible_keeps_its_margin(problem):
-    """What is promised is what the chosen motion, integrated precisely, does."""
-    for objective in (Objective.MARGIN, Objective.ROBUST):
-        plan = ff.plan(problem, ff.Search(objective))
-        assert plan.feasible
-        assert problem.margin.is_kept(plan.chosen.closest_approach.value)
+        assert np.abs(np.angle(np.exp(1j * (headings - edge)))).min() < 1e-5

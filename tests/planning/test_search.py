@@ -15,8 +15,8 @@ from freefloat.io.scenario import load_scenario
 from freefloat.motion.problem import Margin, Problem
 from freefloat.planning import search as attitude_search
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.robustness import deepest, safe_radius
-from freefloat.planning.sampling import sample_attitudes
 from freefloat.planning.search import (
     largest_margins,
     nearest_feasible,

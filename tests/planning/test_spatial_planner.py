@@ -15,11 +15,10 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.errors import InputError
 from freefloat.motion.problem import Margin, Problem, is_kept
-from freefloat.planning import robustness, spatial_planner, tolerance
+from freefloat.planning import planner, robustness, tolerance
 from freefloat.planning import search as attitude_search
-from freefloat.planning.options import Objective, Search
-from freefloat.planning.plan import Plan
-from freefloat.planning.sampling import sample_attitudes
+from freefloat.planning.mapping import sample_attitudes
+from freefloat.planning.plan import Objective, Plan, Search
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.so3 import angle_between, attitudes_within, frozen, grid_spacing
 
@@ -32,7 +31,7 @@ SAMPLES = 512
 def smaller() -> Iterator[None]:
     """The same searches with fewer attitudes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spatial_planner, "_CANDIDATES", 6)
+        patch.setattr(planner, "_CANDIDATES", 6)
         patch.setattr(attitude_search, "_FINISHED", 2)
         patch.setattr(robustness, "_EDGE", 200)
         patch.setattr(robustness, "_ROUNDS", 10)

@@ -19,7 +19,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits
 from freefloat.planning.planar_planner import plan_in_plane
-from freefloat.planning.spatial_planner import plan_in_space
+from freefloat.planning.planner import plan_in_space
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import bundled_robots, bundled_scenarios, find_robot
 

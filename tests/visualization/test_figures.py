@@ -16,8 +16,7 @@ from typer.testing import CliRunner
 from freefloat.cli.app import app
 from freefloat.io.scenario import load_scenario
 from freefloat.planning.heading_map import sample_headings
-from freefloat.planning.options import Search
-from freefloat.planning.plan import Plan
+from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planner import plan
 from freefloat.planning.simulation import simulate
 from freefloat.visualization import figures as figures_module

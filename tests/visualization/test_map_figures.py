@@ -9,12 +9,11 @@ from matplotlib.colors import to_rgba
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.options import Objective
-from freefloat.planning.plan import Plan
-from freefloat.planning.sampling import sample_attitudes
-from freefloat.planning.slices import Mark, map_slices
+from freefloat.planning.mapping import sample_attitudes
+from freefloat.planning.plan import Objective, Plan
 from freefloat.visualization.figure_style import BLUE, GREY, save_figures
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
+from freefloat.visualization.slices import Mark, map_slices
 
 BRANCHES = 4  # the others are wrist-flipped
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
-from freefloat.planning.sampling import sample_attitudes
+from freefloat.planning.mapping import sample_attitudes
 from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.map_scene import (
     BACK,

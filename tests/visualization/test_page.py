@@ -12,8 +12,8 @@ import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import Plan
-from freefloat.planning.sampling import sample_attitudes
 from freefloat.visualization.map_scene import BACK, BALL, BEST_BRANCH, FRONT
 from tests.browser import differing, opened
 

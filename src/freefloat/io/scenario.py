@@ -23,7 +23,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Margin, Problem
 from freefloat.paths.samples import samples_text
 from freefloat.paths.timing import Stop, TimedPath, Timing
-from freefloat.planning.options import Search
+from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot, find_scenario
 from freefloat.so3 import Array, frozen, unit_quaternion

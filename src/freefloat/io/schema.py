@@ -22,7 +22,7 @@ from freefloat.io.field_types import (
 )
 from freefloat.io.robot_section import RobotSection
 from freefloat.paths.timing import TimeLaw
-from freefloat.planning.options import Objective
+from freefloat.planning.plan import Objective
 
 
 class LineSection(Section):

@@ -14,12 +14,11 @@ from freefloat.limits.limits import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import light_spacecraft, reach_message, unreached_start
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
-from freefloat.planning.confirmation import best_branch, integrate_branch
 from freefloat.planning.heading_map import attitudes_at
-from freefloat.planning.options import Objective, Search
+from freefloat.planning.plan import Objective, Search
 from freefloat.planning.planar_ranges import TURN
-from freefloat.planning.search import largest_margins
-from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.search import best_branch, largest_margins
+from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.so3 import angle_between
 from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_on_path
 

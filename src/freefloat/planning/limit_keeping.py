@@ -15,13 +15,11 @@ from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.planning.confirmation import integrate_branch
 from freefloat.planning.diagnostics import limited_reason, limits_violated
 from freefloat.planning.heading_map import attitudes_at
-from freefloat.planning.options import Objective
-from freefloat.planning.plan import Plan
+from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.screening import ScreenedCandidate, screen
-from freefloat.planning.simulation import SimulatedBranch
+from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.so3 import Array, angle_between, grid_spacing, heading_of
 
 _HEADINGS = 720

@@ -1,29 +1,55 @@
-"""The map over all initial attitudes of a problem, with what is found between its samples."""
+"""Maps of a problem over all initial attitudes, and points on the boundary of the feasible set.
+
+A motion that is tangent to the margin surface and clear of it elsewhere begins on the boundary.
+Tangency points, which come from equations alone, so check what bisection between samples finds.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
+import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.ensemble import Progress
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.errors import InputError
+from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
+from freefloat.errors import InputError, whole_number
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.planning.attitude_map import AttitudeMap, Candidate
-from freefloat.planning.boundary import boundary_points, tangent_boundary
+from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
 from freefloat.planning.heading_map import HeadingMap, sample_headings
-from freefloat.planning.options import HEADINGS, MAP_ATTITUDES
+from freefloat.planning.plan import HEADINGS
 from freefloat.planning.regions import find_regions
 from freefloat.planning.robustness import deepest
-from freefloat.planning.sampling import sample_attitudes
-from freefloat.planning.search import largest_margins, nearest_feasible
-from freefloat.planning.tangency import require_tangency_points
+from freefloat.planning.search import EXACT, bisect, edge, largest_margins, nearest_feasible
+from freefloat.planning.tangency import (
+    boundary_attitude,
+    require_tangency_points,
+    tangency_family,
+)
+from freefloat.so3 import (
+    Array,
+    angle_between,
+    attitude_grid,
+    attitudes_within,
+    frozen,
+    rotated,
+    rotation_vector_to,
+)
 
+_ATTITUDES, _FEWEST = 36_864, 8
+"""Samples of a map: default and fewest."""
 _SAMPLING = 0.8
 """Of the computing time, for the progress reported."""
+_BLOCK = 2048
+"""Attitudes that are integrated together."""
+_RADIUS, _CLOUD = 0.02, 96
+"""Distance from an attitude at which both sides of the boundary are searched for [rad], and the
+attitudes that search."""
+_BATCHES, _SPARE = 8, 3
+"""Families of tangency points that are computed, and how many more points than are missing: many
+belong to wrist-flipped branches or to motions that violate the margin elsewhere."""
 
 
 def attitude_map(
@@ -61,43 +87,153 @@ def attitude_map(
     require_problem(problem)
     start = time.perf_counter()
     if problem.task.planar:
-        _require_no_search(problem, nearest=nearest is not None, boundary=boundary, touch=tangency)
+        spatial = {"nearest": nearest is not None, "boundary": boundary, "touch": tangency}
+        for key in (key for key, requested in spatial.items() if requested):
+            accepted = "a spatial task; freefloat plan has ranges"
+            raise InputError(key, f"task {problem.task} is planar", accepted)
         headings = sample_headings(problem, samples or HEADINGS, progress, threads)
         return replace(headings, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude("nearest", nearest)
     if tangency:
         require_tangency_points(problem)
-
-    def report(fraction: float) -> None:
-        if progress is not None:
-            progress(_SAMPLING * fraction)
-
     evaluator = FeasibilityEvaluator(problem, threads)
-    sampled = sample_attitudes(evaluator, samples or MAP_ATTITUDES, seed, report)
-    points = tangent_boundary(evaluator, tangency, sampled.seed) if tangency else ()
-    best = (one for one in largest_margins(evaluator, sampled) if problem.margin.is_kept(one.score))
-    found = replace(
+    sampled = sample_attitudes(
+        evaluator, samples or _ATTITUDES, seed, progress and (lambda x: progress(_SAMPLING * x))
+    )
+    points = tangent_boundary(evaluator, tangency, seed) if tangency else ()
+    peaks = (p for p in largest_margins(evaluator, sampled) if problem.margin.is_kept(p.score))
+    near = () if target is None else nearest_feasible(evaluator, sampled, target)
+    result = replace(
         sampled,
-        best=next(best, None),
+        best=next(peaks, None),
         robust=deepest(evaluator, sampled, points),
         nearest_to=target,
-        nearest=None if target is None else _first(nearest_feasible(evaluator, sampled, target)),
+        nearest=next(iter(near), None),
         boundary=boundary_points(evaluator, sampled, boundary) if boundary else None,
         tangency=points if tangency else None,
         regions=find_regions(sampled),
     )
     if progress is not None:
         progress(1.0)
-    return replace(found, seconds=time.perf_counter() - start)
+    return replace(result, seconds=time.perf_counter() - start)
 
 
-def _first(candidates: Sequence[Candidate]) -> Candidate | None:
-    return candidates[0] if candidates else None
+def sample_attitudes(
+    evaluator: FeasibilityEvaluator,
+    samples: int,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> AttitudeMap:
+    """Integrate the motions of every arm branch from attitudes spread over all of SO(3).
+
+    Args:
+        evaluator: Of a spatial problem.
+        samples: Number of attitudes, 8 or more.
+        seed: Rotates the grid of attitudes.
+        progress: Called with the fraction done, in [0, 1].
+
+    Raises:
+        InputError: If the samples or the seed are no such numbers.
+    """
+    samples, seed = whole_number("samples", samples, _FEWEST), whole_number("seed", seed, 0)
+    attitudes = attitude_grid(samples, seed)
+    blocks = []
+    for first in range(0, samples, _BLOCK):
+        block = attitudes[first : first + _BLOCK]
+
+        def report(done: float, first: int = first, count: int = len(block)) -> None:
+            if progress is not None:
+                progress((first + done * count) / samples)
+
+        blocks.append(_tables(evaluator.evaluate(block, progress=report)))
+    tables = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    for values in tables.values():
+        values.setflags(write=False)
+    return AttitudeMap(
+        evaluator.problem, seed, frozen(attitudes), tables.pop("minimum_margins"),
+        tables.pop("determinant_ratios"), tables.pop("endings"), tables,
+    )  # fmt: skip
 
 
-def _require_no_search(problem: Problem, **options: int) -> None:
-    for key, value in options.items():
-        if value:
-            raise InputError(
-                key, f"task {problem.task} is planar", "a spatial task; freefloat plan has ranges"
-            )
+def _tables(results: BranchResults) -> dict[str, npt.NDArray[np.generic]]:
+    """Quantities of motions by attitude and branch; those for the record alone in float32."""
+    motions = results.motions
+    return {
+        "endings": motions.endings,
+        "minimum_margins": motions.minimum,
+        "determinant_ratios": motions.determinant_ratios,
+        "joints": results.joints.astype(np.float32),
+        "ended_at": motions.ended_at,
+        "least_at": motions.minimum_at,
+        "final_attitude": motions.attitudes.astype(np.float32),
+        "largest_rates": motions.rates.astype(np.float32),
+        "joint_lower": motions.lower.astype(np.float32),
+        "joint_upper": motions.upper.astype(np.float32),
+    }
+
+
+def boundary_points(
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, count: int
+) -> tuple[BoundaryPoint, ...]:
+    """Attitudes on the boundary of the feasible set, by bisection between neighbouring samples.
+
+    Args:
+        evaluator: Of the same problem.
+        samples: The map.
+        count: Most points for each arm branch.
+    """
+    points: list[BoundaryPoint] = []
+    for branch, margins in samples.branch_margins():
+        inside = partial(evaluator.keeps, branch=branch)
+        members = samples.problem.margin.is_kept(margins)
+        attitudes = edge(inside, samples.attitudes, members, count, EXACT)
+        points += [BoundaryPoint(attitude, branch) for attitude in attitudes]
+    return tuple(points)
+
+
+def tangent_boundary(
+    evaluator: FeasibilityEvaluator, count: int, seed: int = 0
+) -> tuple[BoundaryPoint, ...]:
+    """Attitudes on the boundary of the feasible set, integrated backward from tangency points.
+
+    Args:
+        evaluator: Of a problem whose arm has an elbow and a spherical wrist.
+        count: Number of points, of wrist-flipped branches the first alone; fewer are found where
+            few motions keep the margin elsewhere.
+        seed: Shifts the family of tangency points.
+
+    Raises:
+        InputError: If the arm has no such tangency points, or the margin is zero.
+    """
+    problem, points = evaluator.problem, list[BoundaryPoint]()
+    for batch in range(_BATCHES):
+        for tangency in tangency_family(problem, _SPARE * (count - len(points)), seed + batch):
+            start = boundary_attitude(problem, tangency)
+            if start is None:
+                continue
+            branches = problem.branches(start.attitude)
+            branch = problem.branch_near(start.attitude, start.joints, branches).index
+            if evaluator.wrist_flipped and branch % 2:
+                continue  # the wrist-flipped branch has the same motion
+            gap = _gap(evaluator, start.attitude, branch)
+            points.append(BoundaryPoint(start.attitude, branch, gap))
+            if len(points) == count:
+                return tuple(points)
+    return tuple(points)
+
+
+def _gap(evaluator: FeasibilityEvaluator, attitude: Array, branch: int) -> float:
+    """Distance from an attitude to the boundary on the geodesic that crosses it most steeply [rad].
+
+    Pi where that geodesic does not lead from inside to outside.
+    """
+    cloud = attitudes_within(attitude, _RADIUS, _CLOUD)
+    margins = evaluator.margins(cloud, branch)
+    uphill = rotation_vector_to(attitude, cloud[int(np.argmax(margins))])[0]
+    uphill *= _RADIUS / np.linalg.norm(uphill)
+    within, beyond = rotated(attitude, uphill), rotated(attitude, -uphill)
+    inside, outside = evaluator.keeps(np.vstack([within, beyond]), branch)
+    if outside or not inside:
+        return float(np.pi)
+    (crossing,) = bisect(partial(evaluator.keeps, branch=branch), within, beyond)
+    return float(angle_between(crossing, attitude))

@@ -1,30 +1,72 @@
-"""The result of planning: the chosen initial attitude, its motion, and every feasible range."""
+"""What to search for, and the plan: the chosen attitude, its motion, every feasible range."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from freefloat.errors import InputError, member, whole_number
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
-from freefloat.planning.options import Search
 from freefloat.planning.planar_ranges import BranchRanges, RangeLimit, Span
 from freefloat.planning.simulation import SimulatedBranch
-from freefloat.so3 import angle_between, heading_of
+from freefloat.so3 import Array, angle_between, heading_of
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.tolerance import Tolerance
 
+HEADINGS, PLAN_ATTITUDES = 360, 4096
+"""Default numbers of samples: planar and spatial tasks."""
+_FEWEST = 8
 _MOTION_KEYS = (
     "singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy",
     "certificate", "heading_deg",
 )  # fmt: skip
 _MAP_KEYS = ("samples", "seed", "feasible_fraction", "feasible_fraction_error")
+
+
+class Objective(StrEnum):
+    """Which of the feasible attitudes to choose."""
+
+    MARGIN = "margin"
+    NEAREST = "nearest"
+    ROBUST = "robust"
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What to search for.
+
+    Attributes:
+        objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
+            or the one deepest inside the feasible set.
+        from_attitude: Present attitude of the spacecraft, x, y, z, w.
+        samples: Number of attitudes; when left out 360 headings for planar tasks (where no closed
+            form is known), 4,096 attitudes for spatial ones.
+        seed: Rotates the grid of attitudes of spatial tasks.
+    """
+
+    objective: Objective = Objective.MARGIN
+    from_attitude: Array | None = None
+    samples: int | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "objective", member("search.objective", Objective, self.objective))
+        if self.samples is not None:
+            samples = whole_number("search.samples", self.samples, _FEWEST)
+            object.__setattr__(self, "samples", samples)
+        object.__setattr__(self, "seed", whole_number("search.seed", self.seed, 0))
+        if self.objective is Objective.NEAREST and self.from_attitude is None:
+            raise InputError(
+                "search.from_attitude", "it is missing, objective nearest needs it", "x, y, z, w"
+            )
 
 
 @dataclass(frozen=True, eq=False)

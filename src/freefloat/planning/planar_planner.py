@@ -1,7 +1,12 @@
-"""Planar plans: all feasible headings, exactly where that is possible, and one of them."""
+"""Planar plans: all feasible headings and one of them.
+
+The ranges are exact where S depends on two joint angles. Otherwise, for redundant arms, prismatic
+joints and measures other than ``system``, headings are sampled and the limits of ranges bisected.
+"""
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -9,32 +14,38 @@ import numpy as np
 from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.planning.confirmation import integrate_branch
 from freefloat.planning.diagnostics import (
     ALREADY,
     infeasible_distance,
     margin_text,
     no_feasible_heading,
 )
-from freefloat.planning.heading_map import best_heading
-from freefloat.planning.options import HEADINGS, Objective, Search
-from freefloat.planning.plan import Plan, Segment
+from freefloat.planning.heading_map import attitudes_at, best_heading, even_headings
+from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
 from freefloat.planning.planar_ranges import (
     TURN,
     BranchRanges,
     HeadingRange,
+    RangeLimitCause,
+    arcs_between,
+    branch_ranges,
     find_range_limits,
     heading_ranges,
+    reach_limits,
 )
-from freefloat.planning.searched_ranges import searched_ranges
-from freefloat.planning.simulation import SimulatedBranch, simulate
-from freefloat.so3 import heading_of, heading_quaternion
+from freefloat.planning.search import bisect
+from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
+from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.planar import has_two_angle_form
 
 _INSIDE = 1e-6
 """Distance from the limit of a range to a heading chosen there [rad]."""
-_LOOKS = 24
+_NEAR_REACH = 1e-6
+"""Distance from the limits of the reach at which headings are added [rad]."""
+_TRIED = 24
 """Headings tried in each range when the largest margin is searched for."""
+_ROUNDS = 8
+"""Bisections of the interval of a range limit."""
 
 _Pair = tuple[BranchRanges, HeadingRange]
 _Choice = tuple[float, BranchRanges, HeadingRange, str]
@@ -116,8 +127,7 @@ def _choose(evaluator: FeasibilityEvaluator, search: Search, pairs: list[_Pair])
         return _nearest(heading_of(search.from_attitude), pairs)
     choices = []
     for entry, part in pairs:
-        low, high = _inner_ends(part)
-        headings = np.linspace(low, high, _LOOKS)
+        headings = np.linspace(*_inner_ends(part), _TRIED)
         margin, heading = best_heading(evaluator, headings, _number(entry))
         choices.append((margin, heading % TURN, entry, part))
     _, heading, entry, part = max(choices, key=lambda choice: choice[0])
@@ -137,3 +147,54 @@ def _inner_ends(part: HeadingRange) -> tuple[float, float]:
     """Headings just inside both limits of a range."""
     inside = min(_INSIDE, part.width / 2.0)
     return part.low + inside, part.high - inside
+
+
+def searched_ranges(
+    evaluator: FeasibilityEvaluator, samples: int, progress: Progress | None = None
+) -> tuple[BranchRanges, ...]:
+    """Feasible ranges of heading; narrower ones than the spacing of the samples may be missed.
+
+    Ranges are those of each arm branch; of a redundant arm a heading is feasible when any of the
+    starting configurations tried keeps the margin.
+
+    Args:
+        evaluator: Of a planar problem.
+        samples: Number of headings.
+        progress: Called with the fraction done, in [0, 1].
+    """
+    problem, headings = evaluator.problem, _headings(evaluator.problem, samples)
+    results = evaluator.evaluate(attitudes_at(headings), stop_at_margin=True, progress=progress)
+    feasible = problem.margin.is_kept(results.margins)
+    if problem.redundant:
+        feasible, labels = np.asarray(feasible.any(axis=1, keepdims=True)), {0: "any"}
+    elif has_two_angle_form(problem.model, problem.task):
+        labels = {0: "elbow+", 1: "elbow-"}
+    else:
+        existing = np.flatnonzero(results.exist.any(axis=0)).tolist()
+        labels = {index: str(index) for index in existing}
+    entries = []
+    for index, label in labels.items():
+        inside = partial(evaluator.keeps, branch=None if problem.redundant else index)
+        opens = np.roll(feasible[:, index], -1)
+        (changes,) = np.nonzero(feasible[:, index] != opens)
+        if not len(changes):
+            arcs = [*arcs_between(())]
+            entries.append(branch_ranges(index, label, arcs, [bool(opens.all())]))
+            continue
+        ends = attitudes_at(headings[changes]), attitudes_at(np.roll(headings, -1)[changes])
+        outward = ~opens[changes, None]
+        within, beyond = np.where(outward, ends, ends[::-1])
+        crossings = map(heading_of, bisect(inside, within, beyond, _ROUNDS))
+        arcs = [*arcs_between([(heading, RangeLimitCause.MARGIN) for heading in crossings])]
+        entries.append(branch_ranges(index, label, arcs, opens[changes].tolist()))
+    return tuple(entries)
+
+
+def _headings(problem: Problem, samples: int) -> Array:
+    """Even headings, and some next to the limits of the reach, where narrow ranges may lie."""
+    headings = even_headings(samples)
+    if not has_two_angle_form(problem.model, problem.task):
+        return headings
+    limits = np.array([*reach_limits(problem, 0.0)])
+    added = np.concatenate([limits - _NEAR_REACH, limits + _NEAR_REACH]) % TURN
+    return np.unique(np.concatenate([headings, added]))

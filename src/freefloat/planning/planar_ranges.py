@@ -6,7 +6,7 @@ at which the arm just reaches the path. Between neighbouring limits one motion d
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import groupby
@@ -30,6 +30,8 @@ _SMALLEST_LEVEL = 1e-4
 _TOLERANCE = 1e-9
 _NEAR = 1e-4
 """Largest distance of joint values from those of their arm branch [rad]."""
+_EQUAL = 1e-9
+"""Headings closer than this are the same limit [rad]."""
 
 Span = tuple[float, float]
 
@@ -146,19 +148,6 @@ class BranchRanges:
         }
 
 
-def margin_level(problem: Problem) -> float:
-    """S0 > 0 for which limits are computed: the margin, or nearly zero where that is zero."""
-    if problem.margin.threshold > 0.0:
-        return problem.margin.threshold
-    return _SMALLEST_LEVEL * largest_magnitude(problem.model, problem.margin.measure)
-
-
-def keeps_margin(problem: Problem, motion: Motion, level: float) -> bool:
-    """Whether a motion was completed with S of one sign and never below a level."""
-    approach = closest_approach(motion, problem.margin.measure)
-    return motion.completed and is_kept(approach.value, level)
-
-
 def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
     """All motions over a span whose smallest |S| is S0, of either sign.
 
@@ -166,35 +155,39 @@ def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
         problem: A planar problem whose S depends on two joint angles, measured by ``system``.
         span: First and last time [s].
     """
-    level = margin_level(problem)
-    points = tangency_points(problem, level, span)
-    limits = (_range_limit(problem, point, span, level) for point in points)
-    return tuple(limit for limit in limits if limit is not None)
+    limits, level = [], _level(problem)
+    for point in tangency_points(problem, level, span):
+        motions = _feasible_motions(problem, point.heading, point.joints, point.time, span, level)
+        if motions is not None:
+            limits.append(RangeLimit(point, *motions))
+    return tuple(limits)
 
 
-def _range_limit(
-    problem: Problem, point: TangencyPoint, span: Span, level: float
-) -> RangeLimit | None:
-    """The motion through a tangency point, or None where it violates the margin elsewhere."""
-    halves = []
+def _level(problem: Problem) -> float:
+    """S0 > 0 for which limits are computed: the margin, or nearly zero where that is zero."""
+    if problem.margin.threshold > 0.0:
+        return problem.margin.threshold
+    return _SMALLEST_LEVEL * largest_magnitude(problem.model, problem.margin.measure)
+
+
+def _feasible_motions(
+    problem: Problem, heading: float, joints: Array, start: float, span: Span, level: float
+) -> tuple[Motion, Motion] | None:
+    """Motions from a state to both ends of a span; None where |S| falls below a level."""
+    motions = []
     for end in span:
-        motion = _motion(problem, point.heading, point.joints, point.time, end)
-        if motion is None or not keeps_margin(problem, motion, level):
+        try:
+            motion = integrate_motion(
+                problem, heading_quaternion(heading), joints, start=start, end=end,
+                tolerance=_TOLERANCE,
+            )  # fmt: skip
+        except IntegrationError:
             return None
-        halves.append(motion)
-    return RangeLimit(point, halves[0], halves[1])
-
-
-def _motion(
-    problem: Problem, heading: float, joints: Array, start: float, end: float
-) -> Motion | None:
-    attitude = heading_quaternion(heading)
-    try:
-        return integrate_motion(
-            problem, attitude, joints, start=start, end=end, tolerance=_TOLERANCE
-        )
-    except IntegrationError:
-        return None
+        approach = closest_approach(motion, problem.margin.measure)
+        if not (motion.completed and is_kept(approach.value, level)):
+            return None
+        motions.append(motion)
+    return motions[0], motions[1]
 
 
 def heading_ranges(
@@ -211,31 +204,29 @@ def heading_ranges(
     Returns:
         One entry for each arm branch.
     """
-    level = margin_level(problem)
-    edges = _edges(problem, limits, at)
-    entries = []
-    for index, label in enumerate(("elbow+", "elbow-")):
-        selected = sorted((edge[0], edge[2]) for edge in edges if edge[1] in (index, None))
-        arcs = list(_arcs(selected))
-        feasible = [_feasible(problem, index, span, at, low + (high - low) / 2.0, level)
-                    for low, high, _ in arcs]  # fmt: skip
-        entries.append(_joined(index, label, arcs, feasible))
-    return tuple(entries)
-
-
-Edge = tuple[float, "int | None", RangeLimitCause]
-Arc = tuple[float, float, tuple[RangeLimitCause, ...]]
-
-
-def _edges(problem: Problem, limits: tuple[RangeLimit, ...], at: float) -> list[Edge]:
-    """Headings at which feasibility may change, with the branch (None for both)."""
-    edges: list[Edge] = [
-        (heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)
-    ]
+    level, reach = _level(problem), RangeLimitCause.REACH
+    edges: list[tuple[float, int | None, RangeLimitCause]]
+    edges = [(heading, None, reach) for heading in reach_limits(problem, at)]
     for limit in limits:
         heading, joints = limit.heading_at(at)
         edges.append((heading, _branch_of(problem, heading, joints, at), RangeLimitCause.MARGIN))
-    return edges
+
+    def is_feasible(arc: HeadingRange, index: int) -> bool:
+        heading = arc.low + arc.width / 2.0
+        branches = problem.branches(heading_quaternion(heading), at)
+        joints = next((branch.joints for branch in branches if branch.index == index), None)
+        if joints is None:
+            return False
+        return _feasible_motions(problem, heading, joints, at, span, level) is not None
+
+    entries = []
+    for index, label in enumerate(("elbow+", "elbow-")):
+        ends = sorted((heading, cause) for heading, branch, cause in edges
+                      if branch in (index, None))  # fmt: skip
+        arcs = list(arcs_between(ends))
+        feasible = [is_feasible(arc, index) for arc in arcs]
+        entries.append(branch_ranges(index, label, arcs, feasible))
+    return tuple(entries)
 
 
 def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:
@@ -257,43 +248,32 @@ def reach_limits(problem: Problem, at: float) -> Iterator[float]:
                 yield float((np.angle(point) - np.angle(a) + sign * np.arccos(cosine)) % TURN)
 
 
-def _arcs(edges: list[tuple[float, RangeLimitCause]]) -> Iterator[Arc]:
-    """Arcs between neighbouring edges round the circle, with the cause of each end."""
-    if not edges:
-        yield 0.0, TURN, ()
+def arcs_between(ends: Sequence[tuple[float, RangeLimitCause]]) -> Iterator[HeadingRange]:
+    """Arcs round the circle between headings in order, each with the cause of a limit there."""
+    if not ends:
+        yield HeadingRange(0.0, TURN, ())
         return
-    for (low, first), (high, second) in zip(edges, [*edges[1:], edges[0]], strict=True):
-        width = (high - low) % TURN
-        if width > 1e-9 or len(edges) == 1:
-            yield low, low + (width if len(edges) > 1 else TURN), (first, second)
+    for (low, first), (high, second) in zip(ends, [*ends[1:], ends[0]], strict=True):
+        width = (high - low) % TURN if len(ends) > 1 else TURN
+        if width > _EQUAL:
+            yield HeadingRange(low, low + width, (first, second))
 
 
-def _feasible(
-    problem: Problem, index: int, span: Span, at: float, heading: float, level: float
-) -> bool:
-    branches = problem.branches(heading_quaternion(heading), at)
-    joints = next((branch.joints for branch in branches if branch.index == index), None)
-    if joints is None:
-        return False
-    for end in span:
-        motion = _motion(problem, heading, joints, at, end)
-        if motion is None or not keeps_margin(problem, motion, level):
-            return False
-    return True
-
-
-def _joined(index: int, label: str, arcs: list[Arc], feasible: list[bool]) -> BranchRanges:
-    """Neighbouring arcs with the same feasibility are joined, also across zero."""
+def branch_ranges(
+    index: int, label: str, arcs: list[HeadingRange], feasible: list[bool]
+) -> BranchRanges:
+    """Ranges of an arm branch: neighbouring feasible arcs are joined, also across zero."""
     if all(feasible):
         return BranchRanges(index, label, (HeadingRange(0.0, TURN, ()),), ())
     first = feasible.index(False)
-    judged = list(zip(feasible, arcs, strict=True))
+    pairs = list(zip(feasible, arcs, strict=True))
     ranges = []
-    for inside, group in groupby(judged[first:] + judged[:first], key=lambda pair: pair[0]):
+    for inside, group in groupby(pairs[first:] + pairs[:first], key=lambda pair: pair[0]):
         parts = [arc for _, arc in group]
         if inside:
-            low, width = parts[0][0] % TURN, sum(high - low for low, high, _ in parts)
-            ranges.append(HeadingRange(low, low + width, (parts[0][2][0], parts[-1][2][1])))
+            low, width = parts[0].low % TURN, sum(arc.width for arc in parts)
+            causes = parts[0].causes[0], parts[-1].causes[1]
+            ranges.append(HeadingRange(low, low + width, causes))
     ranges.sort(key=lambda part: part.low)
     limits = sorted(edge % TURN for part in ranges for edge in (part.low, part.high))
     return BranchRanges(index, label, tuple(ranges), tuple(limits))

@@ -5,18 +5,32 @@ from __future__ import annotations
 from dataclasses import replace
 
 from freefloat.ensemble.ensemble import Progress
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.planning.options import Search
-from freefloat.planning.plan import Plan
-from freefloat.so3 import grid_spacing
+from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.diagnostics import attitude_reason, disagreement, no_feasible_attitude
+from freefloat.planning.heading_map import evaluator_for
+from freefloat.planning.limit_keeping import keep_limits
+from freefloat.planning.mapping import sample_attitudes
+from freefloat.planning.plan import PLAN_ATTITUDES, Objective, Plan, Search
+from freefloat.planning.planar_planner import plan_in_plane
+from freefloat.planning.robustness import deepest, safe_radius
+from freefloat.planning.search import best_branch, largest_margins, nearest_feasible
+from freefloat.planning.simulation import integrate_branch
+from freefloat.planning.tolerance import tolerance
+from freefloat.so3 import angle_between, grid_spacing
 
 _STRETCHES = 6
 """Attempts with a longer duration; without momentum one is enough."""
 _OVER = 1.0 + 1e-5
 """Slightly more than what just keeps a limit."""
+_SAMPLING = 0.6
+"""Fraction of the computing time of spatial plans, for the progress reported."""
+_CANDIDATES = 12
+"""Candidates that are integrated precisely before giving up."""
 
 
 def plan(
@@ -60,11 +74,11 @@ def plan(
     factor = 1.0
     for _ in range(_STRETCHES):
         stretched = problem if factor == 1.0 else problem.stretched(factor)
-        found = replace(_plan(stretched, search, limits, threads, progress), stretch=factor)
-        if not stretch or found.needed_stretch is None:
+        result = replace(_plan(stretched, search, limits, threads, progress), stretch=factor)
+        if not stretch or result.needed_stretch is None:
             break
-        factor *= _OVER * found.needed_stretch
-    return found
+        factor *= _OVER * result.needed_stretch
+    return result
 
 
 def _plan(
@@ -75,28 +89,89 @@ def _plan(
     progress: Progress | None,
 ) -> Plan:
     """Plan with the duration as it is."""
-    # compiled kernels take half a second to import
-    from freefloat.planning.heading_map import evaluator_for
-    from freefloat.planning.limit_keeping import keep_limits
-    from freefloat.planning.planar_planner import plan_in_plane
-    from freefloat.planning.robustness import safe_radius
-    from freefloat.planning.spatial_planner import plan_in_space
-    from freefloat.planning.tolerance import tolerance
-
     evaluator = evaluator_for(problem, threads)
     planner = plan_in_plane if problem.task.planar else plan_in_space
-    found = planner(evaluator, search, progress)
+    result = planner(evaluator, search, progress)
     if limits is not None:
-        found = keep_limits(evaluator, found, limits, progress)
-    if found.chosen is None:
-        return found
-    found = replace(found, certificate=certify(found.chosen.motion))
-    if found.map is None or found.chosen is None:
-        return found
-    attitude, branch = found.chosen.motion.initial.attitude, found.chosen.branch
-    radius = found.robust_radius
+        result = keep_limits(evaluator, result, limits, progress)
+    chosen, radius = result.chosen, result.robust_radius
+    if chosen is None:
+        return result
+    result = replace(result, certificate=certify(chosen.motion))
+    if result.map is None:
+        return result
+    attitude, branch = chosen.motion.initial.attitude, chosen.branch
     if radius is None:
         index = None if problem.redundant else branch.index
-        radius = safe_radius(evaluator, attitude, index, grid_spacing(found.map.samples))
+        radius = safe_radius(evaluator, attitude, index, grid_spacing(result.map.samples))
     tolerated = tolerance(evaluator.integrator, attitude, branch.joints)
-    return replace(found, robust_radius=radius, tolerance=tolerated)
+    return replace(result, robust_radius=radius, tolerance=tolerated)
+
+
+def plan_in_space(
+    evaluator: FeasibilityEvaluator, search: Search, progress: Progress | None = None
+) -> Plan:
+    """Map SO(3), refine its best candidates, and choose the first whose precise motion is feasible.
+
+    The robust radius is known only where it was searched for.
+
+    Args:
+        evaluator: Of a spatial problem.
+        search: What to choose.
+        progress: Called with the fraction done, in [0, 1].
+    """
+    problem = evaluator.problem
+    samples = sample_attitudes(
+        evaluator, search.samples or PLAN_ATTITUDES, search.seed,
+        progress and (lambda fraction: progress(_SAMPLING * fraction)),
+    )  # fmt: skip
+    disagreements: list[str] = []
+    for candidate in _candidates(evaluator, samples, search)[:_CANDIDATES]:
+        branch = candidate.branch
+        if branch is None:
+            branch, _ = best_branch(evaluator, candidate.attitude)
+        chosen = integrate_branch(problem, candidate.attitude, branch)
+        if chosen.feasible:
+            break
+        disagreements.append(disagreement(evaluator, candidate, chosen))
+    else:
+        reason = no_feasible_attitude(evaluator, samples)
+        return Plan(problem, search, False, reason, map=samples, disagreements=(*disagreements,))
+    if progress is not None:
+        progress(1.0)
+    return Plan(
+        problem,
+        search,
+        feasible=True,
+        reason=attitude_reason(search.objective, candidate, chosen),
+        chosen=chosen,
+        robust_radius=candidate.score if search.objective is Objective.ROBUST else None,
+        map=samples,
+        disagreements=tuple(disagreements),
+    )
+
+
+def _candidates(
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, search: Search
+) -> list[Candidate]:
+    """Attitudes to try, the best first; none where no sample is feasible."""
+    objective, present = search.objective, search.from_attitude
+    margin, spacing = samples.problem.margin, grid_spacing(samples.samples)
+
+    def peaks() -> list[Candidate]:
+        candidates = largest_margins(evaluator, samples)
+        return [peak for peak in candidates if margin.is_kept(peak.score)]
+
+    if objective is Objective.NEAREST and present is not None:
+        if nearest := nearest_feasible(evaluator, samples, present):
+            return nearest
+        away = [replace(p, score=float(angle_between(p.attitude, present))) for p in peaks()]
+        return sorted(away, key=lambda peak: peak.score)
+    if objective is Objective.ROBUST:
+        if (deep := deepest(evaluator, samples)) is not None:
+            return [deep]
+        balls = [
+            replace(p, score=safe_radius(evaluator, p.attitude, p.branch, spacing)) for p in peaks()
+        ]
+        return sorted(balls, key=lambda peak: -peak.score)
+    return peaks()

@@ -19,7 +19,7 @@ from freefloat.limits.collision import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.extrema import joint_ranges
 from freefloat.motion.problem import Problem
-from freefloat.planning.options import Objective, Search
+from freefloat.planning.plan import Objective, Search
 from freefloat.planning.regions import depths
 from freefloat.so3 import Array, IntArray, angle_between
 

@@ -144,6 +144,13 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
     return sorted(finished, key=lambda peak: -peak.score) + climbed[_FINISHED:]
 
 
+def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
+    """Number and initial joints of the arm branch with the largest margin at an attitude."""
+    results = evaluator.evaluate(attitude[None])
+    branch = int(np.argmax(results.margins[0]))
+    return branch, results.joints[0, branch]
+
+
 def _climb(
     evaluator: FeasibilityEvaluator, starts: list[Candidate], radius: float, smallest: float
 ) -> list[Candidate]:

@@ -179,17 +179,27 @@ def simulate(
     attitude = problem.attitude("attitude", attitude)
     checker = None if limits is None else LimitChecker(problem, limits)
     branches, requested = _branches(problem, attitude, branch, joints)
-    simulated = []
-    for start in branches:
-        motion = unwrapped(integrate_motion(
-            problem, attitude, start.joints, stop_at_margin=stop_at_margin, tolerance=tolerance
-        ))  # fmt: skip
-        approach = closest_approach(motion, problem.margin.measure)
-        start = replace(start, joints=motion.initial.joints)
-        simulated.append(SimulatedBranch(start, motion, approach))
+    simulated = [
+        _simulated(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
+        for start in branches
+    ]
     chosen = max(simulated, key=_score) if requested is None else simulated[requested]
     results = () if checker is None else checker.results(chosen.motion)
     return Simulation(tuple(simulated), chosen, limits, results)
+
+
+def integrate_branch(problem: Problem, attitude: Array, branch: int) -> SimulatedBranch:
+    """The motion of the arm branch with a number, which exists at the attitude (4,)."""
+    start = next(entry for entry in problem.branches(attitude) if entry.index == branch)
+    return _simulated(problem, attitude, start)
+
+
+def _simulated(
+    problem: Problem, attitude: Array, start: ArmBranch, **options: Any
+) -> SimulatedBranch:
+    motion = unwrapped(integrate_motion(problem, attitude, start.joints, **options))
+    approach = closest_approach(motion, problem.margin.measure)
+    return SimulatedBranch(replace(start, joints=motion.initial.joints), motion, approach)
 
 
 def _branches(

@@ -15,17 +15,16 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_map import HeadingMap, sample_headings
-from freefloat.planning.options import Objective
-from freefloat.planning.plan import Plan
+from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.planar_ranges import TURN, BranchRanges
 from freefloat.planning.simulation import Simulation, simulate
-from freefloat.planning.slices import Mark, map_marks, map_slices
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.figure_style import axis_label
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
+from freefloat.visualization.slices import Mark, map_marks, map_slices
 from freefloat.workspace.planar import has_two_angle_form
 from freefloat.workspace.regions import workspace_regions
 

@@ -14,7 +14,6 @@ from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
 from freefloat.motion.problem import is_kept
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.slices import Slice, rotation_vectors
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLUE,
@@ -27,6 +26,7 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
+from freefloat.visualization.slices import Slice, rotation_vectors
 
 _COMPONENTS = ("x", "y", "z")
 _SHADES = "viridis"

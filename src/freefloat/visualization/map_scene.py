@@ -15,11 +15,11 @@ from meshcat import geometry as g
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.slices import Mark, map_marks, rotation_vectors
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.overlays import Labels, draw_axes, tube
 from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, label, node
+from freefloat.visualization.slices import Mark, map_marks, rotation_vectors
 
 FRONT, BACK = "Feasible, y < 0", "Feasible, y > 0"
 INFEASIBLE, BOUNDARY = "Below the margin", "Boundary"

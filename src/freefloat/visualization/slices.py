@@ -6,7 +6,7 @@ attitudes form a ball of radius pi; at its centre the spacecraft's axes are the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,8 +18,6 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array, frozen
 
-_MARKED = ("best", "robust", "nearest")
-"""Attitudes of a map that are marked."""
 _ACROSS = ((1, 2), (0, 2), (0, 1))
 """Horizontal and vertical component of planes normal to x, y, z."""
 
@@ -69,16 +67,12 @@ class Slice:
 
 def map_marks(attitude_map: AttitudeMap) -> list[Mark]:
     """The best, the most robust and the nearest attitude of a map, those it has."""
-    candidates = {name: getattr(attitude_map, name) for name in _MARKED}
-    return [
-        Mark(name, candidate.attitude, candidate.branch)
-        for name, candidate in candidates.items()
-        if candidate is not None
-    ]
+    candidates = {name: getattr(attitude_map, name) for name in ("best", "robust", "nearest")}
+    return [Mark(name, c.attitude, c.branch) for name, c in candidates.items() if c is not None]
 
 
 def rotation_vectors(attitudes: npt.ArrayLike) -> Array:
-    """Rotation vectors [rad], at most pi long, of attitudes (K, 4); shape (K, 3)."""
+    """Rotation vectors [rad], at most pi long, of attitudes (..., 4); shape (..., 3)."""
     return np.asarray(Rotation.from_quat(attitudes).as_rotvec())
 
 
@@ -98,20 +92,16 @@ def map_slices(
         side: Attitudes along a diameter of the ball; fewer where arm branches have no closed form.
     """
     side = round(side / np.sqrt(evaluator.sample_reduction)) // 2 * 2 + 1
-    planes = [*_planes(marks)]
+    centres: list[tuple[Mark | None, Array]]
+    centres = [(mark, rotation_vectors(mark.attitude)) for mark in marks]
+    centres = centres or [(None, np.zeros(3))]
     slices = []
-    for number, (mark, normal, offset) in enumerate(planes):
-        slices.append(_slice(evaluator, mark, normal, offset, side))
-        if progress is not None:
-            progress((number + 1) / len(planes))
-    return tuple(slices)
-
-
-def _planes(marks: Sequence[Mark]) -> Iterator[tuple[Mark | None, int, float]]:
-    for mark in marks or (None,):
-        centre = np.zeros(3) if mark is None else rotation_vectors(mark.attitude[None])[0]
+    for mark, centre in centres:
         for normal in range(3):
-            yield mark, normal, float(centre[normal])
+            slices.append(_slice(evaluator, mark, normal, float(centre[normal]), side))
+            if progress is not None:
+                progress(len(slices) / (3 * len(centres)))
+    return tuple(slices)
 
 
 def _slice(

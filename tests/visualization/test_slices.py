@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.slices import Mark, map_slices, rotation_vectors
+from freefloat.visualization.slices import Mark, map_slices, rotation_vectors
 
 SIDE = 15
 ATTITUDE = Rotation.from_rotvec([1.2, -0.5, 0.9]).as_quat()
