@@ -28,7 +28,7 @@ from freefloat.io.scenario import load_scenario
 from freefloat.io.schema import ScenarioFile
 from freefloat.io.validation import validated
 from freefloat.limits.collision import collision_shapes
-from freefloat.paths.samples import read_samples
+from freefloat.paths.path import parse_samples, samples_text
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
@@ -109,7 +109,7 @@ def _urdf(file: Path) -> None:
 
 
 def _csv(file: Path) -> None:
-    curve, attitude = read_samples(file)
+    curve, attitude = parse_samples(samples_text(file), file)
     for s in (0.0, 0.3, 1.0):
         curve(s, 1)
         if attitude is not None:

@@ -32,9 +32,9 @@ from freefloat.paths.orientation import (
     DirectedOrientation,
     FixedOrientation,
     OrientationLaw,
+    OrientationSpline,
     SlerpOrientation,
 )
-from freefloat.paths.orientation_spline import OrientationSpline
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel

@@ -17,7 +17,7 @@ from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.io.yaml import parse_yaml
 from freefloat.motion.problem import Problem
-from freefloat.paths.samples import read_samples
+from freefloat.paths.path import parse_samples, samples_text
 from freefloat.planning.simulation import simulate
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
@@ -136,7 +136,7 @@ def test_devices_and_pipes_are_not_read(watch: Watch) -> None:
     """They never end."""
     for name in ("fifo", "zero"):
         with pytest.raises(InputError, match="file"):
-            read_samples(name)
+            parse_samples(samples_text(name), name)
         with pytest.raises(InputError, match="file"):
             FreeFloatingModel.from_urdf(Path(name))
         with pytest.raises(MeshFileError, match="no such file"):

@@ -11,9 +11,9 @@ from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import (
     DirectedOrientation,
     FixedOrientation,
+    OrientationSpline,
     SlerpOrientation,
 )
-from freefloat.paths.orientation_spline import OrientationSpline
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.samples import read_samples
+from freefloat.paths.path import EndEffectorPath, parse_samples, samples_text
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -23,6 +22,10 @@ SAMPLES = """x, y, z, qx, qy, qz, qw
 1,0,0,0,0,0.70710678,0.70710678
 1,1,0,0,0,1,0
 """
+
+
+def read_samples(file):
+    return parse_samples(samples_text(file), file)
 
 
 @pytest.fixture
@@ -149,7 +152,7 @@ def test_unfit_samples_are_refused_by_name(write, text, told):
     """The error names the file, what is wrong with it and what would be right."""
     file = write(text)
     with pytest.raises(InputError) as caught:
-        read_samples(file)
+        parse_samples(samples_text(file), file)
     assert caught.value.source == str(file)
     assert caught.value.key == "path.samples"
     assert told in caught.value.problem
@@ -161,7 +164,7 @@ def test_a_file_that_is_none_is_refused(tmp_path):
     binary.write_bytes(b"x,y,z\n\xff\xfe\x00")
     for file in (tmp_path / "missing.csv", tmp_path, binary):
         with pytest.raises(InputError, match=r"cannot be read|no such file") as caught:
-            read_samples(file)
+            parse_samples(samples_text(file), file)
         assert caught.value.source == str(file)
 
 

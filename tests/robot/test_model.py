@@ -304,23 +304,14 @@ def test_a_single_joint_may_be_a_plain_number() -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "problem"),
-    [
-        ({"q1": 1, "q2": 2}, "unknown: -, missing: q3"),
-        ({"q1": 1, "q2": 2, "q3": 3, "q4": 4, "a": 0}, "unknown: a, q4, missing: -"),
-        ([1, 2], "2 values were given"),
-        ([1, 2, 3, 4], "4 values were given"),
-        ([[1, 2, 3]], "3 values were given"),
-    ],
+    "joints", [{"q1": 1, "q2": 2}, {"q1": 1, "q2": 2, "q3": 3, "a": 0}, [1, 2], [[1, 2, 3]]]
 )
-def test_joint_vectors_that_do_not_fit_are_told_the_names(
-    planar_3dof: FreeFloatingModel, joints: object, problem: str
+def test_joint_vectors_that_do_not_fit_are_refused(
+    planar_3dof: FreeFloatingModel, joints: object
 ) -> None:
-    """What is missing or unknown, and what the joints are called."""
     with pytest.raises(InputError) as caught:
         planar_3dof.joint_vector(joints)
-    assert (caught.value.key, caught.value.problem) == ("joints", problem)
-    assert "q1, q2, q3" in caught.value.accepted
+    assert caught.value.key == "joints"
 
 
 @pytest.mark.parametrize(

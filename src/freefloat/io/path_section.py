@@ -18,13 +18,11 @@ from freefloat.paths.orientation import (
     DirectedOrientation,
     FixedOrientation,
     FreeOrientation,
-    LineOfSight,
     OrientationLaw,
+    OrientationSpline,
     SlerpOrientation,
 )
-from freefloat.paths.orientation_spline import OrientationSpline
-from freefloat.paths.path import EndEffectorPath
-from freefloat.paths.samples import parse_samples
+from freefloat.paths.path import EndEffectorPath, parse_samples
 from freefloat.so3 import Array, axes_rotation, rotation_matrix, unit_quaternion
 
 SAMPLES = "samples.csv"
@@ -154,8 +152,8 @@ def _attitude_section(law: OrientationLaw) -> dict[str, Any]:
         content = {"fixed": _quaternion(law.axes)}
     elif isinstance(law, SlerpOrientation):
         content = {"slerp": {"from": _quaternion(law.start), "to": _quaternion(law.end)}}
-    elif isinstance(law, DirectedOrientation) and isinstance(law.direction, LineOfSight):
-        content = {"point_at": {"target": law.direction.point.tolist(), "axis": law.axis}}
+    elif isinstance(law, DirectedOrientation) and law.target is not None:
+        content = {"point_at": {"target": law.target.tolist(), "axis": law.axis}}
     elif isinstance(law, DirectedOrientation):
         content = {"follow": {"axis": law.axis, "normal": law.reference.tolist()}}
     else:

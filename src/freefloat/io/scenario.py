@@ -21,7 +21,7 @@ from freefloat.io.validation import error_context, validated
 from freefloat.io.yaml import parse_yaml, read_text
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Margin, Problem
-from freefloat.paths.samples import samples_text
+from freefloat.paths.path import samples_text
 from freefloat.paths.timing import Stop, TimedPath, Timing
 from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel

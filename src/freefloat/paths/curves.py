@@ -1,6 +1,11 @@
 """Curves of the end-effector: position as a function of s in [0, 1].
 
 ``curve(s, order)`` is the position for order 0, its derivatives by s for orders 1 and 2.
+
+A curve or orientation law of segments, at whose ends high derivatives jump, also has ``breaks``,
+the values of s, rising, inside (0, 1), of the jumps, and ``within(low, high)``: the same function
+from low to high, continued beyond by its outermost segments. Integrators whose steps end at the
+breaks keep their order; those that step across lose it.
 """
 
 from __future__ import annotations
@@ -8,18 +13,21 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from freefloat.errors import InputError, finite_number, finite_vector
-from freefloat.paths.piecewise import segments_within, significant_breaks
 from freefloat.so3 import Array, frozen, unit_vector
 
 _NEGLIGIBLE = 1e-8
 """Displacement by jumps of derivatives, as a fraction of a spline's size, that is ignored."""
+_ROUNDING = 1e-12
+"""Overlap in s below which a segment is ignored."""
+
+T = TypeVar("T")
 
 
 @runtime_checkable
@@ -90,10 +98,8 @@ class ArcCurve:
         radius = self.start - self.centre
         height = float(radius @ self.normal)
         if abs(height) > 1e-6 * max(1.0, float(np.linalg.norm(radius))):
-            raise InputError(
-                "arc.from", f"it lies {height:.3g} m off the plane of the arc",
-                "a point in the plane through center, across normal",
-            )  # fmt: skip
+            accepted = "a point in the plane through center, across normal"
+            raise InputError("arc.from", f"it lies {height:.3g} m off the plane", accepted)
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
@@ -109,7 +115,7 @@ class SplineCurve:
     Attributes:
         points: [m], shape (N, 3).
         knots: Values of s at the points, shape (N,).
-        breaks: See :class:`freefloat.paths.piecewise.Piecewise`.
+        breaks: Values of s of significant jumps of the third derivative.
     """
 
     def __init__(self, points: npt.ArrayLike, s: npt.ArrayLike | None = None) -> None:
@@ -132,9 +138,8 @@ class SplineCurve:
             chords = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
             if (chords == 0.0).any():
                 k = int(np.argmin(chords)) + 1
-                raise InputError(
-                    "waypoints", f"points {k} and {k + 1} coincide", "distinct neighbours"
-                )
+                problem = f"points {k} and {k + 1} coincide"
+                raise InputError("waypoints", problem, "distinct neighbours")
             s = np.append(0.0, np.cumsum(chords)) / chords.sum()
         self.knots = frozen(s)
         self._spline = CubicSpline(self.knots, self.points)
@@ -147,7 +152,40 @@ class SplineCurve:
         return np.asarray(self._spline(s, order))
 
     def within(self, low: float, high: float) -> SplineCurve:
-        """See :class:`freefloat.paths.piecewise.Piecewise`."""
+        """The curve from low to high, continued beyond by its outermost segments."""
         part = copy(self)
         part._spline = segments_within(self._spline, low, high)
         return part
+
+
+def breaks_of(function: object) -> Array:
+    """Values of s, rising, at which high derivatives of a function jump; mostly none."""
+    return cast(Array, getattr(function, "breaks", frozen([])))
+
+
+def within(function: T, low: float, high: float) -> T:
+    """A function from low to high, continued as smoothly as it is there."""
+    return cast(T, function.within(low, high)) if hasattr(function, "within") else function
+
+
+def segments_within(spline: PPoly, low: float, high: float) -> PPoly:
+    """The segments of a spline that hold somewhere between low and high, but for rounding."""
+    knots, last = spline.x, len(spline.x) - 2
+    first = min(max(int(np.searchsorted(knots, low + _ROUNDING, side="right")) - 1, 0), last)
+    final = min(max(int(np.searchsorted(knots, high - _ROUNDING)) - 1, first), last)
+    return PPoly(spline.c[:, first : final + 1], knots[first : final + 2])
+
+
+def significant_breaks(knots: Array, third_derivatives: Array, negligible: float) -> Array:
+    """Inner knots where a jump of the third derivative shows.
+
+    Args:
+        knots: Rising, shape (N + 1,).
+        third_derivatives: Between the knots, shape (N, c).
+        negligible: Displacement of the function, over the longer adjacent interval, below which a
+            jump is ignored.
+    """
+    jumps = np.linalg.norm(np.diff(third_derivatives, axis=0), axis=1)
+    widths = np.diff(knots)
+    moved = jumps * np.maximum(widths[:-1], widths[1:]) ** 3
+    return frozen(knots[1:-1][moved > negligible])

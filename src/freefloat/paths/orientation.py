@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from freefloat.errors import InputError, finite_vector
-from freefloat.paths.curves import Curve
-from freefloat.paths.piecewise import breaks_of, within
+from freefloat.paths.curves import Curve, breaks_of, segments_within, significant_breaks, within
 from freefloat.so3 import Array, attitude_axes, axes_rotation, cross, frozen, unit_vector
 
 _SAMPLES = np.linspace(0.0, 1.0, 201)
@@ -27,9 +28,10 @@ _MOST_REFINED = 5
 """Largest number of minima between samples that are refined."""
 _GAP = 1e-6
 """Fraction of its largest length below which a direction is undefined."""
-
-_Vector = tuple[float, float, float]
-"""Rates are evaluated very often: for three numbers tuples are faster than arrays."""
+_NEGLIGIBLE = 1e-8
+"""Rotation by jumps of derivatives [rad] that is ignored."""
+_SMALL = 1e-3
+"""Rotation vectors shorter than this [rad] are exponentiated by a series."""
 
 
 @runtime_checkable
@@ -107,29 +109,6 @@ class SlerpOrientation:
 
 
 @dataclass(frozen=True, eq=False)
-class Travel:
-    """The direction of travel along a curve."""
-
-    curve: Curve
-
-    def __call__(self, s: float) -> tuple[Array, Array]:
-        """The direction and its derivative by s, not normalized, shape (3,) each."""
-        return self.curve(s, 1), self.curve(s, 2)
-
-
-@dataclass(frozen=True, eq=False)
-class LineOfSight:
-    """The direction from a curve to a point [m], shape (3,)."""
-
-    curve: Curve
-    point: Array
-
-    def __call__(self, s: float) -> tuple[Array, Array]:
-        """The direction and its derivative by s, not normalized, shape (3,) each."""
-        return self.point - self.curve(s), -self.curve(s, 1)
-
-
-@dataclass(frozen=True, eq=False)
 class DirectedOrientation:
     """One end-effector axis along a moving direction, a second as near as possible to a fixed one.
 
@@ -138,13 +117,15 @@ class DirectedOrientation:
         second: Letter of the second axis.
         reference: Unit vector for the second axis, inertial frame, shape (3,). The axis is its
             component orthogonal to the first.
-        direction: The moving direction.
+        curve: Curve of the end-effector.
+        target: Point toward which the direction is [m], shape (3,); None for that of travel.
     """
 
     axis: str
     second: str
     reference: Array
-    direction: Travel | LineOfSight
+    curve: Curve
+    target: Array | None = None
 
     @classmethod
     def follow(cls, curve: Curve, axis: str, normal: npt.ArrayLike) -> DirectedOrientation:
@@ -160,8 +141,7 @@ class DirectedOrientation:
         """
         if axis not in ("x", "-x", "y", "-y"):
             raise InputError("attitude.follow.axis", f"{axis!r} was given", "x, -x, y or -y")
-        reference = unit_vector("attitude.follow.normal", normal)
-        law = cls(axis, "z", frozen(reference), Travel(curve))
+        law = cls(axis, "z", frozen(unit_vector("attitude.follow.normal", normal)), curve)
         law._require_defined(
             "attitude.follow", "the path has no direction of travel", "normal lies along the path",
             "a path with a nonzero derivative and a normal that is not parallel to it",
@@ -192,7 +172,7 @@ class DirectedOrientation:
         sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
         reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
         second = "yzx"["xyz".index(axis[-1])]
-        law = cls(axis, second, frozen(reference), LineOfSight(curve, point))
+        law = cls(axis, second, frozen(reference), curve, frozen(point))
         law._require_defined(
             "attitude.point_at", "the path passes through the target",
             "no inertial axis is far from all lines of sight",
@@ -200,64 +180,54 @@ class DirectedOrientation:
         )  # fmt: skip
         return law
 
-    def _axes(self, s: float) -> tuple[_Vector, _Vector, _Vector, _Vector]:
-        """The first and the second axis, and their derivatives by s, in the same order."""
-        sign = -1.0 if self.axis.startswith("-") else 1.0
-        d, d1 = (_scaled(sign, vector.tolist()) for vector in self.direction(s))
-        r: _Vector = self.reference.tolist()
-        first, first1 = _unit_and_rate(d, d1)
-        along, along1 = _dot(r, first), _dot(r, first1)
-        across = _minus(r, _scaled(along, first))
-        across1 = _minus(_scaled(-along1, first), _scaled(along, first1))
-        second, second1 = _unit_and_rate(across, across1)
-        return first, second, first1, second1
+    def _direction(self, s: float) -> tuple[Array, Array]:
+        """The moving direction and its derivative by s, not normalized, shape (3,) each."""
+        if self.target is None:
+            return self.curve(s, 1), self.curve(s, 2)
+        return self.target - self.curve(s), -self.curve(s, 1)
 
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
-        first, second, _, _ = self._axes(s)
-        return axes_rotation("attitude", (self.axis[-1], first), (self.second, second))
+        direction = self._direction(s)[0] * (-1.0 if self.axis.startswith("-") else 1.0)
+        return axes_rotation("attitude", (self.axis[-1], direction), (self.second, self.reference))
 
     def rate(self, s: float) -> Array:
         """See :class:`OrientationLaw`.
 
-        With orthonormal axes a, b, c = a x b, the rate is (b'·c) a - (a'·c) b + (a'·b) c.
+        With the unit direction a and its derivative a', c along a x reference: the rate a x a'
+        that carries a, and a rotation about a that keeps reference in the plane of the two axes.
         """
-        first, second, first1, second1 = self._axes(s)
-        (a, b, c), (x, y, z) = first, second
-        u, v, w = third = (b * z - c * y, c * x - a * z, a * y - b * x)
-        p, q, r = _dot(second1, third), _dot(first1, third), _dot(first1, second)
-        return np.array([p * a - q * x + r * u, p * b - q * y + r * v, p * c - q * z + r * w])
+        direction, change = self._direction(s)
+        length = math.sqrt(direction @ direction)
+        a = direction / length
+        a1 = (change - (a @ change) * a) / length
+        c = cross(a, self.reference)
+        return cross(a, a1) - (self.reference @ a) * (a1 @ c) / (c @ c) * a
 
     @property
     def breaks(self) -> Array:
-        """See :class:`freefloat.paths.piecewise.Piecewise`."""
-        return breaks_of(self.direction.curve)
+        """Values of s at which high derivatives of the curve jump."""
+        return breaks_of(self.curve)
 
     def within(self, low: float, high: float) -> DirectedOrientation:
-        """See :class:`freefloat.paths.piecewise.Piecewise`."""
-        curve = within(self.direction.curve, low, high)
-        return replace(self, direction=replace(self.direction, curve=curve))
+        """The law from low to high, continued beyond as smoothly as there."""
+        return replace(self, curve=within(self.curve, low, high))
 
     def _require_defined(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""
-        longest = max(self._length(s) for s in _SAMPLES)
-        for function, threshold, problem in (
-            (self._length, _GAP * longest, undefined),
-            (self._sine, _GAP, parallel),
-        ):
+
+        def length(s: float) -> float:
+            return float(np.linalg.norm(self._direction(float(s))[0]))
+
+        def sine(s: float) -> float:
+            direction = self._direction(float(s))[0]
+            return float(np.linalg.norm(cross(direction, self.reference)) / length(s))
+
+        gap = _GAP * max(map(length, _SAMPLES))
+        for function, threshold, problem in ((length, gap, undefined), (sine, _GAP, parallel)):
             value, s = _smallest(function)
             if value <= threshold:
                 raise InputError(key, f"{problem} at s = {s:.4g}", accepted)
-
-    def _length(self, s: float) -> float:
-        d, _ = self.direction(float(s))
-        return math.sqrt(d @ d)
-
-    def _sine(self, s: float) -> float:
-        """Sine of the angle between the direction and the reference."""
-        d, _ = self.direction(float(s))
-        across = cross(d, self.reference)
-        return math.sqrt((across @ across) / (d @ d))
 
 
 def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
@@ -272,19 +242,54 @@ def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
     return min(best)
 
 
-def _dot(u: _Vector, v: _Vector) -> float:
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+class OrientationSpline:
+    """A rotation spline with continuous angular acceleration, as SciPy's ``RotationSpline``.
 
+    On each segment it is the first rotation times the exponential of a cubic rotation vector. Here
+    it can be continued beyond its segments, and gives its rate in the inertial frame.
 
-def _scaled(factor: float, v: _Vector) -> _Vector:
-    return factor * v[0], factor * v[1], factor * v[2]
+    Attributes:
+        breaks: Values of s of significant jumps of the third derivative.
+    """
 
+    def __init__(self, quaternions: npt.ArrayLike, s: npt.ArrayLike) -> None:
+        """Interpolate quaternions x, y, z, w (N, 4) at ``s`` (N,)."""
+        self._knots, rotations = np.asarray(s, dtype=float), Rotation.from_quat(quaternions)
+        self._starts = rotations.as_matrix()[:-1]
+        self._vectors = RotationSpline(self._knots, rotations).interpolator
+        rates = [[self.within(low, high).rate(low + k * (high - low) / 2.0) for k in range(3)]
+                 for low, high in pairwise(self._knots)]  # fmt: skip
+        seconds = np.diff(np.array(rates), 2, axis=1)[:, 0]
+        seconds /= (np.diff(self._knots)[:, None] / 2.0) ** 2
+        self.breaks = significant_breaks(self._knots, seconds, _NEGLIGIBLE)
 
-def _minus(u: _Vector, v: _Vector) -> _Vector:
-    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+    def within(self, low: float, high: float) -> OrientationSpline:
+        """The law from low to high, continued beyond by its outermost segments."""
+        part = copy(self)
+        part._vectors = segments_within(self._vectors, low, high)
+        return part
 
+    def _start(self, s: float) -> Array:
+        """The rotation at the beginning of the segment that holds at s, shape (3, 3)."""
+        knots = self._vectors.x
+        inside = min(max(s, knots[0]), knots[-2])
+        return np.asarray(self._starts[np.searchsorted(self._knots, inside, side="right") - 1])
 
-def _unit_and_rate(vector: _Vector, rate: _Vector) -> tuple[_Vector, _Vector]:
-    length = math.sqrt(_dot(vector, vector))
-    unit = _scaled(1.0 / length, vector)
-    return unit, _scaled(1.0 / length, _minus(rate, _scaled(_dot(unit, rate), unit)))
+    def rotation(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return np.asarray(self._start(s) @ Rotation.from_rotvec(self._vectors(s)).as_matrix())
+
+    def rate(self, s: float) -> Array:
+        """See :class:`OrientationLaw`.
+
+        It is the rotation vector's derivative times the left Jacobian of SO(3), in closed form.
+        """
+        vector, slope = self._vectors(s), self._vectors(s, 1)
+        angle = math.sqrt(vector @ vector)
+        half, third = 0.5, 1.0 / 6.0
+        if angle > _SMALL:
+            half = math.sin(angle / 2.0) / angle
+            third = (angle - math.sin(angle)) / angle**3
+        once = cross(vector, slope)
+        rate = slope + 2.0 * half**2 * once + third * cross(vector, once)
+        return np.asarray(self._start(s) @ rate)

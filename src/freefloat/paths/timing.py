@@ -113,7 +113,7 @@ class Timing:
         accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
         duration = finite_number("timing.duration", self.duration, accepted)
         object.__setattr__(self, "duration", duration)
-        if not _SHORTEST <= self.duration <= _LONGEST:
+        if not _SHORTEST <= duration <= _LONGEST:
             raise InputError("timing.duration", f"{self.duration} was given", accepted)
         require_type("timing.stops", self.stops, Sequence, _STOPS)
         for index, stop in enumerate(self.stops):
@@ -123,11 +123,8 @@ class Timing:
         path = (0.0, *(stop.s for stop in self.stops), 1.0)
         steps = np.diff([np.array(times) / self.duration, path])
         if not (np.isfinite([times, path]).all() and (steps > _CLOSEST).all()):
-            raise InputError(
-                "timing.stops",
-                "they do not rise in s and t",
-                f"0 < s < 1 and 0 < t < {self.duration:g}, both rising from stop to stop",
-            )
+            accepted = f"0 < s < 1 and 0 < t < {self.duration:g}, both rising from stop to stop"
+            raise InputError("timing.stops", "they do not rise in s and t", accepted)
 
     def stretched(self, factor: float) -> Timing:
         """The same law with all times multiplied by a factor."""
@@ -137,12 +134,15 @@ class Timing:
     @cached_property
     def segments(self) -> tuple[TimeSegment, ...]:
         """The segments of s(t)."""
-        rests = [Stop(0.0, 0.0), *self.stops, Stop(1.0, self.duration)]
-        return tuple(
-            _segment(before, after, end, law)
-            for before, after in pairwise(rests)
-            for end, law in self.law.polynomials
-        )
+        segments = []
+        for before, after in pairwise([Stop(0.0, 0.0), *self.stops, Stop(1.0, self.duration)]):
+            span = after.t - before.t
+            for tau, law in self.law.polynomials:
+                s = before.s + (after.s - before.s) * law
+                orders = ((s.deriv(k) / span**k).coef[::-1].tolist() for k in range(3))
+                end = after.t if tau == 1.0 else before.t + tau * span
+                segments.append(TimeSegment(end, before.t, span, tuple(map(tuple, orders))))
+        return tuple(segments)
 
     @cached_property
     def ends(self) -> tuple[float, ...]:
@@ -174,13 +174,6 @@ class Leg(NamedTuple):
     """Number of the segment of the time law."""
     tangent: Callable[[float], Array]
     """Derivative of the pose by s, shape (6,)."""
-
-
-def _segment(before: Stop, after: Stop, end: float, law: Polynomial) -> TimeSegment:
-    span = after.t - before.t
-    s = before.s + (after.s - before.s) * law
-    orders = tuple(tuple((s.deriv(k) / span**k).coef[::-1].tolist()) for k in range(3))
-    return TimeSegment(after.t if end == 1.0 else before.t + end * span, before.t, span, orders)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,9 +223,7 @@ class TimedPath:
     def twist(self, t: float, segment: int | None = None) -> Array:
         """End-effector twist: [linear; angular], inertial axes [m/s; rad/s], shape (6,).
 
-        Args:
-            t: Time [s].
-            segment: As for :meth:`Timing.s`.
+        Time [s] and segment are those of :meth:`Timing.s`.
         """
         return self.twist_and_speed(t, segment)[0]
 
@@ -244,9 +235,7 @@ class TimedPath:
     def twist_rate(self, t: float, segment: int | None = None) -> Array:
         """Derivative of the twist by time, axes fixed [m/s²; rad/s²], shape (6,).
 
-        Args:
-            t: Time [s].
-            segment: As for :meth:`Timing.s`; where two segments of the law meet it may jump.
+        Where two segments of the law meet it may jump.
         """
         s, rate, acceleration = (self.timing.s(t, order, segment) for order in range(3))
         return self.path.second_derivative(s) * rate**2 + self.path.tangent(s) * acceleration

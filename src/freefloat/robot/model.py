@@ -207,7 +207,8 @@ class FreeFloatingModel:
                 problem = f"values of {', '.join(joints) or 'no joint'} were given"
                 raise InputError("joints", problem, f"values of {', '.join(self.joint_names)}")
             joints = [joints[name] for name in self.joint_names]
-        return finite_vector("joints", joints, self.dof)
+        values: Any = [joints] if np.isscalar(joints) else joints
+        return finite_vector("joints", values, self.dof)
 
     def joint_distance(self, first: npt.ArrayLike, second: npt.ArrayLike) -> float:
         """The largest difference of joint values [rad, m], modulo 2 pi for revolute joints."""
