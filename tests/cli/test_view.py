@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 import freefloat as ff
 from freefloat.cli.app import app
 from freefloat.planning.plan import Plan
-from freefloat.visualization.pictures import find_browser
+from freefloat.visualization.video import find_browser
 from tests.scenarios import EASY
 
 pytestmark = pytest.mark.usefixtures("kernels")

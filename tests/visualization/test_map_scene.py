@@ -14,7 +14,6 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
 from freefloat.planning.mapping import sample_attitudes
-from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.map_scene import (
     BACK,
     BEST_BRANCH,
@@ -24,7 +23,7 @@ from freefloat.visualization.map_scene import (
     MARKS,
     map_scene,
 )
-from freefloat.visualization.scene_builder import Scene
+from freefloat.visualization.scene_builder import MarginColours, Scene
 
 SECOND = "shoulder+ elbow- wrist±"
 LABELS = [f"shoulder{a} elbow{b} wrist{c}" for a in "+-" for b in "+-" for c in "+-"]

@@ -21,12 +21,10 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Margin, Problem
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
-from freefloat.visualization.body_poses import body_poses_at
-from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.playback import Playback, playback
 from freefloat.visualization.scene import key_times, motion_scene
-from freefloat.visualization.scene_builder import Scene
-from freefloat.visualization.visuals import robot_visuals
+from freefloat.visualization.scene_builder import MarginColours, Scene
+from freefloat.visualization.visuals import body_poses, robot_visuals
 
 GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]
 
@@ -73,10 +71,10 @@ def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> Non
     for body, name in enumerate(names):
         times, positions = values[f"/meshcat/good/Robot/{name}.position"]
         _, quaternions = values[f"/meshcat/good/Robot/{name}.quaternion"]
-        poses = body_poses_at(motion, motion.parameter_at(np.clip(times, 0.0, 100.0)))
-        assert positions.reshape(-1, 3) == pytest.approx(poses.positions[:, body], abs=1e-6)
+        poses = body_poses(motion, motion.parameter_at(np.clip(times, 0.0, 100.0)))
+        assert positions.reshape(-1, 3) == pytest.approx(poses[0][:, body], abs=1e-6)
         shown = Rotation.from_quat(quaternions.reshape(-1, 4))
-        off = shown * Rotation.from_matrix(poses.rotations[:, body]).inv()
+        off = shown * Rotation.from_matrix(poses[1][:, body]).inv()
         assert off.magnitude().max() < 1e-5
 
 
@@ -90,13 +88,15 @@ def test_motions_are_nearly_straight_between_key_times(
     assert (np.diff(keys) > 0.0).all()
     assert 700 < len(keys) < 6000
     times = np.sort(rng.uniform(0.0, keys[-1], 2000))
-    known, exact = (body_poses_at(motion, motion.parameter_at(t)) for t in (keys, times))
-    for body in range(known.positions.shape[1]):
-        columns = known.positions[:, body].T
+    (positions, rotations), exact = (
+        body_poses(motion, motion.parameter_at(t)) for t in (keys, times)
+    )
+    for body in range(positions.shape[1]):
+        columns = positions[:, body].T
         drawn = np.column_stack([np.interp(times, keys, column) for column in columns])
-        assert drawn == pytest.approx(exact.positions[:, body], abs=2e-4)
-        drawn_rotations = Slerp(keys, Rotation.from_matrix(known.rotations[:, body]))(times)
-        off = drawn_rotations.inv() * Rotation.from_matrix(exact.rotations[:, body])
+        assert drawn == pytest.approx(exact[0][:, body], abs=2e-4)
+        drawn_rotations = Slerp(keys, Rotation.from_matrix(rotations[:, body]))(times)
+        off = drawn_rotations.inv() * Rotation.from_matrix(exact[1][:, body])
         assert off.magnitude().max() < 2e-3
 
 
@@ -168,10 +168,10 @@ def test_colours_show_what_is_below_the_margin() -> None:
 
 
 def test_the_first_view_covers_the_motion(scene: Scene, motion: Motion) -> None:
-    view, poses = scene.about["view"], body_poses_at(motion, motion.node_parameters)
-    points = np.concatenate([poses.positions[:, 0], poses.end_effectors])
+    view, (positions, _) = scene.about["view"], body_poses(motion, motion.node_parameters)
+    points = np.concatenate([positions[:, 0], positions[:, -1]])
     assert np.linalg.norm(points - view["centre"], axis=1).max() <= view["radius"] + 0.05
-    arm = poses.positions[:, 1:].mean(axis=1) - poses.positions[:, 0]
+    arm = positions[:, 1:-1].mean(axis=1) - positions[:, 0]
     assert (arm @ view["direction"]).mean() > 0.0  # in front of the spacecraft
 
 

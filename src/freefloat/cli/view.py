@@ -82,6 +82,9 @@ def view(
 
     Example: freefloat view good.h5 bad.h5 --html both.html --video bad.gif --scene bad
     """
+    from freefloat.visualization.server import open_browser, serve
+    from freefloat.visualization.video import save_snapshots, save_video
+
     _require_outputs(
         fps=(fps, {"--video": video}),
         speed=(speed, {"--video": video}),
@@ -94,8 +97,15 @@ def view(
         "address": None, "html": None, "snapshots": [], "video": None,
         "scenes": list(playback.titles), "remarks": list(playback.remarks),
     }  # fmt: skip
+
+    def print_results(address: str | None = None) -> None:
+        console.json({**document, "address": address})
+        console.tables(_lines({**document, "address": address}))
+        if address is not None and not (no_open or as_json):
+            open_browser(address)
+
     if html is None and snapshots is None and video is None:
-        _serve(console, playback, document, port, not (no_open or as_json))
+        serve(playback.html(), port, print_results)
         return
     if playback.scene_duration(scene) == 0.0 and (video or (snapshots or 1) > 1):
         key = "snapshots" if video is None else "video"
@@ -104,15 +114,21 @@ def view(
     if snapshots is not None:
         name = scene if scene and len(files) > 1 else files[0].stem
         folder = output or Path(re.sub(r"[^\w.+-]+", "_", name) + "_snapshots")
-        document["snapshots"] = _save_pictures(
-            console, playback, snapshots, folder, name, pixels, scene
-        )
+        make_folder("output", folder)
+        with console.progress(f"taking {snapshots} pictures") as progress:
+            pictures = save_snapshots(
+                playback, snapshots, folder, name, size=pixels, scene=scene, progress=progress
+            )
+        document["snapshots"] = [str(file) for file in pictures]
     if video is not None:
-        document["video"] = _save_video(console, playback, video, pixels, scene, fps, speed)
+        with console.progress("taking the pictures of the video") as progress:
+            frames = save_video(
+                playback, video, rate=fps, speed=speed, size=pixels, scene=scene, progress=progress
+            )
+        document["video"] = {"file": str(video), **frames.to_dict()}
     if html is not None:
         document["html"] = str(playback.save(html, scene))
-    console.json(document)
-    console.tables(_lines(document))
+    print_results()
 
 
 def _require_outputs(**options: tuple[Any, dict[str, Any]]) -> None:
@@ -144,8 +160,10 @@ def _playback(files: Sequence[Path]) -> Playback:
         return playback(results[0], files[0].stem)
     motions: dict[str, Motion] = {}
     for file, result in zip(files, results, strict=True):
-        numbered = (f"{file.stem} ({number})" for number in range(2, len(files) + 1))
-        name = next(title for title in (file.stem, *numbered) if title not in motions)
+        name, number = file.stem, 1
+        while name in motions:
+            number += 1
+            name = f"{file.stem} ({number})"
         motions[name] = _motion_of(result, file)
     return playback(motions, " · ".join(motions))
 
@@ -169,58 +187,6 @@ def _motion_of(result: Any, file: Path) -> Motion:
         raise InputError("file", problem, "a feasible plan, or a motion", str(file))
     motion: Motion = result.chosen.motion
     return motion
-
-
-def _serve(
-    console: Console, playback: Playback, document: dict[str, Any], port: int, opens: bool
-) -> None:
-    from freefloat.visualization.server import open_browser, serve
-
-    def ready(address: str) -> None:
-        shown = {**document, "address": address}
-        console.json(shown)
-        console.tables(_lines(shown))
-        if opens:
-            open_browser(address)
-
-    serve(playback.html(), port, ready)
-
-
-def _save_pictures(
-    console: Console,
-    playback: Playback,
-    count: int,
-    folder: Path,
-    name: str,
-    size: tuple[int, int] | None,
-    scene: str | None,
-) -> list[str]:
-    from freefloat.visualization.video import SIZE, save_snapshots
-
-    make_folder("output", folder)
-    with console.progress(f"taking {count} pictures") as progress:
-        files = save_snapshots(
-            playback, count, folder, name, size=size or SIZE, scene=scene, progress=progress
-        )
-    return [str(file) for file in files]
-
-
-def _save_video(
-    console: Console,
-    playback: Playback,
-    file: Path,
-    size: tuple[int, int] | None,
-    scene: str | None,
-    rate: float | None,
-    speed: float | None,
-) -> dict[str, Any]:
-    from freefloat.visualization.video import frame_times, save_video
-
-    frames = frame_times(file, playback.scene_duration(scene), rate, speed)
-    with console.progress(f"taking {len(frames.times)} pictures") as progress:
-        save_video(playback, file, frames, size=size, scene=scene, progress=progress)
-    return {"file": str(file), "pictures": len(frames.times), "fps": frames.rate,
-            "speed": frames.speed, "duration": frames.duration}  # fmt: skip
 
 
 def _lines(document: dict[str, Any]) -> Iterator[str]:

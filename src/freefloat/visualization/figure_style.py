@@ -6,7 +6,6 @@ Figures are created without pyplot: no window opens and no global state is kept.
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
@@ -58,7 +57,6 @@ _STYLE: Any = {
     "ytick.labelsize": 7.0,
     "ytick.major.width": 0.6,
 }
-_ACCEPTED = "a writable folder, which is created if missing"
 _CROWDED = 6
 """Number of entries above which a one-line legend is set tighter."""
 
@@ -96,37 +94,14 @@ def digits(value: float) -> str:
 
 def legend_above(axes: Any, columns: int | None = None) -> None:
     """Put the legend above the axes: in a single line, or centred in columns."""
-    if columns is not None:
-        axes.legend(
-            loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, borderaxespad=0.2,
-            columnspacing=1.0, handletextpad=0.5,
-        )  # fmt: skip
-        return
-    handles, _ = axes.get_legend_handles_labels()
-    crowded = len(handles) > _CROWDED
+    count = len(axes.get_legend_handles_labels()[0])
+    crowded = columns is None and count > _CROWDED
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=max(1, len(handles)), borderpad=0.2,
+        loc="lower left" if columns is None else "lower center",
+        bbox_to_anchor=(0.0 if columns is None else 0.5, 1.0), ncols=columns or max(1, count),
         borderaxespad=0.1, columnspacing=0.6 if crowded else 0.9,
         handlelength=1.5 if crowded else 2.0, handletextpad=0.4,
     )  # fmt: skip
-
-
-def figure_folder(folder: str | Path) -> Path:
-    """Return a folder, created if missing.
-
-    Raises:
-        InputError: If it cannot be created or written to.
-    """
-    path = Path(folder)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
-    except FileExistsError:
-        raise InputError("plots", f"{path} exists and is not a folder", _ACCEPTED) from None
-    except OSError as error:
-        raise InputError("plots", f"{path}: {error.strerror}", _ACCEPTED) from None
-    return path
 
 
 @styled
@@ -147,10 +122,14 @@ def save_figures(
     Raises:
         InputError: If the folder cannot be created or written to.
     """
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError("plots", f"{folder}: {error.strerror}", "a writable folder") from None
     files = []
     for name, figure in figures.items():
         for kind in kinds:
-            file = figure_folder(folder) / f"{name}.{kind}"
+            file = Path(folder) / f"{name}.{kind}"
             with written_beside(file) as temporary:
                 figure.savefig(temporary, format=kind, dpi=dots)
             files.append(file)

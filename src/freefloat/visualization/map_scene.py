@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
 from meshcat import geometry as g
@@ -16,9 +15,15 @@ from meshcat import geometry as g
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array, Pose
-from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.overlays import Labels, draw_axes, tube
-from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, label, node
+from freefloat.visualization.scene_builder import (
+    ROOT,
+    MarginColours,
+    Scene,
+    SceneBuilder,
+    label,
+    node,
+)
 from freefloat.visualization.slices import Mark, map_marks, rotation_vectors
 
 FRONT, BACK = "Feasible, y < 0", "Feasible, y > 0"
@@ -60,7 +65,9 @@ class _Group:
 def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
     """Return the scene of a map over all attitudes, for a page with a title."""
     margin, groups = result.problem.margin, list(_groups(result))
-    vectors, chosen = rotation_vectors(result.attitudes), _choice(result.samples)
+    vectors, chosen = rotation_vectors(result.attitudes), np.arange(result.samples)
+    if result.samples > _MAX_SAMPLES:
+        chosen = np.random.default_rng(0).choice(result.samples, _MAX_SAMPLES, replace=False)
     colours = MarginColours.over(margin, [result.margins.ravel()])
     edges = [*(result.boundary or ()), *(result.tangency or ())]
     builder, scenes = SceneBuilder(), []
@@ -72,16 +79,19 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
         if edge:
             white = np.tile(_WHITE, (len(edge), 1))
             builder.points(f"{root}/{BOUNDARY}", rotation_vectors(edge), white, _EDGE)
-        labels = _draw_ball(builder, root)
         marks = [mark for mark in map_marks(result) if group.has(mark.branch)]
-        labels += _draw_marks(builder, root, marks)
+        labels = _draw_ball(builder, root) + _draw_marks(builder, root, marks)
         scenes.append({
             "title": group.title, "node": name, "begin": 0.0, "end": 0.0,
             "lines": list(_lines(result, group)), "labels": labels, "trail": None,
         })  # fmt: skip
-    items = _items(result.feasible_fraction, bool(edges))
+    feasible = result.feasible_fraction
+    # those that cover the inside of the ball start hidden
+    items = {FRONT: feasible < _SPARSE, BACK: True, INFEASIBLE: 1.0 - feasible < _SPARSE}
+    items |= dict.fromkeys((BOUNDARY, MARKS, BALL, AXES), True)
     return builder.scene({
-        "title": title, "duration": 0.0, "scenes": scenes, "items": items,
+        "title": title, "duration": 0.0, "scenes": scenes,
+        "items": [{"name": name, "visible": visible} for name, visible in items.items()],
         "scale": colours.to_dict(), "view": _VIEW, "remarks": [],
     })  # fmt: skip
 
@@ -96,12 +106,6 @@ def _groups(result: AttitudeMap) -> Iterator[_Group]:
         name = labels[branch]
         branches = (branch, branch + 1) if flipped else (branch,)
         yield _Group(f"{name[:-1]}±" if flipped else name, branches, margins)
-
-
-def _choice(count: int) -> Any:
-    if count <= _MAX_SAMPLES:
-        return slice(None)
-    return np.sort(np.random.default_rng(0).choice(count, _MAX_SAMPLES, replace=False))
 
 
 def _draw_samples(
@@ -148,22 +152,14 @@ def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> Labe
 
 def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
     """Text of a scene: the percentage of feasible attitudes and the scores of the marks."""
-    margin = result.problem.margin
+    margin, measure = result.problem.margin, f"|{result.problem.margin.measure.name}|"
     percentage = 100.0 * margin.is_kept(group.margins).mean()
     yield "rotation vectors of the initial attitude"
-    yield f"{percentage:.2f} % of {result.samples:,} attitudes keep |{margin.measure.name}|"
-    if result.best is not None and group.has(result.best.branch):
-        yield f"best: |{margin.measure.name}| {result.best.score:.6g}"
-    if result.robust is not None and group.has(result.robust.branch):
-        yield f"robust: {np.degrees(result.robust.score):.4g}° around keep the margin"
-    if result.nearest is not None and group.has(result.nearest.branch):
-        yield f"nearest: {np.degrees(result.nearest.score):.4g}° away"
-
-
-def _items(fraction: float, boundary: bool) -> list[dict[str, Any]]:
-    """Items that can be hidden; those that cover the inside of the ball start hidden."""
-    shown = {FRONT: fraction < _SPARSE, BACK: True, INFEASIBLE: 1.0 - fraction < _SPARSE}
-    if boundary:
-        shown[BOUNDARY] = True
-    shown |= {MARKS: True, BALL: True, AXES: True}
-    return [{"name": name, "visible": visible} for name, visible in shown.items()]
+    yield f"{percentage:.2f} % of {result.samples:,} attitudes keep {measure}"
+    best, robust, nearest = result.best, result.robust, result.nearest
+    if best is not None and group.has(best.branch):
+        yield f"best: {measure} {best.score:.6g}"
+    if robust is not None and group.has(robust.branch):
+        yield f"robust: {np.degrees(robust.score):.4g}° around keep the margin"
+    if nearest is not None and group.has(nearest.branch):
+        yield f"nearest: {np.degrees(nearest.score):.4g}° away"

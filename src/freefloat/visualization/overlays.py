@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from meshcat import geometry as g
-from scipy.spatial.transform import Rotation
 from trimesh.creation import icosphere
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -60,9 +59,10 @@ def draw_trail(
     Returns:
         Number of triangle indices per segment; zero if the end-effector does not move.
     """
-    if np.ptp(points, axis=0).max() <= 1e-6 * VirtualManipulator.of(problem.model).reach:
+    size = thickness(problem)
+    if np.ptp(points, axis=0).max() <= 1e-4 * size:
         return 0
-    vertices, faces = tube(points, thickness(problem))
+    vertices, faces = tube(points, size)
     builder.coloured_mesh(f"{root}/{TRAIL}", vertices, faces, np.repeat(colours, SIDES, axis=0))
     return 6 * SIDES
 
@@ -86,9 +86,8 @@ def _ring(inner: float, outer: float, z: float) -> tuple[Array, IntArray]:
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     vertices = np.column_stack([np.vstack([inner * circle, outer * circle]), np.full(362, z)])
     k = np.arange(180)
-    return vertices, np.vstack(
-        [np.stack([k, k + 181, k + 182], 1), np.stack([k, k + 182, k + 1], 1)]
-    )
+    faces = [np.stack([k, k + 181, k + 182], axis=1), np.stack([k, k + 182, k + 1], axis=1)]
+    return vertices, np.vstack(faces)
 
 
 def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> Labels:
@@ -99,14 +98,13 @@ def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> Labels:
     if magnitude == 0.0:
         return []
     end = 60.0 * size * problem.momentum / magnitude
-    shape = arrow(np.zeros(3), end, 0.8 * size)
-    builder.mesh(f"{root}/{MOMENTUM}", shape, _GOLD, overlay=True)
+    builder.mesh(f"{root}/{MOMENTUM}", arrow(end, 0.8 * size), _GOLD, overlay=True)
     return [label(f"h = {magnitude:.3g} N m s", end, MOMENTUM)]
 
 
 def draw_axes(builder: SceneBuilder, path: str, length: float, radius: float) -> None:
     """Draw the axes of a frame: x red, y green, z blue."""
-    rods = [rod(np.zeros(3), length * axis, radius) for axis in np.eye(3)]
+    rods = [rod(length * axis, radius) for axis in np.eye(3)]
     count = len(rods[0][0])
     builder.coloured_mesh(
         path,
@@ -135,38 +133,34 @@ def tube(points: Array, radii: npt.ArrayLike) -> tuple[Array, IntArray]:
     """Return a tube around a curve, its rings transported along the curve without twist.
 
     Args:
-        points: Points of the curve [m], shape (K, 3), K at least 2; neighbours may coincide.
+        points: Points of the curve [m], shape (K, 3), K at least 2, not all the same; neighbours
+            may coincide.
         radii: Radii of the rings [m], scalar or shape (K,); zero closes an end.
 
     Returns:
         Vertices, ring by ring, shape (SIDES K, 3), and faces, shape (2 SIDES (K - 1), 3).
-
-    Raises:
-        ValueError: If all points coincide.
     """
     directions = _directions(points)
     angles = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
-    normal = np.cross(directions[0], np.eye(3)[int(np.argmin(np.abs(directions[0])))])
-    normal /= np.linalg.norm(normal)
-    rings, previous = [], directions[0]
+    normal, rings = np.eye(3)[int(np.argmin(np.abs(directions[0])))], []
     widths = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
     for point, direction, radius in zip(points, directions, widths, strict=True):
-        normal, previous = _transported(normal, previous, direction), direction
+        normal = normal - (normal @ direction) * direction
+        normal /= np.linalg.norm(normal)
         binormal = np.cross(direction, normal)
         ring = np.outer(np.cos(angles), normal) + np.outer(np.sin(angles), binormal)
         rings.append(point + radius * ring)
     return np.vstack(rings), _faces(len(points))
 
 
-def rod(start: Array, end: Array, radius: float) -> tuple[Array, IntArray]:
-    """Return a straight tube with closed ends."""
-    return tube(np.array([start, start, end, end]), [0.0, radius, radius, 0.0])
+def rod(end: Array, radius: float) -> tuple[Array, IntArray]:
+    """Return a straight tube with closed ends from the origin to a point (3,)."""
+    return tube(np.array([0.0 * end, 0.0 * end, end, end]), [0.0, radius, radius, 0.0])
 
 
-def arrow(start: Array, end: Array, radius: float) -> tuple[Array, IntArray]:
-    """Return a straight tube whose last quarter is a cone."""
-    neck = start + 0.75 * (end - start)
-    points = np.array([start, start, neck, neck, end])
+def arrow(end: Array, radius: float) -> tuple[Array, IntArray]:
+    """Return a straight tube from the origin to a point (3,) whose last quarter is a cone."""
+    points = np.outer([0.0, 0.0, 0.75, 0.75, 1.0], end)
     return tube(points, [0.0, radius, radius, 2.5 * radius, 0.0])
 
 
@@ -174,25 +168,13 @@ def _directions(points: Array) -> Array:
     """Unit tangents; where neighbours coincide, that of the last distinct pair."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
-    (moving,) = np.nonzero(lengths > 1e-9 * lengths.max(initial=0.0))
-    if not len(moving):
-        raise ValueError("all points of the curve coincide")
+    (moving,) = np.nonzero(lengths > 1e-9 * lengths.max())
     last = moving[np.maximum(np.searchsorted(moving, np.arange(len(steps)), side="right") - 1, 0)]
     units = steps[last] / lengths[last, None]
     means = np.vstack([units[:1], units[:-1] + units[1:], units[-1:]])
     sizes = np.linalg.norm(means, axis=1, keepdims=True)
     ahead = np.vstack([units, units[-1:]])
     return np.where(sizes > 1e-6, means / np.maximum(sizes, 1e-6), ahead)  # no mean at a reversal
-
-
-def _transported(normal: Array, before: Array, after: Array) -> Array:
-    """A unit normal of a direction, rotated with it to the next direction."""
-    axis = np.cross(before, after)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-12:
-        return normal
-    angle = np.arctan2(sine, float(before @ after))
-    return np.asarray(Rotation.from_rotvec(axis / sine * angle).apply(normal))
 
 
 def _faces(rings: int) -> IntArray:

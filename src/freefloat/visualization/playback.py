@@ -7,10 +7,10 @@ import gzip
 import html
 import json
 import re
+import sys
 import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
-from freefloat.planning.simulation import SimulatedBranch, Simulation
+from freefloat.planning.simulation import Simulation
 from freefloat.visualization.scene import motion_scene
 from freefloat.visualization.scene_builder import ROOT, Scene
 from freefloat.visualization.server import open_browser
@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # imports compiled kernels
     from freefloat.planning.attitude_map import AttitudeMap
 
 SIDE_BY_SIDE = "side by side"
+_HERE = Path(__file__).parent
 _MESHCAT = Path(meshcat.viewer_assets_path())
 _ACCEPTED = "a Motion, Plan, Simulation or AttitudeMap, or motions by name: a Motion for each name"
 
@@ -88,9 +89,10 @@ class Playback:
             "SCENE": _packed(self.scene.objects),
             "TRACKS": _packed([] if animation is None else [animation]),
             "ABOUT": json.dumps(about, allow_nan=False).replace("<", "\\u003c"),
-            "PLAYER": _text("player.js"),
+            "PLAYER": (_HERE / "player.js").read_text(encoding="utf-8"),
         }
-        return re.sub("@([A-Z]+)@", lambda match: parts[match[1]], _text("page.html"))
+        page = (_HERE / "page.html").read_text(encoding="utf-8")
+        return re.sub("@([A-Z]+)@", lambda match: parts[match[1]], page)
 
     def save(self, path: str | Path, opens: str | None = None) -> Path:
         """Write the page to a file, which needs no network, and return its path.
@@ -112,10 +114,9 @@ class Playback:
         Args:
             height: Height of the cell [pixels].
         """
-        if _in_notebook():
-            from IPython.display import HTML, display
-
-            display(HTML(self._cell(height)))  # type: ignore[no-untyped-call] # IPython has no types
+        ipython = sys.modules.get("IPython")  # which notebooks have imported
+        if ipython is not None and hasattr(ipython.get_ipython(), "kernel"):
+            ipython.display.display(ipython.display.HTML(self._repr_html_(height)))
             return
         folder = Path(tempfile.mkdtemp(prefix="freefloat-"))
         open_browser(self.save(folder / "playback.html").as_uri())
@@ -135,10 +136,7 @@ class Playback:
                     item["path"] = root + item["path"].removeprefix(f"/{ROOT}")
             visualizer.window.send(SimpleNamespace(lower=lambda command=command: command))
 
-    def _repr_html_(self) -> str:
-        return self._cell(600)
-
-    def _cell(self, height: int) -> str:
+    def _repr_html_(self, height: int = 600) -> str:
         style = f"width: 100%; height: {height}px; border: 0"
         return f'<iframe style="{style}" srcdoc="{html.escape(self.html())}"></iframe>'
 
@@ -149,24 +147,11 @@ def _packed(commands: Iterable[bytes]) -> str:
     return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode() if raw else ""
 
 
-def _text(name: str) -> str:
-    return files("freefloat.visualization").joinpath(name).read_text(encoding="utf-8")
-
-
 def _licences() -> str:
     """Licences of MeshCat and of the code in it, as the text of a comment."""
     names = ("LICENSE", "dist/main.min.js.LICENSE.txt")
     texts = [(_MESHCAT / name).read_text(encoding="utf-8") for name in names]
     return "MeshCat\n\n" + "\n".join(texts).replace("--", "- -")
-
-
-def _in_notebook() -> bool:
-    try:
-        from IPython.core.getipython import get_ipython
-    except ImportError:
-        return False
-    shell = get_ipython()
-    return shell is not None and hasattr(shell, "kernel")
 
 
 def show(result: Any, title: str = "freefloat", *, height: int = 600) -> None:
@@ -201,23 +186,14 @@ def _named_motions(result: Any) -> dict[str, Motion]:
     """Return the motions of a result by name; the chosen motion of a simulation first."""
     if isinstance(result, Motion):
         return {"motion": result}
-    if isinstance(result, Plan):
-        if result.chosen is None:
-            problem = f"the plan has no motion: {result.reason}"
-            raise InputError("plan", problem, "a feasible plan")
-        return _by_title([result.chosen])
-    if isinstance(result, Simulation):
-        return _by_title(sorted(result.branches, key=lambda branch: branch is not result.chosen))
-    require_type("result", result, Mapping, _ACCEPTED)
-    for name, motion in result.items():
-        accepted = "a Motion for each name, such as simulate(...).chosen.motion"
-        require_type(f"motions.{name}", motion, Motion, accepted)
-    return dict(result)
-
-
-def _by_title(branches: list[SimulatedBranch]) -> dict[str, Motion]:
-    motions: dict[str, Motion] = {}
-    for branch in branches:
-        title = branch.title if branch.title not in motions else f"{branch.title} ({len(motions)})"
-        motions[title] = branch.motion
-    return motions
+    if isinstance(result, Mapping):
+        for name, motion in result.items():
+            accepted = "a Motion for each name, such as simulate(...).chosen.motion"
+            require_type(f"motions.{name}", motion, Motion, accepted)
+        return dict(result)
+    if result.chosen is None:
+        problem = f"the plan has no motion: {result.reason}"
+        raise InputError("plan", problem, "a feasible plan")
+    branches = result.branches if isinstance(result, Simulation) else (result.chosen,)
+    chosen_first = sorted(branches, key=lambda branch: branch is not result.chosen)
+    return {branch.title: branch.motion for branch in chosen_first}

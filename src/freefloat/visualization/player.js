@@ -202,7 +202,9 @@ function lineColour(line) { return typeof line === "string" ? INK : line.feasibl
 
 function legendTitle() {
   const { measure, unit } = about.scale;
-  return `|${measure}|` + (unit && unit !== "1" ? ` [${unit}]` : "");
+  const raised = unit.replace(/\^(-?\d+)/g, (_, power) =>
+    [...power].map(digit => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(digit)]).join(""));
+  return `|${measure}|` + (unit !== "1" ? ` [${raised}]` : "");
 }
 
 // The panels around the 3D view.

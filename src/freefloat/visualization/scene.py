@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,6 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array
-from freefloat.visualization.body_poses import BodyPoses, body_poses_at
-from freefloat.visualization.colours import MarginColours
 from freefloat.visualization.overlays import (
     AREAS,
     BASE_AXES,
@@ -28,8 +27,8 @@ from freefloat.visualization.overlays import (
     draw_trail,
     thickness,
 )
-from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, node
-from freefloat.visualization.visuals import RobotVisuals, bounding_box, robot_visuals
+from freefloat.visualization.scene_builder import ROOT, MarginColours, Scene, SceneBuilder, node
+from freefloat.visualization.visuals import RobotVisuals, body_poses, bounding_box, robot_visuals
 from freefloat.workspace.regions import Workspace, exact_workspace
 
 ROBOT = "Robot"
@@ -56,25 +55,24 @@ def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Sce
     Raises:
         InputError: If there is no motion, names coincide, or measures or margins differ.
     """
-    if not motions:
-        raise InputError("motions", "there is no motion", "at least one motion, by name")
     nodes = [node(name) for name in motions]
-    if len(set(nodes)) < len(nodes):
-        raise InputError("motions", f"names coincide: {', '.join(motions)}", "distinct names")
+    if not nodes or len(set(nodes)) < len(nodes):
+        raise InputError("motions", f"names: {', '.join(motions)}", "motions with distinct names")
     _require_same_margin(motions)
-    visuals: dict[str, RobotVisuals] = {}
-    limit = _MAX_KEYS // len(motions)
-    samples = [_sampled(motion, visuals, limit) for motion in motions.values()]
-    colours = MarginColours.over(
-        samples[0].motion.problem.margin, [sampled.values for sampled in samples]
-    )
+    visuals_of = cache(robot_visuals)
+    samples = [
+        _sampled(motion, visuals_of(motion.problem.model), _MAX_KEYS // len(motions))
+        for motion in motions.values()
+    ]
+    problem = samples[0].motion.problem
+    colours = MarginColours.over(problem.margin, [sampled.values for sampled in samples])
     builder = SceneBuilder()
     scenes = [
         {"title": str(name), "node": path} | _draw(builder, path, sampled, colours)
         for name, path, sampled in zip(motions, nodes, samples, strict=True)
     ]
-    planar = samples[0].motion.problem.task.planar
-    problems = [problem for sampled in samples for problem in sampled.visuals.problems]
+    planar = problem.task.planar
+    remarks = [remark for sampled in samples for remark in sampled.visuals.problems]
     return builder.scene({
         "title": title,
         "duration": float(max(sampled.times[-1] for sampled in samples)),
@@ -82,24 +80,20 @@ def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Sce
         "items": [{"name": item, "visible": item != AREAS or planar} for item in (ROBOT, *ITEMS)],
         "scale": colours.to_dict(),
         "view": _view(samples, planar),
-        "remarks": list(dict.fromkeys(problems)),
+        "remarks": list(dict.fromkeys(remarks)),
     })  # fmt: skip
 
 
 def _require_same_margin(motions: Mapping[str, Motion]) -> None:
     """Raise InputError unless the motions share the measure, the margin and the dimension."""
-    margins = {}
+    margins: dict[str, str] = {}
     for name, motion in motions.items():
         margin = motion.problem.margin
         dimension = "planar" if motion.problem.task.planar else "spatial"
-        margins[name] = f"{margin.measure.name} {margin.threshold:.6g} ({dimension})"
-    first, *others = margins
-    for name in others:
-        if margins[name] != margins[first]:
-            raise InputError(
-                "motions", f"the margin of {first} is {margins[first]}, that of {name} "
-                f"{margins[name]}", "motions with the same measure and margin",
-            )  # fmt: skip
+        margins.setdefault(f"{margin.measure.name} {margin.threshold:.6g} ({dimension})", name)
+    if len(margins) > 1:
+        problem = "; ".join(f"the margin of {name} is {margin}" for margin, name in margins.items())
+        raise InputError("motions", problem, "motions with the same measure and margin")
 
 
 def key_times(motion: Motion, limit: int = _MAX_KEYS) -> Array:
@@ -121,32 +115,29 @@ def key_times(motion: Motion, limit: int = _MAX_KEYS) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Sampled:
-    """A motion at its key times: body poses, |measure|, path parameter s."""
+    """A motion at its key times: poses of the bodies and the end-effector, |measure|, s."""
 
     motion: Motion
     visuals: RobotVisuals
     times: Array
-    poses: BodyPoses
+    positions: Array
+    rotations: Array
     values: Array
     fractions: Array
     areas: Workspace | None
 
 
-def _sampled(motion: Motion, visuals: dict[str, RobotVisuals], limit: int) -> _Sampled:
-    """Sample a motion; visuals are cached by robot."""
+def _sampled(motion: Motion, visuals: RobotVisuals, limit: int) -> _Sampled:
     problem, times = motion.problem, key_times(motion, limit)
     parameters = motion.parameter_at(times)
     # Exact end points: a singular motion has no state after its end.
     parameters[[0, -1]] = motion.parameter_at([motion.times.min(), motion.times.max()])
-    model, measure = problem.model, problem.margin.measure
-    key = f"{model.end_effector} {dict(model.held)} {model.description.text}"
-    if key not in visuals:
-        visuals[key] = robot_visuals(model)
+    measure = problem.margin.measure
     return _Sampled(
         motion,
-        visuals[key],
+        visuals,
         times,
-        body_poses_at(motion, parameters),
+        *body_poses(motion, parameters),
         np.abs([measure(q) for q in motion.evaluate(parameters)[2]]),
         np.array([problem.path.timing.s(float(t)) for t in times]),
         exact_workspace(problem),
@@ -158,29 +149,29 @@ def _draw(
 ) -> dict[str, Any]:
     """Draw a motion below a node; return its description for the page."""
     root, motion, problem = f"{ROOT}/{name}", sampled.motion, sampled.motion.problem
-    times, poses, areas = sampled.times, sampled.poses, sampled.areas
-    bodies = [node(name) for name in problem.model.body_names]
+    times, areas, size = sampled.times, sampled.areas, thickness(problem)
+    positions = sampled.positions.swapaxes(0, 1)
+    quaternions = [
+        Rotation.from_matrix(sampled.rotations[:, body]).as_quat() for body in range(len(positions))
+    ]
+    bodies = [f"{root}/{ROBOT}/{node(link)}" for link in problem.model.body_names]
     for visual in sampled.visuals.shapes:
-        builder.visual(f"{root}/{ROBOT}/{bodies[visual.body]}/{node(visual.name)}", visual)
-    for body, link in enumerate(bodies):
-        path = f"{root}/{ROBOT}/{link}"
-        builder.move(path, times, poses.positions[:, body], _quaternions(poses.rotations[:, body]))
+        builder.visual(f"{bodies[visual.body]}/{node(visual.name)}", visual)
     labels = draw_path(builder, root, problem)
-    indices = draw_trail(builder, root, problem, poses.end_effectors, colours(sampled.values))
+    indices = draw_trail(builder, root, problem, positions[-1], colours(sampled.values))
     labels += draw_centre(builder, root, problem) + draw_ending(builder, root, motion)
-    size, quaternions = thickness(problem), _quaternions(poses.end_effector_rotations)
-    for item, positions, rotations in (
-        (BASE_AXES, poses.positions[:, 0], _quaternions(poses.rotations[:, 0])),
-        (END_EFFECTOR_AXES, poses.end_effectors, quaternions),
-    ):
+    moved = {path: body for body, path in enumerate(bodies)}
+    for item, body in ((BASE_AXES, 0), (END_EFFECTOR_AXES, -1)):
         draw_axes(builder, f"{root}/{item}", 25.0 * size, 0.6 * size)
-        builder.move(f"{root}/{item}", times, positions, rotations)
+        moved[f"{root}/{item}"] = body
+    for path, body in moved.items():
+        builder.move(path, times, positions[body], quaternions[body])
     if areas is not None:
         draw_areas(builder, root, problem, areas)
         path = f"{root}/{AREAS}/{areas.point}"
         builder.mesh(path, g.Sphere(2.0 * size), _POINT_COLOUR)
-        points = poses.end_effectors + poses.end_effector_rotations @ areas.tip
-        builder.move(path, times, points, quaternions)
+        points = positions[-1] + sampled.rotations[:, -1] @ areas.tip
+        builder.move(path, times, points, quaternions[-1])
     return {
         "begin": float(times[0]),
         "end": float(times[-1]),
@@ -194,10 +185,6 @@ def _draw(
             "indices": indices,
         },
     }
-
-
-def _quaternions(rotations: Array) -> Array:
-    return np.asarray(Rotation.from_matrix(rotations).as_quat())
 
 
 def _view(samples: Sequence[_Sampled], planar: bool) -> dict[str, Any]:
@@ -227,26 +214,23 @@ def _view(samples: Sequence[_Sampled], planar: bool) -> dict[str, Any]:
 
 def _extent(sampled: _Sampled) -> list[Array]:
     """Joints, end-effector and corners of the spacecraft at some instants [m]."""
-    poses = sampled.poses
     chosen = np.unique(np.linspace(0, len(sampled.times) - 1, _INSTANTS).astype(int))
+    positions, rotations = sampled.positions[chosen], sampled.rotations[chosen, 0]
     corners = [bounding_box(shape) for shape in sampled.visuals.shapes if shape.body == 0]
-    box = np.einsum("kij,cj->kci", poses.rotations[chosen, 0], np.vstack(corners))
-    box += poses.positions[chosen, :1]
-    return [poses.positions[chosen].reshape(-1, 3), poses.end_effectors[chosen], box.reshape(-1, 3)]
+    box = np.einsum("kij,cj->kci", rotations, np.vstack(corners)) + positions[:, :1]
+    return [positions.reshape(-1, 3), box.reshape(-1, 3)]
 
 
 def _direction(samples: Sequence[_Sampled]) -> Array:
     """Return the view direction with the arms in front and the paths across the line of sight."""
-    arms = np.vstack(
-        [(s.poses.positions[:, 1:] - s.poses.positions[:, :1]).mean(axis=1) for s in samples]
-    )
+    arms = np.vstack([(s.positions[:, 1:-1] - s.positions[:, :1]).mean(axis=1) for s in samples])
     z = np.linspace(*_ELEVATIONS, _DIRECTIONS)
     angle = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(_DIRECTIONS)
     level = np.sqrt(1.0 - z**2)
     eyes = np.column_stack([level * np.cos(angle), level * np.sin(angle), z])
     score = eyes @ (arms.mean(axis=0) / np.linalg.norm(arms, axis=1).max())
     for sampled in samples:
-        path = sampled.poses.end_effectors[-1] - sampled.poses.end_effectors[0]
+        path = sampled.positions[-1, -1] - sampled.positions[0, -1]
         length = float(np.linalg.norm(path))
         if length > 0.0:
             score = score - _PATH_WEIGHT / len(samples) * np.abs(eyes @ path) / length

@@ -5,18 +5,20 @@ Objects and tracks are separate, as a viewer drops the tracks of unknown objects
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import umsgpack
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 from meshcat import geometry as g
 from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
+from freefloat.motion.problem import Margin
 from freefloat.robot.urdf import Box, Cylinder, Sphere
 from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.visuals import Visual
@@ -27,6 +29,10 @@ _FLOAT32 = 0x17
 _UPRIGHT = Pose(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]))
 """Rotates MeshCat's cylinder from its y axis to z."""
 _BACKGROUND = {"top_color": [0.10, 0.13, 0.20], "bottom_color": [0.02, 0.03, 0.05]}
+_BELOW = (0.835, 0.369, 0.0)
+_DARKEST = 0.25
+"""Lower end of the colour map; darker colours are invisible on the background."""
+_STOPS = 9
 
 Colour = Sequence[float]
 
@@ -61,6 +67,44 @@ class Scene:
             yield umsgpack.unpackb(self.animation)
 
 
+@dataclass(frozen=True)
+class MarginColours:
+    """Scale from the margin (dark) to the largest value (bright); a single colour below.
+
+    Attributes:
+        margin: Measure and threshold.
+        largest: Value of the brightest colour.
+    """
+
+    margin: Margin
+    largest: float
+
+    @classmethod
+    def over(cls, margin: Margin, values: Iterable[Array]) -> MarginColours:
+        """Return the scale that covers arrays of values of the measure."""
+        highest = [float(np.max(array)) for array in values if len(array)]
+        return cls(margin, max([1.2 * margin.threshold, 1e-12, *highest]))
+
+    def __call__(self, values: Array) -> Array:
+        """Return RGB colours, shape (K, 3), of values of the measure, shape (K,)."""
+        fraction = (values - self.margin.threshold) / (self.largest - self.margin.threshold)
+        shades = _DARKEST + (1.0 - _DARKEST) * fraction
+        bright = np.asarray(colormaps["viridis"](shades))[:, :3]
+        return np.where((fraction < 0.0)[:, None], _BELOW, bright)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of the page's legend."""
+        stops = np.linspace(self.margin.threshold, self.largest, _STOPS)
+        return {
+            "measure": self.margin.measure.name,
+            "unit": self.margin.measure.unit,
+            "margin": self.margin.threshold,
+            "largest": self.largest,
+            "below": to_hex(_BELOW),
+            "stops": [to_hex(colour) for colour in self(stops)],
+        }
+
+
 class SceneBuilder:
     """Collects MeshCat commands."""
 
@@ -70,12 +114,12 @@ class SceneBuilder:
         self._copies: list[tuple[str, str]] = []
         self._known: dict[str, str] = {}
         for path in ("Grid", "Axes"):
-            self.set(path, "visible", False)
+            self._set(path, "visible", False)
         for key, value in _BACKGROUND.items():
-            self.set("Background", key, value)
+            self._set("Background", key, value)
         for light in ("PointLightNegativeX", "PointLightPositiveX"):
-            self.set(f"Lights/{light}/<object>", "distance", 0.0)
-            self.set(f"Lights/{light}/<object>", "intensity", 0.25)
+            self._set(f"Lights/{light}/<object>", "distance", 0.0)
+            self._set(f"Lights/{light}/<object>", "intensity", 0.25)
 
     def scene(self, about: Mapping[str, Any]) -> Scene:
         """Return the scene; all clips have the duration ``about["duration"]``, else they freeze."""
@@ -116,7 +160,7 @@ class SceneBuilder:
         kind = g.MeshLambertMaterial if shaded else g.MeshBasicMaterial
         material = kind(
             color=(red << 16) + (green << 8) + blue, opacity=float(opacity),
-            depthWrite=opacity == 1.0, reflectivity=0.0, **_overlay(overlay),
+            depthWrite=opacity == 1.0, depthTest=not overlay, reflectivity=0.0,
         )  # fmt: skip
         material.transparent = overlay or opacity < 1.0  # drawn last
         self._put(path, g.Mesh(geometry, material))
@@ -127,7 +171,7 @@ class SceneBuilder:
         """Add unshaded triangles (F, 3) with colours (V, 3) of the vertices (V, 3)."""
         geometry = g.TriangularMeshGeometry(vertices, faces, colours)
         material = g.MeshBasicMaterial(
-            vertexColors=True, transparent=overlay, reflectivity=0.0, **_overlay(overlay)
+            vertexColors=True, transparent=overlay, depthTest=not overlay, reflectivity=0.0
         )
         self._put(path, g.Mesh(geometry, material))
 
@@ -147,8 +191,8 @@ class SceneBuilder:
 
     def points(self, path: str, points: Array, colours: Array, size: float) -> None:
         """Add points (K, 3) with colours (K, 3) and a size [m]."""
-        geometry = g.PointsGeometry(_single(points.T), _single(colours.T))
-        self._put(path, g.Points(geometry, g.PointsMaterial(size=float(size))))
+        columns = (np.ascontiguousarray(array.T, np.float32) for array in (points, colours))
+        self._put(path, g.Points(g.PointsGeometry(*columns), g.PointsMaterial(size=float(size))))
 
     def place(self, path: str, pose: Pose) -> None:
         """Set the pose of a path relative to its parent."""
@@ -156,11 +200,6 @@ class SceneBuilder:
         matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
         command = SetTransform(matrix, _path(path)).lower()
         command["matrix"] = [float(value) for value in command["matrix"]]
-        self._objects.append(umsgpack.packb(command))
-
-    def set(self, path: str, key: str, value: Any) -> None:
-        """Set a property of a path, or of its object if the path ends in ``<object>``."""
-        command = SetProperty(key, value, _path(path)).lower()
         self._objects.append(umsgpack.packb(command))
 
     def move(self, path: str, times: Array, positions: Array, quaternions: Array) -> None:
@@ -172,6 +211,10 @@ class SceneBuilder:
         """Hide a path before a time [s]."""
         if time > 0.0:
             self._track(path, "visible", "boolean", np.array([0.0, time]), [False, True])
+
+    def _set(self, path: str, key: str, value: Any) -> None:
+        """Set a property of a path, or of its object if the path ends in ``<object>``."""
+        self._objects.append(umsgpack.packb(SetProperty(key, value, _path(path)).lower()))
 
     def _track(self, path: str, name: str, kind: str, times: Array, values: Any) -> None:
         track = {"name": f".{name}", "type": kind, "times": _floats(times), "values": values}
@@ -202,16 +245,8 @@ def label(text: str, position: Array, item: str, since: float = 0.0) -> dict[str
     return {"text": text, "position": [float(x) for x in position], "item": item, "since": since}
 
 
-def _overlay(overlay: bool) -> dict[str, Any]:
-    return {"depthTest": False} if overlay else {}
-
-
 def _path(path: str) -> Path:
     return Path(tuple(part for part in path.split("/") if part))
-
-
-def _single(values: Array) -> npt.NDArray[np.float32]:
-    return np.ascontiguousarray(values, dtype=np.float32)
 
 
 def _floats(values: Array) -> Any:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Wedge
 from matplotlib.ticker import MaxNLocator
@@ -13,8 +15,9 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.urdf import Box
 from freefloat.so3 import Array
-from freefloat.visualization.body_poses import Outline, outlines
 from freefloat.visualization.figure_style import (
     BLACK,
     BLUE,
@@ -29,6 +32,7 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
+from freefloat.visualization.visuals import body_poses, bounding_box, robot_visuals
 from freefloat.workspace.planar import Interval
 from freefloat.workspace.regions import Workspace
 
@@ -39,6 +43,50 @@ _DEPENDENT, _INDEPENDENT = "#D0D0D0", "#E9F5EF"
 _FACES = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 """Corners of the faces of a box."""
 _FROM_ABOVE = [0, 2, 6, 4]
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Box of the spacecraft and line of the arm in the inertial frame.
+
+    Attributes:
+        spacecraft: Corners of the box [m], z changing fastest, then y, shape (8, 3).
+        arm: Mount on the box, joints, end-effector [m], shape (n + 2, 3).
+    """
+
+    spacecraft: Array
+    arm: Array
+
+
+def outlines(motion: Motion, times: npt.ArrayLike) -> list[Outline]:
+    """Return the outlines of the robot at times of a motion [s], shape (K,).
+
+    Raises:
+        InputError: If a time lies outside the motion.
+    """
+    model = motion.problem.model
+    box = spacecraft_box(model)
+    edges = box[[4, 2, 1]] - box[0]
+    fractions = edges @ (model.bodies[1].placement.position - box[0]) / (edges**2).sum(axis=1)
+    mount = box[0] + np.clip(fractions, 0.0, 1.0) @ edges  # point nearest to the first joint
+    positions, rotations = body_poses(motion, motion.parameter_at(times))
+    return [
+        Outline(base + box @ R.T, np.vstack([base + R @ mount, arm]))
+        for (base, *arm), R in zip(positions, rotations[:, 0], strict=True)
+    ]
+
+
+def spacecraft_box(model: FreeFloatingModel) -> Array:
+    """Return the corners of the spacecraft's largest box in its frame [m], shape (8, 3).
+
+    Without a box among its visuals: the bounding box of the largest other shape.
+    """
+    visuals = [visual for visual in robot_visuals(model).shapes if visual.body == 0]
+    boxes = [visual for visual in visuals if isinstance(visual.shape, Box)]
+    return max(
+        map(bounding_box, boxes or visuals),
+        key=lambda box: float(np.prod(np.linalg.norm(box[[1, 2, 4]] - box[0], axis=1))),
+    )
 
 
 @styled

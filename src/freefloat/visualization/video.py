@@ -1,4 +1,4 @@
-"""Snapshots and videos of a playback: PNG files, GIF (Pillow), MP4 (ffmpeg)."""
+"""Pictures and videos of a page, taken by a headless Chromium through Playwright."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Iterable
-from contextlib import closing
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
 
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
-from freefloat.visualization.pictures import take_pictures
 from freefloat.visualization.playback import Playback
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 SIZE, GIF_SIZE = (1280, 720), (800, 450)
 """Default sizes [pixels]."""
@@ -31,6 +34,14 @@ _MAX_FRAMES = 6000
 _MAX_GIF_RATE = 50.0
 """Frames per second; browsers play faster GIFs at ten."""
 _PALETTE_FRAMES = 8
+_BROWSERS = (
+    "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome",
+    "microsoft-edge", "msedge", "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+)  # fmt: skip
+_FLAGS = ("--enable-unsafe-swiftshader", "--disable-background-networking")
+"""The first flag allows WebGL without a graphics card."""
+_TIMEOUT = 120_000
+"""Timeout of a picture [ms]."""
 
 Progress = Callable[[float], None]
 
@@ -49,10 +60,11 @@ class FrameTimes:
     rate: float
     speed: float
 
-    @property
-    def duration(self) -> float:
-        """Length of the video [s]."""
-        return len(self.times) / self.rate
+    def to_dict(self) -> dict[str, float]:
+        """Return numbers of pictures and of pictures per second, speed, and length [s]."""
+        count = len(self.times)
+        return {"pictures": count, "fps": self.rate, "speed": self.speed,
+                "duration": count / self.rate}  # fmt: skip
 
 
 def frame_times(
@@ -76,14 +88,16 @@ def frame_times(
     if kind not in (".gif", ".mp4"):
         raise InputError("video", f"{file.name} has an unknown file type", "a .gif or .mp4 file")
     if kind == ".mp4" and shutil.which("ffmpeg") is None:
-        raise InputError(
-            "video", "MP4 files need ffmpeg, which is not on PATH",
-            "ffmpeg (apt install ffmpeg) or a .gif file",
-        )  # fmt: skip
+        accepted = "ffmpeg (apt install ffmpeg) or a .gif file"
+        raise InputError("video", "MP4 files need ffmpeg, which is not on PATH", accepted)
     rate = _RATE if rate is None else _positive("fps", rate, 100.0)
     if kind == ".gif":  # frame durations are multiples of 0.01 s
         rate = 100.0 / max(round(100.0 / rate), 100.0 / _MAX_GIF_RATE)
-    speed = _speed_up(duration) if speed is None else _positive("speed", speed, 1e6)
+    if speed is None:
+        factors = (digit * 10.0**power for power in itertools.count() for digit in (1, 2, 4, 5, 8))
+        speed = next(factor for factor in factors if factor >= duration / _MAX_DURATION)
+    else:
+        _positive("speed", speed, 1e6)
     step = speed / rate
     count = math.ceil(duration / step - 1e-9) + 1
     if count > _MAX_FRAMES:
@@ -98,10 +112,90 @@ def _positive(key: str, value: float, limit: float) -> float:
     return value
 
 
-def _speed_up(duration: float) -> float:
-    """Return the smallest of 1, 2, 4, 5, 8, 10, 20, ... that makes the video short enough."""
-    factors = (digit * 10.0**power for power in itertools.count() for digit in (1, 2, 4, 5, 8))
-    return next(factor for factor in factors if factor >= duration / _MAX_DURATION)
+def find_browser() -> str | None:
+    """Return the browser named by CHROMIUM_BIN, else a Chromium, Chrome or Edge on PATH.
+
+    Raises:
+        InputError: If CHROMIUM_BIN is set to something else than a program.
+    """
+    named = os.environ.get("CHROMIUM_BIN")
+    if not named:
+        return next(filter(None, map(shutil.which, _BROWSERS)), None)
+    program = shutil.which(named)
+    if program is None:
+        raise InputError("CHROMIUM_BIN", f"{named} is not a program", "a Chromium or Chrome")
+    return program
+
+
+def take_pictures(
+    html: str,
+    times: Sequence[float],
+    size: tuple[int, int],
+    *,
+    scene: str | None = None,
+    progress: Progress | None = None,
+    key: str = "snapshots",
+) -> Generator[bytes]:
+    """Yield pictures of a page at some times; close the iterator if it is not exhausted.
+
+    Args:
+        html: Page, see :meth:`freefloat.visualization.playback.Playback.html`.
+        times: Times of the pictures [s].
+        size: Width and height [pixels].
+        scene: Title of the scene; the first by default.
+        progress: Called with the fraction done, in [0, 1].
+        key: Option named in errors.
+
+    Yields:
+        PNG files.
+
+    Raises:
+        InputError: If Playwright or a browser is missing, or the page cannot be drawn.
+    """
+    if not all(16 <= side <= 4096 for side in size):
+        problem = f"{size[0]}x{size[1]} is out of range"
+        raise InputError("size", problem, "sides of 16 to 4096 pixels")
+    with _opened(html, size, key) as page:
+        page.evaluate("title => freefloat.capture(title)", scene)
+        for number, time in enumerate(times, start=1):
+            page.evaluate("t => freefloat.seek(t)", time)
+            yield page.screenshot()
+            if progress is not None:
+                progress(number / len(times))
+
+
+@contextmanager
+def _opened(html: str, size: tuple[int, int], key: str) -> Iterator[Page]:
+    """Open a page in a headless browser without a network."""
+    try:
+        from playwright.sync_api import Error, ViewportSize, sync_playwright
+    except ModuleNotFoundError:
+        raise InputError(
+            key, "the package playwright is not installed", "pip install 'freefloat[video]'"
+        ) from None
+    program = find_browser()
+    with sync_playwright() as playwright:
+        if program is None and not Path(playwright.chromium.executable_path).exists():
+            raise InputError(
+                key, "no Chromium or Chrome was found",
+                "a browser (apt install chromium, playwright install chromium) or CHROMIUM_BIN",
+            )  # fmt: skip
+        root = hasattr(os, "geteuid") and os.geteuid() == 0  # root cannot use the sandbox
+        flags = [*_FLAGS, "--no-sandbox"] if root else [*_FLAGS]
+        try:
+            with playwright.chromium.launch(executable_path=program, args=flags) as browser:
+                window = ViewportSize(width=size[0], height=size[1])
+                page = browser.new_page(offline=True, viewport=window)
+                page.set_default_timeout(_TIMEOUT)
+                page.set_content(html)
+                page.wait_for_function("window.freefloat || window.freefloatError")
+                problem = page.evaluate("window.freefloatError")
+                if problem is not None:
+                    raise InputError(key, f"the page cannot be drawn: {problem}", "WebGL")
+                yield page
+        except Error as error:
+            problem = f"{program or 'Chromium'} failed: {error.message.splitlines()[0]}"
+            raise InputError(key, problem, "a Chromium or Chrome that can draw WebGL") from None
 
 
 def save_snapshots(
@@ -110,7 +204,7 @@ def save_snapshots(
     folder: Path,
     name: str,
     *,
-    size: tuple[int, int] = SIZE,
+    size: tuple[int, int] | None = None,
     scene: str | None = None,
     progress: Progress | None = None,
 ) -> list[Path]:
@@ -129,7 +223,7 @@ def save_snapshots(
         InputError: If pictures cannot be taken or written.
     """
     times = np.linspace(0.0, playback.scene_duration(scene), count).tolist()
-    shots = take_pictures(playback.html(), times, size, scene=scene, progress=progress)
+    shots = take_pictures(playback.html(), times, size or SIZE, scene=scene, progress=progress)
     plain, digits, files = re.sub(r"[^\w.+-]+", "_", name), len(str(count)), []
     folder.mkdir(parents=True, exist_ok=True)
     with closing(shots):
@@ -144,18 +238,20 @@ def save_snapshots(
 def save_video(
     playback: Playback,
     file: Path,
-    frames: FrameTimes,
     *,
+    rate: float | None = None,
+    speed: float | None = None,
     size: tuple[int, int] | None = None,
     scene: str | None = None,
     progress: Progress | None = None,
-) -> None:
-    """Write a video.
+) -> FrameTimes:
+    """Write a video and return its frame times.
 
     Args:
         playback: Scene and page.
         file: A ``.gif`` (repeats forever) or ``.mp4`` (H.264, needs ffmpeg) file.
-        frames: Frame times, see :func:`frame_times`.
+        rate: Frames per second, see :func:`frame_times`.
+        speed: Seconds of the motion per second of the video.
         size: Width and height [pixels].
         scene: Title of the scene, or ``"side by side"``; the first by default.
         progress: Called with the fraction done, in [0, 1].
@@ -163,6 +259,7 @@ def save_video(
     Raises:
         InputError: If pictures cannot be taken, the file cannot be written or ffmpeg fails.
     """
+    frames = frame_times(file, playback.scene_duration(scene), rate, speed)
     gif = file.suffix.lower() == ".gif"
     size = size or (GIF_SIZE if gif else SIZE)
     shots = take_pictures(
@@ -170,6 +267,7 @@ def save_video(
     )
     with closing(shots), written_beside(file) as temporary:
         (write_gif if gif else write_mp4)(temporary, shots, frames.rate)
+    return frames
 
 
 def write_gif(file: Path, pictures: Iterable[bytes], rate: float) -> None:

@@ -1,13 +1,14 @@
-"""Shapes that are drawn for a robot: its visuals, or default shapes for bodies without."""
+"""What is drawn of a robot: the poses of its bodies and their shapes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
+from freefloat.motion.motion import Motion
 from freefloat.robot.meshes import Mesh, Part, read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
@@ -21,7 +22,6 @@ _ROD, _HUB = 0.015, 0.026
 """Radii of rods and of joints as fractions of the arm's length."""
 _SMALLEST, _LARGEST = 0.05, 2.0
 """Limits of the edges of a spacecraft without visuals, as fractions of the arm's length."""
-
 
 Shape = Box | Cylinder | Sphere | Mesh
 
@@ -45,6 +45,21 @@ class Visual:
     colour: Colour
 
 
+def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
+    """Return poses in the inertial frame at panel coordinates of a motion, shape (K,).
+
+    Returns:
+        Positions [m], shape (K, n + 2, 3), and rotation matrices, shape (K, n + 2, 3, 3), of the
+        spacecraft's root link, of every joint and of the end-effector.
+    """
+    model = motion.problem.model
+    _, attitudes, joints = motion.evaluate(parameters)
+    poses = [model.body_poses(a, q) for a, q in zip(attitudes, joints, strict=True)]
+    poses = [(*row, row[-1] @ model.tool) for row in poses]
+    positions = np.array([[pose.position for pose in row] for row in poses])
+    return positions, np.array([[pose.rotation for pose in row] for row in poses])
+
+
 @dataclass(frozen=True, eq=False)
 class RobotVisuals:
     """Shapes of a robot.
@@ -63,7 +78,12 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
 
     Arm bodies without visuals get rods; a spacecraft whose heaviest link has none gets a box.
     """
-    load = cache(partial(_load, model.description.source))
+
+    @cache
+    def load(geometry: MeshFile) -> tuple[Part, ...]:
+        file = find_mesh(geometry.filename, model.description.source)
+        return read_mesh(file, geometry.scale)
+
     spacecraft = max(
         (link for link in model.description.links if model.link_places[link.name][0] == 0),
         key=lambda link: link.mass,
@@ -72,18 +92,17 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
     problems, drawn = [], set[int]()
     for link in model.description.links:
         body, place = model.link_places[link.name]
-        default = _SPACECRAFT if body == 0 else _LINK
         parts: list[tuple[Pose, Shape, Colour]] = []
         for number, visual in enumerate(link.visuals, start=1):
-            geometry, colour = visual.geometry, visual.colour or default
+            geometry, at = visual.geometry, place @ visual.origin
+            colour = visual.colour or (_SPACECRAFT if body == 0 else _LINK)
             if geometry is None or geometry == MeshFile(""):
                 problems.append(f"link {link.name}: its <visual> {number} cannot be read")
             elif not isinstance(geometry, MeshFile):
-                parts.append((place @ visual.origin, geometry, colour))
+                parts.append((at, geometry, colour))
             else:
                 try:
-                    for part in load(geometry.filename, *geometry.scale):
-                        parts.append((place @ visual.origin, part.mesh, part.colour or colour))
+                    parts += [(at, part.mesh, part.colour or colour) for part in load(geometry)]
                 except MeshFileError as error:
                     problems.append(f"link {link.name}: mesh {geometry.filename}: {error}")
         for number, (at, shape, colour) in enumerate(parts, start=1):
@@ -93,11 +112,6 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
             drawn.add(body)
     shapes += _default_visuals(model, drawn, spacecraft.name)
     return RobotVisuals(tuple(shapes), tuple(problems))
-
-
-def _load(source: str, name: str, *scale: float) -> tuple[Part, ...]:
-    """Return the parts of a mesh file; the cache returns the same objects again."""
-    return read_mesh(find_mesh(name, source), scale)
 
 
 def _default_visuals(
