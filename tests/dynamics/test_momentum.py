@@ -18,6 +18,7 @@ from freefloat.dynamics.momentum import (
     inertia_matrices,
     momentum_map,
     system_matrix,
+    system_matrix_derivative,
 )
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.errors import InputError
@@ -262,6 +263,28 @@ def test_planar_determinants_need_no_jacobian(planar_3dof: FreeFloatingModel) ->
         assert found == pytest.approx(S, rel=1e-11)
         signs.add(np.sign(found))
     assert signs == {-1.0, 1.0}
+
+
+@given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=7)))
+@pytest.mark.parametrize("task", [Task.POSE, Task.POSITION])
+def test_derivative_of_the_system_matrix(task: Task, data: st.DataObject, robot: Robot) -> None:
+    """Compared with central differences, for links whose centres of mass move."""
+    model = loaded(robot)
+    q, step = data.draw(joint_values(model.dof)), 1e-5
+    rates = np.random.default_rng(7).normal(size=model.dof)
+    differences = (
+        system_matrix(model, q + step * rates, task) - system_matrix(model, q - step * rates, task)
+    ) / (2.0 * step)
+    derivative = system_matrix_derivative(model, q, rates, task)
+    np.testing.assert_allclose(derivative, differences, atol=1e-7 * np.abs(differences).max())
+
+
+def test_derivative_of_the_planar_system_matrix(planar_3dof: FreeFloatingModel) -> None:
+    q, rates, step = np.array([0.4, -1.1, 0.6]), np.array([0.3, 1.0, -0.7]), 1e-5
+    task = Task.PLANAR_POSE
+    ahead, behind = (system_matrix(planar_3dof, q + x * rates, task) for x in (step, -step))
+    derivative = system_matrix_derivative(planar_3dof, q, rates, task)
+    np.testing.assert_allclose(derivative, (ahead - behind) / (2.0 * step), atol=1e-7)
 
 
 def test_momentum_alone_rotates_the_spacecraft(spatial_6dof: FreeFloatingModel) -> None:
