@@ -34,7 +34,7 @@ def test_the_place_where_a_path_leaves_the_reach_lies_on_the_reach() -> None:
     reach = VirtualManipulator.of(problem.model).reach
     assert np.linalg.norm(result.position) == pytest.approx(reach, rel=1e-9)
     assert result.position == pytest.approx(problem.path.path.curve(result.s).tolist())
-    assert str(result) == f"the path leaves the reach of {reach:.4g} m at s = {result.s:.3g}"
+    assert result.message == f"the path leaves the reach of {reach:.4g} m at s = {result.s:.3g}"
 
 
 def test_a_start_beyond_it_is_reported_with_the_unit_where_it_is_absurd() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -18,7 +18,9 @@ from freefloat.cli.options import Json, Quiet, robot_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.dynamics.summary import RobotSummary
+    from freefloat.dynamics.measures import Extremes, SingularityMeasure
+    from freefloat.dynamics.momentum import Task
+    from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.rigid_bodies import Body
     from freefloat.robot.urdf import UrdfDiagnostic
 
@@ -49,7 +51,7 @@ def info(
 
     Example: freefloat info example-robot-data:ur5 --end-effector tool0
     """
-    from freefloat.dynamics.summary import summarize
+    from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
     from freefloat.io.scenario import load_scenario
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.names import bundled_robots, bundled_scenarios, find_robot, is_file
@@ -63,17 +65,93 @@ def info(
         mounted = loaded.content.robot.spacecraft is not None
         diagnostics = _require_no_error(console, examine(loaded.urdf(), mounted))
         problem = loaded.problem()
-        summary = summarize(problem.model, problem.task, problem.margin.measure, diagnostics)
+        model, task, measure = problem.model, problem.task, problem.margin.measure
     elif robot.startswith(_EXAMPLES) or robot in bundled_robots() or is_file(Path(robot)):
         urdf = find_robot(robot, Path())
         diagnostics = _require_no_error(console, examine(urdf))
-        summary = summarize(
-            FreeFloatingModel.from_urdf(urdf, end_effector), None, None, diagnostics
-        )
+        model = FreeFloatingModel.from_urdf(urdf, end_effector)
+        task = natural_task(model)
+        measure = singularity_measure(model, task, "gjm")
     else:
         raise _unknown(robot)
+    extremes = joint_space_extremes(model, measure)
+    summary = RobotSummary(model, task, measure, extremes, tuple(diagnostics))
     console.json(summary.to_dict())
     console.tables(_tables(summary))
+
+
+@dataclass(frozen=True, eq=False)
+class RobotSummary:
+    """Summary of a robot.
+
+    Attributes:
+        model: The robot.
+        task: The task of the extremes.
+        measure: The singularity measure of the extremes.
+        extremes: Extremes of the measure over the joint space.
+        diagnostics: Warnings of the URDF.
+    """
+
+    model: FreeFloatingModel
+    task: Task
+    measure: SingularityMeasure
+    extremes: Extremes
+    diagnostics: tuple[UrdfDiagnostic, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat info``."""
+        from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+        from freefloat.robot.urdf import Severity
+
+        model, measure, virtual = self.model, self.measure, VirtualManipulator.of(self.model)
+        return {
+            "urdf": model.description.source,
+            "end_effector": model.end_effector,
+            "total_mass": model.total_mass,
+            "dof": model.dof,
+            "task": str(self.task),
+            "spare_joints": model.dof - len(self.task.rows),
+            "joints": [
+                {
+                    "name": body.joint,
+                    "type": "prismatic" if body.prismatic else "revolute",
+                    "lower": body.lower if math.isfinite(body.lower) else None,
+                    "upper": body.upper if math.isfinite(body.upper) else None,
+                }
+                for body in model.bodies[1:]
+            ],
+            "bodies": [
+                {
+                    "moved_by": body.joint,
+                    "mass": body.mass,
+                    "centre_of_mass": body.centre.tolist(),
+                    "inertia": body.inertia.tolist(),
+                }
+                for body in model.bodies
+            ],
+            "barycentric_lengths": virtual.lengths.tolist(),
+            "reach": virtual.reach,
+            "measure": {
+                "name": measure.name, "definition": measure.definition, "unit": measure.unit
+            },
+            "s_max": self.extremes.largest,
+            "s_max_at": self.extremes.largest_at.tolist(),
+            "s_min": self.extremes.smallest,
+            "warnings": [
+                str(entry) for entry in self.diagnostics if entry.severity == Severity.WARNING
+            ],
+            "findings": [asdict(entry) for entry in self.diagnostics],
+        }  # fmt: skip
+
+
+def natural_task(model: FreeFloatingModel) -> Task:
+    """The task with the most rows that an arm can do, planar for planar arms."""
+    from freefloat.dynamics.momentum import Task
+    from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+
+    planar = VirtualManipulator.of(model).is_planar
+    tasks = [task for task in Task if task.planar is planar and len(task.rows) <= model.dof]
+    return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)
 
 
 def _unknown(robot: str) -> InputError:
@@ -105,7 +183,10 @@ def _require_no_error(
 
 def _tables(summary: RobotSummary) -> Iterator[RenderableType]:
     """The bodies, the joints, the reach, and what validation found."""
-    model, measure = summary.model, summary.measure
+    from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+
+    model, measure, extremes = summary.model, summary.measure, summary.extremes
+    virtual = VirtualManipulator.of(model)
     yield f"{model.description.source}: {model.total_mass:.6g} kg"
     bodies = table(
         "moved by", "mass [kg]", "range", "centre of mass [m]", "moments of inertia [kg m²]"
@@ -118,12 +199,12 @@ def _tables(summary: RobotSummary) -> Iterator[RenderableType]:
     yield bodies
     yield f"end-effector {model.end_effector}, task {summary.task}, {model.dof} joints"
     yield (
-        f"barycentric lengths {decimals(summary.barycentric_lengths)} m, "
-        f"reach {summary.reach:.4f} m from the centre of mass"
+        f"barycentric lengths {decimals(virtual.lengths)} m, "
+        f"reach {virtual.reach:.4f} m from the centre of mass"
     )
     yield (
-        f"{measure.name}: {measure.definition}; over the joint space from {summary.smallest_s:.6g} "
-        f"to {summary.largest_s:.6g} {measure.unit}"
+        f"{measure.name}: {measure.definition}; over the joint space from {extremes.smallest:.6g} "
+        f"to {extremes.largest:.6g} {measure.unit}"
     )
     yield from _diagnostic_lines(summary.diagnostics)
 

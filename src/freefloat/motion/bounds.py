@@ -25,7 +25,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freefloat.errors import FreeFloatError
 from freefloat.motion.matrix_bounds import ScaledSystem
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array
@@ -60,8 +59,8 @@ class Bounds:
     intervals: int
 
 
-class _UnprovenError(FreeFloatError):
-    """The subdivision ends without a bound above zero."""
+IntervalBounds = Callable[[float, float], Mapping[str, float] | None]
+"""Bounds on an interval of a panel, by its middle and half; None where they are too low."""
 
 
 def lower_bounds(motion: Motion, smallest: Mapping[str, float]) -> Bounds:
@@ -75,36 +74,20 @@ def lower_bounds(motion: Motion, smallest: Mapping[str, float]) -> Bounds:
     parts: list[_MatrixBounds | _ArmBounds] = [_MatrixBounds(motion, smallest)]
     if "arm" in smallest:
         parts.append(_ArmBounds(motion, smallest["arm"]))
-    bounds: dict[str, float] = dict(smallest)
-    count = 0
-    try:
-        for part in parts:
-            for panel in range(motion.panels):
-                count += _subdivide(part.in_panel(panel), bounds, _MOST - count)
-    except _UnprovenError:
-        return Bounds(dict.fromkeys(smallest, 0.0), count)
+    bounds, count = dict(smallest), 0
+    for interval_bounds in (part.in_panel(k) for part in parts for k in range(motion.panels)):
+        todo, before = [(0.0, 1.0)], count
+        while todo:
+            middle, half = todo.pop()
+            count += 1
+            if half < _SHORTEST or count > _MOST:
+                return Bounds(dict.fromkeys(smallest, 0.0), before)
+            proven = interval_bounds(middle, half)
+            if proven is None:
+                todo += [(middle - half / 2.0, half / 2.0), (middle + half / 2.0, half / 2.0)]
+            else:
+                bounds.update({name: min(bounds[name], value) for name, value in proven.items()})
     return Bounds(bounds, count)
-
-
-IntervalBounds = Callable[[float, float], Mapping[str, float] | None]
-"""Bounds on an interval of a panel, by its middle and half; None where they are too low."""
-
-
-def _subdivide(interval_bounds: IntervalBounds, bounds: dict[str, float], most: int) -> int:
-    """Lower ``bounds`` to those proven on a panel; returns the number of intervals."""
-    todo, count = [(0.0, 1.0)], 0
-    while todo:
-        middle, half = todo.pop()
-        count += 1
-        if half < _SHORTEST or count > most:
-            raise _UnprovenError()
-        proven = interval_bounds(middle, half)
-        if proven is None:
-            todo += [(middle - half / 2.0, half / 2.0), (middle + half / 2.0, half / 2.0)]
-        else:
-            for name, value in proven.items():
-                bounds[name] = min(bounds[name], value)
-    return count
 
 
 def _value(x: float, c: Array) -> Array:
@@ -122,9 +105,8 @@ class _MatrixBounds:
         self._joint_units = self._system.columns[base:]
         square = len(rows) == len(self._system.columns)
         self._same_units = square or bool((self._joint_units == 1.0).all())
-        lengths = float(np.prod(rows[base:])) * (
-            float(np.prod(self._joint_units)) if square else 1.0
-        )
+        columns = float(np.prod(self._joint_units)) if square else 1.0
+        lengths = float(np.prod(rows[base:])) * columns
         self._units = {"gjm": lengths, "system": lengths * float(np.prod(rows[:base]))}
 
     def in_panel(self, panel: int) -> IntervalBounds:
@@ -193,14 +175,9 @@ class _Neighbourhood:
 
     @classmethod
     def about(
-        cls,
-        A: Array,
-        slope: Array,
-        k: int,
-        half: float,
-        second_derivatives: tuple[float, float],
-        joint_units: Array,
-    ) -> _Neighbourhood | None:
+        cls, A: Array, slope: Array, k: int, half: float,
+        second_derivatives: tuple[float, float], joint_units: Array,
+    ) -> _Neighbourhood | None:  # fmt: skip
         """The neighbourhood of a matrix (k + m, k + n) with a slope; None where X may be large.
 
         ``joint_units`` are factors, shape (n,), removed from the columns of the joints for the row

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 import numpy.typing as npt
@@ -61,14 +61,10 @@ class Margin:
     def is_kept(self, values: Array) -> npt.NDArray[np.bool_]: ...
 
     def is_kept(self, values: float | Array) -> bool | npt.NDArray[np.bool_]:
-        """Whether smallest magnitudes along motions keep the margin.
+        """Whether motions keep the margin, from their smallest magnitudes of the measure.
 
-        Args:
-            values: Smallest magnitude of the measure along a motion, or an array of them.
-
-        Returns:
-            True where the value is not zero and at least the threshold, less a millionth of it for
-            rounding; of the shape of ``values``.
+        They do where the value is not zero and at least the threshold, less a millionth of it for
+        rounding. The result has the shape of ``values``.
         """
         return is_kept(values, self.threshold)
 
@@ -112,16 +108,11 @@ class Problem:
     def __post_init__(self) -> None:
         require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
         require_type("path", self.path, TimedPath, "TimedPath(EndEffectorPath(...), Timing(...))")
-        require_type(
-            "margin",
-            self.margin,
-            Margin,
-            "Margin(singularity_measure(model, task, name), threshold)",
-        )
+        accepted = "Margin(singularity_measure(model, task, name), threshold)"
+        require_type("margin", self.margin, Margin, accepted)
         object.__setattr__(self, "task", Task.of(self.task))
-        momentum = finite_vector("momentum", self.momentum, 3)
-        object.__setattr__(self, "momentum", frozen(momentum))
-        self.resolved_rate_solver()
+        object.__setattr__(self, "momentum", frozen(finite_vector("momentum", self.momentum, 3)))
+        self.resolved_rate_solver()  # checks task and redundancy
         if self.task.prescribes_orientation and isinstance(
             self.path.path.orientation, FreeOrientation
         ):
@@ -131,12 +122,7 @@ class Problem:
                 "EndEffectorPath(curve, FixedOrientation(axes)), or another law",
             )
         if self.task.planar:
-            self._refuse_what_is_not_planar()
-
-    def __reduce__(self) -> tuple[type[Problem], tuple[Any, ...]]:
-        """Arguments of the constructor, so that unpickled arrays are read-only, too."""
-        arguments = self.model, self.path, self.task, self.momentum, self.margin, self.redundancy
-        return Problem, arguments
+            self._require_planar()
 
     @property
     def redundant(self) -> bool:
@@ -151,7 +137,7 @@ class Problem:
         """Solver of equation (4) for this problem."""
         return ResolvedRateSolver(self.model, self.task, self.momentum, self.redundancy)
 
-    def _refuse_what_is_not_planar(self) -> None:
+    def _require_planar(self) -> None:
         virtual = VirtualManipulator.of(self.model)
         if not (virtual.is_planar and _drifts_in_plane(self.model)):
             raise InputError(
@@ -166,8 +152,8 @@ class Problem:
                 f"{self.momentum.tolist()} has components other than z in a planar task",
                 "[0, 0, hz]",
             )
-        level = float(virtual.pose(np.zeros(self.model.dof)).position[2])
-        straight = virtual.pose(np.zeros(self.model.dof)).rotation
+        straight = virtual.pose(np.zeros(self.model.dof))
+        level = float(straight.position[2])
         heights = [self.path.path.curve(float(s))[2] for s in np.linspace(0.0, 1.0, 21)]
         if np.abs(np.array(heights) - level).max() > 1e-6:
             raise InputError(
@@ -176,7 +162,7 @@ class Problem:
                 f"a path with z = {level:g} m everywhere",
             )
         for s in np.linspace(0.0, 1.0, 21) if self.task.prescribes_orientation else ():
-            upright = self.path.path.orientation.rotation(float(s)) @ straight.T
+            upright = self.path.path.orientation.rotation(float(s)) @ straight.rotation.T
             if upright[2, 2] < 1.0 - 1e-9:
                 raise InputError(
                     "path.attitude",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,25 +21,11 @@ class OutOfReach:
 
     Attributes:
         s: Where the path leaves the reach, 0 where it begins outside.
-        position: That point, from the centre of mass of the system, inertial axes [m].
-        reach: Largest distance of the end-effector from there [m].
-        hint: Likely cause, or nothing; see :func:`light_spacecraft`.
+        message: A sentence with the distances and a likely cause.
     """
 
     s: float
-    position: tuple[float, float, float]
-    reach: float
-    hint: str = ""
-
-    def __str__(self) -> str:
-        if self.s > 0.0:
-            return f"the path leaves the reach of {self.reach:.4g} m at s = {self.s:.3g}{self.hint}"
-        start, distance = [round(x, 6) for x in self.position], math.hypot(*self.position)
-        units = "; lengths are in metres" if distance > _OTHER_UNITS * self.reach else ""
-        return (
-            f"the path begins out of reach: {start} m is {distance:.4g} m from the centre of mass, "
-            f"the arm reaches {self.reach:.4g} m{units}{self.hint}"
-        )
+    message: str
 
 
 def out_of_reach(problem: Problem) -> OutOfReach | None:
@@ -61,15 +46,24 @@ def out_of_reach(problem: Problem) -> OutOfReach | None:
     outside = next((k for k, s in enumerate(samples) if excess(s) > 0.0), None)
     if outside is None:
         return None
-    s = float(brentq(excess, *samples[outside - 1 : outside + 1])) if outside else 0.0
-    x, y, z = curve(s).tolist()
-    return OutOfReach(s, (x, y, z), reach, light_spacecraft(problem))
+    hint = light_spacecraft(problem)
+    if outside:
+        s = float(brentq(excess, *samples[outside - 1 : outside + 1]))
+        return OutOfReach(s, f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}{hint}")
+    start = curve(0.0)
+    distance = float(np.linalg.norm(start))
+    units = "; lengths are in metres" if distance > _OTHER_UNITS * reach else ""
+    return OutOfReach(
+        0.0,
+        f"the path begins out of reach: {np.round(start, 6).tolist()} m is {distance:.4g} m from "
+        f"the centre of mass, the arm reaches {reach:.4g} m{units}{hint}",
+    )
 
 
 def reach_message(problem: Problem) -> str | None:
     """Where the path leads out of reach, as a sentence; None where it does not."""
     beyond = out_of_reach(problem)
-    return None if beyond is None else str(beyond)
+    return None if beyond is None else beyond.message
 
 
 def unreached_start(problem: Problem) -> str:
@@ -83,10 +77,7 @@ def unreached_start(problem: Problem) -> str:
 
 
 def light_spacecraft(problem: Problem) -> str:
-    """Hint at a spacecraft that may be missing, where it is lighter than its arm; else nothing.
-
-    The lighter the spacecraft, the nearer the arm's reach ends to the centre of mass.
-    """
+    """Hint at a spacecraft that may be missing, where it is lighter than its arm; else nothing."""
     base, total = problem.model.bodies[0].mass, problem.model.total_mass
     if base >= 0.5 * total:
         return ""

@@ -236,7 +236,7 @@ def _score(branch: SimulatedBranch) -> tuple[bool, float, float]:
 def _unreachable(problem: Problem, attitude: Array) -> UnreachableError:
     beyond = out_of_reach(problem)
     if beyond is not None and beyond.s == 0.0:
-        return UnreachableError("path", str(beyond), "a path that begins within the reach")
+        return UnreachableError("path", beyond.message, "a path that begins within the reach")
     start = problem.path.pose(0.0).position
     return UnreachableError(
         "attitude",
