@@ -1,55 +1,336 @@
-"""The largest of several quantities, between the nodes of panels."""
+"""Extrema along motions, compared with dense sampling and with known functions."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
-from freefloat.motion.extrema import at_nodes, maximum
-from tests.sliding import sliding_motion, sliding_robot
+from freefloat.dynamics.measures import NAMES, SingularityMeasure, singularity_measure
+from freefloat.motion.extrema import (
+    _revolutions,
+    at_nodes,
+    closest_approach,
+    first_crossing,
+    joint_extents,
+    joint_ranges,
+    maximum,
+    unwrapped,
+)
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Ending
+from freefloat.motion.problem import Margin
+from freefloat.robot.model import FreeFloatingModel
+from tests.motions import BAD, GOOD, bundled, followed, heading
+from tests.sliding import RELATIVE, sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
+REVOLUTION = 2.0 * np.pi
 
 
-def _largest(motion, f):
+@pytest.fixture(scope="module")
+def near(spatial):
+    """Example 2, a branch that comes near to S = -5."""
+    return followed(spatial, GOOD, 2)
+
+
+@pytest.fixture(scope="module")
+def motions(spatial, planar, near):
+    return {
+        "near": near,
+        "far": followed(spatial, GOOD, 0),
+        "singular": followed(spatial, BAD, 2),
+        "planar": followed(planar, heading(161.03), 0),
+        "planar singular": followed(planar, heading(140.0), 0),
+        "planar close": followed(planar, heading(140.0), 1),
+    }
+
+
+# ------------------------------------------------------------------ the largest of functions
+
+
+def largest(motion, f):
     return maximum(at_nodes(motion, f), f)
 
 
 @pytest.fixture(scope="module")
-def motion():
+def straight():
     return sliding_motion(sliding_robot())
 
 
 @pytest.mark.parametrize("peak", [0.3, 1.0, 1.77, 2.45])
-def test_peaks_between_nodes_are_found(motion, peak):
-    result = _largest(motion, lambda panel, x: np.array([
+def test_peaks_between_nodes_are_found(straight, peak):
+    result = largest(straight, lambda panel, x: np.array([
         0.9, np.exp(-((panel + (x + 1.0) / 2.0 - peak) ** 2))
     ]))  # fmt: skip
     assert result.index == 1
     assert_close(result.value, 1.0, atol=1e-13)
-    assert_close(result.panel + (result.x + 1.0) / 2.0, peak, atol=1e-6)
+    assert_close(result.u, peak, atol=1e-6)
 
 
-def test_the_ends_count(motion):
-    rising = _largest(motion, lambda panel, x: np.array([panel + x]))
-    assert (rising.value, rising.panel, rising.x) == (motion.panels, motion.panels - 1, 1.0)
-    falling = _largest(motion, lambda panel, x: np.array([-panel - x]))
-    assert (falling.value, falling.panel, falling.x) == (1.0, 0, -1.0)
+def test_ends_and_jumps_between_panels_count(straight):
+    last = straight.panels - 1
+    rising = largest(straight, lambda panel, x: np.array([panel + x]))
+    assert (rising.value, rising.panel, rising.x) == (last + 1, last, 1.0)
+    jump = largest(straight, lambda panel, x: np.array([x if panel == 1 else -5.0]))
+    assert (jump.value, jump.panel, jump.x) == (1.0, 1, 1.0)
 
 
-def test_jumps_between_panels_count_on_their_higher_side(motion):
-    result = _largest(motion, lambda panel, x: np.array([x if panel == 1 else -5.0]))
-    assert (result.value, result.panel, result.x) == (1.0, 1, 1.0)
+def test_what_has_no_bound_is_infinite(straight):
+    result = largest(straight, lambda panel, x: np.array([1.0, np.nan if panel == 1 else 0.0]))
+    assert (result.value, result.index, result.panel) == (np.inf, 1, 1)
 
 
-def test_what_has_no_bound_is_infinite(motion):
-    result = _largest(motion, lambda panel, x: np.array([1.0, np.nan if panel == 1 else 0.0]))
-    assert result.value == np.inf
-    assert (result.index, result.panel) == (1, 1)
+# -------------------------------------------------------------------------- closest approach
 
 
-def test_known_values_are_used(motion):
-    def of(panel, x):
-        return np.array([1.0 - x * x])
+def brute_force(motion, measure):
+    """The smallest of very many samples, then of very many around it: value and time."""
+    low, high, sign = 0.0, float(motion.panels), np.sign(measure(motion.joints[0]))
+    for count in (60 * motion.panels + 1, 401, 401):
+        places = np.linspace(low, high, count)
+        times, _, joints = motion.evaluate(places)
+        values = sign * np.array([measure(q) for q in joints])
+        best = int(np.argmin(values))
+        low, high = places[max(best - 1, 0)], places[min(best + 1, count - 1)]
+    return float(values[best]), float(times[best])
 
-    assert maximum(at_nodes(motion, of), of).value == pytest.approx(1.0)
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("key", ["near", "far", "planar", "planar close"])
+def test_closest_approach_agrees_with_brute_force(motions, key, name):
+    """To seven digits, and never above."""
+    motion = motions[key]
+    if name == "arm" and "planar" in key:
+        name = "system"
+    measure = singularity_measure(motion.problem.model, motion.problem.task, name)
+    result = closest_approach(motion, measure)
+    value, time = brute_force(motion, measure)
+    assert result.measure == name
+    assert result.value == pytest.approx(value, rel=1e-7)
+    assert result.value <= value * (1.0 + 1e-12)
+    assert result.time == pytest.approx(time, abs=0.02)
+    assert result.sign == np.sign(measure(motion.joints[0]))
+
+
+@pytest.mark.parametrize("key", ["singular", "planar singular"])
+@pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
+def test_every_measure_vanishes_at_a_singular_end(motions, key, name):
+    motion = motions[key]
+    measure = singularity_measure(motion.problem.model, motion.problem.task, name)
+    result, start = closest_approach(motion, measure), abs(measure(motion.joints[0]))
+    assert abs(result.value) < 1e-9 * start
+    assert result.time == pytest.approx(motion.final.time, abs=1e-9)
+
+
+def passing(joint, value, shape):
+    """A measure of one joint alone, so that its minimum along a motion is known."""
+    return SingularityMeasure("made up", "for the test", "rad", lambda q: shape(q[joint] - value))
+
+
+def times_inside(motion):
+    """Times that hit no node: an irrational fraction of every panel."""
+    ends = motion.times[::8]
+    return ends[:-1] + np.diff(ends) * (np.arange(1, len(ends)) * 0.6180339887 % 1.0)
+
+
+def test_known_minimum(near):
+    """min (q - q(t))^2 + d = d, at the time t when the joint is there, in every panel."""
+    for t in times_inside(near):
+        joints = near.sample(t)[0].joints
+        joint = int(np.argmax(np.abs(near.sample(t + 1e-3 * (100 - t))[0].joints - joints)))
+        for sign in (1.0, -1.0):
+            measure = passing(joint, joints[joint], lambda x, sign=sign: sign * (x**2 + 1e-6))
+            result = closest_approach(near, measure)
+            assert result.value == pytest.approx(1e-6, abs=1e-12)
+            assert result.sign == sign
+            again = near.sample(result.time)[0].joints[joint]
+            assert again == pytest.approx(joints[joint], abs=1e-6)
+
+
+@pytest.mark.parametrize("depth", [1e-5, 1e-7, 1e-9])
+def test_sign_change_between_nodes_is_distinguished_from_a_minimum(near, depth):
+    """A minimum of -d between two nodes is a change of sign, one of +d is not."""
+    for t in times_inside(near)[2::3]:
+        q1 = near.sample(t)[0].joints[1]
+        crossing = closest_approach(near, passing(1, q1, lambda x: x**2 - depth))
+        assert crossing.value == 0.0
+        passed = near.sample(crossing.time)[0].joints[1]
+        assert abs(passed - q1) == pytest.approx(np.sqrt(depth), rel=1e-4)
+        miss = closest_approach(near, passing(1, q1, lambda x: x**2 + depth))
+        assert miss.value == pytest.approx(depth, abs=1e-12)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_first_of_two_sign_changes_counts(near, first):
+    """Neither is seen by a node; which of them is deeper does not matter."""
+    times = times_inside(near)
+    depths = [1e-7, 1e-9] if first else [1e-9, 1e-7]
+    for early, late in ((times[5], times[12]), (times[9], times[25]), (times[20], times[28])):
+        rolls = [state.joints[3] for state in near.sample([early, late])]
+
+        def both(x, later=rolls[1] - rolls[0]):
+            return (x**2 - depths[0]) * ((x - later) ** 2 - depths[1])
+
+        result = closest_approach(near, passing(3, rolls[0], both))
+        assert result.value == 0.0
+        assert result.time == pytest.approx(early, abs=0.2)
+        passed = near.sample(result.time)[0].joints[3]
+        assert abs(passed - rolls[0]) == pytest.approx(np.sqrt(depths[0]), rel=1e-3)
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.4, 0.6, 0.9])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_minimum_near_either_end(near, fraction, first):
+    """A motion may begin just before its closest approach or end just after it."""
+    low, high = near.node_parameters[:2] if first else near.node_parameters[-2:]
+    q = near.evaluate([low, low + fraction * (high - low), high])[2]
+    joint = int(np.argmax(np.abs(q[2] - q[0])))
+    width = q[2, joint] - q[0, joint]
+    result = closest_approach(near, passing(joint, q[1, joint], lambda x: (x / width) ** 2 + 1e-3))
+    assert result.value == pytest.approx(1e-3, rel=1e-7)
+
+
+def test_reversed_motion_has_the_same_closest_approach(spatial, near):
+    final, measure = near.final, spatial.margin.measure
+    back = integrate_motion(spatial, final.attitude, final.joints, start=100.0, end=0.0)
+    forward, backward = closest_approach(near, measure), closest_approach(back, measure)
+    assert backward.value == pytest.approx(forward.value, rel=1e-8)
+    assert backward.time == pytest.approx(forward.time, abs=1e-3)
+    assert backward.sign == forward.sign
+
+
+def test_the_margin_of_example_2_is_as_printed(near):
+    """The motion of Fig. 10 is tangent to S0 = -5 at tau_t = 0.4225 (4 digits of attitude)."""
+    result = closest_approach(near, near.problem.margin.measure)
+    assert result.sign == -1
+    assert result.value == pytest.approx(5.0, abs=0.05)
+    assert result.time == pytest.approx(42.25, abs=0.25)
+
+
+# ----------------------------------------------------------------------- stopping at the margin
+
+
+@pytest.mark.parametrize("fraction", [0.95, 0.5, 1e-4])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_motion_stops_exactly_at_the_margin(spatial, name, fraction):
+    """|S| = S0 at the end, and S0 or more before it."""
+    measure = singularity_measure(spatial.model, spatial.task, name)
+    attitude = spatial.attitude("attitude", BAD)
+    joints = spatial.branches(attitude)[2].joints
+    value = fraction * abs(measure(joints))
+    problem = replace(spatial, margin=Margin(measure, value))
+    motion = integrate_motion(problem, attitude, joints, stop_at_margin=True)
+    assert motion.ending is Ending.MARGIN
+    assert abs(measure(motion.final.joints)) == pytest.approx(value, rel=1e-9)
+    for q in motion.evaluate(np.linspace(0.0, motion.panels, 20 * motion.panels)[:-1])[2]:
+        assert abs(measure(q)) > value
+    assert closest_approach(motion, measure).value == pytest.approx(value, rel=1e-9)
+
+
+def test_a_motion_that_keeps_the_margin_completes(near):
+    result = closest_approach(near, near.problem.margin.measure)
+    for factor, ending in ((1.0 - 1e-7, Ending.COMPLETED), (1.0 + 1e-7, Ending.MARGIN)):
+        margin = Margin(near.problem.margin.measure, factor * result.value)
+        problem = replace(near.problem, margin=margin)
+        start = near.initial
+        motion = integrate_motion(problem, start.attitude, start.joints, stop_at_margin=True)
+        assert motion.ending is ending
+    assert result.time - 0.1 <= motion.final.time < result.time
+
+
+def test_a_motion_below_the_margin_at_the_start_ends_there(near):
+    problem = replace(near.problem, margin=Margin(near.problem.margin.measure, 1e3))
+    start = near.initial
+    motion = integrate_motion(problem, start.attitude, start.joints, stop_at_margin=True)
+    assert (motion.ending, motion.panels, motion.final.time) == (Ending.MARGIN, 0, 0.0)
+    result = closest_approach(motion, problem.margin.measure)
+    assert result.value == pytest.approx(abs(problem.margin.measure(start.joints)))
+
+
+def test_first_crossing_has_the_required_magnitude(near):
+    """The measure equals the magnitude there; None where it never does."""
+    measure = near.problem.margin.measure
+    smallest = closest_approach(near, measure).value
+    for value in (5.03, 6.0, 8.0, abs(measure(near.joints[0])) * 0.999):
+        u = first_crossing(near, measure, value)
+        assert abs(measure(near.evaluate(u)[2][0])) == pytest.approx(value, rel=1e-11)
+    assert first_crossing(near, measure, smallest * (1 - 1e-9)) is None
+
+
+# --------------------------------------------------------------------------- extents of the joints
+
+
+@pytest.fixture(scope="module")
+def ranged():
+    """A UR5's motion; its joints have ranges of two revolutions, one of them of one."""
+    return followed(bundled("ur5_servicer/arc"), [0.0, 0.0, 0.0, 1.0], 7)
+
+
+def test_extents_are_those_of_fine_sampling(ranged):
+    extents = joint_extents(ranged)
+    joints = ranged.evaluate(np.linspace(0.0, ranged.panels, 40_001))[2]
+    assert_close(extents.low, joints.min(axis=0), atol=1e-7)
+    assert_close(extents.high, joints.max(axis=0), atol=1e-7)
+    assert (extents.low <= joints.min(axis=0) + 1e-14).all()
+    assert (extents.high >= joints.max(axis=0) - 1e-14).all()
+    assert (joints.max(axis=0) > ranged.joints[[0, -1]].max(axis=0) + 1e-3).any()
+    places = extents.low_places, extents.high_places
+    there = [ranged.evaluate(u)[2].diagonal() for u in places]
+    assert_close(there, [extents.low, extents.high], atol=1e-12)
+
+
+def test_extrema_lie_between_nodes(ranged):
+    """A wave through three nodes of a panel peaks where none of them is."""
+    joints = ranged.joints.copy()
+    joints[:, 0] = 1.0 - (ranged.node_parameters - 3.3) ** 2
+    extents = joint_extents(replace(ranged, joints=joints))
+    assert_close(extents.high[0], 1.0, atol=1e-13)
+    assert_close(extents.high_places[0], 3.3, atol=1e-7)
+
+
+def test_extents_of_a_prismatic_joint(straight):
+    extents = joint_extents(straight)
+    assert_close([extents.low[0], extents.high[0]], [1.0, 1.0 + RELATIVE], atol=1e-9)
+    assert_close([extents.low[1:], extents.high[1:]], 0.0, atol=1e-9)
+
+
+def test_revolute_joints_are_unwrapped_into_their_ranges(ranged, rng):
+    assert unwrapped(ranged) is ranged
+    low, high = joint_ranges(ranged.problem.model)
+    for _ in range(20):
+        shift = REVOLUTION * rng.integers(-3, 4, 6)
+        back = unwrapped(replace(ranged, joints=ranged.joints + shift))
+        extents = joint_extents(back)
+        assert (extents.low >= low).all()
+        assert (extents.high <= high).all()
+    assert back.residuals().end_effector_position < 1e-8
+    assert_close(back.attitudes, ranged.attitudes, atol=0.0)
+
+
+def test_prismatic_joints_are_not_unwrapped():
+    motion = sliding_motion(sliding_robot(limits=(5.0, 9.0)))
+    assert unwrapped(motion) is motion
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "lower", "upper", "shift"),
+    [
+        (-2.6, -2.0, 0.0, 6.0, 1),  # 3.68 to 4.28
+        (7.0, 8.0, -3.2, 3.2, -1),
+        (0.1, 0.2, -9.0, 9.0, 0),
+        (13.0, 13.1, -20.0, 12.9, -1),  # the fewest that suffice
+        (-2.0, 2.0, 0.5, 1.5, 0),  # none suffices: the smallest excess
+        (-30.0, -29.0, 0.0, np.inf, 5),
+        (30.0, 31.0, -np.inf, 0.0, -5),
+        (30.0, 31.0, -np.inf, np.inf, 0),
+    ],
+)
+def test_revolutions_of_an_unwrapped_joint(low, high, lower, upper, shift):
+    assert _revolutions(low, high, lower, upper) == shift
+
+
+def test_ranges_out_of_order_are_ignored():
+    model = FreeFloatingModel.from_urdf(sliding_robot(limits=(0.0, 0.0)), "hand")
+    lower, upper = joint_ranges(model)
+    assert (lower[0], upper[0], upper[1]) == (-np.inf, np.inf, 4.0)
