@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,14 +21,12 @@ from freefloat.motion.extrema import (
     maximum,
 )
 from freefloat.motion.motion import Motion
+from freefloat.motion.panels import NODES
 from freefloat.motion.problem import TOLERANCE, Problem
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:
-    from freefloat.limits.collision import CollisionPairs
-
-_State = tuple[float, Array, Array, int]
-"""Time, attitude, joints, segment of the time law."""
+    from freefloat.limits.clearance import CollisionPairs
 
 
 def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
@@ -66,42 +64,45 @@ class LimitChecker:
     @cached_property
     def pairs(self) -> CollisionPairs:
         """The pairs of shapes that may collide."""
-        from freefloat.limits.collision import CollisionPairs  # coal and trimesh import slowly
+        from freefloat.limits.clearance import CollisionPairs  # coal and trimesh import slowly
 
         return CollisionPairs(self._problem.model, self._limits.clearance or 0.0)
 
     def results(self, motion: Motion) -> tuple[LimitResult, ...]:
         """The results of all limits."""
-        return tuple(check(motion) for check in self._checks())
+        return tuple(self._check(limit, motion) for limit in self._applicable())
 
     def in_turn(self, motion: Motion) -> Iterator[LimitResult]:
         """The results one by one, the cheapest first.
 
         A clearance is not the smallest, but decides whether the limit is kept; see :meth:`settled`.
         """
-        return (check(motion) for check in self._checks(decide_only=True))
+        return (self._check(limit, motion, decide_only=True) for limit in self._applicable())
 
     def settled(self, results: Sequence[LimitResult], motion: Motion) -> tuple[LimitResult, ...]:
         """Results of :meth:`in_turn` with the smallest clearance."""
+        clearance = LimitKind.CLEARANCE
         return tuple(
-            self._clearance(result.allowed, False, motion)
-            if result.limit is LimitKind.CLEARANCE
-            else result
+            self._check(clearance, motion) if result.limit is clearance else result
             for result in results
         )
 
-    def _checks(self, decide_only: bool = False) -> Iterator[Callable[[Motion], LimitResult]]:
-        limits = self._limits
-        if np.isfinite(joint_ranges(self._problem.model)).any():
-            yield self._joint_range
-        if limits.joint_rate is not None:
-            yield partial(self._joint_rate, limits.joint_rate)
-        if limits.base_rate is not None:
-            yield partial(self._base_rate, limits.base_rate)
-        if limits.clearance is not None:
-            yield partial(self._clearance, limits.clearance, decide_only)
-        if limits.joint_torque is not None:
-            yield partial(self._joint_torque, limits.joint_torque)
+    def _applicable(self) -> list[LimitKind]:
+        limits = [limit for limit in LimitKind if getattr(self._limits, limit, None) is not None]
+        ranges = np.isfinite(joint_ranges(self._problem.model)).any()
+        return [LimitKind.JOINT_RANGE, *limits] if ranges else limits
+
+    def _check(self, limit: LimitKind, motion: Motion, decide_only: bool = False) -> LimitResult:
+        if limit is LimitKind.JOINT_RANGE:
+            return self._joint_range(motion)
+        allowed = getattr(self._limits, limit)
+        if limit is LimitKind.CLEARANCE:
+            return self._clearance(allowed, decide_only, motion)
+        if limit is LimitKind.BASE_RATE:
+            return self._base_rate(allowed, motion)
+        if limit is LimitKind.JOINT_TORQUE:
+            return self._joint_torque(allowed, motion)
+        return self._of_joint(limit, motion, allowed, lambda k, x: self._rates(motion, k, x)[1])
 
     def _joint_range(self, motion: Motion) -> LimitResult:
         """The joint that is farthest out of its range, or nearest to an end of it."""
@@ -117,35 +118,27 @@ class LimitChecker:
         return _result(LimitKind.JOINT_RANGE, worst[joint], allowed[joint], ratio[joint],
                        _time(motion, float(places[joint])), self._names[joint])  # fmt: skip
 
-    def _joint_rate(self, allowed: Array, motion: Motion) -> LimitResult:
-        def rates(panel: int, x: float) -> Array:
-            return self._rates(motion, panel, x)[1]
-
-        return self._of_joint(LimitKind.JOINT_RATE, motion, allowed, rates)
-
     def _base_rate(self, allowed: float, motion: Motion) -> LimitResult:
         def squared(panel: int, x: float) -> Array:
             """The squared ratio, smooth also where the rate passes through zero."""
             omega = self._rates(motion, panel, x)[0] / allowed
             return np.array([omega @ omega])
 
-        peak = maximum(at_nodes(motion, squared), squared) if motion.panels else _SINGULAR
+        peak = _peak(motion, squared)
         ratio, time = float(np.sqrt(peak.value)), _time(motion, peak.u)
         return _result(LimitKind.BASE_RATE, ratio * allowed, allowed, ratio, time, "spacecraft")
 
     def _joint_torque(self, allowed: Array, motion: Motion) -> LimitResult:
         def forces(panel: int, x: float) -> Array:
-            effort = self._dynamics.effort(*_state(motion, panel, x))
-            return np.concatenate([effort.base_wrench, effort.joint_torques])
+            effort = self._dynamics.effort(*motion.at(panel, x), motion.timing_segment(panel))
+            return np.concatenate([effort.joint_torques, effort.base_wrench])
 
-        def torques(panel: int, x: float) -> Array:
-            return forces(panel, x)[6:]
-
-        if not motion.panels:
-            return self._of_joint(LimitKind.JOINT_TORQUE, motion, allowed, torques)
-        base, joints = np.split(at_nodes(motion, forces), [6], axis=2)
-        result = self._of_joint(LimitKind.JOINT_TORQUE, motion, allowed, torques, joints)
-        wrench, torque = (float(np.nanmax(np.abs(x), initial=0.0)) for x in (base, joints))
+        nodes = at_nodes(motion, forces).reshape(-1, len(NODES), len(allowed) + 6)
+        torques, wrenches = np.split(nodes, [len(allowed)], axis=2)
+        result = self._of_joint(
+            LimitKind.JOINT_TORQUE, motion, allowed, lambda k, x: forces(k, x)[:-6], torques
+        )
+        wrench, torque = (float(np.nanmax(np.abs(x), initial=0.0)) for x in (wrenches, torques))
         return replace(result, base_wrench=wrench / torque if torque else wrench)
 
     def _of_joint(
@@ -166,10 +159,9 @@ class LimitChecker:
             ratio = values(panel, x) / allowed
             return np.concatenate([ratio, -ratio])
 
-        peak = _SINGULAR
-        if motion.panels:
-            nodes = at_nodes(motion, values) if nodes is None else nodes
-            peak = maximum(np.concatenate([nodes / allowed, -nodes / allowed], axis=2), ratios)
+        if nodes is not None:
+            nodes = np.concatenate([nodes / allowed, -nodes / allowed], axis=2)
+        peak = _peak(motion, ratios, nodes)
         joint, worst = peak.index % len(allowed), np.inf
         if np.isfinite(peak.value):
             worst = values(peak.panel, peak.x)[joint]
@@ -188,13 +180,16 @@ class LimitChecker:
         return replace(result, kept=kept, notes=self.pairs.left_out)
 
     def _rates(self, motion: Motion, panel: int, x: float) -> tuple[Array, Array]:
-        t, attitude, joints, segment = _state(motion, panel, x)
-        twist, speed = self._problem.path.twist_and_speed(t, segment)
-        return self._equation.rates(attitude, joints, twist, speed)
+        t, attitude, joints = motion.at(panel, x)
+        task = self._problem.path.twist_and_speed(t, motion.timing_segment(panel))
+        return self._equation.rates(attitude, joints, *task)
 
 
-_SINGULAR = Extremum(np.inf, 0, 0, -1.0)
-"""The maximum along a motion that is singular at its start and ends there."""
+def _peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extremum:
+    """The maximum along a motion; infinite if it is singular at its start and ends there."""
+    if not motion.panels:
+        return Extremum(np.inf, 0, 0, -1.0)
+    return maximum(at_nodes(motion, values) if nodes is None else nodes, values)
 
 
 def _result(
@@ -202,11 +197,6 @@ def _result(
 ) -> LimitResult:
     kept = bool(ratio <= 1.0 + TOLERANCE)
     return LimitResult(limit, float(worst), float(allowed), time, where, kept, float(ratio))
-
-
-def _state(motion: Motion, panel: int, x: float) -> _State:
-    """The state at a parameter of a panel, with the segment of the time law of that panel."""
-    return *motion.at(panel, x), motion.timing_segment(panel)
 
 
 def _time(motion: Motion, place: float) -> float:

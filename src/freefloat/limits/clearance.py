@@ -1,21 +1,29 @@
 """The smallest distance between bodies along a motion, found by branch and bound.
 
 Between two configurations the distance of a pair changes by at most the path lengths of its joints
-times their levers. Intervals in which the distance may fall below the smallest one found are
+times their levers. Intervals in which the distance may fall below the smallest one known are
 bisected until none is left, so that no contact between samples is missed.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
 from numpy.polynomial import chebyshev
 from scipy.optimize import minimize_scalar
 
-from freefloat.limits.collision import CollisionPairs
+from freefloat.errors import ModelError
+from freefloat.limits.collision import CollisionShape, collision_shapes
+from freefloat.motion.extrema import joint_ranges
 from freefloat.motion.motion import Motion
-from freefloat.so3 import Array, IntArray
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, IntArray, low_discrepancy
 
 TOLERANCE = 1e-4
 """Bound of the error before the final refinement [m]."""
@@ -25,6 +33,150 @@ _ROUNDING = 1e-9
 """Rounding error of distances [m]."""
 _STARTS = 2
 """Initial intervals of a panel."""
+_CONFIGURATIONS = 1024
+"""Sampled configurations; pairs that are too near in all of them are left out."""
+_BASE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+class CollisionPairs:
+    """Pairs of shapes on different bodies, and their distances.
+
+    Links that a moving joint connects are left out, and pairs that are nearer than the clearance
+    in every configuration.
+
+    Attributes:
+        pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, (P, 2).
+        left_out: Pairs of links that are always too near, ``"a - b: why"``.
+    """
+
+    def __init__(self, model: FreeFloatingModel, clearance: float = 0.0) -> None:
+        """Choose the pairs of a robot that can be farther apart than a clearance [m].
+
+        Raises:
+            ModelError: If a shape cannot be read, or there is no pair.
+        """
+        self._model, self._shapes = model, collision_shapes(model)
+        connected = {frozenset((joint.parent, joint.child)) for joint in model.moving_joints}
+        candidates = np.array([
+            (i, j) if a.body < b.body else (j, i)
+            for (i, a), (j, b) in itertools.combinations(enumerate(self._shapes), 2)
+            if a.body != b.body and frozenset((a.link, b.link)) not in connected
+        ], dtype=np.int64).reshape(-1, 2)  # fmt: skip
+        near = self._always_near(candidates, clearance)
+        self.pairs: IntArray = candidates[~near]
+        names = set(map(self._links, self.pairs))
+        self.left_out = tuple(sorted({
+            f"{name}: {'parts are ' if name in names else ''}always too near"
+            for name in map(self._links, candidates[near])
+        }))  # fmt: skip
+        if not len(self.pairs):
+            problem = "the robot has no two shapes that could collide"
+            accepted = "a URDF with <collision> or <visual> shapes"
+            if near.any():
+                problem = f"no two shapes of the robot are ever farther than {clearance:g} m apart"
+                accepted = "a smaller distance"
+            source = model.description.source
+            raise ModelError("limits.clearance", problem, accepted, source)
+        self._geometry = self._geometry_model(self.pairs)
+
+    def name(self, pair: int) -> str:
+        """Links of a pair, ``"a - b"``."""
+        return self._links(self.pairs[pair])
+
+    def _links(self, pair: Sequence[int] | IntArray) -> str:
+        return " - ".join(self._shapes[index].link for index in pair)
+
+    def distances(self, joints: npt.ArrayLike, pairs: npt.ArrayLike) -> Array:
+        """Distances of pairs in a configuration.
+
+        Args:
+            joints: Joint values [rad or m], shape (n,).
+            pairs: Indices into :attr:`pairs`, shape (K,).
+
+        Returns:
+            [m], shape (K,); of shapes that overlap, minus the penetration depth.
+        """
+        return self._measure(self._geometry, joints, pairs)
+
+    def _measure(
+        self, geometry: tuple[Any, Any], joints: npt.ArrayLike, pairs: npt.ArrayLike
+    ) -> Array:
+        model, (shapes, data) = self._model, geometry
+        q = np.concatenate([_BASE, np.asarray(joints)])
+        pin.updateGeometryPlacements(model.pin_model, model.scratch, shapes, data, q)
+        return np.array([
+            pin.computeDistance(shapes, data, pair).min_distance
+            for pair in np.asarray(pairs).tolist()
+        ])  # fmt: skip
+
+    def _geometry_model(self, pairs: IntArray) -> tuple[Any, Any]:
+        """Pinocchio's geometry model of some pairs, and its data."""
+        geometry = pin.GeometryModel()
+        for number, shape in enumerate(self._shapes):
+            pose = pin.SE3(shape.placement.rotation, shape.placement.position)
+            geometry.addGeometryObject(
+                pin.GeometryObject(f"{number}", shape.body + 1, pose, shape.geometry)
+            )
+        for first, second in pairs.tolist():
+            geometry.addCollisionPair(pin.CollisionPair(first, second))
+        return geometry, geometry.createData()
+
+    def _always_near(self, pairs: IntArray, clearance: float) -> npt.NDArray[np.bool_]:
+        """Which pairs are at most the clearance apart in all sampled configurations."""
+        geometry, near = self._geometry_model(pairs), np.arange(len(pairs))
+        lower, upper = joint_ranges(self._model)
+        low = np.where(np.isfinite(lower), lower, -np.pi)
+        high = np.where(np.isfinite(upper), upper, np.pi)
+        for fraction in low_discrepancy(_CONFIGURATIONS, self._model.dof):
+            if not len(near):
+                break
+            near = near[self._measure(geometry, low + fraction * (high - low), near) <= clearance]
+        return np.isin(np.arange(len(pairs)), near)
+
+    def levers(self, strokes: Array) -> Array:
+        """Bounds of the derivatives of the distances by the joint values.
+
+        A revolute joint moves the nearest points by no more than their distance from its axis; of
+        the two shapes the nearer one counts, because only their relative motion matters.
+
+        Args:
+            strokes: Largest magnitudes of the prismatic joints' values [m], shape (n,).
+
+        Returns:
+            [m/rad or m/m], shape (P, n).
+        """
+        reach = np.array([self._reach(shape, strokes) for shape in self._shapes])
+        first, second = self.pairs.T
+        bodies = np.array([shape.body for shape in self._shapes])
+        joints = np.arange(1, self._model.dof + 1)
+        between = (joints > bodies[first][:, None]) & (joints <= bodies[second][:, None])
+        prismatic = np.array([body.prismatic for body in self._model.bodies[1:]])
+        revolute = np.minimum(reach[first], reach[second])
+        return np.where(between, np.where(prismatic, 1.0, revolute), 0.0)
+
+    def _reach(self, shape: CollisionShape, strokes: Array) -> Array:
+        """Bounds of the distances of a shape's points from every joint axis [m], shape (n,)."""
+        arm = self._model.bodies[1:]
+        steps = np.array([np.linalg.norm(body.placement.position) for body in arm])
+        lengths = steps + np.where([body.prismatic for body in arm], strokes, 0.0)
+        radius = np.linalg.norm(shape.points, axis=1).max()
+        reach = np.empty(len(arm))
+        for k, body in enumerate(arm, start=1):
+            if k == shape.body:
+                reach[k - 1] = _from_axis(shape.points, body.axis)
+            elif k == shape.body + 1:
+                pose = body.placement
+                points = shape.points - pose.position
+                reach[k - 1] = _from_axis(points, pose.rotation @ body.axis)
+            else:
+                reach[k - 1] = radius + lengths[min(k, shape.body) : max(k, shape.body)].sum()
+        return reach
+
+
+def _from_axis(points: Array, axis: Array) -> float:
+    """Distance of the farthest point from an axis through the origin [m]."""
+    across = points - np.outer(points @ axis, axis)
+    return float(np.linalg.norm(across, axis=1).max())
 
 
 @dataclass(frozen=True)
@@ -56,50 +208,41 @@ def clearance(motion: Motion, pairs: CollisionPairs, threshold: float | None = N
     levers = pairs.levers(np.abs(motion.joints).max(axis=0))
     every, panels = np.arange(len(pairs.pairs)), float(motion.panels)
     places = np.linspace(0.0, panels, _STARTS * motion.panels + 1)
-    low, high = np.maximum(places - 1.0 / _STARTS, 0.0), np.minimum(places + 1.0 / _STARTS, panels)
-    low, high, middle = (np.repeat(values, len(every)) for values in (low, high, places))
-    pair = np.tile(every, len(places))
+    middle, pair = np.repeat(places, len(every)), np.tile(every, len(places))
     distance = _distances(motion, pairs, middle, pair)
     best = distance.argmin()
-    found = (distance[best], pair[best], middle[best], low[best], high[best])
+    low, high = np.clip(middle[best] + np.array([-1.0, 1.0]) / _STARTS, 0.0, panels)
+    nearest = (distance[best], pair[best], middle[best], low, high)
     low, high = (np.repeat(ends, len(every)) for ends in (places[:-1], places[1:]))
     before, after = distance[: -len(every)], distance[len(every) :]
     pair = pair[len(every) :]
-    while len(pair) and (threshold is None or found[0] >= limit):
+    while len(pair) and (threshold is None or nearest[0] >= limit):
         change = np.zeros(len(pair))
         for k, path in enumerate(lengths.T):
             change += levers[pair, k] * (np.interp(high, edges, path) - np.interp(low, edges, path))
-        below = (before + after - change) / 2.0 < min(found[0] - TOLERANCE, limit)
+        below = (before + after - change) / 2.0 < min(nearest[0] - TOLERANCE, limit)
         if not below.any():
             break
         pair, low, high, before, after = (x[below] for x in (pair, low, high, before, after))
         middle = (low + high) / 2.0
         distance = _distances(motion, pairs, middle, pair)
         best = distance.argmin()
-        if distance[best] < found[0]:
-            found = (distance[best], pair[best], middle[best], low[best], high[best])
+        if distance[best] < nearest[0]:
+            nearest = (distance[best], pair[best], middle[best], low[best], high[best])
         pair = np.tile(pair, 2)
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         before, after = np.concatenate([before, distance]), np.concatenate([distance, after])
-    if threshold is None and found[3] < found[4]:
-        found = _refined(motion, pairs, *found)
-    time = np.clip(motion.evaluate(found[2])[0][0], motion.times.min(), motion.times.max())
-    return Clearance(float(found[0]), int(found[1]), float(time))
-
-
-def _refined(
-    motion: Motion, pairs: CollisionPairs, distance: float, pair: int, place: float, low: float,
-    high: float,
-) -> tuple[float, int, float, float, float]:  # fmt: skip
-    """The minimum of one pair's distance in an interval, where it is smaller."""
-    only = np.array([pair])
-    minimum = minimize_scalar(
-        lambda u: _distances(motion, pairs, np.array([u]), only)[0],
-        bounds=(low, high), method="bounded", options={"xatol": 1e-9},
-    )  # fmt: skip
-    if minimum.fun < distance - _ROUNDING:
-        distance, place = minimum.fun, minimum.x
-    return distance, pair, place, low, high
+    smallest, number, place, start, end = nearest
+    if threshold is None and start < end:
+        only = np.array([number])
+        refined = minimize_scalar(
+            lambda u: _distances(motion, pairs, np.array([u]), only)[0],
+            bounds=(start, end), method="bounded", options={"xatol": 1e-9},
+        )  # fmt: skip
+        if refined.fun < smallest - _ROUNDING:
+            smallest, place = refined.fun, refined.x
+    time = np.clip(motion.evaluate(place)[0][0], motion.times.min(), motion.times.max())
+    return Clearance(float(smallest), int(number), float(time))
 
 
 def _distances(motion: Motion, pairs: CollisionPairs, places: Array, pair: IntArray) -> Array:

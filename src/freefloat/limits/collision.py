@@ -1,9 +1,7 @@
-"""Collision shapes of a robot, the pairs of them that may collide, and their distances."""
+"""Collision shapes of a robot: primitives, and meshes as approximate convex decompositions."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -11,23 +9,24 @@ from typing import Any
 
 import coal
 import numpy as np
-import numpy.typing as npt
-import pinocchio as pin
+import trimesh
+from scipy.spatial import ConvexHull, QhullError
 
 from freefloat.errors import ModelError
-from freefloat.limits.convex_decomposition import convex_parts
-from freefloat.motion.extrema import joint_ranges
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.robot.urdf import Box, Cylinder, LinkShape, MeshFile, Sphere
-from freefloat.so3 import Array, IntArray, Pose, low_discrepancy
+from freefloat.robot.urdf import Box, Cylinder, LinkShape, MeshFile, Sphere, corners
+from freefloat.so3 import Array, IntArray, Pose
 
-_CONFIGURATIONS = 1024
-"""Sampled configurations; pairs that are too near in all of them are left out."""
-_BASE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-_CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+_MOST = 6
+"""Largest number of convex parts of a mesh."""
+_CUTS = (0.2, 0.35, 0.5, 0.65, 0.8)
+"""Positions of trial cuts, as fractions of a part's extent along an axis."""
+_GAIN = 0.03
+"""Volume that a cut has to save, as a fraction of the whole hull's."""
 
+_slice: Any = trimesh.intersections.slice_faces_plane
 _Solid = tuple[Any, Array]
 """A coal geometry, and the vertices of a polytope around it, shape (V, 3)."""
 
@@ -57,11 +56,7 @@ def collision_shapes(model: FreeFloatingModel) -> tuple[CollisionShape, ...]:
     Raises:
         ModelError: If a shape cannot be read.
     """
-    return tuple(_shapes(model))
-
-
-def _shapes(model: FreeFloatingModel) -> Iterator[CollisionShape]:
-    source = model.description.source
+    source, shapes = model.description.source, list[CollisionShape]()
     for link in model.description.links:
         body, pose = model.link_places[link.name]
         for shape in link.collisions or link.visuals:
@@ -74,18 +69,18 @@ def _shapes(model: FreeFloatingModel) -> Iterator[CollisionShape]:
             at = pose @ shape.origin
             for geometry, points in solids:
                 vertices = points @ at.rotation.T + at.position
-                yield CollisionShape(link.name, body, at, geometry, vertices)
+                shapes.append(CollisionShape(link.name, body, at, geometry, vertices))
+    return tuple(shapes)
 
 
 def _solids(shape: LinkShape, source: str) -> tuple[_Solid, ...]:
     match shape.geometry:
         case Box(size=size):
-            return ((coal.Box(*size), _CORNERS * size / 2.0),)
+            return ((coal.Box(*size), corners(shape.geometry)),)
         case Cylinder(radius=radius, length=length):
-            half = np.array([radius, radius, length / 2.0])
-            return ((coal.Cylinder(radius, length), _CORNERS * half),)
+            return ((coal.Cylinder(radius, length), corners(shape.geometry)),)
         case Sphere(radius=radius):
-            return ((coal.Sphere(radius), _CORNERS * radius),)
+            return ((coal.Sphere(radius), corners(shape.geometry)),)
         case MeshFile(filename=name, scale=scale):
             file = find_mesh(name, source)
             return _mesh_solids(file, file.stat().st_mtime_ns, *scale)
@@ -101,162 +96,85 @@ def _mesh_solids(file: Path, _: int, *scale: float) -> tuple[_Solid, ...]:
     for part in convex_parts(triangles):
         points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         points.extend(list(part.points))
-        faces.extend([coal.Triangle(*corners) for corners in part.faces.tolist()])
+        faces.extend([coal.Triangle(*vertices) for vertices in part.faces.tolist()])
         solids.append((coal.Convex(points, faces), part.points))
     return tuple(solids)
 
 
-class CollisionPairs:
-    """Pairs of shapes on different bodies, and their distances.
-
-    Links that a moving joint connects are left out, and pairs that are nearer than the clearance
-    in every configuration.
+@dataclass(frozen=True, eq=False)
+class ConvexPart:
+    """A convex polytope.
 
     Attributes:
-        shapes: The collision shapes.
-        pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, (P, 2).
-        left_out: Pairs of links that are always too near, ``"a - b: why"``.
+        points: Vertices [m], shape (V, 3).
+        faces: Three vertices each, anticlockwise when seen from outside, shape (F, 3).
     """
 
-    def __init__(self, model: FreeFloatingModel, clearance: float = 0.0) -> None:
-        """Choose the pairs of a robot.
+    points: Array
+    faces: IntArray
 
-        Args:
-            model: The robot.
-            clearance: Required distance [m].
 
-        Raises:
-            ModelError: If a shape cannot be read, or there is no pair.
-        """
-        self._model = model
-        self.shapes = collision_shapes(model)
-        connected = {frozenset((joint.parent, joint.child)) for joint in model.moving_joints}
-        candidates = [
-            (i, j) if a.body < b.body else (j, i)
-            for (i, a), (j, b) in itertools.combinations(enumerate(self.shapes), 2)
-            if a.body != b.body and frozenset((a.link, b.link)) not in connected
-        ]
-        near = self._always_near(candidates, clearance)
-        kept = [pair for pair in candidates if pair not in near]
-        names = set(map(self._links, kept))
-        self.left_out = tuple(sorted({
-            f"{name}: {'parts are ' if name in names else ''}always too near"
-            for name in map(self._links, near)
-        }))  # fmt: skip
-        if not kept:
-            problem = "the robot has no two shapes that could collide"
-            accepted = "a URDF with <collision> or <visual> shapes"
-            if near:
-                problem = f"no two shapes of the robot are ever farther than {clearance:g} m apart"
-                accepted = "a smaller distance"
-            source = model.description.source
-            raise ModelError("limits.clearance", problem, accepted, source)
-        self.pairs: IntArray = np.array(kept, dtype=np.int64)
-        self._geometry = self._geometry_model(kept)
+def convex_parts(triangles: Array) -> tuple[ConvexPart, ...]:
+    """Convex parts that together contain a mesh; one where its hull is hardly larger.
 
-    def name(self, pair: int) -> str:
-        """Links of a pair, ``"a - b"``."""
-        return self._links(self.pairs[pair].tolist())
+    A part is cut in two by the coordinate plane that saves the largest volume.
 
-    def _links(self, pair: Sequence[int]) -> str:
-        return " - ".join(self.shapes[index].link for index in pair)
+    Args:
+        triangles: Vertices of the triangles [m], shape (F, 3, 3).
+    """
+    whole = _Segment(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    segments = [whole]
+    while len(segments) < _MOST:
+        best = max(segments, key=lambda segment: segment.gain)
+        if best.gain <= _GAIN * whole.hull.volume:
+            break
+        segments.remove(best)
+        segments += best.halves
+    return tuple(segment.part() for segment in segments)
 
-    def distances(self, joints: npt.ArrayLike, pairs: npt.ArrayLike) -> Array:
-        """Distances of pairs in a configuration.
 
-        Args:
-            joints: Joint values [rad or m], shape (n,).
-            pairs: Indices into :attr:`pairs`, shape (K,).
+class _Segment:
+    """Triangles of a mesh and their convex hull."""
 
-        Returns:
-            [m], shape (K,); of shapes that overlap, minus the penetration depth.
-        """
-        return self._measure(self._geometry, joints, pairs)
-
-    def _measure(
-        self, geometry: tuple[Any, Any], joints: npt.ArrayLike, pairs: npt.ArrayLike
-    ) -> Array:
-        model, (shapes, data) = self._model, geometry
-        q = np.concatenate([_BASE, np.asarray(joints)])
-        pin.updateGeometryPlacements(model.pin_model, model.scratch, shapes, data, q)
-        return np.array([
-            pin.computeDistance(shapes, data, pair).min_distance
-            for pair in np.asarray(pairs).tolist()
-        ])  # fmt: skip
-
-    def _geometry_model(self, pairs: Sequence[tuple[int, int]]) -> tuple[Any, Any]:
-        """Pinocchio's geometry model of some pairs, and its data."""
-        geometry = pin.GeometryModel()
-        for number, shape in enumerate(self.shapes):
-            pose = pin.SE3(shape.placement.rotation, shape.placement.position)
-            geometry.addGeometryObject(
-                pin.GeometryObject(f"{number}", shape.body + 1, pose, shape.geometry)
-            )
-        for first, second in pairs:
-            geometry.addCollisionPair(pin.CollisionPair(first, second))
-        return geometry, geometry.createData()
-
-    def _always_near(
-        self, pairs: Sequence[tuple[int, int]], clearance: float
-    ) -> set[tuple[int, int]]:
-        """Pairs that are at most the clearance apart in all sampled configurations."""
-        geometry, near = self._geometry_model(pairs), np.arange(len(pairs))
-        lower, upper = joint_ranges(self._model)
-        low = np.where(np.isfinite(lower), lower, -np.pi)
-        high = np.where(np.isfinite(upper), upper, np.pi)
-        for fraction in low_discrepancy(_CONFIGURATIONS, self._model.dof):
-            if not len(near):
-                break
-            near = near[self._measure(geometry, low + fraction * (high - low), near) <= clearance]
-        return {pairs[int(index)] for index in near}
+    def __init__(self, vertices: Array, faces: IntArray) -> None:
+        self.vertices, self.faces = vertices, faces
+        points = np.unique(vertices, axis=0)
+        try:
+            self.hull = ConvexHull(points)
+        except QhullError:  # all points in one plane
+            self.hull = ConvexHull(points, qhull_options="QJ")
 
     @cached_property
-    def _radii(self) -> Array:
-        """Distance of each shape's farthest point from its body's joint frame [m], (S,)."""
-        return np.array([np.linalg.norm(shape.points, axis=1).max() for shape in self.shapes])
+    def halves(self) -> list[_Segment]:
+        """Both sides of the trial cut with the smallest hulls; none if no cut divides it."""
+        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        best: list[_Segment] = []
+        for axis in np.eye(3):
+            for fraction in _CUTS:
+                origin = low + fraction * (high - low)
+                sides = [_slice(self.vertices, self.faces, normal, origin)[:2]
+                         for normal in (axis, -axis)]  # fmt: skip
+                if min(len(faces) for _, faces in sides) > 0:
+                    trial = [_Segment(*side) for side in sides]
+                    if not best or _volume(trial) < _volume(best):
+                        best = trial
+        return best
 
-    def levers(self, strokes: Array) -> Array:
-        """Bounds of the derivatives of the distances by the joint values.
+    @cached_property
+    def gain(self) -> float:
+        """Volume that the cut saves [m³]."""
+        return float(self.hull.volume) - _volume(self.halves) if self.halves else 0.0
 
-        A revolute joint moves the nearest points by no more than their distance from its axis; of
-        the two shapes the nearer one counts, because only their relative motion matters.
-
-        Args:
-            strokes: Largest magnitudes of the prismatic joints' values [m], shape (n,).
-
-        Returns:
-            [m/rad or m/m], shape (P, n).
-        """
-        reach = np.array([self._reach(shape, i, strokes) for i, shape in enumerate(self.shapes)])
-        first, second = self.pairs.T
-        bodies = np.array([shape.body for shape in self.shapes])
-        joints = np.arange(1, self._model.dof + 1)
-        between = (joints > bodies[first][:, None]) & (joints <= bodies[second][:, None])
-        prismatic = np.array([body.prismatic for body in self._model.bodies[1:]])
-        revolute = np.minimum(reach[first], reach[second])
-        return np.where(between, np.where(prismatic, 1.0, revolute), 0.0)
-
-    def _reach(self, shape: CollisionShape, index: int, strokes: Array) -> Array:
-        """Bounds of the distances of a shape's points from every joint axis [m], shape (n,)."""
-        bodies = self._model.bodies
-        steps = np.array([np.linalg.norm(body.placement.position) for body in bodies[1:]])
-        lengths = steps + np.where([body.prismatic for body in bodies[1:]], strokes, 0.0)
-        reach = np.empty(len(lengths))
-        for k in range(1, len(bodies)):
-            if k == shape.body:
-                reach[k - 1] = _from_axis(shape.points, bodies[k].axis)
-            elif k == shape.body + 1:
-                pose = bodies[k].placement
-                reach[k - 1] = _from_axis(
-                    shape.points - pose.position, pose.rotation @ bodies[k].axis
-                )
-            else:
-                between = lengths[min(k, shape.body) : max(k, shape.body)]
-                reach[k - 1] = self._radii[index] + between.sum()
-        return reach
+    def part(self) -> ConvexPart:
+        """The convex hull."""
+        hull = self.hull
+        number = np.zeros(len(hull.points), dtype=np.int64)
+        number[hull.vertices] = np.arange(len(hull.vertices))
+        a, b, c = np.moveaxis(hull.points[hull.simplices], 1, 0)
+        outward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) > 0.0
+        faces = np.where(outward[:, None], hull.simplices, hull.simplices[:, ::-1])
+        return ConvexPart(hull.points[hull.vertices], number[faces])
 
 
-def _from_axis(points: Array, axis: Array) -> float:
-    """Distance of the farthest point from an axis through the origin [m]."""
-    across = points - np.outer(points @ axis, axis)
-    return float(np.linalg.norm(across, axis=1).max())
+def _volume(segments: list[_Segment]) -> float:
+    return float(sum(segment.hull.volume for segment in segments))

@@ -55,21 +55,23 @@ class InverseDynamics:
         self._scratch = self._weightless.createData()
         self._rows = problem.task.rows
 
-    def effort(self, t: float, attitude: Array, joints: Array, piece: int | None = None) -> Effort:
+    def effort(
+        self, t: float, attitude: Array, joints: Array, segment: int | None = None
+    ) -> Effort:
         """Forces at a state of a motion.
 
         Args:
             t: Time [s].
             attitude: Unit quaternion x, y, z, w.
             joints: Joint values, shape (n,).
-            piece: Segment of the time law, see :meth:`freefloat.paths.timing.Timing.s`.
+            segment: Segment of the time law, see :meth:`freefloat.paths.timing.Timing.s`.
 
         Returns:
             NaN where the arm is exactly singular.
         """
         path = self._problem.path
-        twist, speed = path.twist_and_speed(t, piece)
-        change = path.twist_rate(t, piece)
+        twist, speed = path.twist_and_speed(t, segment)
+        change = path.twist_rate(t, segment)
         omega, joint_rates = self._equation.rates(attitude, joints, twist, speed)
         count = 6 + len(joints)
         if not np.isfinite(joint_rates).all():
@@ -89,7 +91,7 @@ class InverseDynamics:
             right = np.concatenate([-drift.vector, change[self._rows] - bias])
             a = np.linalg.solve(np.vstack([A, J]), right)
         else:
-            prescribed = np.append(twist, speed), np.append(change, path.timing.s(t, 2, piece))
+            prescribed = np.append(twist, speed), np.append(change, path.timing.s(t, 2, segment))
             accelerations = self._differentiated(attitude, joints, rates, *prescribed)
             base = -np.linalg.solve(A[:, :6], drift.vector + A[:, 6:] @ accelerations)
             a = np.concatenate([base, accelerations])

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
-from freefloat.limits.collision import CollisionPairs
+from freefloat.limits.clearance import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.extrema import joint_ranges
 from freefloat.motion.problem import Problem

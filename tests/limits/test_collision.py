@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull, Delaunay
 
-from freefloat.limits.convex_decomposition import convex_parts, cut
+from freefloat.limits.collision import convex_parts
 
 
 def volume(parts):
@@ -60,13 +60,3 @@ def test_flat_meshes_have_a_hull():
     (part,) = convex_parts(np.array([[[0.0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0],
                                                                         [0, 1, 0]]]))  # fmt: skip
     assert np.ptp(part.points, axis=0) == pytest.approx([1.0, 1.0, 0.0], abs=1e-6)
-
-
-def test_a_cut_loses_nothing_of_the_surface(rng):
-    """Areas on both sides of a plane sum to the whole, and each lies on its side."""
-    triangles = rng.normal(size=(200, 3, 3))
-    sides = [cut(triangles, 1, 0.2, sign) for sign in (1.0, -1.0)]
-    assert (sides[0][:, :, 1] > 0.2 - 1e-12).all()
-    assert (sides[1][:, :, 1] < 0.2 + 1e-12).all()
-    areas = [trimesh.triangles.area(some).sum() for some in (triangles, *sides)]
-    assert areas[1] + areas[2] == pytest.approx(areas[0], rel=1e-12)
