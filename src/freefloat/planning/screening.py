@@ -30,6 +30,9 @@ _SLACK = 1e-4
 _INSTANTS = 16
 """Instants between start and end at which clearances are computed."""
 
+_Entries = tuple[IntArray, IntArray]
+"""Rows and arm branches of candidates in results of motions."""
+
 
 @dataclass(frozen=True, eq=False)
 class ScreenedCandidate:
@@ -45,9 +48,9 @@ class ScreenedCandidate:
 
     attitude: Array
     branch: int
-    violation: LimitKind | None
-    rate_ratio: float
-    clearance_deficit: float
+    violation: LimitKind | None = None
+    rate_ratio: float = 0.0
+    clearance_deficit: float = 0.0
 
 
 def screen(
@@ -69,28 +72,20 @@ def screen(
         pairs: Bodies whose clearance is limited; None where it is not.
     """
     feasible = evaluator.problem.margin.is_kept(margins)
-    samples, branches = _ranked(attitudes, margins, feasible, search)
+    samples, branches = np.nonzero(feasible)
+    ranks = [-margins[samples, branches]]
+    if search.objective is Objective.NEAREST and search.from_attitude is not None:
+        ranks.append(angle_between(attitudes, search.from_attitude)[samples])
+    elif search.objective is Objective.ROBUST:
+        table = np.column_stack([depths(attitudes, column) for column in feasible.T])
+        ranks = [-table[samples, branches]]
+    order = np.lexsort(ranks)
+    samples, branches = samples[order], branches[order]
     first, size = 0, _FIRST_BATCH
     while first < len(samples):
         batch = slice(first, first + size)
         first, size = first + size, min(2 * size, _BATCH)
         yield from _screened(evaluator, attitudes[samples[batch]], branches[batch], limits, pairs)
-
-
-def _ranked(
-    attitudes: Array, margins: Array, feasible: npt.NDArray[np.bool_], search: Search
-) -> tuple[IntArray, IntArray]:
-    """Samples and branches that keep the margin, in the order of the objective."""
-    samples, branches = np.nonzero(feasible)
-    if search.objective is Objective.NEAREST and search.from_attitude is not None:
-        distances = angle_between(attitudes, search.from_attitude)[samples]
-        order = np.lexsort((-margins[samples, branches], distances))
-    elif search.objective is Objective.ROBUST:
-        table = np.column_stack([depths(attitudes, column) for column in feasible.T])
-        order = np.argsort(-table[samples, branches], kind="stable")
-    else:
-        order = np.argsort(-margins[samples, branches], kind="stable")
-    return samples[order], branches[order]
 
 
 def _screened(
@@ -102,20 +97,16 @@ def _screened(
 ) -> Iterator[ScreenedCandidate]:
     """A batch of candidates with what their compiled motions violate."""
     distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
-    outcomes, entries = evaluator.evaluate(distinct), (rows.ravel(), branches)
-    violations = {LimitKind.JOINT_RANGE: _out_of_range(evaluator.problem, outcomes, entries)}
+    results, entries = evaluator.evaluate(distinct), (rows.ravel(), branches)
+    violations = {LimitKind.JOINT_RANGE: _out_of_range(evaluator.problem, results, entries)}
     rate_ratios, deficits = np.zeros((2, len(attitudes)))
     if limits.joint_rate is not None:
-        rates = outcomes.motions.rates[entries]
-        rate_ratios = (rates / limits.joint_rate).max(axis=1)
+        rate_ratios = (results.motions.rates[entries] / limits.joint_rate).max(axis=1)
     violations[LimitKind.JOINT_RATE] = rate_ratios > 1.0 + _SLACK
     if limits.clearance is not None and pairs is not None:
-        left = np.flatnonzero(~np.any([*violations.values()], axis=0))
-        starts, ends = outcomes.joints, outcomes.motions.joints
-        deficits[left] = clearance_deficits(
-            evaluator, pairs, limits.clearance, attitudes[left], starts[entries][left],
-            ends[entries][left],
-        )  # fmt: skip
+        left = ~np.any([*violations.values()], axis=0)
+        remaining = entries[0][left], entries[1][left]
+        deficits[left] = clearance_deficits(evaluator, pairs, limits.clearance, results, remaining)
     violations[LimitKind.CLEARANCE] = deficits > 0.0
     for k, attitude in enumerate(attitudes):
         violation = next((kind for kind, violated in violations.items() if violated[k]), None)
@@ -125,10 +116,10 @@ def _screened(
 
 
 def _out_of_range(
-    problem: Problem, outcomes: BranchResults, entries: tuple[IntArray, IntArray]
+    problem: Problem, results: BranchResults, entries: _Entries
 ) -> npt.NDArray[np.bool_]:
-    """Where no multiple of a full turn puts a joint's values inside its range, shape (K,)."""
-    low, high = outcomes.motions.lower[entries], outcomes.motions.upper[entries]
+    """Where no multiple of a full rotation puts a joint's values inside its range, shape (K,)."""
+    low, high = results.motions.lower[entries], results.motions.upper[entries]
     lower, upper = joint_ranges(problem.model)
     revolute = np.array([not body.prismatic for body in problem.model.bodies[1:]])
     with np.errstate(invalid="ignore"):
@@ -142,9 +133,8 @@ def clearance_deficits(
     evaluator: FeasibilityEvaluator,
     pairs: CollisionPairs,
     clearance: float,
-    attitudes: Array,
-    joints: Array,
-    ends: Array,
+    results: BranchResults,
+    entries: _Entries,
 ) -> Array:
     """Required less actual clearance of motions at the first instant where it is too small.
 
@@ -154,15 +144,15 @@ def clearance_deficits(
         evaluator: Of the problem.
         pairs: Of its robot.
         clearance: Required distance [m].
-        attitudes: At the start, quaternions x, y, z, w, shape (K, 4).
-        joints: At the start, shape (K, n).
-        ends: Joints at the end, shape (K, n).
+        results: Of the evaluator.
+        entries: Rows and arm branches of K motions in the results.
 
     Returns:
         [m], shape (K,); zero for motions that keep the clearance at every instant.
     """
-    deficits = np.zeros(len(attitudes))
-    every = np.arange(len(pairs.pairs))
+    attitudes, joints = results.attitudes[entries[0]], results.joints[entries]
+    ends = results.motions.joints[entries]
+    deficits, every = np.zeros(len(attitudes)), np.arange(len(pairs.pairs))
 
     def examine(numbers: IntArray, configurations: Array) -> IntArray:
         """Motions that keep the clearance at an instant, by number."""

@@ -1,0 +1,155 @@
+"""Plans within limits: the chosen motion keeps them, an infeasible plan has the reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from freefloat.io.scenario import load_scenario, parse_scenario
+from freefloat.limits.check import check_limits
+from freefloat.limits.limits import LimitKind, Limits
+from freefloat.motion.problem import Problem
+from freefloat.planning import limit_keeping
+from freefloat.planning.heading_map import evaluator_for
+from freefloat.planning.limit_keeping import keep_limits
+from freefloat.planning.plan import Objective, Plan, Search
+from freefloat.planning.planner import plan
+from freefloat.so3 import heading_quaternion
+from tests.motions import bundled
+
+PLANAR = load_scenario("planar_3dof/parabola")
+
+
+@pytest.fixture(scope="module")
+def headings() -> Plan:
+    """A planar plan for the margin alone."""
+    return plan(bundled("planar_3dof/parabola_nonstop"), Search())
+
+
+@pytest.fixture(scope="module")
+def attitudes() -> Plan:
+    """A spatial plan for the margin alone."""
+    return plan(bundled("spatial_6dof/line"), Search(samples=64))
+
+
+@pytest.fixture
+def fewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fewer candidates."""
+    monkeypatch.setattr(limit_keeping, "_HEADINGS", 72)
+    monkeypatch.setattr(limit_keeping, "_MOST", 8)
+    monkeypatch.setattr(limit_keeping, "_NEAREST", 2)
+
+
+def checked_plan(problem: Problem, limits: Limits, search: Search) -> Plan:
+    """A plan whose chosen motion keeps the margin and the limits."""
+    result = plan(problem, search, limits=limits)
+    assert_keeps(result, limits)
+    return result
+
+
+def assert_keeps(result: Plan, limits: Limits) -> None:
+    assert result.feasible, result.reason
+    assert result.chosen is not None
+    assert result.problem.margin.is_kept(result.chosen.closest_approach.value)
+    again = check_limits(result.chosen.motion, limits)
+    assert all(entry.kept for entry in again)
+    assert [entry.limit for entry in again] == [entry.limit for entry in result.limit_results]
+
+
+@pytest.mark.slow
+def test_where_the_best_attitude_violates_a_limit_another_is_chosen(attitudes: Plan) -> None:
+    assert attitudes.chosen is not None
+    fastest = check_limits(attitudes.chosen.motion, Limits(joint_rate=np.ones(6)))[0]
+    limits = Limits(joint_rate=np.full(6, 0.9 * abs(fastest.worst)))
+    result = keep_limits(evaluator_for(attitudes.problem), attitudes, limits)
+    assert_keeps(result, limits)
+    assert result.excluded[LimitKind.JOINT_RATE] > 0
+
+
+@pytest.mark.slow
+def test_where_every_motion_collides_the_reason_has_the_links(attitudes: Plan) -> None:
+    """The path of Example 2 leads through its spacecraft."""
+    result = keep_limits(evaluator_for(attitudes.problem), attitudes, Limits(clearance=0.0))
+    assert not result.feasible
+    assert set(result.excluded) == {LimitKind.CLEARANCE}
+    assert "at spacecraft - " in result.reason
+    assert result.needed_stretch is None
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("fewer")
+@pytest.mark.parametrize(
+    ("limits", "name"),
+    [
+        (Limits(joint_rate=np.full(3, 0.02)), "joint_rate"),
+        (Limits(base_rate=0.002), "base_rate"),
+        (Limits(joint_torque=np.full(3, 1e-3)), "joint_torque"),
+    ],
+)
+def test_each_limit_alone_can_make_a_plan_infeasible(
+    headings: Plan, limits: Limits, name: str
+) -> None:
+    result = keep_limits(evaluator_for(headings.problem), headings, limits)
+    assert not result.feasible
+    assert result.chosen is None
+    assert name in result.reason
+    assert set(result.excluded) == {LimitKind(name)}
+    assert result.needed_stretch is not None
+    assert f"{result.needed_stretch:.4g} times the duration would do" in result.reason
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("fewer")
+def test_joint_ranges_count_without_any_other_limit(headings: Plan, tmp_path: Path) -> None:
+    text = headings.problem.model.description.text.replace(
+        'type="continuous">',
+        'type="revolute"><limit lower="-0.01" upper="0.01" effort="1" velocity="1"/>',
+    )
+    (tmp_path / "narrow.urdf").write_text(text)
+    scenario = parse_scenario(
+        PLANAR.text.replace("planar_3dof.urdf", "narrow.urdf"), tmp_path / "s.yaml"
+    )
+    result = plan(scenario.problem(), Search(), limits=Limits())
+    assert not result.feasible
+    assert set(result.excluded) == {LimitKind.JOINT_RANGE}
+    assert result.needed_stretch is None
+
+
+@pytest.mark.slow
+def test_the_stretched_problem_keeps_rates() -> None:
+    """Without momentum; the time of the stop is stretched as the duration."""
+    limits = Limits(joint_rate=np.full(3, 0.05))
+    problem = replace(PLANAR.problem(), momentum=np.zeros(3))
+    result = plan(problem, Search(), limits=limits)
+    assert result.needed_stretch is not None
+    slower = problem.stretched(1.00001 * result.needed_stretch)
+    timing = slower.path.timing
+    assert timing.duration == pytest.approx(100.0 * 1.00001 * result.needed_stretch)
+    assert timing.stops[0].t == pytest.approx(69.73 * 1.00001 * result.needed_stretch)
+    checked_plan(slower, limits, Search())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("over", [1.00001, 1.001])
+def test_the_needed_duration_is_enough_where_few_headings_keep_the_rates(over: float) -> None:
+    """A heading next to one that just violates them is chosen."""
+    problem, limits = bundled("planar_2dof/line"), Limits(joint_rate=np.full(2, 0.001))
+    result = plan(problem, Search(), limits=limits)
+    assert result.needed_stretch is not None
+    checked_plan(problem.stretched(over * result.needed_stretch), limits, Search())
+
+
+@pytest.mark.slow
+def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
+    """From 40 degrees the spacecraft rotates at up to 0.114 rad/s, from smaller headings slower."""
+    search = Search(Objective.NEAREST, from_attitude=heading_quaternion(np.deg2rad(40.0)))
+    limits = Limits(base_rate=0.08)
+    result = checked_plan(PLANAR.problem(), limits, search)
+    assert result.chosen is not None
+    base = check_limits(result.chosen.motion, limits)[-1]
+    assert base.ratio > 0.98  # at the limit: nearer would violate it
+    assert result.deviation is not None
+    assert np.degrees(result.deviation) == pytest.approx(19.6, abs=1.5)
