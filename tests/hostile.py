@@ -26,7 +26,7 @@ from freefloat.errors import FreeFloatError
 from freefloat.io.results import load
 from freefloat.io.scenario import load_scenario
 from freefloat.io.schema import ScenarioFile
-from freefloat.io.validation import validated
+from freefloat.io.yaml import validated
 from freefloat.limits.collision import collision_shapes
 from freefloat.paths.path import parse_samples, samples_text
 from freefloat.planning.simulation import Simulation

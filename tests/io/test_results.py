@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import InputError
-from freefloat.io.decoding import differences
 from freefloat.io.hdf5 import AlteredFileError
+from freefloat.io.results import differences
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.plan import Objective, Plan

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 _MAX = 1e9
 """No length, time or momentum of a spacecraft comes near; squares beyond it lose all digits."""
@@ -22,12 +22,10 @@ Size = tuple[Positive, Positive, Positive]
 Quaternion = tuple[Number, Number, Number, Number]
 Coefficients = Annotated[list[Number], Field(min_length=1, max_length=32)]
 
-RADIANS = "angles in radians of at most one full turn; 90 degrees are 1.5708"
-
 
 def _in_radians(angles: tuple[float, float, float]) -> tuple[float, float, float]:
     if max(map(abs, angles)) > 2.0 * math.pi:
-        raise ValueError(RADIANS)
+        raise ValueError("angles in radians of at most one full turn; 90 degrees are 1.5708")
     return angles
 
 
@@ -35,14 +33,19 @@ RollPitchYaw = Annotated[Vector, AfterValidator(_in_radians)]
 
 
 class Section(BaseModel):
-    """A mapping of a scenario file: unknown keys are errors, numbers are finite."""
+    """A mapping of a file: unknown keys are errors, numbers are finite."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
 
 
-def exactly_one_of(section: BaseModel, *names: str) -> None:
-    """Raise a ValueError unless exactly one of some keys of a section is given."""
-    if sum(getattr(section, name) is not None for name in names) != 1:
-        raise ValueError(f"exactly one of {', '.join(names)}")
+def exactly_one_of(*names: str) -> Any:
+    """A validator of sections in which exactly one of some keys is given."""
+
+    def check(section: Any) -> Any:
+        if sum(getattr(section, name) is not None for name in names) != 1:
+            raise ValueError(f"exactly one of {', '.join(names)}")
+        return section
+
+    return model_validator(mode="after")(check)

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy.typing as npt
 
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
@@ -25,6 +26,8 @@ _BLOCK = 512
 """Bytes of the user block."""
 _MARK = b"freefloat SHA-256 "
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_MAX_DEPTH = 8
+"""Nested groups; result files have five."""
 _MAX_RATIO, _MAX_SMALL = 20, 50_000_000
 """An array has at most so many bytes in memory for each byte on disk, or so many bytes."""
 
@@ -81,51 +84,44 @@ def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
             elif not block.startswith(_SIGNATURE):
                 raise InputError("file", "it is no result file", accepted, str(path))
         with h5py.File(path, "r") as file:
-            _require_own_arrays(file)
+            _require_plain(file)
             yield file
     except OSError as error:
         problem = f"it cannot be read ({str(error).splitlines()[0]})"
         raise InputError("file", problem, accepted, str(path)) from None
 
 
-def _require_own_arrays(file: Any) -> None:
+def _require_plain(group: Any) -> None:
     """Raise a ValueError for links, arrays in other files and arrays larger than the file holds."""
-    groups = [file]
-    while groups:
-        group = groups.pop()
-        for name in group:
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                raise ValueError(f"its part {name} is a link")
-            item = group[name]
-            if isinstance(item, h5py.Group):
-                if item.name.count("/") > _MAX_DEPTH:
-                    raise ValueError(f"its group {item.name} is nested too deeply")
-                groups.append(item)
-            elif item.is_virtual or item.external:
-                raise ValueError(f"its part {name} is in another file")
-            elif (item.nbytes or 0) > max(_MAX_SMALL, _MAX_RATIO * item.id.get_storage_size()):
-                raise ValueError(f"its part {name} states a size that the file does not hold")
+    for name in group:
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            raise ValueError(f"its part {name} is a link")
+        item = group[name]
+        if isinstance(item, h5py.Group):
+            if item.name.count("/") > _MAX_DEPTH:
+                raise ValueError(f"its group {item.name} is nested too deeply")
+            _require_plain(item)
+        elif item.is_virtual or item.external:
+            raise ValueError(f"its part {name} is in another file")
+        elif (item.nbytes or 0) > max(_MAX_SMALL, _MAX_RATIO * item.id.get_storage_size()):
+            raise ValueError(f"its part {name} states a size that the file does not hold")
 
 
-_MAX_DEPTH = 8
-"""Nested groups; result files have five."""
+def write_arrays(group: Any, arrays: Mapping[str, tuple[npt.ArrayLike, str]]) -> None:
+    """Write arrays with their units."""
+    for name, (values, unit) in arrays.items():
+        group.create_dataset(name, data=values).attrs["unit"] = unit
 
 
-def write_texts(file: Any, **texts: str | None) -> None:
-    """Write texts as datasets; None is left out."""
-    for name, text in texts.items():
-        if text is not None:
-            file.create_dataset(name, data=text, dtype=TEXT)
+def read_numbers(group: Any, *names: str) -> tuple[Any, ...]:
+    """Arrays of an open file; ValueError where it holds something else."""
+    arrays = tuple(group[name][()] for name in names)
+    for name, values in zip(names, arrays, strict=True):
+        if getattr(values, "dtype", None) is None or values.dtype.kind not in "fiu":
+            raise ValueError(f"its part {name} holds no numbers")
+    return arrays
 
 
 def read_text(file: Any, name: str) -> str:
     """A text of an open file."""
     return str(file[name].asstr()[()])
-
-
-def read_numbers(file: Any, name: str) -> Any:
-    """An array of an open file; ValueError where it holds something else."""
-    values = file[name][()]
-    if getattr(values, "dtype", None) is None or values.dtype.kind not in "fiu":
-        raise ValueError(f"its part {name} holds no numbers")
-    return values

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from freefloat.io.decoding import Document
-from freefloat.io.hdf5 import TEXT, read_numbers
-from freefloat.io.motion_group import QUATERNION
+from freefloat.io.hdf5 import TEXT, read_numbers, write_arrays
 from freefloat.motion.problem import Problem
 from freefloat.so3 import frozen
 
@@ -17,18 +16,20 @@ if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
     from freefloat.planning.heading_map import HeadingMap
 
+Document = dict[str, Any]
+QUATERNION = "1, quaternion x y z w"
+"""Unit of attitudes."""
+_ENDINGS = "code: 0 completed, 1 singular, 3 given up, -1 no such branch"
 _UNITS = {
     "attitude": QUATERNION, "centre": QUATERNION, "volume_rad3": "rad^3",
     "radius_deg": "deg", "deviation_deg": "deg", "depth_deg": "deg", "gap_deg": "deg",
 }  # fmt: skip
-_ENDINGS = "code: 0 completed, 1 singular, 3 given up, -1 no such branch"
-_TABLES = {
+_SAMPLES = {
     "attitude": QUATERNION, "ending": _ENDINGS, "clearance": "1, smallest over largest det S*",
     "joints": "rad or m", "ended_at": "s", "least_at": "s", "final_attitude": QUATERNION,
     "largest_rates": "rad/s or m/s", "joint_lower": "rad or m", "joint_upper": "rad or m",
 }  # fmt: skip
-"""Units of tables, other than that of the measure."""
-_MAIN = ("attitude", "ending", "least", "clearance")
+"""Units of the arrays of samples, other than that of the measure."""
 _COMPLETED, _SINGULAR, _UNREACHED = 0, 1, -1
 
 
@@ -38,53 +39,34 @@ def write_heading_map(file: Any, heading_map: HeadingMap) -> None:
     margins, ended_at = heading_map.minimum_margins, heading_map.ended_at
     early = ended_at < heading_map.problem.path.duration * (1.0 - 1e-9)
     endings = np.where(early, _SINGULAR, _COMPLETED)
-    unit = heading_map.problem.margin.measure.unit
-    for name, values, text in (
-        ("heading", heading_map.headings, "rad"),
-        ("branch", np.array(heading_map.branches), "1"),
-        ("least", margins, unit),
-        ("ended_at", ended_at, "s"),
-        ("ending", np.where(np.isnan(margins), _UNREACHED, endings).astype(np.int8), _ENDINGS),
-    ):
-        file.create_dataset(name, data=values).attrs["unit"] = text
+    write_arrays(file, {
+        "heading": (heading_map.headings, "rad"),
+        "branch": (heading_map.branches, "1"),
+        "least": (margins, heading_map.problem.margin.measure.unit),
+        "ended_at": (ended_at, "s"),
+        "ending": (np.where(np.isnan(margins), _UNREACHED, endings).astype(np.int8), _ENDINGS),
+    })  # fmt: skip
 
 
 def read_heading_map(file: Any, problem: Problem, document: Document) -> HeadingMap:
     """Map over headings of a file."""
     from freefloat.planning.heading_map import HeadingMap
 
-    headings, least, ended_at = (
-        read_numbers(file, name).astype(float) for name in ("heading", "least", "ended_at")
+    names = ("heading", "least", "ended_at", "branch")
+    headings, least, ended_at, branches = (
+        values.astype(float) for values in read_numbers(file, *names)
     )
-    branches = tuple(int(branch) for branch in read_numbers(file, "branch"))
     if not (least.shape == ended_at.shape == (len(branches), len(headings))):
         raise ValueError("its arrays are not those of a map")
     if not np.isfinite(headings).all():
         raise ValueError("its headings are not finite")
-    return HeadingMap(
-        problem, frozen(headings), branches, frozen(least), frozen(ended_at), document["seconds"]
-    )
+    numbers, seconds = tuple(map(int, branches)), document["seconds"]
+    return HeadingMap(problem, frozen(headings), numbers, frozen(least), frozen(ended_at), seconds)
 
 
-def write_attitude_map(file: Any, attitude_map: AttitudeMap) -> None:
-    """Write a map over SO(3): a row for each attitude, a column for each arm branch.
-
-    What was found between the samples is written as groups, with an array for each key.
-    """
-    _write_margin(file, attitude_map.problem)
-    file.attrs["samples"], file.attrs["seed"] = attitude_map.samples, attitude_map.seed
-    unit = attitude_map.problem.margin.measure.unit
-    tables = {
-        "attitude": attitude_map.attitudes, "ending": attitude_map.endings,
-        "least": attitude_map.minimum_margins, "clearance": attitude_map.determinant_ratios,
-        **attitude_map.details,
-    }  # fmt: skip
-    for name, values in tables.items():
-        file.create_dataset(name, data=values).attrs["unit"] = _TABLES.get(name, unit)
-
-
-def write_places(file: Any, attitude_map: AttitudeMap, document: Document) -> None:
-    """Write the attitudes of a map's document as arrays."""
+def write_attitude_map(file: Any, attitude_map: AttitudeMap, document: Document) -> None:
+    """Write a map over SO(3), and the attitudes of its document as groups of arrays."""
+    write_samples(file, attitude_map)
     unit = attitude_map.problem.margin.measure.unit
     if attitude_map.nearest_to is not None:
         file["nearest_to"] = attitude_map.nearest_to
@@ -96,47 +78,54 @@ def write_places(file: Any, attitude_map: AttitudeMap, document: Document) -> No
     _write_group(file, "touch", document.get("touch", {}).get("points", []), unit)
 
 
+def write_samples(file: Any, attitude_map: AttitudeMap) -> None:
+    """Write the samples of a map: a row for each attitude, a column for each arm branch."""
+    _write_margin(file, attitude_map.problem)
+    file.attrs["samples"], file.attrs["seed"] = attitude_map.samples, attitude_map.seed
+    unit = attitude_map.problem.margin.measure.unit
+    arrays: dict[str, npt.NDArray[Any]] = {
+        "attitude": attitude_map.attitudes, "ending": attitude_map.endings,
+        "least": attitude_map.minimum_margins, "clearance": attitude_map.determinant_ratios,
+        **attitude_map.details,
+    }  # fmt: skip
+    write_arrays(file, {name: (array, _SAMPLES.get(name, unit)) for name, array in arrays.items()})
+
+
 def read_attitude_map(file: Any, problem: Problem, document: Document | None = None) -> AttitudeMap:
     """Map over SO(3) of a file or group; without a document, the samples alone."""
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.regions import Region
 
-    attitudes, endings, least, ratios = (read_numbers(file, name) for name in _MAIN)
-    if attitudes.shape != (len(attitudes), 4) or least.ndim != 2:
+    main = ("attitude", "ending", "least", "clearance")
+    attitudes, endings, least, ratios = read_numbers(file, *main)
+    if attitudes.shape != (len(least), 4) or least.ndim != 2:
         raise ValueError("its arrays are not those of a map")
-    if not (endings.shape == least.shape == ratios.shape and len(least) == len(attitudes)):
+    if not endings.shape == least.shape == ratios.shape:
         raise ValueError("its arrays are not those of a map")
-    details = {
-        name: read_numbers(file, name) for name in _TABLES if name in file and name not in _MAIN
-    }
-    samples = AttitudeMap(
+    names = [name for name in _SAMPLES if name in file and name not in main]
+    details = dict(zip(names, read_numbers(file, *names), strict=True))
+    samples = (
         problem, int(file.attrs["seed"]), frozen(attitudes), frozen(least), frozen(ratios),
         endings.astype(np.int8), details,
     )  # fmt: skip
     if document is None:
-        return samples
-    points = document.get("boundary")
-    tangency = document.get("touch", {}).get("points")
+        return AttitudeMap(*samples)
+    points, tangency = document.get("boundary"), document.get("touch", {}).get("points")
     return AttitudeMap(
-        **{name: getattr(samples, name) for name in _SAMPLED},
+        *samples,
         regions=tuple(
-            Region(one["branch"], one["fraction"], one["error"], frozen(one["centre"]),
-                   float(np.radians(one["depth_deg"])))
-            for one in document["regions"]
+            Region(entry["branch"], entry["fraction"], entry["error"], frozen(entry["centre"]),
+                   float(np.radians(entry["depth_deg"])))
+            for entry in document["regions"]
         ),
         best=_candidate(document["best"], "value"),
         robust=_candidate(document["robust"], "radius_deg"),
-        nearest_to=frozen(read_numbers(file, "nearest_to")) if "nearest_to" in file else None,
+        nearest_to=frozen(read_numbers(file, "nearest_to")[0]) if "nearest_to" in file else None,
         nearest=_candidate(document.get("nearest"), "deviation_deg"),
         boundary=None if points is None else tuple(map(_boundary_point, points)),
         tangency=None if tangency is None else tuple(map(_boundary_point, tangency)),
         seconds=document["seconds"],
     )  # fmt: skip
-
-
-_SAMPLED = (
-    "problem", "seed", "attitudes", "minimum_margins", "determinant_ratios", "endings", "details",
-)  # fmt: skip
 
 
 def _candidate(document: Document | None, key: str) -> Candidate | None:

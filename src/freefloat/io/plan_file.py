@@ -1,19 +1,22 @@
-"""Plans and simulations in HDF5 files."""
+"""Plans, simulations and their motions in HDF5 files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from freefloat.io.decoding import Document, certificate_of, limit_results_of, radians
-from freefloat.io.hdf5 import TEXT, read_numbers
-from freefloat.io.map_file import read_attitude_map, write_attitude_map
-from freefloat.io.motion_group import read_branch, read_motion, write_branch, write_motion
+from freefloat.ik.branches import ArmBranch
+from freefloat.io.hdf5 import TEXT, read_numbers, write_arrays
+from freefloat.io.map_file import QUATERNION, read_attitude_map, write_samples
 from freefloat.io.scenario import Scenario
-from freefloat.limits.limits import LimitResult, Limits
+from freefloat.limits.limits import LimitKind, LimitResult, Limits
+from freefloat.motion.certificate import Certificate, Comparison, Proven, Worst
+from freefloat.motion.extrema import closest_approach
+from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.panels import DEGREE
 from freefloat.motion.problem import Margin, Problem
 from freefloat.planning.plan import Plan, Segment
 from freefloat.planning.planar_ranges import (
@@ -24,43 +27,42 @@ from freefloat.planning.planar_ranges import (
     RangeLimitCause,
 )
 from freefloat.planning.planar_tangency import TangencyKind, TangencyPoint
-from freefloat.planning.simulation import Simulation
+from freefloat.planning.simulation import SimulatedBranch, Simulation
+from freefloat.so3 import Array, without_jumps
+
+Document = dict[str, Any]
+_MAX = 1e12
+"""Largest number in a motion."""
+_ROUNDING = 1e-9
+"""Deviation of the length of a stored quaternion from 1, and of the centre of mass [m]."""
+_WORST = ("end_effector_position", "end_effector_attitude", "momentum", "centre_of_mass", "rates")
+_ENDS = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
 
 
 def write_simulation(file: Any, simulation: Simulation) -> None:
     """Write the motions of a simulation, the chosen one as ``motion``."""
-    chosen = simulation.chosen
     file.attrs["feasible"] = simulation.feasible
     file.attrs["limits_checked"] = simulation.limits is not None
     for number, branch in enumerate(simulation.branches):
-        if branch is chosen:
+        if branch is simulation.chosen:
             file.attrs["chosen"] = number
-            write_branch(file, "motion", branch)
+            _write_branch(file, "motion", branch)
         else:
-            write_branch(file, f"branches/{number}", branch)
+            _write_branch(file, f"branches/{number}", branch)
 
 
 def read_simulation(file: Any, scenario: Scenario, document: Document) -> Simulation:
     """Simulation of a file; those of version 0.1.0 have the chosen motion alone."""
     problem = scenario.problem()
-    chosen = read_branch(file["motion"], problem, document["branch"])
+    chosen = _read_branch(file["motion"], problem, document["branch"])
     others = file.get("branches", {})
     if "chosen" not in file.attrs:
         document["branches"] = [
             entry for entry in document["branches"] if entry["branch"] == document["branch"]
         ]
-    branches = [read_branch(others[name], problem, -1) for name in sorted(others, key=int)]
+    branches = [_read_branch(others[name], problem, -1) for name in sorted(others, key=int)]
     branches.insert(int(file.attrs.get("chosen", 0)), chosen)
-    limits, results = read_limits(file, scenario, document)
-    return Simulation(tuple(branches), chosen, limits, results)
-
-
-def read_limits(
-    file: Any, scenario: Scenario, document: Document
-) -> tuple[Limits | None, tuple[LimitResult, ...]]:
-    """Limits of a file and their results; version 0.1.0 always checked those of the scenario."""
-    checked = bool(file.attrs.get("limits_checked", True))
-    return scenario.limits() if checked else None, limit_results_of(document["limits"])
+    return Simulation(tuple(branches), chosen, *_read_limits(file, scenario, document))
 
 
 def write_plan(file: Any, plan: Plan) -> None:
@@ -68,21 +70,20 @@ def write_plan(file: Any, plan: Plan) -> None:
     file.attrs["feasible"], file.attrs["stretch"] = plan.feasible, plan.stretch
     file.attrs["limits_checked"] = plan.limits is not None
     for entry in plan.ranges:
-        values = np.reshape([(one.low, one.high) for one in entry.ranges], (-1, 2))
+        values = np.reshape([(heading.low, heading.high) for heading in entry.ranges], (-1, 2))
         ranges = file.create_dataset(f"ranges/branch_{entry.branch}", data=values)
         ranges.attrs["label"], ranges.attrs["unit"] = entry.label, "rad"
-        causes = [str(cause) for one in entry.ranges for cause in one.causes]
+        causes = [str(cause) for heading in entry.ranges for cause in heading.causes]
         if causes:
             ranges.attrs["causes"] = np.array(causes, dtype=TEXT)
     for number, segment in enumerate(plan.segments):
         for index, limit in enumerate(segment.limits):
-            name = f"segments/{number}/{index}"
-            write_motion(file, f"{name}/backward", limit.backward)
-            write_motion(file, f"{name}/forward", limit.forward)
+            _write_motion(file, f"segments/{number}/{index}/backward", limit.backward)
+            _write_motion(file, f"segments/{number}/{index}/forward", limit.forward)
     if plan.chosen is not None:
-        write_branch(file, "motion", plan.chosen)
+        _write_branch(file, "motion", plan.chosen)
     if plan.map is not None:
-        write_attitude_map(file.create_group("map"), plan.map)
+        write_samples(file.create_group("map"), plan.map)
 
 
 def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
@@ -90,8 +91,9 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
     from freefloat.planning.tolerance import Tolerance  # compiled kernels take half a second
 
     problem, tolerance = scenario.problem(), document.get("tolerance")
-    limits, results = read_limits(file, scenario, document)
+    limits, results = _read_limits(file, scenario, document)
     stretched, radius = document["stretched_duration"], document["robust_radius_deg"]
+    motion = file.get("motion")
     return Plan(
         problem=problem,
         search=scenario.search(),
@@ -102,10 +104,8 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
             _segment(entry, file.get(f"segments/{number}", {}), problem)
             for number, entry in enumerate(document["segments"])
         ),
-        chosen=read_branch(file["motion"], problem, document["branch"])
-        if "motion" in file
-        else None,
-        robust_radius=radians(radius),
+        chosen=None if motion is None else _read_branch(motion, problem, document["branch"]),
+        robust_radius=None if radius is None else float(np.radians(radius)),
         map=read_attitude_map(file["map"], problem) if "map" in file else None,
         tolerance=None if tolerance is None else Tolerance(**tolerance),
         disagreements=tuple(document["disagreements"]),
@@ -114,7 +114,7 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
         excluded=dict(document["excluded"]),
         needed_stretch=None if stretched is None else stretched / problem.path.duration,
         stretch=float(file.attrs.get("stretch", 1.0)),
-        certificate=certificate_of(document.get("certificate")),
+        certificate=_certificate(document.get("certificate")),
     )
 
 
@@ -122,75 +122,139 @@ def _read_ranges(group: Any, documents: list[Document]) -> tuple[BranchRanges, .
     entries = {}
     for document in documents:
         name = f"branch_{document['branch']}"
-        values = read_numbers(group, name)
+        (values,) = read_numbers(group, name)
         causes = [RangeLimitCause(str(cause)) for cause in group[name].attrs.get("causes", ())]
         ranges = []
         for low, high in values.tolist():
             if high - low >= TURN - 1e-9:
                 ranges.append(HeadingRange(low, high, ()))
-                continue
-            ends, causes = causes[:2] or [RangeLimitCause.MARGIN] * 2, causes[2:]
-            ranges.append(HeadingRange(low, high, tuple(ends)))
-        entries[name] = _ranges(document, tuple(ranges))
+            else:
+                ranges.append(HeadingRange(low, high, tuple(causes[:2]) or _ENDS))
+                causes = causes[2:]
+        entries[name] = _branch_ranges(document, tuple(ranges))
     if entries.keys() != set(group):
         raise ValueError("its ranges are not of the branches in its document")
     return tuple(entries.values())
 
 
-def _ranges(document: Mapping[str, Any], ranges: tuple[HeadingRange, ...]) -> BranchRanges:
-    limits = tuple(float(limit) for limit in np.radians(document["limits"]))
+def _branch_ranges(document: Document, ranges: tuple[HeadingRange, ...]) -> BranchRanges:
+    limits = tuple(np.radians(document["limits"]).tolist())
     return BranchRanges(document["branch"], document["label"], ranges, limits)
 
 
 def _segment(document: Document, group: Any, problem: Problem) -> Segment:
     """Segment of its document, and of the group with the motions of its range limits."""
-    motions = [
-        (_tangency_point(point), *(group[f"{index}/{way}"] for way in ("backward", "forward")))
-        for index, point in enumerate(document["touch_points"])
-        if f"{index}" in group
-    ]
-    keys = ("ranges_at_start_deg", "ranges_at_end_deg", "joined_at_end_deg")
+    limits = []
+    for index, entry in enumerate(document["touch_points"]):
+        if str(index) in group:
+            margin = Margin(problem.margin.measure, abs(entry["level"]))
+            tangent = replace(problem, margin=margin)
+            ways = (group[f"{index}/{way}"] for way in ("backward", "forward"))
+            point = TangencyPoint(
+                TangencyKind(entry["kind"]), entry["time"], entry["s"], entry["level"],
+                entry["heading"], np.array(entry["joints"]),
+            )  # fmt: skip
+            limits.append(RangeLimit(point, *(_read_motion(way, tangent) for way in ways)))
     starts, ends, joined = (
-        tuple(_ranges(entry, _heading_ranges(entry["ranges"])) for entry in document[key])
-        for key in keys
+        tuple(_branch_ranges(entry, _heading_ranges(entry["ranges"])) for entry in document[key])
+        for key in ("ranges_at_start_deg", "ranges_at_end_deg", "joined_at_end_deg")
     )
-    return Segment(
-        (document["from"], document["to"]),
-        tuple(
-            RangeLimit(
-                point,
-                *(read_motion(way, _at_level(problem, point.level)) for way in (backward, forward)),
-            )
-            for point, backward, forward in motions
-        ),
-        starts,
-        ends,
-        joined,
-    )
-
-
-def _at_level(problem: Problem, level: float) -> Problem:
-    """The problem whose margin is that of a tangency point."""
-    return replace(problem, margin=Margin(problem.margin.measure, abs(level)))
-
-
-def _tangency_point(document: Document) -> TangencyPoint:
-    return TangencyPoint(
-        TangencyKind(document["kind"]),
-        document["time"],
-        document["s"],
-        document["level"],
-        document["heading"],
-        np.array(document["joints"]),
-    )
+    return Segment((document["from"], document["to"]), tuple(limits), starts, ends, joined)
 
 
 def _heading_ranges(degrees: list[list[float]]) -> tuple[HeadingRange, ...]:
     """Ranges of headings of a document, those across zero joined again."""
-    margin = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
     parts = [(float(low), float(high)) for low, high in np.radians(degrees).reshape(-1, 2)]
     if len(parts) > 1 and parts[0][0] == 0.0 and parts[-1][1] == TURN:
         parts = [*parts[1:-1], (parts[-1][0], TURN + parts[0][1])]
     return tuple(
-        HeadingRange(low, high, () if high - low >= TURN - 1e-9 else margin) for low, high in parts
+        HeadingRange(low, high, () if high - low >= TURN - 1e-9 else _ENDS) for low, high in parts
     )
+
+
+def _read_limits(
+    file: Any, scenario: Scenario, document: Document
+) -> tuple[Limits | None, tuple[LimitResult, ...]]:
+    """Limits of a file and their results; version 0.1.0 always checked those of the scenario."""
+    results = []
+    for entry in document["limits"]:
+        bounds = {key: math.inf if entry[key] is None else entry[key]
+                  for key in ("worst", "allowed", "ratio")}  # fmt: skip
+        kind, notes = LimitKind(entry["limit"]), tuple(entry["notes"])
+        results.append(LimitResult(**{**entry, **bounds, "limit": kind, "notes": notes}))
+    checked = bool(file.attrs.get("limits_checked", True))
+    return scenario.limits() if checked else None, tuple(results)
+
+
+def _certificate(document: Document | None) -> Certificate | None:
+    if document is None:
+        return None
+    worst = {key: None if document[key] is None else Worst(**document[key]) for key in _WORST}
+    return Certificate(**{
+        **document,
+        **worst,
+        "least": tuple(Proven(**entry) for entry in document["least"]),
+        "integration": Comparison(**document["integration"]),
+    })  # fmt: skip
+
+
+# --- motions --------------------------------------------------------------------------------------
+
+
+def _write_motion(file: Any, name: str, motion: Motion) -> Any:
+    """Write a motion as a group of an open file; the group."""
+    group = file.create_group(name)
+    group.attrs["ending"] = motion.ending.name
+    group.attrs["joint_names"] = np.array(motion.problem.model.joint_names, dtype=TEXT)
+    write_arrays(group, {
+        "time": (motion.times, "s"),
+        "attitude": (motion.attitudes, QUATERNION),
+        "joints": (motion.joints, "rad or m"),
+        "base_position": (motion.base_positions, "m"),
+    })  # fmt: skip
+    return group
+
+
+def _write_branch(file: Any, name: str, branch: SimulatedBranch) -> None:
+    group = _write_motion(file, name, branch.motion)
+    group.attrs["branch"], group.attrs["label"] = branch.branch.index, branch.branch.label
+
+
+def _read_branch(group: Any, problem: Problem, index: int) -> SimulatedBranch:
+    """The motion of an arm branch; its number is given for groups without one."""
+    motion = _read_motion(group, problem)
+    index = int(group.attrs.get("branch", index))
+    branch = ArmBranch(index, str(group.attrs.get("label", index)), motion.initial.joints)
+    return SimulatedBranch(branch, motion, closest_approach(motion, problem.margin.measure))
+
+
+def _read_motion(group: Any, problem: Problem) -> Motion:
+    """Motion of a group, along the path of a problem."""
+    arrays = read_numbers(group, "time", "attitude", "joints", "base_position")
+    times, attitudes, joints, positions = arrays
+    _require_nodes(arrays, problem.model.dof)
+    motion = Motion(problem, Ending[group.attrs["ending"]], times, without_jumps(attitudes), joints)
+    distance = np.linalg.norm(positions - motion.base_positions, axis=1)
+    if distance.max() > _ROUNDING * max(1.0, float(np.abs(positions).max())):
+        node = int(distance.argmax())
+        raise ValueError(
+            f"its base position at t = {times[node]:.6g} s moves the centre of mass by "
+            f"{distance[node]:.3g} m"
+        )
+    return motion
+
+
+def _require_nodes(arrays: tuple[Array, ...], dof: int) -> None:
+    """Raise a ValueError unless these are the nodes of whole panels."""
+    times, attitudes, *_ = arrays
+    count = len(times)
+    shapes = [(count,), (count, 4), (count, dof), (count, 3)]
+    if [values.shape for values in arrays] != shapes or count % DEGREE != 1:
+        raise ValueError("its arrays are not those of a motion of its robot")
+    if not all((np.abs(values) <= _MAX).all() for values in arrays):
+        raise ValueError("its motion holds numbers that are not finite, or beyond 1e12")
+    error = np.abs(np.linalg.norm(attitudes, axis=1) - 1.0)
+    if error.max() > _ROUNDING:
+        raise ValueError(f"its attitude at node {error.argmax()} is no unit quaternion")
+    if not (np.diff(times) >= 0.0).all() and not (np.diff(times) <= 0.0).all():
+        raise ValueError("its times do not rise")

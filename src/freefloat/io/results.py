@@ -7,8 +7,10 @@ document of the record; Python, MATLAB and other readers of HDF5 can open it.
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -17,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from freefloat.errors import InputError
-from freefloat.io.decoding import Document, differences
-from freefloat.io.hdf5 import AlteredFileError, open_hdf5, read_text, write_hdf5, write_texts
+from freefloat.io import map_file, plan_file
+from freefloat.io.hdf5 import TEXT, AlteredFileError, open_hdf5, read_text, write_hdf5
 from freefloat.io.scenario import Scenario, parse_scenario, scenario_of
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
@@ -30,7 +32,9 @@ if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.planning.heading_map import HeadingMap
 
 FORMAT_VERSION = 2
-_PLAN, _SIMULATION, _HEADING_MAP, _ATTITUDE_MAP = "plan", "motion", "map", "attitude map"
+_KINDS = {"Plan": "plan", "Simulation": "motion", "HeadingMap": "map",
+          "AttitudeMap": "attitude map"}  # fmt: skip
+"""Kinds of files by the classes of their records."""
 _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
@@ -39,6 +43,10 @@ _INVALID = (
     MemoryError, OverflowError, ZeroDivisionError, np.linalg.LinAlgError,
 )  # fmt: skip
 """Errors of reading a file whose content does not fit together."""
+_RELATIVE, _ABSOLUTE = 1e-6, 1e-9
+"""Deviation of a number in a document from the same number of its record: rounding."""
+_ERROR_FACTOR, _SMALL_ERROR = 10.0, 1e-7
+"""Numbers that are errors of a motion agree to an order of magnitude only."""
 
 
 def save(
@@ -60,36 +68,26 @@ def save(
     """
     if not str(path):
         raise InputError("output", "an empty name was given", "the name of a file")
-    kind, described = _kind_of(result), _describe(result, scenario)
-    document = result.to_dict()
+    kind = _KINDS.get(type(result).__name__)
+    if kind is None:
+        problem = f"a {type(result).__name__} was given"
+        raise InputError("result", problem, "a Plan, Simulation, AttitudeMap or HeadingMap")
+    described, document = _describe(result, scenario), result.to_dict()
 
     def build(file: Any) -> None:
-        _write_origin(file, kind, described)
-        write_texts(file, document=json.dumps(document, allow_nan=False))
+        file.attrs["format"], file.attrs["version"] = _PREFIX + kind, FORMAT_VERSION
+        _write_origin(file, described)
+        text = json.dumps(document, allow_nan=False)
+        file.create_dataset("document", data=text, dtype=TEXT)
         _write_arrays(file, result, document)
 
     write_hdf5(Path(path), build)
 
 
-def _kind_of(result: Any) -> str:
-    if isinstance(result, Plan | Simulation):
-        return _PLAN if isinstance(result, Plan) else _SIMULATION
-    from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.heading_map import HeadingMap
-
-    if isinstance(result, HeadingMap | AttitudeMap):
-        return _HEADING_MAP if isinstance(result, HeadingMap) else _ATTITUDE_MAP
-    problem = f"a {type(result).__name__} was given"
-    raise InputError("result", problem, "a Plan, Simulation, AttitudeMap or HeadingMap")
-
-
 def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     """The given scenario if it poses the problem of a result, else a description of the problem."""
-    problem, search, limits = result.problem, None, None
-    if isinstance(result, Plan):
-        search = result.search
-    if isinstance(result, Plan | Simulation):
-        limits = result.limits
+    problem = result.problem
+    search, limits = getattr(result, "search", None), getattr(result, "limits", None)
     described = scenario_of(problem, search, limits)
     if scenario is None or scenario.model() is not problem.model:
         return described
@@ -101,38 +99,35 @@ def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     return scenario if posed.text == described.text else described
 
 
-def _write_origin(file: Any, kind: str, scenario: Scenario) -> None:
-    """Write kind, software, scenario and robot."""
+def _write_origin(file: Any, scenario: Scenario) -> None:
+    """Write software, scenario and robot."""
     model = scenario.model()
-    file.attrs["format"], file.attrs["version"] = _PREFIX + kind, FORMAT_VERSION
     for package in _SOFTWARE:
         file.attrs[f"software_{package}"] = version(package)
     file.attrs["software_python"] = platform.python_version()
     file.attrs["end_effector"] = model.end_effector
-    write_texts(
-        file,
-        scenario=scenario.text,
-        scenario_file=str(scenario.source),
-        samples=scenario.samples,
-        robot=model.description.text,
-        robot_file=os.path.abspath(model.description.source),
-        held=json.dumps(dict(model.held)),
-    )
+    texts = {
+        "scenario": scenario.text,
+        "scenario_file": str(scenario.source),
+        "samples": scenario.samples,
+        "robot": model.description.text,
+        "robot_file": os.path.abspath(model.description.source),
+        "held": json.dumps(dict(model.held)),
+    }
+    for name, text in texts.items():
+        if text is not None:
+            file.create_dataset(name, data=text, dtype=TEXT)
 
 
-def _write_arrays(file: Any, result: Any, document: Document) -> None:
-    from freefloat.io import map_file, plan_file
-    from freefloat.planning.heading_map import HeadingMap
-
+def _write_arrays(file: Any, result: Any, document: dict[str, Any]) -> None:
     if isinstance(result, Plan):
         plan_file.write_plan(file, result)
     elif isinstance(result, Simulation):
         plan_file.write_simulation(file, result)
-    elif isinstance(result, HeadingMap):
+    elif type(result).__name__ == "HeadingMap":
         map_file.write_heading_map(file, result)
     else:
-        map_file.write_attitude_map(file, result)
-        map_file.write_places(file, result, document)
+        map_file.write_attitude_map(file, result, document)
 
 
 def load(path: str | Path) -> Plan | Simulation | AttitudeMap | HeadingMap:
@@ -161,42 +156,34 @@ def load(path: str | Path) -> Plan | Simulation | AttitudeMap | HeadingMap:
 
 def _kind(file: Any, path: Path) -> str:
     name, number = file.attrs.get("format"), file.attrs.get("version")
-    if isinstance(name, str) and name.startswith(_PREFIX) and number == FORMAT_VERSION:
-        kind = name.removeprefix(_PREFIX)
-        if kind in (_PLAN, _SIMULATION, _HEADING_MAP, _ATTITUDE_MAP):
-            return kind
     problem = "it is an HDF5 file of another kind"
     if isinstance(name, str) and name.startswith(_PREFIX):
+        kind = name.removeprefix(_PREFIX)
+        if number == FORMAT_VERSION and kind in _KINDS.values():
+            return kind
         problem = f"it is a {name} file, format {number}"
     raise InputError("file", problem, _ACCEPTED, str(path))
 
 
 def _read(file: Any, kind: str) -> Plan | Simulation | AttitudeMap | HeadingMap:
-    from freefloat.io import map_file, plan_file
-
-    scenario = _scenario(file)
+    scenario = _read_scenario(file)
     document = json.loads(read_text(file, "document"))
     result: Plan | Simulation | AttitudeMap | HeadingMap
-    if kind == _PLAN:
+    if kind == _KINDS["Plan"]:
         result = plan_file.read_plan(file, scenario, document)
-    elif kind == _SIMULATION:
+    elif kind == _KINDS["Simulation"]:
         result = plan_file.read_simulation(file, scenario, document)
-    elif kind == _HEADING_MAP:
+    elif kind == _KINDS["HeadingMap"]:
         result = map_file.read_heading_map(file, scenario.problem(), document)
     else:
         result = map_file.read_attitude_map(file, scenario.problem(), document)
     for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
-        problem = f"its document states {_short(stated)}, but it is {_short(recomputed)}"
+        problem = f"its document states {stated}, but it is {recomputed}"
         raise InputError(key, problem, _ACCEPTED)
     return result
 
 
-def _short(value: Any) -> str:
-    text = f"{value:.9g}" if isinstance(value, float) else str(value)
-    return text if len(text) < 60 else f"{text[:57]}..."
-
-
-def _scenario(file: Any) -> Scenario:
+def _read_scenario(file: Any) -> Scenario:
     """The scenario of a file, with the robot of the file."""
     description = replace(read_urdf(read_text(file, "robot")), source=read_text(file, "robot_file"))
     held = {str(name): float(value) for name, value in json.loads(read_text(file, "held")).items()}
@@ -210,3 +197,46 @@ def _scenario(file: Any) -> Scenario:
     if robot.end_effector != end_effector or dict(robot.held) != held:
         raise ValueError("its robot is not that of its scenario")
     return scenario
+
+
+def differences(
+    stated: Any, recomputed: Any, key: str = "", errors: bool = False
+) -> Iterator[tuple[str, Any, Any]]:
+    """Numbers, truth values and lengths in which a document differs from that of its record.
+
+    Texts are not compared, nor keys that only one of the two has.
+
+    Args:
+        stated: The document in a file.
+        recomputed: The document of the record.
+        key: Key path of both.
+        errors: Whether they are errors, of which only the order of magnitude is compared.
+
+    Yields:
+        Key path, stated and recomputed value.
+    """
+    if isinstance(stated, dict) and isinstance(recomputed, dict):
+        for name in (name for name in stated if name in recomputed):
+            inner, residuals = f"{key}.{name}" if key else name, name == "residuals"
+            yield from differences(stated[name], recomputed[name], inner, errors or residuals)
+    elif isinstance(stated, list) and isinstance(recomputed, list):
+        if len(stated) != len(recomputed):
+            yield key, stated, recomputed
+            return
+        if key.endswith("attitude") and np.dot(stated, recomputed) < 0.0:  # of opposite sign
+            recomputed = [-value for value in recomputed]
+        for index, pair in enumerate(zip(stated, recomputed, strict=True)):
+            yield from differences(*pair, f"{key}[{index}]", errors)
+    elif not _agree(stated, recomputed, errors):
+        yield key, stated, recomputed
+
+
+def _agree(stated: Any, recomputed: Any, errors: bool) -> bool:
+    if isinstance(stated, str) and isinstance(recomputed, str):
+        return True
+    if not {type(stated), type(recomputed)} <= {int, float}:
+        return type(stated) is type(recomputed) and bool(stated == recomputed)
+    if errors:
+        low, high = recomputed / _ERROR_FACTOR, recomputed * _ERROR_FACTOR
+        return bool(low - _SMALL_ERROR <= stated <= high + _SMALL_ERROR)
+    return math.isclose(stated, recomputed, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE)

@@ -20,7 +20,7 @@ from freefloat.io.field_types import (
     Size,
     Vector,
 )
-from freefloat.io.validation import error_context
+from freefloat.io.yaml import error_context
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
@@ -39,57 +39,40 @@ class MountSection(Section):
         return Mount(np.array(self.xyz), np.array(self.rpy))
 
 
-class SpacecraftSection(Section):
-    """A spacecraft that carries a bare arm."""
-
-    mass: Positive
-    """Without the arm [kg]."""
-    inertia: Inertia
-    """About its centre of mass, axes of its frame [kg m²]: three principal moments, the six moments
-    xx, xy, xz, yy, yz, zz, or the rows of a matrix."""
-    com: Vector = (0.0, 0.0, 0.0)
-    """Centre of mass in its frame [m]."""
-    mount: MountSection = MountSection()
-    """Pose of the arm's root link in its frame."""
-    size: Size | None = None
-    """Edges of its box, centred on the origin of its frame [m]."""
-    mesh: Name | None = None
-    """Mesh file instead of a box, relative to the scenario file."""
-
-    def to_spacecraft(self, folder: Path) -> Spacecraft:
-        """The spacecraft; its mesh file is relative to a folder."""
-        return Spacecraft(mount=self.mount.to_mount(), **_body(self, folder))
-
-
-class PayloadSection(Section):
-    """A rigid body held by the end-effector."""
+class BodySection(Section):
+    """A rigid body."""
 
     mass: Positive
     """[kg]"""
     inertia: Inertia
-    """About its centre of mass, axes of the end-effector [kg m²]: three principal moments, the six
-    moments xx, xy, xz, yy, yz, zz, or the rows of a matrix."""
+    """About its centre of mass, axes of its frame [kg m²]: three principal moments, the six moments
+    xx, xy, xz, yy, yz, zz, or the rows of a matrix."""
     com: Vector = (0.0, 0.0, 0.0)
-    """Centre of mass in the end-effector's frame [m]."""
+    """Centre of mass in its frame, of a payload in the end-effector's frame [m]."""
     size: Size | None = None
-    """Edges of its box, centred on its centre of mass [m]."""
+    """Edges of its box [m], centred on the origin of its frame, of a payload on its centre of
+    mass."""
     mesh: Name | None = None
     """Mesh file instead of a box, relative to the scenario file."""
 
-    def to_payload(self, folder: Path) -> Payload:
-        """The payload; its mesh file is relative to a folder."""
-        return Payload(**_body(self, folder))
+    def values(self, folder: Path) -> dict[str, Any]:
+        """Arguments of the body; its mesh file is relative to a folder."""
+        return self.model_dump() | {"mesh": None if self.mesh is None else folder / self.mesh}
 
 
-def _body(section: SpacecraftSection | PayloadSection, folder: Path) -> dict[str, Any]:
-    """Arguments of a spacecraft or payload, but for the mount."""
-    return {
-        "mass": section.mass,
-        "inertia": np.array(section.inertia),
-        "com": np.array(section.com),
-        "size": None if section.size is None else np.array(section.size),
-        "mesh": None if section.mesh is None else folder / section.mesh,
-    }
+class PayloadSection(BodySection):
+    """A rigid body held by the end-effector."""
+
+
+class SpacecraftSection(BodySection):
+    """A spacecraft that carries a bare arm."""
+
+    mount: MountSection = MountSection()
+    """Pose of the arm's root link in its frame."""
+
+    def values(self, folder: Path) -> dict[str, Any]:
+        """As for all bodies, and the mount."""
+        return super().values(folder) | {"mount": self.mount.to_mount()}
 
 
 class AttachedSection(Section):
@@ -103,15 +86,6 @@ class AttachedSection(Section):
     """Pose of its root link in the frame of that link."""
     prefix: str = ""
     """Prefix of the names of its links and joints."""
-
-    def to_attachment(self, folder: Path, index: int) -> Attachment:
-        """The attachment; its URDF is relative to a folder, its index is named in errors."""
-        try:
-            urdf = find_robot(self.urdf, folder)
-        except InputError as error:
-            key = f"attached.{index}.{error.key}"
-            raise type(error)(key, error.problem, error.accepted, error.source) from None
-        return Attachment(urdf, self.link, self.mount.to_mount(), self.prefix)
 
 
 class RobotSection(Section):
@@ -143,19 +117,28 @@ class RobotSection(Section):
             InputError: If a part is invalid.
             ModelError: If a URDF has errors, or the parts do not fit together.
         """
-        folder, spacecraft, payload = scenario.parent, self.spacecraft, self.payload
+        folder, craft, payload = scenario.parent, self.spacecraft, self.payload
         with error_context(scenario, "robot."):
             return FreeFloatingModel.from_urdf(
                 find_robot(self.urdf, folder),
                 self.end_effector,
                 scale_mass=self.scale_mass,
                 held=self.held,
-                spacecraft=None if spacecraft is None else spacecraft.to_spacecraft(folder),
-                payload=None if payload is None else payload.to_payload(folder),
+                spacecraft=None if craft is None else Spacecraft(**craft.values(folder)),
+                payload=None if payload is None else Payload(**payload.values(folder)),
                 attached=[
-                    part.to_attachment(folder, index) for index, part in enumerate(self.attached)
+                    _attachment(part, folder, index) for index, part in enumerate(self.attached)
                 ],
             )
+
+
+def _attachment(part: AttachedSection, folder: Path, index: int) -> Attachment:
+    try:
+        urdf = find_robot(part.urdf, folder)
+    except InputError as error:
+        key = f"attached.{index}.{error.key}"
+        raise type(error)(key, error.problem, error.accepted, error.source) from None
+    return Attachment(urdf, part.link, part.mount.to_mount(), part.prefix)
 
 
 class RobotFile(Section):

@@ -17,8 +17,7 @@ from freefloat.errors import InputError, did_you_mean
 from freefloat.io.path_section import path_of, section_of
 from freefloat.io.robot_section import RobotFile
 from freefloat.io.schema import JointLimits, ScenarioFile
-from freefloat.io.validation import error_context, validated
-from freefloat.io.yaml import parse_yaml, read_text
+from freefloat.io.yaml import error_context, parse_yaml, read_text, validated
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Margin, Problem
 from freefloat.paths.path import samples_text
@@ -219,15 +218,15 @@ def scenario_of(
         InputError: If scenario files cannot describe the path of the problem.
     """
     model, timing, margin = problem.model, problem.path.timing, problem.margin
+    search, limits = search or Search(), limits or Limits()
     path, samples = section_of(problem.path.path)
-    content: dict[str, Any] = {
+    attitude = search.from_attitude
+    sections: dict[str, dict[str, Any]] = {
         "robot": {
             "urdf": model.description.source,
             "end_effector": model.end_effector,
             "held": {name: float(value) for name, value in model.held.items()},
         },
-        "task": str(problem.task),
-        "momentum": problem.momentum.tolist(),
         "path": path,
         "timing": {
             "duration": float(timing.duration),
@@ -235,40 +234,41 @@ def scenario_of(
             "stops": [{"s": float(stop.s), "t": float(stop.t)} for stop in timing.stops],
         },
         "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
-        "search": _search_section(search or Search()),
-        "limits": _limits_section(limits or Limits(), model.joint_names),
+        "search": {
+            "objective": str(search.objective),
+            "seed": search.seed,
+            "from_attitude": None if attitude is None else np.asarray(attitude).tolist(),
+            "samples": search.samples,
+        },
+        "limits": {
+            **{key: _limit_map(model.joint_names, getattr(limits, key)) for key in _JOINT_LIMITS},
+            "base_rate": limits.base_rate and float(limits.base_rate),
+            "clearance": limits.clearance and float(limits.clearance),
+        },
     }
     if problem.redundancy is not None:
-        content["redundancy"] = _redundancy_section(problem.redundancy)
+        sections["redundancy"] = _redundancy_section(problem.redundancy)
+    content = {"task": str(problem.task), "momentum": problem.momentum.tolist()}
+    for name, section in sections.items():
+        content[name] = {key: value for key, value in section.items() if value is not None}
     text = yaml.safe_dump(content, sort_keys=False)
     return parse_scenario(text, Path("scenario.yaml"), samples, model)
 
 
+_JOINT_LIMITS = ("joint_rate", "joint_torque")
+
+
+def _limit_map(joints: tuple[str, ...], values: Array | None) -> dict[str, float] | None:
+    """Finite limits by joint."""
+    if values is None:
+        return None
+    pairs = zip(joints, values.tolist(), strict=True)
+    return {joint: value for joint, value in pairs if np.isfinite(value)}
+
+
 def _redundancy_section(redundancy: Redundancy) -> dict[str, Any]:
-    section: dict[str, Any] = {"metric": dict(redundancy.weights) or str(redundancy.metric)}
-    if redundancy.toward is not Toward.NONE:
-        section["toward"] = str(redundancy.toward)
-        section |= {"gain": float(redundancy.gain), "bound": float(redundancy.bound)}
-    return section
-
-
-def _search_section(search: Search) -> dict[str, Any]:
-    section: dict[str, Any] = {"objective": str(search.objective), "seed": search.seed}
-    if search.from_attitude is not None:
-        section["from_attitude"] = np.asarray(search.from_attitude).tolist()
-    if search.samples is not None:
-        section["samples"] = search.samples
-    return section
-
-
-def _limits_section(limits: Limits, joints: tuple[str, ...]) -> dict[str, Any]:
-    section: dict[str, Any] = {}
-    for key in ("joint_rate", "joint_torque"):
-        values = getattr(limits, key)
-        if values is not None:
-            pairs = zip(joints, values.tolist(), strict=True)
-            section[key] = {joint: value for joint, value in pairs if np.isfinite(value)}
-    for key in ("base_rate", "clearance"):
-        if getattr(limits, key) is not None:
-            section[key] = float(getattr(limits, key))
-    return section
+    section = {"metric": dict(redundancy.weights) or str(redundancy.metric)}
+    if redundancy.toward is Toward.NONE:
+        return section
+    gains = {"gain": float(redundancy.gain), "bound": float(redundancy.bound)}
+    return {**section, "toward": str(redundancy.toward), **gains}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.resolved_rates import Metric, Toward
@@ -58,17 +58,7 @@ class ArcSection(Section):
     """Angle [degrees]."""
 
 
-def _exactly_two(axes: dict[str, Vector]) -> dict[str, Vector]:
-    if len(axes) != 2:
-        raise ValueError("exactly two of x, y, z")
-    return axes
-
-
-Axes = Annotated[
-    dict[Literal["x", "y", "z"], Vector],
-    AfterValidator(_exactly_two),
-    Field(json_schema_extra={"minProperties": 2, "maxProperties": 2}),
-]
+Axes = Annotated[dict[Literal["x", "y", "z"], Vector], Field(min_length=2, max_length=2)]
 
 
 class OrientationSection(Section):
@@ -81,10 +71,7 @@ class OrientationSection(Section):
     axes: Axes | None = None
     """Inertial directions of two of its axes x, y, z; the first one is exact."""
 
-    @model_validator(mode="after")
-    def _exactly_one(self) -> OrientationSection:
-        exactly_one_of(self, "quaternion", "rpy", "axes")
-        return self
+    _exactly_one = exactly_one_of("quaternion", "rpy", "axes")
 
 
 Orientation = Annotated[
@@ -131,10 +118,7 @@ class AttitudeSection(Section):
     follow: FollowSection | None = None
     point_at: PointAtSection | None = None
 
-    @model_validator(mode="after")
-    def _exactly_one(self) -> AttitudeSection:
-        exactly_one_of(self, "fixed", "slerp", "follow", "point_at")
-        return self
+    _exactly_one = exactly_one_of("fixed", "slerp", "follow", "point_at")
 
 
 class PathSection(Section):
@@ -150,10 +134,7 @@ class PathSection(Section):
     attitude: AttitudeSection | None = None
     """Orientation; not for position tasks or samples with quaternions."""
 
-    @model_validator(mode="after")
-    def _exactly_one(self) -> PathSection:
-        exactly_one_of(self, "line", "polynomial", "arc", "waypoints", "samples")
-        return self
+    _exactly_one = exactly_one_of("line", "polynomial", "arc", "waypoints", "samples")
 
 
 class StopSection(Section):
@@ -186,19 +167,13 @@ class MarginSection(Section):
     fraction: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)] | None = None
     """The same as a fraction of the largest magnitude of the measure over the joint space."""
 
-    @model_validator(mode="after")
-    def _exactly_one(self) -> MarginSection:
-        exactly_one_of(self, "value", "fraction")
-        return self
-
-
-Weighing = Metric | dict[str, Factor]
+    _exactly_one = exactly_one_of("value", "fraction")
 
 
 class RedundancySection(Section):
     """Null-space motion of a redundant arm."""
 
-    metric: Weighing = Metric.JOINTS
+    metric: Metric | dict[str, Factor] = Metric.JOINTS
     """Minimized by the joint rates: ``joints``, their norm; ``energy``, the kinetic energy; or a
     map from joint to weight, the weighted norm, with weight 1 for joints not named."""
     toward: Toward = Toward.NONE

@@ -1,22 +1,47 @@
-"""YAML files as plain data: no tags, no aliases, no duplicate keys; errors name the line."""
+"""YAML files as plain data, checked by a schema; errors name file, line, key and what is accepted.
+
+Tags, aliases and duplicate keys are errors.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
+from pydantic import BaseModel, ValidationError
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, did_you_mean
 
 _MAX_SIZE = 1_000_000
 """Bytes; a scenario has a few hundred."""
 _MAX_DEPTH = 16
 """Levels of nested lists and mappings; a scenario has five."""
-_TEXT = "tag:yaml.org,2002:str"
+_PREFIX = "tag:yaml.org,2002:"
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_File = TypeVar("_File", bound=BaseModel)
+
+
+def read_text(path: Path) -> str:
+    """Text of a file that may hold YAML.
+
+    Raises:
+        InputError: If the file cannot be read, is not UTF-8 or is larger than 1 MB.
+    """
+    accepted = f"a readable UTF-8 text file of at most {_MAX_SIZE} bytes"
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(_MAX_SIZE + 1)
+        if len(content) > _MAX_SIZE:
+            raise InputError("file", "it is too large", accepted, str(path))
+        return content.decode("utf-8")
+    except OSError as error:
+        raise InputError("file", str(error.strerror), accepted, str(path)) from None
+    except UnicodeDecodeError:
+        raise InputError("file", "it is not UTF-8 text", accepted, str(path)) from None
 
 
 class _PlainLoader(_SafeLoader):  # type: ignore[misc]
@@ -26,7 +51,7 @@ class _PlainLoader(_SafeLoader):  # type: ignore[misc]
         keys: set[str] = set()
         for key, _ in node.value:
             problem = None
-            if not isinstance(key, yaml.ScalarNode) or key.tag != _TEXT:
+            if not isinstance(key, yaml.ScalarNode) or key.tag != f"{_PREFIX}str":
                 problem = f"key {getattr(key, 'value', '')!r} is not a word"
             elif key.value in keys:
                 problem = f"key {key.value!r} is given twice"
@@ -36,21 +61,17 @@ class _PlainLoader(_SafeLoader):  # type: ignore[misc]
         return dict(super().construct_mapping(node, deep))
 
 
-_REPLACED = tuple(f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "timestamp"))
+_REPLACED = [f"{_PREFIX}{kind}" for kind in ("int", "float", "timestamp")]
 _PlainLoader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if tag not in _REPLACED]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
-_PlainLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:int", re.compile(r"^[-+]?(?:0|[1-9]\d{0,17})$"), list("-+0123456789")
-)
-_PlainLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(
-        r"^[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|\.inf|\.Inf|\.INF|\.nan|\.NaN|\.NAN)$"
-    ),
-    list("-+0123456789."),
-)
+_INTEGER = r"^[-+]?(?:0|[1-9]\d{0,17})$"
+_NUMBER = r"^[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|\.inf|\.Inf|\.INF|\.nan|\.NaN|\.NAN)$"
+for _kind, _pattern in (("int", _INTEGER), ("float", _NUMBER)):
+    _PlainLoader.add_implicit_resolver(
+        f"{_PREFIX}{_kind}", re.compile(_pattern), list("-+0123456789.")
+    )
 
 
 def parse_yaml(text: str, path: Path) -> dict[str, Any]:
@@ -97,16 +118,9 @@ def _error(mark: Any, path: Path, problem: str, accepted: str) -> InputError:
     return InputError("file", problem, accepted, str(path), None if mark is None else mark.line + 1)
 
 
-def line_of(text: str, keys: Sequence[str | int]) -> int | None:
-    """Line of the value that a sequence of keys and list indices leads to, or of its parent.
-
-    Args:
-        text: A valid YAML text.
-        keys: Keys and indices from the top level.
-    """
+def _line_of(text: str, keys: Sequence[str | int]) -> int:
+    """Line of the value that keys and list indices lead to, or of its innermost parent."""
     node: Any = yaml.compose(text, Loader=_SafeLoader)
-    if node is None:
-        return None
     line = node.start_mark.line + 1
     for step in keys:
         if isinstance(node, yaml.MappingNode):
@@ -120,20 +134,113 @@ def line_of(text: str, keys: Sequence[str | int]) -> int | None:
     return int(line)
 
 
-def read_text(path: Path) -> str:
-    """Text of a file that may hold YAML.
+def validated(schema: type[_File], data: Any, source: Path, text: str | None = None) -> _File:
+    """Instance of a schema made from data.
+
+    Args:
+        schema: Of the file.
+        data: Content of the file.
+        source: Its name, for errors.
+        text: Its YAML text, for the lines of errors.
 
     Raises:
-        InputError: If the file cannot be read, is not UTF-8 or is larger than 1 MB.
+        InputError: The first error: file, line, key, value given and values accepted.
     """
-    accepted = f"a readable UTF-8 text file of at most {_MAX_SIZE} bytes"
     try:
-        with path.open("rb") as stream:
-            content = stream.read(_MAX_SIZE + 1)
-        if len(content) > _MAX_SIZE:
-            raise InputError("file", "it is too large", accepted, str(path))
-        return content.decode("utf-8")
-    except OSError as error:
-        raise InputError("file", str(error.strerror), accepted, str(path)) from None
-    except UnicodeDecodeError:
-        raise InputError("file", "it is not UTF-8 text", accepted, str(path)) from None
+        return schema.model_validate(data)
+    except ValidationError as error:
+        keys, problem, accepted = _first_error(error, schema, data)
+    line = None if text is None else _line_of(text, keys)
+    raise InputError(".".join(map(str, keys)) or "file", problem, accepted, str(source), line)
+
+
+@contextmanager
+def error_context(source: Path | None, prefix: str = "", only: str | None = None) -> Iterator[None]:
+    """Context in which errors name a file and the key in it, unless they name a file already.
+
+    Args:
+        source: The file.
+        prefix: Put before the key of the error, such as ``"path."``.
+        only: Key of the errors that this applies to; default: all.
+    """
+    try:
+        yield
+    except InputError as error:
+        if source is None or error.source is not None or only not in (None, error.key):
+            raise
+        raise error.found_in(str(source), prefix) from None
+
+
+_ORDER = {"extra_forbidden": 0, "missing": 1}
+"""Unknown keys are reported before missing ones, those before wrong values."""
+_CONTAINERS = {
+    "dict_type": "keys and values", "model_type": "keys and values",
+    "model_attributes_type": "keys and values", "tuple_type": "a list", "list_type": "a list",
+}  # fmt: skip
+"""Accepted values, for the errors in which pydantic names types of Python."""
+
+
+def _first_error(
+    error: ValidationError, schema: type[BaseModel], data: Any
+) -> tuple[list[str | int], str, str]:
+    """Key path, problem and accepted values of the first error."""
+    errors = sorted(error.errors(include_url=False), key=lambda entry: _ORDER.get(entry["type"], 2))
+    paths = [_keys_in(data, entry["loc"]) for entry in errors]
+    first, keys = errors[0], paths[0]
+    for entry, path in zip(errors, paths, strict=True):  # the alternative that was meant
+        if len(path) > len(keys) and path[: len(keys)] == keys and isinstance(path[-1], str):
+            first, keys = entry, path
+    kind, location, value = first["type"], first["loc"], first["input"]
+    if kind == "extra_forbidden":
+        fields = _section_at(schema, keys[:-1])[0].model_fields
+        known = [info.alias or name for name, info in fields.items()]
+        hint = did_you_mean(str(keys[-1]), known)
+        return keys, f"there is no such key{hint}", ", ".join(known)
+    description = _section_at(schema, location)[1]
+    if kind == "missing" and isinstance(location[-1], str):
+        return [*keys, location[-1]], "it is missing", description or "a value"
+    alternatives = [entry for entry, path in zip(errors, paths, strict=True) if path == keys]
+    indices = [int(entry["loc"][-1]) for entry in alternatives if entry["type"] == "missing"]
+    message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    accepted = _CONTAINERS.get(kind, message)
+    if len(indices) == len(alternatives):
+        accepted = f"{1 + max(indices)} entries"
+    elif len(alternatives) > 1 and description:  # of a union
+        accepted = description
+    shown = "nothing" if value is None else repr(value)
+    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
+    hint = did_you_mean(str(value), re.findall("'([^']*)'", accepted))
+    return keys, f"{shown} was given{hint}", accepted
+
+
+def _keys_in(data: Any, location: Sequence[str | int]) -> list[str | int]:
+    """The part of a pydantic location that leads through the data, not through union members."""
+    keys: list[str | int] = []
+    for step in location:
+        try:
+            data = data[step]
+        except (KeyError, IndexError, TypeError):
+            continue
+        keys.append(step)
+    return keys
+
+
+def _section_at(
+    schema: type[BaseModel], location: Sequence[str | int]
+) -> tuple[type[BaseModel], str | None]:
+    """The section that a location leads to, and the description of the innermost field on it."""
+    description = None
+    for key in location:
+        for name, info in schema.model_fields.items():
+            if key in (name, info.alias):
+                description, schema = info.description, next(_sections_in(info.annotation), schema)
+                break
+    return schema, None if description is None else " ".join(description.split())
+
+
+def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The section classes in a type."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in getattr(annotation, "__args__", ()):
+        yield from _sections_in(part)

@@ -16,8 +16,7 @@ from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
 from freefloat.io.scenario import Scenario
 from freefloat.io.schema import ScenarioFile
-from freefloat.io.validation import validated
-from freefloat.io.yaml import parse_yaml, read_text
+from freefloat.io.yaml import parse_yaml, read_text, validated
 from freefloat.paths.path import samples_text
 from freefloat.robot.names import find_scenario, find_study, is_file
 from freefloat.so3 import unit_quaternion
