@@ -17,7 +17,7 @@ from typer.main import get_command
 
 from freefloat.cli import workspace
 from freefloat.cli.app import app
-from freefloat.cli.options import bundled_names, prepare_outputs, scenario_names
+from freefloat.cli.options import file_names, prepare_outputs, scenario_names
 from freefloat.errors import InputError
 from tests.commands import error, run
 
@@ -243,4 +243,4 @@ def test_a_shell_completes_commands_bundled_names_and_files(tmp_path: Path) -> N
     assert completed(tmp_path, "freefloat info ar") == ["arm.urdf"]
     assert completed(tmp_path, "freefloat batch p") == ["planar_3dof/grid"]
     assert scenario_names("no/such/folder/a") == []
-    assert bundled_names("planar_3dof/g") == ["planar_3dof/grid"]
+    assert file_names("planar_3dof/g") == ["planar_3dof/grid"]

@@ -13,21 +13,12 @@ from typer.core import TyperGroup
 from freefloat.cli.assemble import assemble
 from freefloat.cli.batch import batch
 from freefloat.cli.check import check
-from freefloat.cli.console import (
-    BAD_INPUT,
-    DONE,
-    INTERNAL_ERROR,
-    INTERRUPTED,
-    print_error,
-    print_text,
-    say,
-)
+from freefloat.cli.console import BAD_INPUT, DONE, INTERNAL_ERROR, INTERRUPTED, print_error, say
 from freefloat.cli.export import export
 from freefloat.cli.info import info
 from freefloat.cli.map import map_
-from freefloat.cli.models import models
+from freefloat.cli.models import models, schema
 from freefloat.cli.plan import plan
-from freefloat.cli.schema import schema
 from freefloat.cli.simulate import simulate
 from freefloat.cli.view import view
 from freefloat.cli.workspace import workspace
@@ -64,14 +55,12 @@ class _Commands(TyperGroup):
 def _report(error: Exception, as_json: bool, debug: bool) -> int:
     """Print an error; return its exit code."""
     if isinstance(error, typer.TyperException):
-        print_error(_usage_error(error), as_json)
-        return BAD_INPUT
+        error = _usage_error(error)
+    elif isinstance(error, OSError):
+        name = "output" if error.filename is None else str(error.filename)
+        error = InputError(name, error.strerror or str(error), "a usable file")
     if isinstance(error, FreeFloatError):
         print_error(error, as_json)
-        return BAD_INPUT
-    if isinstance(error, OSError):
-        name = "output" if error.filename is None else str(error.filename)
-        print_error(InputError(name, error.strerror or str(error), "a usable file"), as_json)
         return BAD_INPUT
     if debug:
         traceback.print_exception(error)
@@ -116,10 +105,10 @@ def _main(
     if version:
         from importlib.metadata import version as installed
 
-        print_text(f"freefloat {installed('freefloat')}\n")
+        typer.echo(f"freefloat {installed('freefloat')}")
         raise typer.Exit(DONE)
     if context.invoked_subcommand is None:
-        print_text(_FIRST_STEPS)
+        typer.echo(_FIRST_STEPS, nl=False)
 
 
 def main() -> None:

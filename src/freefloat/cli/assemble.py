@@ -15,7 +15,8 @@ from freefloat.cli.options import Json, Quiet, prepare_outputs, robot_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.robot.parts import Attachment, Mount
+    from freefloat.robot.model import FreeFloatingModel
+    from freefloat.robot.parts import Mount
 
 Vector = tuple[float, float, float]
 Placement = tuple[float, float, float, float, float, float]
@@ -119,34 +120,29 @@ def assemble(
     """
     from freefloat.io.scenario import load_robot
     from freefloat.io.urdf_file import write_urdf
-    from freefloat.robot.model import FreeFloatingModel
-    from freefloat.robot.names import bundled_scenarios, find_robot
-    from freefloat.robot.parts import Payload, Spacecraft
+    from freefloat.robot.names import bundled_scenarios
 
-    spacecraft = {
-        **{"mass": mass, "inertia": inertia, "com": com, "size": size, "mesh": mesh},
-        "mount": mount,
+    spacecraft = {"mass": mass, "inertia": inertia, "com": com, "size": size, "mesh": mesh}
+    payload = {"mass": payload_mass, "inertia": payload_inertia, "com": payload_com,
+               "size": payload_size, "mesh": payload_mesh}  # fmt: skip
+    options: dict[str, dict[str, Any]] = {
+        "spacecraft": {**spacecraft, "mount": mount},
+        "payload": payload,
+        "tool": {"urdf": tool, "mount": tool_mount},
+        "second_arm": {"urdf": second_arm, "mount": second_mount},
     }
-    payload = {
-        **{"mass": payload_mass, "inertia": payload_inertia, "com": payload_com},
-        **{"size": payload_size, "mesh": payload_mesh},
+    parts = {
+        name: {key: value for key, value in values.items() if value is not None}
+        for name, values in options.items()
+        if any(value is not None for value in values.values())
     }
-    additions = {"tool": (tool, tool_mount), "second_arm": (second_arm, second_mount)}
     if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
-        values = (end_effector, *spacecraft.values(), *payload.values())
-        if any(value is not None for value in (*values, *sum(additions.values(), ()))):
+        if parts or end_effector is not None:
             accepted = "-o, --copy-meshes and --json"
             raise InputError("options", "the scenario has all parts of its robot", accepted)
         model = load_robot(robot)
     else:
-        urdf = find_robot(robot, Path())
-        model = FreeFloatingModel.from_urdf(
-            urdf,
-            end_effector,
-            attached=_attachments(urdf, end_effector, additions),
-            spacecraft=_body("spacecraft", Spacecraft, spacecraft),
-            payload=_body("payload", Payload, payload),
-        )
+        model = _assembled(robot, end_effector, parts)
     prepare_outputs(Path(model.description.source), output=output)
     document = write_urdf(model, output, copy_meshes).to_dict()
     console = Console(as_json, quiet)
@@ -154,58 +150,59 @@ def assemble(
     console.tables(_tables(document))
 
 
-def _attachments(
-    urdf: Path,
-    end_effector: str | None,
-    additions: dict[str, tuple[str | None, Placement | None]],
-) -> list[Attachment]:
-    """The URDFs attached to an arm."""
+def _assembled(
+    robot: str, end_effector: str | None, parts: dict[str, dict[str, Any]]
+) -> FreeFloatingModel:
+    """Return the model of an arm with the parts that the options describe."""
     from freefloat.robot.assembly import end_effector_link
+    from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.names import find_robot
-    from freefloat.robot.parts import Attachment
+    from freefloat.robot.parts import Attachment, Payload, Spacecraft
     from freefloat.robot.validation import read_urdf
 
-    attached = []
-    for key, (name, placement) in additions.items():
-        if name is None:
-            if placement is not None:
-                raise InputError(key, "it is missing, only its pose was given", "a URDF")
+    urdf, attached = find_robot(robot, Path()), []
+    for key, prefix in (("tool", "tool_"), ("second_arm", "second_")):
+        if key not in parts:
             continue
+        if "urdf" not in parts[key]:
+            raise InputError(key, "it is missing, only its pose was given", "a URDF")
         try:
-            file = find_robot(name, Path())
+            file = find_robot(parts[key]["urdf"], Path())
         except InputError as error:
             raise InputError(key, error.problem, error.accepted) from None
-        prefix = key.removesuffix("arm") if key == "second_arm" else f"{key}_"
         link = end_effector_link(read_urdf(urdf), end_effector) if key == "tool" else None
-        attached.append(Attachment(file, link, _mount(f"{prefix}mount", placement), prefix))
-    return attached
+        mount = _mount(f"{prefix}mount", parts[key].get("mount", (0.0,) * 6))
+        attached.append(Attachment(file, link, mount, prefix))
+    return FreeFloatingModel.from_urdf(
+        urdf,
+        end_effector,
+        attached=attached,
+        spacecraft=Spacecraft(**_body("spacecraft", parts)) if "spacecraft" in parts else None,
+        payload=Payload(**_body("payload", parts)) if "payload" in parts else None,
+    )
 
 
-def _body(name: str, kind: type[Any], options: dict[str, Any]) -> Any:
-    """A spacecraft or a payload of the options that were given; None without options."""
-    values = {key: value for key, value in options.items() if value is not None}
-    if not values:
-        return None
+def _body(name: str, parts: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return the arguments of a spacecraft or a payload."""
+    options = parts[name]
     for key in ("mass", "inertia"):
-        if key not in values:
+        if key not in options:
             raise InputError(f"{name}.{key}", "it is missing", "mass and inertia of every body")
+    text = options["inertia"]
     try:
-        values["inertia"] = [float(word) for word in values["inertia"].split(",")]
+        inertia = [float(word) for word in text.split(",")]
     except ValueError:
         accepted = "three, six or nine numbers separated by commas"
-        raise InputError(f"{name}.inertia", f"{values['inertia']!r} was given", accepted) from None
-    if "mount" in values:
-        values["mount"] = _mount("mount", values["mount"])
-    return kind(**values)
+        raise InputError(f"{name}.inertia", f"{text!r} was given", accepted) from None
+    mount = {"mount": _mount("mount", options["mount"])} if "mount" in options else {}
+    return {**options, "inertia": inertia, **mount}
 
 
-def _mount(key: str, placement: Placement | None) -> Mount:
+def _mount(key: str, placement: Placement) -> Mount:
     import numpy as np
 
     from freefloat.robot.parts import Mount
 
-    if placement is None:
-        return Mount()
     if max(map(abs, placement[3:])) > 2.0 * math.pi:
         angles = " ".join(f"{angle:g}" for angle in placement[3:])
         raise InputError(key, f"the angles {angles} were given", "x y z [m], angles in radians")
@@ -217,10 +214,8 @@ def _tables(document: dict[str, Any]) -> Iterator[RenderableType]:
     yield f"{document['file']}: {document['robot']}, {document['total_mass']:.6g} kg"
     joints = table("joint", "type", "")
     for joint in document["joints"]:
-        fixed = joint["held"]
-        joints.add_row(
-            joint["name"], joint["type"], "moves" if fixed is None else f"fixed at {fixed:g}"
-        )
+        state = "moves" if joint["held"] is None else f"fixed at {joint['held']:g}"
+        joints.add_row(joint["name"], joint["type"], state)
     yield joints
     yield f"root {document['root']}, end-effector {document['end_effector']}"
     yield f"centre of mass {_numbers(document['centre_of_mass'])} m, root's frame, joints at 0"

@@ -53,8 +53,7 @@ class Console:
         width = None if sys.stdout.isatty() else _PIPE_WIDTH
         console = RichConsole(highlight=False, markup=False, width=width)
         for renderable in renderables:
-            line = isinstance(renderable, str | Text)
-            console.print(renderable, soft_wrap=line)
+            console.print(renderable, soft_wrap=isinstance(renderable, str | Text))
 
     @contextmanager
     def progress(self, description: str) -> Iterator[Callable[[float], None]]:
@@ -85,12 +84,7 @@ class Console:
 
 def print_json(document: dict[str, Any]) -> None:
     """Print one JSON document on stdout."""
-    print_text(json.dumps(document, indent=2, allow_nan=False) + "\n")
-
-
-def print_text(text: str) -> None:
-    """Print a text on stdout as it is."""
-    typer.echo(text, nl=False)
+    typer.echo(json.dumps(document, indent=2, allow_nan=False))
 
 
 def say(line: str) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from freefloat.cli.console import Console, print_text
+from freefloat.cli.console import Console
 from freefloat.cli.options import Json, Quiet, prepare_outputs
 from freefloat.cli.view import load_motion
 from freefloat.errors import InputError
@@ -68,21 +68,15 @@ def export(
     at = even_times(motion, times or _TIMES) if rate is None else times_at_rate(motion, rate)
     trajectory = Trajectory.of(motion, at)
     if target is None:
-        print_text(trajectory_text(motion, trajectory, kind))
+        typer.echo(trajectory_text(motion, trajectory, kind), nl=False)
         return
     prepare_outputs(file, output=target)
     save_trajectory(target, motion, trajectory, kind)
     console, first, last = Console(as_json, quiet), float(at[0]), float(at[-1])
-    document: dict[str, Any] = {
-        "file": str(target),
-        "format": str(kind),
-        "times": len(at),
-        "from": first,
-        "to": last,
-        "joint_names": list(motion.problem.model.joint_names),
-        "completed": motion.completed,
-    }
-    console.json(document)
+    console.json({
+        "file": str(target), "format": str(kind), "times": len(at), "from": first, "to": last,
+        "joint_names": list(motion.problem.model.joint_names), "completed": motion.completed,
+    })  # fmt: skip
     console.tables([f"{len(at):,} samples from {first:g} to {last:g} s: {target} ({kind})"])
     if not motion.completed:
         console.tables(["The motion ends before the path does."])
@@ -95,8 +89,6 @@ def _format_and_file(
     from freefloat.errors import member
     from freefloat.io.export import Format
 
-    if output == "":
-        raise InputError("output", "the name is empty", "the name of a file")
     file = None if output in (None, _STDOUT) else Path(str(output))
     kind = Format.of(file) if name is None else member("format", Format, name)
     if kind is None and file is not None and file.suffix:

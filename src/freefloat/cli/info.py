@@ -54,7 +54,13 @@ def info(
     from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
     from freefloat.io.scenario import load_scenario
     from freefloat.robot.model import FreeFloatingModel
-    from freefloat.robot.names import bundled_robots, bundled_scenarios, find_robot, is_file
+    from freefloat.robot.names import (
+        bundled_robots,
+        bundled_scenarios,
+        find_robot,
+        is_file,
+        unknown,
+    )
     from freefloat.robot.validation import examine
 
     console = Console(as_json, quiet)
@@ -73,7 +79,12 @@ def info(
         task = natural_task(model)
         measure = singularity_measure(model, task, "gjm")
     else:
-        raise _unknown(robot)
+        scenarios = [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]
+        if scenarios:
+            accepted = f"one of them: freefloat info {' | '.join(scenarios)}"
+            raise InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)
+        names = (*bundled_robots(), *bundled_scenarios())
+        raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
     extremes = joint_space_extremes(model, measure)
     summary = RobotSummary(model, task, measure, extremes, tuple(diagnostics))
     console.json(summary.to_dict())
@@ -121,12 +132,8 @@ class RobotSummary:
                 for body in model.bodies[1:]
             ],
             "bodies": [
-                {
-                    "moved_by": body.joint,
-                    "mass": body.mass,
-                    "centre_of_mass": body.centre.tolist(),
-                    "inertia": body.inertia.tolist(),
-                }
+                {"moved_by": body.joint, "mass": body.mass, "centre_of_mass": body.centre.tolist(),
+                 "inertia": body.inertia.tolist()}
                 for body in model.bodies
             ],
             "barycentric_lengths": virtual.lengths.tolist(),
@@ -152,17 +159,6 @@ def natural_task(model: FreeFloatingModel) -> Task:
     planar = VirtualManipulator.of(model).is_planar
     tasks = [task for task in Task if task.planar is planar and len(task.rows) <= model.dof]
     return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)
-
-
-def _unknown(robot: str) -> InputError:
-    from freefloat.robot.names import bundled_robots, bundled_scenarios, unknown
-
-    scenarios = [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]
-    if scenarios:
-        accepted = f"one of them: freefloat info {' | '.join(scenarios)}"
-        return InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)
-    names = (*bundled_robots(), *bundled_scenarios())
-    return unknown("robot", robot, names, "a URDF, a scenario file, or one of")
 
 
 def _require_no_error(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -101,18 +101,16 @@ def map_(
             threads=threads,
             progress=progress,
         )
-    document = result.to_dict()
-    if isinstance(result, HeadingMap):
-        console.tables(_heading_tables(scenario, result))
-    else:
-        console.tables(_attitude_tables(scenario, result))
+    document, planar = result.to_dict(), isinstance(result, HeadingMap)
+    tables: Any = _heading_tables if planar else _attitude_tables
+    console.tables(tables(scenario, result))
     if output is not None:
         save(result, output, loaded)
     if plots is not None:
         document["plots"] = draw(console, plots, result, threads)
     console.json(document)
     # a spatial map may find a feasible attitude between infeasible samples
-    between = not isinstance(result, HeadingMap) and result.best is not None
+    between = not planar and result.best is not None
     raise typer.Exit(DONE if result.feasible_fraction > 0.0 or between else NO)
 
 
@@ -130,10 +128,8 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
     )
     best = result.best
     if best is not None:
-        yield (
-            f"best: {math.degrees(best.heading):.3f} deg, branch {best.branch}, "
-            f"minimum margin {best.margin:.6g}"
-        )
+        place = f"{math.degrees(best.heading):.3f} deg, branch {best.branch}"
+        yield f"best: {place}, minimum margin {best.margin:.6g}"
     reach = reach_message(result.problem)
     if reach is not None:
         yield reach
@@ -146,37 +142,32 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
     yield f"{name}: {result.samples:,} initial attitudes, every arm branch"
     branches = table("branch", "exists [%]", "feasible [%]")
     for branch, label in result.branch_labels().items():
-        feasible, exists = result.branch_fractions(branch)
-        name = f"{_number(branch)} {short_label(label)}"
-        branches.add_row(name, f"{100.0 * exists:.2f}", f"{100.0 * feasible:.2f}")
+        feasible, exists = (f"{100.0 * part:.2f}" for part in result.branch_fractions(branch))
+        branches.add_row(f"{_number(branch)} {short_label(label)}", exists, feasible)
     yield branches
     regions = table("region", "branch", "fraction [%]", "centre x y z w", "depth [deg]")
     for number, region in enumerate(result.regions[:_MAX_REGIONS], start=1):
         error = f" ± {100.0 * region.error:.2f}" if region.error > 0.0 else ""
         regions.add_row(
-            str(number),
-            _number(region.branch),
-            f"{100.0 * region.fraction:.2f}{error}",
-            decimals(region.centre, 5),
-            f"{math.degrees(region.depth):.2f}",
-        )
+            str(number), _number(region.branch), f"{100.0 * region.fraction:.2f}{error}",
+            decimals(region.centre, 5), f"{math.degrees(region.depth):.2f}",
+        )  # fmt: skip
     if result.regions:
         yield regions
-    more = len(result.regions) - _MAX_REGIONS
-    if more > 0:
-        yield f"and {more} smaller regions"
+    if len(result.regions) > _MAX_REGIONS:
+        yield f"and {len(result.regions) - _MAX_REGIONS} smaller regions"
     margin = result.problem.margin
-    share = percentage(result.feasible_fraction, result.feasible_fraction_error, result.samples)
+    feasible = percentage(result.feasible_fraction, result.feasible_fraction_error, result.samples)
     yield (
-        f"{share} of the attitudes keep {margin.measure.name} {margin.threshold:g} with some arm "
-        f"branch, {result.motion_fraction:.2%} of the {int(result.reached.sum()):,} motions do"
+        f"{feasible} of the attitudes keep {margin.measure.name} {margin.threshold:g} with some "
+        f"arm branch, {result.motion_fraction:.2%} of the {int(result.reached.sum()):,} motions do"
     )
-    yield from _found_lines(result)
+    yield from _candidate_lines(result)
     yield f"{result.seconds:.1f} s"
 
 
-def _found_lines(result: AttitudeMap) -> Iterator[str]:
-    """Lines on what was found between the samples."""
+def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
+    """Yield lines on the attitudes between the samples."""
     from freefloat.motion.reach import reach_message
 
     best, robust, nearest = result.best, result.robust, result.nearest
@@ -192,8 +183,8 @@ def _found_lines(result: AttitudeMap) -> Iterator[str]:
         yield f"nearest: {_place(nearest)}, {math.degrees(nearest.score):.6g} deg away"
     if result.tangency is not None:
         gaps = [point.gap for point in result.tangency if point.gap is not None]
-        found = f"; bisection agrees within {math.degrees(max(gaps)):.2g} deg" if gaps else ""
-        yield f"{len(result.tangency)} attitudes of the boundary from tangency points{found}"
+        gap = f"; bisection agrees within {math.degrees(max(gaps)):.2g} deg" if gaps else ""
+        yield f"{len(result.tangency)} attitudes of the boundary from tangency points{gap}"
     if result.boundary is not None:
         yield f"{len(result.boundary)} attitudes of the boundary by bisection, see --json or -o"
 

@@ -1,4 +1,4 @@
-"""``freefloat models``: what comes with the package, by name."""
+"""``freefloat models`` and ``freefloat schema``: what comes with the package, by name."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from freefloat.cli.console import Console, print_text, table
-from freefloat.cli.options import Json, Quiet, bundled_names
+from freefloat.cli.console import Console, print_json, table
+from freefloat.cli.options import Json, Quiet, file_names
 from freefloat.errors import InputError, did_you_mean
 
 
@@ -22,7 +22,7 @@ def models(
         typer.Argument(
             metavar="[NAME]",
             help="Print this file instead: a URDF, or the YAML of a scenario or study.",
-            autocompletion=bundled_names,
+            autocompletion=file_names,
         ),
     ] = None,
     as_json: Json = False,
@@ -44,10 +44,29 @@ def models(
         console.json({kind: [entry.to_dict() for entry in groups[kind]] for kind in groups})
         console.tables(_tables(groups))
         return
-    entry = bundled_file(name)
+    entries = {entry.name: entry for group in catalogue().values() for entry in group}
+    if name not in entries:
+        problem = f"nothing bundled has this name: {name}{did_you_mean(name, entries)}"
+        raise InputError("name", problem, ", ".join(entries))
+    entry = entries[name]
     console.json({**entry.to_dict(), "text": entry.text})
     if not as_json:
-        print_text(entry.text)
+        typer.echo(entry.text, nl=False)
+
+
+def schema(as_json: Json = False, quiet: Quiet = False) -> None:
+    """Print the JSON schemas of scenario and study files, for editors and checkers.
+
+    Example: freefloat schema > freefloat.schema.json
+    """
+    from freefloat.io.schema import ScenarioFile
+    from freefloat.studies.schema import StudyFile
+
+    schemas = {
+        "scenario": ScenarioFile.model_json_schema(),
+        "study": StudyFile.model_json_schema(),
+    }
+    print_json({name: {"$id": f"urn:freefloat:{name}", **schemas[name]} for name in schemas})
 
 
 @dataclass(frozen=True)
@@ -72,44 +91,21 @@ class BundledFile:
         return self.file.read_text(encoding="utf-8")
 
     def to_dict(self) -> dict[str, Any]:
-        """The entry's JSON document."""
-        return {
-            "name": self.name,
-            "description": self.description,
-            **self.details,
-            "file": str(self.file),
-        }
+        """Return the entry's JSON document."""
+        return {"name": self.name, "description": self.description, **self.details,
+                "file": str(self.file)}  # fmt: skip
 
 
 def catalogue() -> dict[str, list[BundledFile]]:
-    """All bundled robots, scenarios and studies."""
-    from freefloat.robot.names import (
-        bundled_robots,
-        bundled_scenarios,
-        bundled_studies,
-        find_robot,
-        find_scenario,
-        find_study,
-    )
+    """Return all bundled robots, scenarios and studies."""
+    from freefloat.robot import names as bundled
 
+    robots, scenarios = bundled.bundled_robots(), bundled.bundled_scenarios()
     return {
-        "robots": [_robot(name, find_robot(name, Path())) for name in bundled_robots()],
-        "scenarios": [_scenario(name, find_scenario(name)) for name in bundled_scenarios()],
-        "studies": [_study(name, find_study(name)) for name in bundled_studies()],
+        "robots": [_robot(name, bundled.find_robot(name, Path())) for name in robots],
+        "scenarios": [_scenario(name, bundled.find_scenario(name)) for name in scenarios],
+        "studies": [_study(name, bundled.find_study(name)) for name in bundled.bundled_studies()],
     }
-
-
-def bundled_file(name: str) -> BundledFile:
-    """The bundled file with a name.
-
-    Raises:
-        InputError: If there is none.
-    """
-    entries = {entry.name: entry for group in catalogue().values() for entry in group}
-    if name not in entries:
-        problem = f"nothing bundled has this name: {name}{did_you_mean(name, entries)}"
-        raise InputError("name", problem, ", ".join(entries))
-    return entries[name]
 
 
 def _robot(name: str, file: Path) -> BundledFile:
@@ -128,9 +124,8 @@ def _scenario(name: str, file: Path) -> BundledFile:
 
 def _study(name: str, file: Path) -> BundledFile:
     description, content = _read(file)
-    return BundledFile(
-        name, description, {"base": content["base"], "task": content["command"]}, file
-    )
+    details = {"base": content["base"], "task": content["command"]}
+    return BundledFile(name, description, details, file)
 
 
 def _read(file: Path) -> tuple[str, dict[str, Any]]:

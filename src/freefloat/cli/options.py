@@ -18,35 +18,31 @@ _YAML, _URDF = (".yaml", ".yml"), (".urdf",)
 
 def scenario_names(incomplete: str) -> list[str]:
     """Complete the name of a bundled scenario or of a YAML file."""
-    from freefloat.robot.names import bundled_scenarios
-
-    return [*_starting(incomplete, bundled_scenarios()), *_files(incomplete, _YAML)]
+    return [*bundled_names(incomplete, "scenarios"), *_files(incomplete, _YAML)]
 
 
 def study_names(incomplete: str) -> list[str]:
     """Complete the name of a bundled study or of a YAML file."""
-    from freefloat.robot.names import bundled_studies
-
-    return [*_starting(incomplete, bundled_studies()), *_files(incomplete, _YAML)]
+    return [*bundled_names(incomplete, "studies"), *_files(incomplete, _YAML)]
 
 
 def robot_names(incomplete: str) -> list[str]:
     """Complete the name of a bundled robot or scenario, of a URDF or of a YAML file."""
-    from freefloat.robot.names import bundled_robots, bundled_scenarios
-
-    names = (*bundled_robots(), *bundled_scenarios())
-    return [*_starting(incomplete, names), *_files(incomplete, (*_URDF, *_YAML))]
+    bundled = bundled_names(incomplete, "robots", "scenarios")
+    return [*bundled, *_files(incomplete, (*_URDF, *_YAML))]
 
 
-def bundled_names(incomplete: str) -> list[str]:
+def file_names(incomplete: str) -> list[str]:
     """Complete the name of a bundled robot, scenario or study."""
-    from freefloat.robot.names import bundled_robots, bundled_scenarios, bundled_studies
-
-    return _starting(incomplete, (*bundled_robots(), *bundled_scenarios(), *bundled_studies()))
+    return bundled_names(incomplete, "robots", "scenarios", "studies")
 
 
-def _starting(incomplete: str, names: tuple[str, ...]) -> list[str]:
-    return [name for name in names if name.startswith(incomplete)]
+def bundled_names(incomplete: str, *kinds: str) -> list[str]:
+    """Return bundled names of some kinds that start so."""
+    from freefloat.robot import names
+
+    bundled = [name for kind in kinds for name in getattr(names, f"bundled_{kind}")()]
+    return [name for name in bundled if name.startswith(incomplete)]
 
 
 def _files(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
@@ -68,12 +64,9 @@ Quiet = Annotated[
 ]
 ScenarioName = Annotated[
     str,
-    typer.Argument(
-        metavar="SCENARIO",
-        help="A file or a bundled name: spatial_6dof/line",
-        autocompletion=scenario_names,
-    ),
-]
+    typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line",
+                   autocompletion=scenario_names),
+]  # fmt: skip
 ResultFile = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write an HDF5 file.")
 ]

@@ -69,22 +69,17 @@ def plan(
     if output is not None:
         save(result, output, loaded)
     if html is not None:
-        document["html"] = _save_page(html, scenario, result)
+        document["html"] = None
+        if result.chosen is not None:
+            from freefloat.visualization.playback import playback
+
+            motions = {f"{scenario}, {result.chosen.branch.label}": result.chosen.motion}
+            document["html"] = str(playback(motions, scenario).save(html))
         console.tables([f"Page: {document['html'] or 'none, there is no motion to show'}"])
     if plots is not None:
         document["plots"] = draw(console, plots, result, threads)
     console.json(document)
     raise typer.Exit(DONE if result.feasible else NO)
-
-
-def _save_page(file: Path, title: str, plan: Plan) -> str | None:
-    """Write the page of a plan's motion; return the file, or None where there is no motion."""
-    if plan.chosen is None:
-        return None
-    from freefloat.visualization.playback import playback
-
-    playback({f"{title}, {plan.chosen.branch.label}": plan.chosen.motion}, title).save(file)
-    return str(file)
 
 
 def draw(
@@ -103,10 +98,15 @@ def draw(
 
 def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
     """The feasible attitudes, the chosen one, its tolerances, motion and limits."""
-    from freefloat.cli.tables import limit_tables, motion_lines, percentage
+    from freefloat.cli.tables import ANY, limit_tables, motion_lines, percentage, short_label
 
     if plan.map is None:
-        yield from _heading_ranges(name, plan)
+        yield f"{name}: feasible initial headings"
+        ranges = table("branch", "ranges [deg]")
+        for entry in plan.ranges:
+            number = ANY if entry.label == ANY else f"{entry.branch} {short_label(entry.label)}"
+            ranges.add_row(number, _ranges(entry))
+        yield ranges
     else:
         fraction, samples = plan.map.feasible_fraction, plan.map.samples
         share = percentage(fraction, plan.map.feasible_fraction_error, samples)
@@ -146,27 +146,13 @@ def _segment_lines(plan: Plan) -> Iterator[str]:
     from freefloat.cli.tables import short_label
 
     for segment in plan.segments:
-        yield (
-            f"  Feasible headings at the end of the segment from {segment.span[0]:g} to "
-            f"{segment.span[1]:g} s:"
-        )
-        for scope, branches in (
-            ("this segment alone", segment.at_end),
-            ("to the end of the path", segment.joined_at_end),
-        ):
+        first, last = segment.span
+        yield f"  Feasible headings at the end of the segment from {first:g} to {last:g} s:"
+        scopes = {"this segment alone": segment.at_end,
+                  "to the end of the path": segment.joined_at_end}  # fmt: skip
+        for scope, branches in scopes.items():
             for entry in branches:
                 yield f"    {scope}, {short_label(entry.label)}: {_ranges(entry)} deg"
-
-
-def _heading_ranges(name: str, plan: Plan) -> Iterator[RenderableType]:
-    from freefloat.cli.tables import ANY, short_label
-
-    yield f"{name}: feasible initial headings"
-    ranges = table("branch", "ranges [deg]")
-    for entry in plan.ranges:
-        number = ANY if entry.label == ANY else f"{entry.branch} {short_label(entry.label)}"
-        ranges.add_row(number, _ranges(entry))
-    yield ranges
 
 
 def _ranges(entry: BranchRanges) -> str:

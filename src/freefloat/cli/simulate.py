@@ -69,13 +69,9 @@ def simulate(
     prepare_outputs(loaded.source, output=output, html=html)
     with loaded.error_context(only="path"), console.progress("integrating motions"):
         simulation = simulate_branches(
-            problem,
-            start,
-            branch=branch,
-            joints=_joint_values(joints),
-            limits=limits,
+            problem, start, branch=branch, joints=_joint_values(joints), limits=limits,
             stop_at_margin=stop_at_margin,
-        )
+        )  # fmt: skip
     console.tables(_tables(scenario, simulation))
     if output is not None:
         save(simulation, output, loaded)
@@ -90,7 +86,7 @@ def simulate(
 def _start_attitude(
     problem: Problem, attitude: Quaternion | None, heading: float | None
 ) -> Sequence[float]:
-    """The initial attitude of either option."""
+    """Return the initial attitude of either option."""
     accepted = "--heading DEG" if problem.task.planar else "--attitude X Y Z W"
     if attitude is not None and heading is not None:
         raise InputError("attitude", "both --attitude and --heading were given", accepted)
@@ -98,10 +94,8 @@ def _start_attitude(
         return attitude
     if heading is None:
         raise InputError("attitude", "neither --attitude nor --heading was given", accepted)
-    if not problem.task.planar:
-        raise InputError("heading", f"task {problem.task} is not planar", accepted)
-    if not math.isfinite(heading):
-        raise InputError("heading", f"{heading} was given", "a finite number of degrees")
+    if not (problem.task.planar and math.isfinite(heading)):
+        raise InputError("heading", f"{heading:g} was given, task {problem.task}", accepted)
     from freefloat.so3 import heading_quaternion
 
     return list(heading_quaternion(math.radians(heading)))
@@ -115,28 +109,21 @@ def _joint_values(text: str | None) -> list[float] | None:
 
 
 def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
-    """The branches, the chosen motion, and its limits."""
     from freefloat.cli.tables import limit_tables, motion_lines, short_label
     from freefloat.motion.reach import reach_message
 
     problem = simulation.problem
-    redundant = problem.redundant
-    yield f"{name}: arm {'configurations' if redundant else 'branches'} at this attitude"
-    branches = table(
-        "start" if redundant else "branch",
-        "initial joints [rad, m]",
-        f"minimum {problem.margin.measure.name}",
-        "verdict",
-    )
+    start, kind = ("start", "configurations") if problem.redundant else ("branch", "branches")
+    yield f"{name}: arm {kind} at this attitude"
+    minimum = f"minimum {problem.margin.measure.name}"
+    branches = table(start, "initial joints [rad, m]", minimum, "verdict")
     for entry in simulation.branches:
         number = f"{entry.branch.index}{'*' if entry is simulation.chosen else ''}"
         closest = entry.closest_approach
         branches.add_row(
-            f"{number} {short_label(entry.branch.label)}",
-            decimals(entry.branch.joints, 3),
-            f"{closest.sign * closest.value:.4g}",
-            _verdict(entry),
-        )
+            f"{number} {short_label(entry.branch.label)}", decimals(entry.branch.joints, 3),
+            f"{closest.sign * closest.value:.4g}", _verdict(entry),
+        )  # fmt: skip
     yield branches
     yield from motion_lines(simulation.chosen, " (*)")
     reach = reach_message(problem)

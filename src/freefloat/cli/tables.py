@@ -9,7 +9,7 @@ from rich.text import Text
 
 from freefloat.cli.console import decimals, table
 from freefloat.limits.limits import LimitResult
-from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.motion import Ending
 from freefloat.planning.simulation import SimulatedBranch
 
 ANY = "any"
@@ -33,21 +33,23 @@ def short_label(label: str) -> str:
 def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
     """Lines on a motion: closest approach, first and last state, residuals."""
     motion, closest = chosen.motion, chosen.closest_approach
-    margin, initial, final = motion.problem.margin, motion.initial, motion.final
-    name = f"from joints {decimals(initial.joints, 3)}"
-    if not motion.problem.redundant:
-        name = f"branch {chosen.branch.index}"
+    problem, initial, final = motion.problem, motion.initial, motion.final
+    start = f"from joints {decimals(initial.joints, 3)}"
+    name = start if problem.redundant else f"branch {chosen.branch.index}"
     yield f"Motion of {name}{mark}: {motion.ending.value}"
     verdict = "keeps" if keeps_margin(chosen) else "violates"
     yield (
         f"  minimum margin |{closest.measure}| {closest.value:.6g} at t = {closest.time:.4f} s, "
-        f"{verdict} the margin {margin.threshold:g}"
+        f"{verdict} the margin {problem.margin.threshold:g}"
     )
     yield f"  initial attitude x y z w  {decimals(initial.attitude, 5)}"
     yield f"  final attitude   x y z w  {decimals(final.attitude, 5)}, t = {final.time:.4f} s"
     yield f"  final joints              {decimals(final.joints)}"
     if motion.ending is Ending.SINGULAR:
-        yield f"  singular at {_place(motion)}"
+        position = problem.model.end_effector_pose(final.attitude, final.joints).position
+        place = ", ".join(f"{x:.4f}" for x in position)
+        s = problem.path.timing.s(final.time)
+        yield f"  singular at t = {final.time:.4f} s, s = {s:.4f}, end-effector at ({place}) m"
     residuals = motion.residuals()
     angle = residuals.end_effector_attitude
     yield (
@@ -61,15 +63,6 @@ def keeps_margin(branch: SimulatedBranch) -> bool:
     """Whether a motion completes and keeps the margin."""
     margin = branch.motion.problem.margin
     return branch.motion.completed and margin.is_kept(branch.closest_approach.value)
-
-
-def _place(motion: Motion) -> str:
-    """When and where a motion ends."""
-    final, problem = motion.final, motion.problem
-    position = problem.model.end_effector_pose(final.attitude, final.joints).position
-    place = ", ".join(f"{x:.4f}" for x in position)
-    s = problem.path.timing.s(final.time)
-    return f"t = {final.time:.4f} s, s = {s:.4f}, end-effector at ({place}) m"
 
 
 def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:
@@ -98,15 +91,10 @@ def _number(value: float) -> str:
 
 
 def percentage(fraction: float, error: float | None, samples: int) -> str:
-    """Format a fraction with its standard error, ``12.34% ± 0.20%``.
+    """Format a fraction in [0, 1] with its standard error, ``12.34% ± 0.20%``.
 
     If all samples agree, the error says nothing; the bound of a 95 % confidence interval is given
-    instead.
-
-    Args:
-        fraction: In [0, 1].
-        error: Its standard error; None if the samples are not random.
-        samples: Number of samples.
+    instead. The error is None if the samples are not random.
     """
     if error is None or samples < 1:
         return f"{fraction:.2%}"
