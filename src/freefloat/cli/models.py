@@ -44,11 +44,7 @@ def models(
         console.json({kind: [entry.to_dict() for entry in groups[kind]] for kind in groups})
         console.tables(_tables(groups))
         return
-    entries = {entry.name: entry for group in catalogue().values() for entry in group}
-    if name not in entries:
-        problem = f"nothing bundled has this name: {name}{did_you_mean(name, entries)}"
-        raise InputError("name", problem, ", ".join(entries))
-    entry = entries[name]
+    entry = bundled_file(name)
     console.json({**entry.to_dict(), "text": entry.text})
     if not as_json:
         typer.echo(entry.text, nl=False)
@@ -106,6 +102,19 @@ def catalogue() -> dict[str, list[BundledFile]]:
         "scenarios": [_scenario(name, bundled.find_scenario(name)) for name in scenarios],
         "studies": [_study(name, bundled.find_study(name)) for name in bundled.bundled_studies()],
     }
+
+
+def bundled_file(name: str) -> BundledFile:
+    """Return the bundled file with a name.
+
+    Raises:
+        InputError: If there is none.
+    """
+    entries = {entry.name: entry for group in catalogue().values() for entry in group}
+    if name not in entries:
+        problem = f"nothing bundled has this name: {name}{did_you_mean(name, entries)}"
+        raise InputError("name", problem, ", ".join(entries))
+    return entries[name]
 
 
 def _robot(name: str, file: Path) -> BundledFile:
