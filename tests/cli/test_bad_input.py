@@ -106,23 +106,22 @@ def replaced(text: str, old: str, new: str) -> str:
 
 
 @pytest.mark.parametrize(("key", "content"), FILES.values(), ids=FILES)
-@pytest.mark.parametrize("command", ["simulate", "info"])
-def test_files(command: str, key: str, content: str | bytes | None, folder: Path) -> None:
+def test_files(key: str, content: str | bytes | None, folder: Path) -> None:
     if content is not None:
         data = content if isinstance(content, bytes) else content.encode()
         (folder / NAME).write_bytes(data)
-    told = error(command, NAME, *(HEADING if command == "simulate" else ()))
-    assert told["key"] == key
-    assert told["accepted"]
-    assert content is None or told["file"] == NAME
+    refusal = error("simulate", NAME, *HEADING)
+    assert refusal["key"] == key
+    assert refusal["accepted"]
+    assert content is None or refusal["file"] == NAME
 
 
 @pytest.mark.parametrize(("key", "old", "new"), EDITS.values(), ids=EDITS)
 def test_keys(key: str, old: str, new: str, folder: Path) -> None:
     (folder / NAME).write_text(replaced(PARABOLA, old, new))
-    told = error("simulate", NAME, *HEADING)
-    assert told["key"].startswith(key)
-    assert told["accepted"]
+    refusal = error("simulate", NAME, *HEADING)
+    assert refusal["key"].startswith(key)
+    assert refusal["accepted"]
 
 
 def test_orientations(folder: Path) -> None:
@@ -141,10 +140,10 @@ def test_urdfs(key: str, old: str, new: str, folder: Path) -> None:
     text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
     (folder / "planar_3dof.urdf").write_text(replaced(text, old, new))
     (folder / NAME).write_text(PARABOLA)
-    told = error("simulate", NAME, *HEADING)
-    assert told["key"] == key
-    assert Path(told["file"]).name == "planar_3dof.urdf"
-    assert told["line"] is not None
+    refusal = error("simulate", NAME, *HEADING)
+    assert refusal["key"] == key
+    assert Path(refusal["file"]).name == "planar_3dof.urdf"
+    assert refusal["line"] is not None
 
 
 @pytest.mark.parametrize(("key", "words"), OPTIONS.values(), ids=OPTIONS)

@@ -14,12 +14,7 @@ from jsonschema import Draft202012Validator
 
 from freefloat.cli.models import catalogue
 from freefloat.io.scenario import load_scenario
-from freefloat.robot.names import (
-    bundled_robots,
-    bundled_scenarios,
-    bundled_studies,
-    models_folder,
-)
+from freefloat.robot.names import bundled_robots, bundled_scenarios, bundled_studies, models_folder
 from freefloat.studies.study import load_study
 from tests.commands import document, error, run
 
@@ -109,10 +104,10 @@ def test_info_prints_all_diagnostics_of_a_broken_urdf(
     (tmp_path / "arm.urdf").write_text(text)
     result = run("info", "arm.urdf", "--json")
     assert result.exit_code == 2
-    told = json.loads(result.stdout)
-    assert [entry["severity"] for entry in told["findings"]] == ["error", "error", "warning"]
-    assert [entry["line"] for entry in told["findings"]] == [32, 70, 63]
-    assert told["error"]["line"] == 32
+    printed = json.loads(result.stdout)
+    assert [entry["severity"] for entry in printed["findings"]] == ["error", "error", "warning"]
+    assert [entry["line"] for entry in printed["findings"]] == [32, 70, 63]
+    assert printed["error"]["line"] == 32
     assert len(run("info", "arm.urdf").stderr.splitlines()) == 3
 
 

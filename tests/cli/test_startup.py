@@ -28,6 +28,16 @@ def test_importing_the_package_imports_nothing_heavy(tmp_path: Path) -> None:
     assert not HEAVY & set(loaded.split())
 
 
+def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "from freefloat.cli.app import app\n"
+        "try: app(['plan', '--help'])\n"
+        "except SystemExit: print('\\n'.join(sys.modules))"
+    )
+    assert not (HEAVY - {"pydantic"}) & set(python(code, tmp_path).split())
+
+
 @pytest.mark.parametrize("name", freefloat.__all__)
 def test_every_public_name_can_be_imported_and_is_listed(name: str) -> None:
     loaded = getattr(freefloat, name)
@@ -46,6 +56,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         _ = freefloat.no_such_name
 
 
+@pytest.mark.slow
 def test_every_module_imports_alone(tmp_path: Path) -> None:
     code = (
         "import importlib, json, pkgutil, sys\n"

@@ -12,42 +12,21 @@ import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 from PIL import Image, ImageSequence
-from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.cli.app import app
 from freefloat.planning.plan import Plan
 from freefloat.visualization.video import find_browser
+from tests.commands import document, error, run
 from tests.scenarios import EASY
-
-pytestmark = pytest.mark.usefixtures("kernels")
 
 browser_only = pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome here")
 GOOD = ("planar_3dof/parabola", "--heading", "200", "--branch", "0")
 BAD = ("planar_3dof/parabola", "--heading", "140", "--branch", "0")
-
-
-def run(*words: str | Path) -> Any:
-    return CliRunner().invoke(app, [str(word) for word in words])
-
-
-def answer(*words: str | Path) -> dict[str, Any]:
-    result = run(*words, "--json")
-    assert (result.exit_code, result.stderr) == (0, ""), result.output
-    return dict(json.loads(result.stdout))
-
-
-def refused_key(*words: str | Path) -> str:
-    """The key of the error with which a command refuses its input."""
-    result = run(*words, "--json")
-    assert result.exit_code == 2, result.output
-    return str(json.loads(result.stdout)["error"]["key"])
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +58,7 @@ def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
     (elsewhere / "good.h5").write_bytes((files / "bad.h5").read_bytes())
     words = (files / "good.h5", "good.h5", files / "bad.h5", "--html", "p.html", "--scene", "bad")
     titles = ["good", "good (2)", "bad"]
-    assert answer("view", *words) == {
+    assert document("view", *words) == {
         "address": None, "html": "p.html", "snapshots": [], "video": None,
         "scenes": titles, "remarks": [],
     }  # fmt: skip
@@ -87,6 +66,7 @@ def test_several_motions_become_one_page(files: Path, elsewhere: Path) -> None:
     assert '"opens": "bad"' in (elsewhere / "p.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @browser_only
 def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: Path) -> None:
     """In a separate process: Playwright starts once per process."""
@@ -95,16 +75,16 @@ def test_pictures_and_a_video_show_the_motion_asked_for(files: Path, elsewhere: 
     program = [sys.executable, "-m", "freefloat", *map(str, words)]
     done = subprocess.run(program, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-    document = json.loads(done.stdout)
-    last = json.loads(run("simulate", *BAD, "--json").stdout)["singular"]["time"]
+    written = json.loads(done.stdout)
+    last = ff.load(files / "bad.h5").chosen.motion.final.time
     names = [f"bad_{k + 1}_{time:.2f}s.png" for k, time in enumerate((0.0, last / 2, last))]
-    assert document["snapshots"] == [f"bad_snapshots/{name}" for name in names]
-    pictures = [np.asarray(Image.open(file).convert("RGB")) for file in document["snapshots"]]
+    assert written["snapshots"] == [f"bad_snapshots/{name}" for name in names]
+    pictures = [np.asarray(Image.open(file).convert("RGB")) for file in written["snapshots"]]
     assert {picture.shape for picture in pictures} == {(300, 480, 3)}
     first, _, final = (picture.astype(int) for picture in pictures)
     assert (np.abs(first - final).sum(axis=2) > 60).sum() > 500
     count = int(np.ceil(last / 10.0)) + 1
-    assert document["video"] == {
+    assert written["video"] == {
         "file": "v.gif", "pictures": count, "fps": 2.0, "speed": 20.0, "duration": count / 2,
     }  # fmt: skip
     with Image.open("v.gif") as film:
@@ -120,7 +100,7 @@ def test_pictures_need_playwright(
 ) -> None:
     monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
     for option, value in (("--snapshots", "3"), ("--video", "v.gif")):
-        key = refused_key("view", files / "good.h5", "--html", "page.html", option, value)
+        key = error("view", files / "good.h5", "--html", "page.html", option, value)["key"]
         assert key == option.removeprefix("--")
     assert not (elsewhere / "page.html").exists()
 
@@ -139,27 +119,27 @@ def test_pictures_need_playwright(
 def test_impossible_options_are_refused(
     words: tuple[str, ...], key: str, files: Path, elsewhere: Path
 ) -> None:
-    assert refused_key("view", files / "good.h5", *words) == key
+    assert error("view", files / "good.h5", *words)["key"] == key
     assert [file for file in elsewhere.rglob("*") if file.is_file()] == []
 
 
 def test_files_without_a_motion_are_refused(files: Path, elsewhere: Path) -> None:
     (elsewhere / "text.h5").write_text("hello")
     for file in (files / "none.h5", "text.h5", "none.yaml"):
-        assert refused_key("view", files / "good.h5", file, "--html", "page.html") == "file"
+        assert error("view", files / "good.h5", file, "--html", "page.html")["key"] == "file"
     assert os.listdir(elsewhere) == ["text.h5"]
 
 
 def test_a_map_is_viewed_alone(files: Path, elsewhere: Path) -> None:
     """Its scenes are arm branches; nothing in it moves."""
     (elsewhere / "short.yaml").write_text(EASY)
-    assert run("map", "short.yaml", "--samples", "64", "-o", "map.h5").exit_code == 0
-    document = answer("view", "map.h5", "--html", "map.html")
-    assert len(document["scenes"]) > 1
-    assert scenes(elsewhere / "map.html") == document["scenes"]
-    assert refused_key("view", "map.h5", "--video", "v.gif") == "video"
-    assert refused_key("view", "map.h5", "--snapshots", "2") == "snapshots"
-    assert refused_key("view", files / "good.h5", "map.h5", "--html", "page.html") == "file"
+    assert run("map", "short.yaml", "--samples", "16", "-o", "map.h5").exit_code == 0
+    shown = document("view", "map.h5", "--html", "map.html")["scenes"]
+    assert len(shown) > 1
+    assert scenes(elsewhere / "map.html") == shown
+    assert error("view", "map.h5", "--video", "v.gif")["key"] == "video"
+    assert error("view", "map.h5", "--snapshots", "2")["key"] == "snapshots"
+    assert error("view", files / "good.h5", "map.h5", "--html", "page.html")["key"] == "file"
 
 
 def started(*words: str | Path) -> subprocess.Popen[str]:
@@ -204,11 +184,11 @@ def test_simulate_writes_all_branches_on_a_page_the_chosen_one_first(elsewhere: 
     assert "<title>planar_3dof/parabola</title>" in (elsewhere / "page.html").read_text()
 
 
-def test_plan_writes_a_page_of_its_motion_where_there_is_one(elsewhere: Path) -> None:
-    result = run("plan", "planar_3dof/parabola_nonstop", "--html", "page.html")
-    assert (result.exit_code, result.stderr) == (0, "")
-    assert len(scenes(elsewhere / "page.html")) == 1
-    hard = ff.load_scenario("planar_3dof/parabola_nonstop").text
-    (elsewhere / "hard.yaml").write_text(hard.replace("value: 5", "value: 149"))
-    assert run("plan", "hard.yaml", "--html", "none.html").exit_code == 1
-    assert sorted(os.listdir(elsewhere)) == ["hard.yaml", "page.html"]
+@pytest.mark.slow
+def test_plan_writes_a_page_and_figures_into_new_folders(elsewhere: Path) -> None:
+    words = ("planar_3dof/parabola_nonstop", "--html", "a/page.html", "--plots", "b/c")
+    plan = document("plan", *words)
+    assert plan["html"] == "a/page.html"
+    assert len(scenes(elsewhere / "a" / "page.html")) == 1
+    assert {Path(file).parent for file in plan["plots"]} == {Path("b/c")}
+    assert all(Path(file).stat().st_size > 2000 for file in plan["plots"])

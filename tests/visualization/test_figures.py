@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import os
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
-from typer.testing import CliRunner
 
-from freefloat.cli.app import app
 from freefloat.io.scenario import load_scenario
 from freefloat.planning.heading_map import sample_headings
 from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planner import plan
 from freefloat.planning.simulation import simulate
 from freefloat.visualization import figures as figures_module
-from freefloat.visualization.figure_style import save_figures
 from freefloat.visualization.figures import figures
+from tests.commands import document, error
 from tests.figures import labels, line
 from tests.scenarios import PARABOLA
 
@@ -50,12 +45,9 @@ def planned(name: str) -> Plan:
     return plan(load_scenario(name).problem())
 
 
-@cache
-def drawn(name: str) -> dict[str, Figure]:
-    return figures(planned(name))
-
-
+@pytest.mark.slow
 def test_a_planar_plan_has_all_figures(folder: Path) -> None:
+    """The chosen heading is marked on its branch; an infeasible motion is drawn beside it."""
     result = planned("good.yaml")
     assert result.chosen is not None
     fractions: list[float] = []
@@ -63,12 +55,6 @@ def test_a_planar_plan_has_all_figures(folder: Path) -> None:
     assert list(drawings) == ["workspace", "joint_space", "headings", *OF_A_MOTION]
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
-
-
-def test_the_chosen_heading_is_marked_on_its_branch(folder: Path) -> None:
-    result = planned("good.yaml")
-    assert result.chosen is not None
-    drawings = drawn("good.yaml")
     panels = drawings["headings"].axes
     marked = [axes for axes in panels if "chosen" in labels(axes)]
     assert [labels(axes)[0] for axes in marked] == [result.chosen.branch.label]
@@ -79,16 +65,12 @@ def test_the_chosen_heading_is_marked_on_its_branch(folder: Path) -> None:
     assert shaded == [
         sum(1 + (item.high > 2.0 * np.pi) for item in entry.ranges) for entry in result.ranges
     ]
+    (axes,) = drawings["joint_space"].axes
+    assert len([label for label in labels(axes) if label.startswith("from")]) == 2
+    assert [item.get_marker() for item in axes.lines].count("X") == 1
 
 
-def test_joint_space_compares_an_infeasible_motion(folder: Path) -> None:
-    figure = drawn("good.yaml")["joint_space"]
-    compared = [label for label in labels(figure.axes[0]) if label.startswith("from")]
-    assert len(compared) == 2
-    markers = [item.get_marker() for item in figure.axes[0].lines]
-    assert markers.count("X") == 1
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["strict.yaml", "far.yaml"])
 def test_plans_that_are_not_feasible_show_what_there_is(name: str, folder: Path) -> None:
     result = planned(name)
@@ -105,33 +87,21 @@ def test_a_start_out_of_reach_leaves_no_headings(folder: Path) -> None:
     assert figures(sample_headings(problem, 8)) == {}
 
 
-def test_a_spatial_plan_has_the_figures_of_its_motion(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_a_spatial_plan_has_the_figures_of_its_motion() -> None:
     problem = load_scenario("spatial_6dof/line").problem()
     chosen = simulate(problem, [0.46008, 0.09337, 0.73519, -0.48898], branch=0).chosen
     drawings = figures(Plan(problem, Search(), True, "it is there", chosen=chosen))
     assert list(drawings) == ["workspace", *OF_A_MOTION]
     assert list(figures(Plan(problem, Search(), False, "none"))) == ["workspace"]
-    assert len(save_figures(tmp_path, drawings)) == 10
-
-
-def run(*words: str) -> Any:
-    return CliRunner().invoke(app, list(words))
 
 
 def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
-    for command, names in (
-        ("plan", ["workspace", "joint_space", "headings"]),
-        ("map", ["headings"]),
-    ):
-        result = run(command, "strict.yaml", "--plots", f"figures/{command}", "--json")
-        plots = json.loads(result.stdout)["plots"]
-        kinds = [f"figures/{command}/{name}.{kind}" for name in names for kind in ("pdf", "png")]
-        assert plots == kinds
-        assert sorted(os.listdir(f"figures/{command}")) == sorted(Path(file).name for file in plots)
+    plots = document("map", "strict.yaml", "--samples", "36", "--plots", "a/b", code=1)["plots"]
+    assert plots == ["a/b/headings.pdf", "a/b/headings.png"]
+    assert sorted(os.listdir("a/b")) == ["headings.pdf", "headings.png"]
 
 
 def test_a_bad_folder_is_refused(folder: Path) -> None:
     (folder / "file").touch()
-    result = run("plan", "good.yaml", "--plots", "file")
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr.startswith("freefloat: plots: ")
+    assert error("plan", "good.yaml", "--plots", "file")["key"] == "plots"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
@@ -11,6 +13,7 @@ import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import Objective, Plan
+from freefloat.visualization import figures as figures_module
 from freefloat.visualization.figure_style import BLUE, GREY, save_figures
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.slices import Mark, map_slices
@@ -124,8 +127,9 @@ def test_a_map_with_nothing_feasible_is_drawn(problem, tmp_path):
     assert len(save_figures(tmp_path, figures)) == 4
 
 
-def test_spatial_plans_show_their_map_and_the_present_attitude(problem):
+def test_spatial_plans_show_their_map_and_the_present_attitude(problem, monkeypatch):
     """Also without a feasible motion."""
+    monkeypatch.setattr(figures_module, "map_slices", partial(map_slices, side=15))
     result = sample_attitudes(FeasibilityEvaluator(problem), 50)
     search = ff.Search(Objective.NEAREST, np.array([0.0, 0.0, 0.0, 1.0]))
     figures = ff.figures(Plan(problem, search, False, "for a test", map=result))

@@ -102,7 +102,7 @@ def test_shaded_spans_are_the_ranges() -> None:
         BranchRanges(0, "elbow+", (HeadingRange(1.0, 4.5, BOTH),), (1.0, 4.5)),
         BranchRanges(3, "elbow-", (HeadingRange(5.0, 2.0 * np.pi + 1.0, BOTH),), (1.0, 5.0)),
     )
-    figure = headings_figure(some_map(), "S [m]", ranges, (3, 6.0))
+    figure = headings_figure(some_map(), ranges, (3, 6.0))
     first, second = figure.axes
     assert np.allclose(spans(first), np.degrees([(1.0, 4.5)]))
     assert np.allclose(sorted(spans(second)), [(0.0, np.degrees(1.0)), (np.degrees(5.0), 360.0)])
@@ -115,8 +115,8 @@ def test_shaded_spans_are_the_ranges() -> None:
         assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]
 
 
-def test_without_ranges_the_samples_tell() -> None:
-    first, second = headings_figure(some_map(), "S [m]").axes
+def test_without_ranges_the_samples_are_shaded() -> None:
+    first, second = headings_figure(some_map()).axes
     assert np.allclose(spans(first), [(67.5, 247.5)])
     assert np.allclose(spans(second), [(0.0, 112.5), (247.5, 360.0)])
     assert labels(first)[0] == "branch 0"
@@ -124,7 +124,7 @@ def test_without_ranges_the_samples_tell() -> None:
 
 def test_a_redundant_arm_has_one_axes_for_the_best_branch() -> None:
     ranges = (BranchRanges(0, "any", (HeadingRange(0.5, 1.0, BOTH),), (0.5, 1.0)),)
-    (axes,) = headings_figure(some_map(), "S [m]", ranges, (3, 0.7)).axes
+    (axes,) = headings_figure(some_map(), ranges, (3, 0.7)).axes
     best = [9.0, 9.0, 9.0, 8.0, 9.0, 7.0, 5.0, 9.0]
     assert line(axes, "best branch")[:, 1].tolist() == best
     assert np.allclose(spans(axes), np.degrees([(0.5, 1.0)]))

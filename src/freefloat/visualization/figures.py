@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -19,7 +18,6 @@ from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.planar_ranges import TURN, BranchRanges
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.so3 import heading_of, heading_quaternion
-from freefloat.visualization.figure_style import axis_label
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
@@ -64,9 +62,7 @@ def figures(
     if isinstance(result, AttitudeMap):
         return _map_figures(result, map_marks(result), threads, progress)
     if isinstance(result, HeadingMap):
-        if not result.branches:
-            return {}
-        return {"headings": headings_figure(result, _margin_label(result.problem))}
+        return {"headings": headings_figure(result)} if result.branches else {}
     require_type("result", result, Plan, "a Plan, AttitudeMap, HeadingMap, Simulation or Motion")
     return _plan_figures(result, threads, progress)
 
@@ -79,51 +75,29 @@ def _map_figures(
 
 
 def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
-    problem, areas = plan.problem, workspace_regions(plan.problem)
+    problem, chosen, areas = plan.problem, plan.chosen, workspace_regions(plan.problem)
     drawn = {"workspace": workspace_figure(problem, areas)}
+    marks, heading = [], None
+    if chosen is not None:
+        initial, branch = chosen.motion.initial.attitude, chosen.branch.index
+        marks.append(Mark(_NAMES[plan.search.objective], initial, branch))
+        heading = branch, heading_of(initial)
+    if plan.search.from_attitude is not None:
+        marks.append(Mark("now", plan.search.from_attitude))
     if problem.task.planar:
-        drawn |= _planar_figures(plan, progress, threads)
-    if plan.chosen is not None:
-        drawn["snapshots"] = snapshots_figure(plan.chosen.motion, areas)
-        drawn |= motion_figures(plan.chosen.motion, plan.chosen.closest_approach)
+        if has_two_angle_form(problem.model, problem.task):
+            drawn["joint_space"] = joint_space_figure(problem, _compared_motions(plan))
+        headings = sample_headings(problem, _HEADINGS, progress, threads)
+        if headings.branches:
+            drawn["headings"] = headings_figure(headings, plan.ranges, heading)
+    if chosen is not None:
+        drawn["snapshots"] = snapshots_figure(chosen.motion, areas)
+        drawn |= motion_figures(chosen.motion, chosen.closest_approach)
     if plan.map is not None:
-        drawn |= _map_figures(plan.map, _marks(plan), threads, progress)
+        drawn |= _map_figures(plan.map, marks, threads, progress)
     if progress is not None:
         progress(1.0)
     return drawn
-
-
-def _marks(plan: Plan) -> list[Mark]:
-    """Return the marks of the chosen and of the present attitude."""
-    marks = []
-    if plan.chosen is not None:
-        name, initial = _NAMES[plan.search.objective], plan.chosen.motion.initial
-        marks.append(Mark(name, initial.attitude, plan.chosen.branch.index))
-    if plan.search.from_attitude is not None:
-        marks.append(Mark("now", plan.search.from_attitude))
-    return marks
-
-
-def _planar_figures(
-    plan: Plan, progress: Progress | None, threads: int | None
-) -> dict[str, Figure]:
-    problem, chosen = plan.problem, plan.chosen
-    drawn: dict[str, Figure] = {}
-    if has_two_angle_form(problem.model, problem.task):
-        drawn["joint_space"] = joint_space_figure(problem, _compared_motions(plan))
-    headings = sample_headings(problem, _HEADINGS, progress, threads)
-    if headings.branches:
-        mark: Any = None
-        if chosen is not None:
-            mark = chosen.branch.index, heading_of(chosen.motion.initial.attitude)
-        label = _margin_label(problem)
-        drawn["headings"] = headings_figure(headings, label, plan.ranges, mark)
-    return drawn
-
-
-def _margin_label(problem: Problem) -> str:
-    measure = problem.margin.measure
-    return axis_label(f"min |{measure.name}|", measure.unit)
 
 
 def _compared_motions(plan: Plan) -> list[Motion]:

@@ -43,16 +43,11 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
         result: Map with the measure and its range.
         slices: Three slices per mark.
     """
-    rows = len(slices) // 3
+    rows, threshold = len(slices) // 3, result.problem.margin.threshold
     figure = new_figure(PAGE, 0.75 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
-    margin = result.problem.margin
-    highest = max(
-        float(result.margins.max()), *(float(np.nanmax(plane.margins)) for plane in slices)
-    )
-    norm = Normalize(
-        margin.threshold, highest if highest > margin.threshold else margin.threshold + 1.0
-    )
+    highest = max(float(np.nanmax(m)) for m in (result.margins, *(p.margins for p in slices)))
+    norm = Normalize(threshold, highest if highest > threshold else threshold + 1.0)
     for axes, plane in zip(panels, slices, strict=True):
         shown = _draw_slice(axes, plane, norm)
     bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
@@ -63,14 +58,9 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
         Patch(facecolor="white", edgecolor=GREY, linewidth=0.5, hatch="////",
               label="start of the path not reached"),
     ]  # fmt: skip
-    drawn: dict[str, Any] = {}
-    for axes in panels:
-        for line in axes.get_lines():
-            drawn.setdefault(str(line.get_label()), line)
-    figure.legend(
-        handles=[*drawn.values(), *entries], loc="outside upper center",
-        ncols=len(drawn) + len(entries),
-    )  # fmt: skip
+    marks = {str(line.get_label()): line for axes in panels for line in axes.get_lines()}
+    handles = [*marks.values(), *entries]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure
 
 
@@ -82,11 +72,11 @@ def _label(result: AttitudeMap, words: str = "") -> str:
 def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
     """Draw a slice: coloured if feasible, grey if not, hatched if the start is not reached."""
     ticks, inside = np.degrees(plane.ticks), ~np.isnan(plane.margins)
-    ball = Circle((0.0, 0.0), _radius(plane), facecolor="white", edgecolor=GREY, linewidth=0.8)
+    radius = np.degrees(np.sqrt(max(0.0, np.pi**2 - plane.offset**2)))
+    ball = Circle((0.0, 0.0), radius, facecolor="white", edgecolor=GREY, linewidth=0.8)
     axes.add_patch(ball)
-    unreached = Circle((0.0, 0.0), _radius(plane), facecolor="none", edgecolor=GREY, linewidth=0.0,
-                       hatch="////")  # fmt: skip
-    axes.add_patch(unreached)
+    axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.0,
+                          hatch="////"))  # fmt: skip
     below = np.where(inside & plane.reached & (plane.margins == 0.0), 1.0, np.nan)
     feasible = np.where(inside & (plane.margins > 0.0), plane.margins, np.nan)
     style = {"shading": "nearest", "rasterized": True, "clip_path": ball, "zorder": 2}
@@ -105,17 +95,11 @@ def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
     return shown
 
 
-def _radius(plane: Slice) -> float:
-    """Return the radius of the disc in which the plane cuts the ball [deg]."""
-    return float(np.degrees(np.sqrt(max(0.0, np.pi**2 - plane.offset**2))))
-
-
 def _frame(axes: Any, plane: Slice) -> None:
     """Set limits, ticks, labels and the title."""
     right, up = (_COMPONENTS[component] for component in plane.across)
     axes.set(xlim=(-188.0, 188.0), ylim=(-188.0, 188.0), aspect="equal")
-    axes.set_xticks(np.arange(-180, 181, 90))
-    axes.set_yticks(np.arange(-180, 181, 90))
+    axes.set(xticks=np.arange(-180, 181, 90), yticks=np.arange(-180, 181, 90))
     axes.grid(visible=False)
     axes.set_xlabel(axis_label(rf"rotation vector, $\rho_{right}$", "deg"))
     axes.set_ylabel(axis_label(rf"$\rho_{up}$", "deg"), labelpad=0.0)

@@ -57,8 +57,7 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
     for motion, (colour, dashes) in zip(motions, STROKES, strict=False):
         _draw_motion(axes, motion, colour, dashes)
     axes.set(xlim=(-180.0, 180.0), ylim=(-180.0, 180.0), aspect="equal")
-    axes.set_xticks(np.arange(-180, 181, 90))
-    axes.set_yticks(np.arange(-180, 181, 90))
+    axes.set(xticks=np.arange(-180, 181, 90), yticks=np.arange(-180, 181, 90))
     axes.set_xlabel(axis_label("$q_1$", "deg"))
     axes.set_ylabel(axis_label("$q_2$", "deg"))
     legend_above(axes, columns=3)
@@ -68,10 +67,7 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
 def _joined(parts: Iterable[Array]) -> Array:
     """Join curves, separated by NaN rows, shape (K, 2)."""
     gap = np.full((1, 2), np.nan)
-    rows = [gap]
-    for part in parts:
-        rows += [part, gap]
-    return np.vstack(rows)
+    return np.vstack([row for part in parts for row in (part, gap)] or [gap])
 
 
 def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
@@ -109,19 +105,13 @@ def wrapped(degrees: Array) -> Array:
     """Return a curve (K, 2) wrapped to [-180, 180) [deg], with NaN rows at the jumps."""
     inside = (degrees + 180.0) % 360.0 - 180.0
     revolutions = np.round((degrees - inside) / 360.0)
-    parts, first = [], 0
-    for last in [*(np.flatnonzero(np.diff(revolutions, axis=0).any(axis=1)) + 1), len(degrees)]:
-        parts.append(inside[first:last])
-        first = int(last)
-    gap = np.full((1, 2), np.nan)
-    rows = [row for part in parts for row in (part, gap)][:-1]
-    return np.vstack(rows)
+    (jumps,) = np.nonzero(np.diff(revolutions, axis=0).any(axis=1))
+    return np.insert(inside, jumps + 1, np.nan, axis=0)
 
 
 @styled
 def headings_figure(
     result: HeadingMap,
-    label: str,
     ranges: Sequence[BranchRanges] = (),
     chosen: tuple[int, float] | None = None,
 ) -> Figure:
@@ -129,11 +119,10 @@ def headings_figure(
 
     Args:
         result: Map over headings.
-        label: Label of the margin axis, with its unit.
         ranges: Feasible heading ranges; by default those of the map's samples.
         chosen: Branch and heading [rad] to mark.
     """
-    curves = _curves(result, ranges)
+    curves, measure = _curves(result, ranges), result.problem.margin.measure
     figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
     panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):
@@ -146,7 +135,7 @@ def headings_figure(
         if chosen is not None and branch in (None, chosen[0]):
             axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
         axes.set_xlim(0.0, 360.0)
-        axes.set_ylabel(label)
+        axes.set_ylabel(axis_label(f"min |{measure.name}|", measure.unit))
         legend_above(axes)
     panels[-1].set_xticks(np.arange(0, 361, 60))
     panels[-1].set_xlabel(axis_label("initial heading", "deg"))

@@ -162,8 +162,8 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
         axes.set_title(f"{digits(time)} s", y=0.98)
     _mark_singular(views[-1], motion, 3)
     _set_equal_cubes(views, np.vstack([np.vstack([r.spacecraft, r.arm]) for r in robots]))
-    handles, labels = views[-1].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(handles))
+    handles, names = views[-1].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper center", ncols=len(handles))
     return figure
 
 

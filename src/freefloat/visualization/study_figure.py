@@ -39,7 +39,8 @@ def study_figure(table: pa.Table, parameters: Sequence[str]) -> Figure:
         table: Table of the runs, with columns case, verdict, margin, margin_required and measure.
         parameters: Columns of the horizontal axes.
     """
-    shown = [key for key in parameters if _varies(table[key].to_pylist())][:_MAX_PANELS] or ["case"]
+    varied = [key for key in parameters if len(set(map(repr, table[key].to_pylist()))) > 1]
+    shown = varied[:_MAX_PANELS] or ["case"]
     across = min(_COLUMNS, len(shown))
     down = math.ceil(len(shown) / across)
     figure = new_figure(COLUMN if across == 1 else PAGE, 0.4 + _HEIGHT * down)
@@ -60,10 +61,6 @@ def study_figure(table: pa.Table, parameters: Sequence[str]) -> Figure:
     handles, labels = panels.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
-
-
-def _varies(values: Sequence[Any]) -> bool:
-    return len({repr(value) for value in values}) > 1
 
 
 def _panel(
@@ -93,9 +90,6 @@ def _places(values: Sequence[Any]) -> tuple[Array, list[str] | None]:
 
 def _short(text: str) -> str:
     """Shorten a long text to its end and escape its dollar signs."""
-    plain = text.replace("$", r"\$")
-    return (
-        plain
-        if len(plain) <= _LABEL_LENGTH
-        else "\N{HORIZONTAL ELLIPSIS}" + plain[1 - _LABEL_LENGTH :]
-    )
+    if len(text) > _LABEL_LENGTH:
+        text = "\N{HORIZONTAL ELLIPSIS}" + text[1 - _LABEL_LENGTH :]
+    return text.replace("$", r"\$")

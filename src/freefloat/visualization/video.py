@@ -41,7 +41,8 @@ _BROWSERS = (
 _FLAGS = ("--enable-unsafe-swiftshader", "--disable-background-networking")
 """The first flag allows WebGL without a graphics card."""
 _TIMEOUT = 120_000
-"""Timeout of a picture [ms]."""
+"""Timeout of the browser's start and of a picture [ms]."""
+_TWO_FRAMES = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 Progress = Callable[[float], None]
 
@@ -157,6 +158,7 @@ def take_pictures(
         raise InputError("size", problem, "sides of 16 to 4096 pixels")
     with _opened(html, size, key) as page:
         page.evaluate("title => freefloat.capture(title)", scene)
+        page.evaluate(_TWO_FRAMES)  # the page resizes its canvas in the next frame
         for number, time in enumerate(times, start=1):
             page.evaluate("t => freefloat.seek(t)", time)
             yield page.screenshot()
@@ -183,7 +185,8 @@ def _opened(html: str, size: tuple[int, int], key: str) -> Iterator[Page]:
         root = hasattr(os, "geteuid") and os.geteuid() == 0  # root cannot use the sandbox
         flags = [*_FLAGS, "--no-sandbox"] if root else [*_FLAGS]
         try:
-            with playwright.chromium.launch(executable_path=program, args=flags) as browser:
+            launch = playwright.chromium.launch
+            with launch(executable_path=program, args=flags, timeout=_TIMEOUT) as browser:
                 window = ViewportSize(width=size[0], height=size[1])
                 page = browser.new_page(offline=True, viewport=window)
                 page.set_default_timeout(_TIMEOUT)
