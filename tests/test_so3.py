@@ -14,7 +14,6 @@ from freefloat.so3 import (
     Pose,
     axes_rotation,
     cross,
-    frozen,
     heading_of,
     heading_quaternion,
     low_discrepancy,
@@ -56,21 +55,17 @@ def test_quaternion_follows_from_its_definition(attitude: np.ndarray, x: float, 
     np.testing.assert_allclose(rotation_matrix(attitude) @ v, expected, atol=1e-13)
 
 
-@given(heading=st.floats(-20.0, 20.0))
+@given(heading=st.one_of(st.sampled_from([-1e-17, -1e-300, 2.0 * np.pi]), st.floats(-20.0, 20.0)))
 def test_heading_of_its_quaternion(heading: float) -> None:
+    """In [0, 2 pi), also for tiny negative angles."""
     attitude = heading_quaternion(heading)
     for sign in (1.0, -1.0):
         back = heading_of(sign * attitude)
         assert abs(np.exp(1j * back) - np.exp(1j * heading)) < 1e-13
+        assert 0.0 <= back < 2.0 * np.pi
     np.testing.assert_allclose(
         rotation_matrix(attitude) @ X, [np.cos(heading), np.sin(heading), 0.0], atol=1e-13
     )
-
-
-@given(heading=st.one_of(st.sampled_from([-1e-17, -1e-300, 2.0 * np.pi]), st.floats(-20.0, 20.0)))
-def test_heading_is_below_two_pi(heading: float) -> None:
-    """In [0, 2 pi), also for tiny negative angles."""
-    assert 0.0 <= heading_of(heading_quaternion(heading)) < 2.0 * np.pi
 
 
 @given(u=st.lists(st.floats(-9, 9), min_size=3, max_size=3).map(np.array))
@@ -88,20 +83,6 @@ def test_pose_seen_from_a_rotated_frame() -> None:
     point = np.array([0.2, -0.4, 0.9])
     world = pose.position + pose.rotation @ point
     np.testing.assert_allclose(R0 @ (seen.position + seen.rotation @ point), world, atol=1e-14)
-
-
-def test_frozen_is_a_read_only_copy() -> None:
-    values = np.array([1.0, 2.0])
-    copy = frozen(values)
-    values[0] = 9.0
-    np.testing.assert_array_equal(copy, [1.0, 2.0])
-    with pytest.raises(ValueError, match="read-only"):
-        copy[0] = 9.0
-    pose = Pose(values, np.eye(3))
-    with pytest.raises(ValueError, match="read-only"):
-        pose.rotation[0, 0] = 2.0
-    with pytest.raises(AttributeError):
-        pose.position = values  # type: ignore[misc]
 
 
 @given(
@@ -135,14 +116,6 @@ def test_first_axis_is_exact_and_second_is_projected(exact: str, other: str) -> 
     assert abs(np.cross(first, second) @ R[:, j]) < 1e-14
 
 
-def test_axes_of_the_spatial_example_point_along_its_plane_and_path() -> None:
-    """Approach axis normal to plane (41), z against the travel from A to B."""
-    normal, travel = np.array([0.4683, 1.1683, -0.7]), np.array([-1.5, 0.8, 0.33])
-    R = axes_rotation("path.attitude", ("x", normal), ("z", -travel))
-    assert abs(R[:, 2] @ normal) < 1e-15
-    assert R[:, 2] @ travel / np.linalg.norm(travel) == pytest.approx(-1.0, abs=1e-6)
-
-
 def test_parallel_axes_are_refused() -> None:
     with pytest.raises(InputError) as caught:
         axes_rotation("path.attitude", ("x", [1, 2, 3]), ("z", [-2, -4, -6]))
@@ -151,8 +124,7 @@ def test_parallel_axes_are_refused() -> None:
 
 @pytest.mark.parametrize(
     "values",
-    [[1, 2], [1, 2, 3, 4], [1, 2, np.nan], [1, 2, np.inf], [[1, 2, 3]], ["a", 2, 3], [[1, 2], 3],
-     None],
+    [[1, 2], [1, 2, np.nan], [[1, 2, 3]], ["a", 2, 3], [[1, 2], 3], None],
 )  # fmt: skip
 def test_vectors_must_be_finite_and_of_their_length(values: object) -> None:
     with pytest.raises(InputError) as caught:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -57,8 +57,8 @@ def gap(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs((np.asarray(a) - b + np.pi) % (2.0 * np.pi) - np.pi).max())
 
 
-def holds(found: Iterable[np.ndarray], q: np.ndarray, tolerance: float = 1e-6) -> bool:
-    return any(gap(joints, q) < tolerance for joints in found)
+def holds(known: Iterable[np.ndarray], q: np.ndarray, tolerance: float = 1e-6) -> bool:
+    return any(gap(joints, q) < tolerance for joints in known)
 
 
 def joints_of(branches: Iterable[ArmBranch]) -> list[np.ndarray]:
@@ -74,8 +74,8 @@ def searched(model: FreeFloatingModel, target: Pose, task: Task) -> list[np.ndar
 def missed(virtual: VirtualManipulator, target: Pose, joints: np.ndarray) -> float:
     """How far off the pose a configuration is [m or rad]."""
     pose = virtual.pose(joints)
-    turn = rotation_vector_between(pose.rotation, target.rotation)
-    return float(max(np.abs(pose.position - target.position).max(), np.abs(turn).max()))
+    vector = rotation_vector_between(pose.rotation, target.rotation)
+    return float(max(np.abs(pose.position - target.position).max(), np.abs(vector).max()))
 
 
 def elbow_arm(rng: np.random.Generator) -> FreeFloatingModel:
@@ -151,20 +151,20 @@ def with_wrist_axis(model: FreeFloatingModel, joint: str, axis: str) -> FreeFloa
 
 
 @pytest.mark.parametrize(
-    ("bend", "axis"),
-    [(bend, "0 -1 0") for bend in (0.0, 1e-9, 1e-8, -3e-8, 1e-7, np.pi)]
+    ("wrist_angle", "axis"),
+    [(wrist_angle, "0 -1 0") for wrist_angle in (0.0, 1e-9, 1e-8, -3e-8, 1e-7, np.pi)]
     # square to eight digits, as where a URDF says rpy="1.5707963 0 0"
-    + [(bend, "1e-8 -1 0") for bend in (0.0, 1e-8, -3e-8)],
+    + [(wrist_angle, "1e-8 -1 0") for wrist_angle in (0.0, 1e-8, -3e-8)],
 )
 def test_singular_wrists_keep_all_branches(
-    spatial_6dof: FreeFloatingModel, rng: np.random.Generator, bend: float, axis: str
+    spatial_6dof: FreeFloatingModel, rng: np.random.Generator, wrist_angle: float, axis: str
 ) -> None:
-    """With axes 4 and 6 in line any share of the roll will do, but one must be given."""
+    """With axes 4 and 6 in line any part of the roll will do, but one must be given."""
     model = with_wrist_axis(spatial_6dof, "q5", axis)
     virtual = VirtualManipulator.of(model)
     assert virtual.has_elbow_and_spherical_wrist
     for q in rng.uniform(-np.pi, np.pi, (20, 6)):
-        q[4] = bend
+        q[4] = wrist_angle
         target = virtual.pose(q)
         branches = arm_branches(model, target, Task.POSE)
         assert [branch.index for branch in branches] == list(range(8))
@@ -172,7 +172,7 @@ def test_singular_wrists_keep_all_branches(
         assert max(missed(virtual, target, branch.joints) for branch in branches) < 1e-8
 
 
-@pytest.mark.parametrize("axis", ["0 0 1", "0.6 0 0.8"], ids=["roll pitch yaw", "bent at zero"])
+@pytest.mark.parametrize("axis", ["0 0 1", "0.6 0 0.8"], ids=["roll pitch yaw", "offset zero"])
 def test_wrist_axes_may_have_any_zero(
     spatial_6dof: FreeFloatingModel, rng: np.random.Generator, axis: str
 ) -> None:
@@ -207,12 +207,12 @@ def test_branch_numbers_keep_their_meaning_at_every_attitude(
 def test_branches_move_little_while_the_attitude_changes_a_little(
     spatial_6dof: FreeFloatingModel, rng: np.random.Generator
 ) -> None:
-    """A number followed through a slow turn of the spacecraft is one continuous motion."""
-    step, followed = np.radians(0.25), 0
+    """A number compared through a slow turn of the spacecraft is one continuous motion."""
+    step, compared = np.radians(0.25), 0
     virtual = VirtualManipulator.of(spatial_6dof)
-    for start in Rotation.random(2, rng=rng):
+    for start in Rotation.random(1, rng=rng):
         axis = rng.normal(size=3)
-        turn = Rotation.from_rotvec(step * axis / np.linalg.norm(axis))
+        rotation = Rotation.from_rotvec(step * axis / np.linalg.norm(axis))
         attitude, last = start, None
         for _ in range(120):
             target = START.seen_from(attitude.as_matrix())
@@ -221,9 +221,9 @@ def test_branches_move_little_while_the_attitude_changes_a_little(
                 if last and abs(np.sin(q[4])) > 0.2 and abs(np.sin(q[2])) > 0.2:
                     slowest = np.linalg.svd(virtual.jacobian(q)[0], compute_uv=False)[-1]
                     assert gap(q, last[index]) < 4.0 * step / slowest
-                    followed += 1
-            attitude, last = attitude * turn, branches
-    assert followed > 500
+                    compared += 1
+            attitude, last = attitude * rotation, branches
+    assert compared > 250
 
 
 def test_published_tangency_points_lie_on_their_paths(
@@ -260,7 +260,7 @@ def test_published_tangency_points_lie_on_their_paths(
 def test_closed_form_and_newton_agree(rng: np.random.Generator) -> None:
     """Random elbow arms with spherical wrists, no two axes square: the same configurations."""
     counts = []
-    for _ in range(12):
+    for _ in range(6):
         model = elbow_arm(rng)
         virtual = VirtualManipulator.of(model)
         assert virtual.has_elbow_and_spherical_wrist
@@ -291,7 +291,7 @@ def test_newton_finds_the_configuration_a_pose_came_from(
     structure: str, task: Task, rng: np.random.Generator
 ) -> None:
     """Arms without a closed form; their solutions come in pairs, born where the arm is singular."""
-    for _ in range(8):
+    for _ in range(4):
         robot = random_robot(rng, structure)
         model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
         virtual = VirtualManipulator.of(model)
@@ -438,7 +438,7 @@ def test_position_tasks_ignore_the_orientation(rng: np.random.Generator) -> None
 def test_out_of_reach_there_are_none(
     spatial_6dof: FreeFloatingModel, planar_3dof: FreeFloatingModel, ur5: FreeFloatingModel
 ) -> None:
-    """Beyond the reach, and in the hole that long links cannot fold into: an empty answer."""
+    """Beyond the reach, and in the hole that long links cannot fold into: no branch."""
     far = Pose([0.0, 30.0, 0.0], np.eye(3))
     assert arm_branches(spatial_6dof, far, Task.POSE) == ()
     assert arm_branches(planar_3dof, far, Task.PLANAR_POSE) == ()
@@ -452,7 +452,7 @@ def test_out_of_reach_there_are_none(
 
 
 def test_a_forearm_of_no_length_reaches_one_circle_only() -> None:
-    """A hand on the second axis: its distance is fixed, and no other is met by pretending."""
+    """An end-effector on the second axis: its distance is fixed."""
     model = FreeFloatingModel.from_urdf(planar_robot([9, 3, 2], [1] * 3, [0.5, 0.0], [0.4, 0.5, 0]))
     virtual = VirtualManipulator.of(model)
     target = virtual.pose([0.7, 0.0])
@@ -490,15 +490,15 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
 
 
 def test_nearest_configuration_stays_near(planar_3dof: FreeFloatingModel) -> None:
-    """From joints that nearly hit to the ones that do; where there are none, an empty answer."""
+    """From joints that nearly hit to the ones that do; where there are none, no branch."""
     virtual = VirtualManipulator.of(planar_3dof)
     q = np.array([0.4, 1.0, -0.6])
     target = virtual.pose(q)
-    (found,) = nearest_configuration(planar_3dof, target, Task.PLANAR_POSITION, q + 0.01)
-    assert np.abs(virtual.pose(found.joints).position - target.position).max() < 1e-9
-    assert np.abs(found.joints - q).max() < 0.05
-    assert found.label == "given"
-    assert found.index == 16  # none of those that arm_branches numbers
+    (nearest,) = nearest_configuration(planar_3dof, target, Task.PLANAR_POSITION, q + 0.01)
+    assert np.abs(virtual.pose(nearest.joints).position - target.position).max() < 1e-9
+    assert np.abs(nearest.joints - q).max() < 0.05
+    assert nearest.label == "given"
+    assert nearest.index == 16  # none of those that arm_branches numbers
     far = Pose([0, 30, 0], np.eye(3))
     assert nearest_configuration(planar_3dof, far, Task.PLANAR_POSITION, q) == []
 
@@ -506,7 +506,6 @@ def test_nearest_configuration_stays_near(planar_3dof: FreeFloatingModel) -> Non
 # ---------------------------------------------------------------------------------- joint ranges
 
 
-@settings(max_examples=60)
 @given(
     q=joint_values(3),
     ranges=st.lists(
@@ -516,7 +515,7 @@ def test_nearest_configuration_stays_near(planar_3dof: FreeFloatingModel) -> Non
     ),
 )
 def test_joints_are_wrapped_into_their_range(q: np.ndarray, ranges: list[list[float]]) -> None:
-    """By whole turns, as near to zero as that allows; outside where no turn helps."""
+    """By multiples of 2 pi, as near to zero as that allows; outside where none is inside."""
     unlimited = FreeFloatingModel.from_urdf(planar_robot([4, 3, 2, 1], [1] * 4, [1] * 3, [1] * 4))
     text = unlimited.description.text
     for lower, upper in ranges:
@@ -526,13 +525,13 @@ def test_joints_are_wrapped_into_their_range(q: np.ndarray, ranges: list[list[fl
     free = arm_branches(unlimited, target, Task.PLANAR_POSE)
     model = FreeFloatingModel.from_urdf(text)
     assert model.bodies[3].upper == ranges[2][1]
-    kept = arm_branches(model, target, Task.PLANAR_POSE)
-    for wrapped, plain in zip(kept, free, strict=True):
+    ranged = arm_branches(model, target, Task.PLANAR_POSE)
+    for wrapped, plain in zip(ranged, free, strict=True):
         assert gap(wrapped.joints, plain.joints) < 1e-12
         assert np.abs(plain.joints).max() <= np.pi
         for value, angle, (lower, upper) in zip(wrapped.joints, plain.joints, ranges, strict=True):
-            turns = angle + 2.0 * np.pi * np.arange(-4, 5)
-            inside = turns[(turns >= lower) & (turns <= upper)]
+            shifted = angle + 2.0 * np.pi * np.arange(-4, 5)
+            inside = shifted[(shifted >= lower) & (shifted <= upper)]
             nearest = inside[np.argmin(np.abs(inside))] if len(inside) else angle
             assert abs(value) == pytest.approx(abs(nearest), abs=1e-12)
             assert not len(inside) or lower <= value <= upper

@@ -63,23 +63,23 @@ def assert_meets(model: FreeFloatingModel, sets: BranchSets, p: Array, R: Array)
 
 
 @pytest.mark.parametrize("signs", [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
-def test_arms_of_any_make_have_the_branches_that_a_search_finds(
+def test_random_arms_have_the_branches_that_a_search_finds(
     signs: tuple[float, float], rng: np.random.Generator
 ) -> None:
     """The same joints at the same places, on poses within reach and on others."""
-    for _ in range(3):
+    for _ in range(2):
         model = parallel_arm(rng, signs)
         virtual = VirtualManipulator.of(model)
         assert virtual.has_three_parallel_axes
         assert not virtual.has_elbow_and_spherical_wrist
-        q = rng.uniform(-np.pi, np.pi, (60, 6))
+        q = rng.uniform(-np.pi, np.pi, (40, 6))
         p, R, _, _ = virtual.kinematics(q)
         p[::10] *= 1.3
         closed = many_arm_branches(model, p, R, Task.POSE)
         assert_the_same(closed, search_arm_branches(model, p, R, Task.POSE))
         assert_meets(model, closed, p, R)
-        own = np.arange(60) % 10 > 0
-        assert np.nanmin(gaps(closed.joints[own], q[own, None]), axis=1).max() < 1e-6
+        reached = np.arange(40) % 10 > 0
+        assert np.nanmin(gaps(closed.joints[reached], q[reached, None]), axis=1).max() < 1e-6
         assert (closed.exist.sum(axis=1) % 2 == 0).all()
         assert closed.exist.sum(axis=1).max() >= 4
 
@@ -91,27 +91,27 @@ def test_stock_arms_have_the_branches_that_a_search_finds(
     model = FreeFloatingModel.from_urdf(find_robot(f"example-robot-data:{name}", Path()), "tool0")
     virtual = VirtualManipulator.of(model)
     assert virtual.has_three_parallel_axes
-    p, R, _, _ = virtual.kinematics(rng.uniform(-np.pi, np.pi, (150, 6)))
+    p, R, _, _ = virtual.kinematics(rng.uniform(-np.pi, np.pi, (60, 6)))
     closed = many_arm_branches(model, p, R, Task.POSE)
     assert_the_same(closed, search_arm_branches(model, p, R, Task.POSE))
     assert closed.exist.sum(axis=1).max() == 8
 
 
 @pytest.mark.parametrize("joint", [2, 4])
-@pytest.mark.parametrize("bend", [0.0, 1e-9, 1e-6, 1e-4, 1e-2, np.pi])
+@pytest.mark.parametrize("angle", [0.0, 1e-6, 1e-4, np.pi])
 def test_no_pose_is_lost_near_a_singular_one(
-    ur5: FreeFloatingModel, joint: int, bend: float, rng: np.random.Generator
+    ur5: FreeFloatingModel, joint: int, angle: float, rng: np.random.Generator
 ) -> None:
-    """Elbow or wrist straight or nearly so: what is told meets the pose, and it is not missed."""
+    """Elbow or wrist straight or nearly so: branches meet the pose, and none is missed."""
     virtual = VirtualManipulator.of(ur5)
-    q = rng.uniform(-np.pi, np.pi, (30, 6))
-    q[:, joint] = bend
+    q = rng.uniform(-np.pi, np.pi, (12, 6))
+    q[:, joint] = angle
     p, R, _, _ = virtual.kinematics(q)
     closed = many_arm_branches(ur5, p, R, Task.POSE)
     assert_meets(ur5, closed, p, R)
     searched = search_arm_branches(ur5, p, R, Task.POSE)
     assert (closed.exist.sum(axis=1) >= searched.exist.sum(axis=1)).all()
-    if bend >= 1e-4 and bend < 3.0:
+    if angle >= 1e-4 and angle < 3.0:
         assert np.nanmin(gaps(closed.joints, q[:, None]), axis=1).max() < 1e-6
 
 
@@ -120,23 +120,19 @@ def test_a_search_is_asked_at_few_poses_only(
 ) -> None:
     """Without any start a search finds nothing: what is found then came from the formulas."""
     virtual = VirtualManipulator.of(ur5)
-    p, R, _, _ = virtual.kinematics(rng.uniform(-np.pi, np.pi, (400, 6)))
+    p, R, _, _ = virtual.kinematics(rng.uniform(-np.pi, np.pi, (200, 6)))
     whole = many_arm_branches(ur5, p, R, Task.POSE)
     from freefloat.ik.branches import _chain
 
     chain = _chain(virtual, ur5)
-    joints, patterns = np.empty((400, 16, 6)), np.empty((400, 16), np.int64)
+    joints, patterns = np.empty((200, 16, 6)), np.empty((200, 16), np.int64)
     solve_parallel(chain, np.arange(6), np.empty((0, 6)), p, R.copy(), joints, patterns)
-    known = (patterns >= 0).any(axis=1)
-    assert known.mean() > 0.97
-    np.testing.assert_array_equal(patterns[known], whole.names[known])
+    knreached = (patterns >= 0).any(axis=1)
+    assert knreached.mean() > 0.97
+    np.testing.assert_array_equal(patterns[knreached], whole.names[knreached])
 
 
-def test_arms_with_other_axes_are_left_to_the_search(spatial_6dof: FreeFloatingModel) -> None:
-    assert not VirtualManipulator.of(spatial_6dof).has_three_parallel_axes
-
-
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_points_of_an_ellipse_on_the_unit_circle(seed: int) -> None:
     """As a fine sampling of the angle finds them, by changes of sign."""
     rng = np.random.default_rng(seed)

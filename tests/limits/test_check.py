@@ -1,4 +1,4 @@
-"""Limits along a motion: closed forms, each broken in turn, the stretch that keeps them."""
+"""Limits along a motion: closed forms, each violated in turn, the stretch that keeps them."""
 
 from dataclasses import replace
 from functools import partial
@@ -32,8 +32,8 @@ WIDE = 1e3
 
 
 def finding(motion, limits, kind):
-    (found,) = [one for one in check_limits(motion, limits) if one.limit is kind]
-    return found
+    (result,) = [result for result in check_limits(motion, limits) if result.limit is kind]
+    return result
 
 
 @pytest.mark.parametrize(
@@ -45,14 +45,14 @@ def finding(motion, limits, kind):
     ],
 )
 def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
-    found = finding(sliding_motion(sliding_robot(), law=law),
+    result = finding(sliding_motion(sliding_robot(), law=law),
                     Limits(joint_rate=np.full(3, 0.05)), LimitKind.JOINT_RATE)  # fmt: skip
-    assert_close(found.worst, peak * RELATIVE / DURATION, atol=1e-9)
-    assert_close(found.ratio, found.worst / 0.05, atol=1e-12)
-    assert found.where == "x"
-    assert not found.kept
+    assert_close(result.worst, peak * RELATIVE / DURATION, atol=1e-9)
+    assert_close(result.ratio, result.worst / 0.05, atol=1e-12)
+    assert result.where == "x"
+    assert not result.kept
     if where is not None:
-        assert_close(found.time, where * DURATION, atol=1e-3)
+        assert_close(result.time, where * DURATION, atol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -66,37 +66,37 @@ def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
 def test_the_largest_force_is_that_of_the_time_law(law, peak, places):
     """Also where accelerations jump: inside the ramps of the trapezoid, at rest in the cubic."""
     motion = sliding_motion(sliding_robot(), law=law)
-    found = finding(motion, Limits(joint_torque=np.array([0.2, 1, 1])), LimitKind.JOINT_TORQUE)
-    assert_close(abs(found.worst), HAND * LENGTH * peak / DURATION**2, atol=1e-9)
-    assert found.where == "x"
-    assert found.base_wrench < 1e-9
+    result = finding(motion, Limits(joint_torque=np.array([0.2, 1, 1])), LimitKind.JOINT_TORQUE)
+    assert_close(abs(result.worst), HAND * LENGTH * peak / DURATION**2, atol=1e-9)
+    assert result.where == "x"
+    assert result.base_wrench < 1e-9
     if places is not None:
-        assert min(abs(found.time / DURATION - place) for place in places) < 1e-3
+        assert min(abs(result.time / DURATION - place) for place in places) < 1e-3
 
 
 def test_the_largest_force_just_before_it_jumps_is_found():
-    """Cubic to a stop, and from there on slowly: the hand brakes hardest as it arrives."""
+    """Cubic to a stop, and from there on slowly: the end-effector brakes hardest as it arrives."""
     start, half = 0.9, LENGTH / 2.0
     problem = sliding_problem(sliding_robot(), start)
     timing = Timing(DURATION, TimeLaw.CUBIC, (Stop(0.5, 5.0),))
     problem = replace(problem, path=TimedPath(problem.path.path, timing))
     joints = [(start + half / 2.0) * RELATIVE / LENGTH, 0.0, 0.0]
     motion = integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints, start=2.5)
-    found = finding(motion, Limits(joint_torque=np.ones(3)), LimitKind.JOINT_TORQUE)
-    assert_close(found.worst, -6.0 * HAND * half / 25.0, atol=1e-9)
-    assert_close(found.time, 5.0, atol=1e-9)
+    result = finding(motion, Limits(joint_torque=np.ones(3)), LimitKind.JOINT_TORQUE)
+    assert_close(result.worst, -6.0 * HAND * half / 25.0, atol=1e-9)
+    assert_close(result.time, 5.0, atol=1e-9)
 
 
 def test_joint_ranges_count_without_being_asked_for():
     motion = sliding_motion(sliding_robot(limits=(0.5, 1.5)))
-    (found,) = check_limits(motion, Limits())
-    assert (found.limit, found.where, found.allowed) == (LimitKind.JOINT_RANGE, "x", 1.5)
-    assert_close([found.worst, found.time], [2.0, DURATION], atol=1e-9)
-    assert_close(found.ratio, 2.0, atol=1e-9)
-    assert not found.kept
+    (result,) = check_limits(motion, Limits())
+    assert (result.limit, result.where, result.allowed) == (LimitKind.JOINT_RANGE, "x", 1.5)
+    assert_close([result.worst, result.time], [2.0, DURATION], atol=1e-9)
+    assert_close(result.ratio, 2.0, atol=1e-9)
+    assert not result.kept
 
 
-def test_robots_without_ranges_have_no_such_finding():
+def test_robots_without_ranges_have_no_such_result():
     problem = load_scenario("planar_3dof/parabola").problem()
     motion = planar_motion(problem)
     assert check_limits(motion, Limits()) == ()
@@ -120,23 +120,24 @@ def spatial():
 
 def test_rates_are_the_largest_of_fine_sampling(spatial):
     n = spatial.problem.model.dof
-    series = Trajectory.of(spatial, np.linspace(0.0, 100.0, 20_001))
     limits = Limits(joint_rate=np.full(n, WIDE), base_rate=WIDE)
     joint = finding(spatial, limits, LimitKind.JOINT_RATE)
     base = finding(spatial, limits, LimitKind.BASE_RATE)
+    near = [np.linspace(peak - 0.1, peak + 0.1, 41) for peak in (joint.time, base.time)]
+    series = Trajectory.of(spatial, np.unique([*np.linspace(0.0, 100.0, 501), *np.ravel(near)]))
     rates = np.abs(series.joint_rates)
     assert_close(abs(joint.worst), rates.max(), atol=1e-7)
     assert abs(joint.worst) >= rates.max() - 1e-12
     k, i = np.unravel_index(rates.argmax(), rates.shape)
     assert joint.where == spatial.problem.model.joint_names[i]
     assert_close(joint.time, series.times[k], atol=0.01)
-    turning = np.linalg.norm(series.angular_velocities, axis=1)
-    assert_close(base.worst, turning.max(), atol=1e-7)
-    assert_close(base.time, series.times[turning.argmax()], atol=0.01)
+    speeds = np.linalg.norm(series.angular_velocities, axis=1)
+    assert_close(base.worst, speeds.max(), atol=1e-7)
+    assert_close(base.time, series.times[speeds.argmax()], atol=0.01)
 
 
 def test_every_joint_has_its_own_limit(spatial):
-    """The joint told is the one that uses up most of its own limit, not the fastest."""
+    """The joint named is the one that uses up most of its own limit, not the fastest."""
     free = finding(spatial, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
     tight = np.where(np.array(spatial.problem.model.joint_names) == free.where, np.inf, 1.0)
     other = finding(spatial, Limits(joint_rate=tight), LimitKind.JOINT_RATE)
@@ -148,40 +149,40 @@ def all_limits(motion):
     """Limits that a motion just keeps, from findings with wide ones."""
     n = motion.problem.model.dof
     wide = Limits(np.full(n, WIDE), np.full(n, WIDE), WIDE, 0.0)
-    found = {one.limit: abs(one.worst) for one in check_limits(motion, wide)}
+    result = {result.limit: abs(result.worst) for result in check_limits(motion, wide)}
     return Limits(
-        np.full(n, found[LimitKind.JOINT_RATE]),
-        np.full(n, found[LimitKind.JOINT_TORQUE]),
-        found[LimitKind.BASE_RATE],
-        found[LimitKind.CLEARANCE],
+        np.full(n, result[LimitKind.JOINT_RATE]),
+        np.full(n, result[LimitKind.JOINT_TORQUE]),
+        result[LimitKind.BASE_RATE],
+        result[LimitKind.CLEARANCE],
     )
 
 
-def test_each_limit_broken_in_turn():
-    """A motion keeps limits equal to what it asks for; each of them made tighter is told alone."""
+def test_each_limit_violated_in_turn():
+    """A motion keeps limits equal to its largest values; each made tighter is violated alone."""
     motion = planar_motion(load_scenario("planar_3dof/parabola").problem())
     just = all_limits(motion)
     checker = LimitChecker(motion.problem, just)
-    assert [one.kept for one in checker.results(motion)] == [True] * 4
-    assert all(one.kept for one in checker.in_turn(motion))
+    assert [result.kept for result in checker.results(motion)] == [True] * 4
+    assert all(result.kept for result in checker.in_turn(motion))
     for name, factor in (("joint_rate", 0.99), ("joint_torque", 0.99), ("base_rate", 0.99),
                          ("clearance", 1.01)):  # fmt: skip
         tighter = LimitChecker(
             motion.problem, replace(just, **{name: getattr(just, name) * factor})
         )
-        broken = [one.limit for one in tighter.results(motion) if not one.kept]
-        assert broken == [name]
-        assert next(one.limit for one in tighter.in_turn(motion) if not one.kept) == name
+        violated = [result.limit for result in tighter.results(motion) if not result.kept]
+        assert violated == [name]
+        assert next(result.limit for result in tighter.in_turn(motion) if not result.kept) == name
 
 
-def test_contact_is_broken_even_where_no_distance_is_asked_for():
+def test_contact_is_violated_even_where_no_distance_is_asked_for():
     ball = shape_text('<sphere radius="0.6"/>')
     motion = sliding_motion(sliding_robot(shape_text('<box size="1 1 1"/>'), ball))
-    found = finding(motion, Limits(clearance=0.0), LimitKind.CLEARANCE)
-    assert_close(found.worst, -0.1, atol=1e-6)
-    assert found.where == "bus - hand"
-    assert not found.kept
-    assert found.ratio == np.inf
+    result = finding(motion, Limits(clearance=0.0), LimitKind.CLEARANCE)
+    assert_close(result.worst, -0.1, atol=1e-6)
+    assert result.where == "bus - hand"
+    assert not result.kept
+    assert result.ratio == np.inf
 
 
 @pytest.mark.parametrize("name", ["joint_rate", "base_rate", "joint_torque"])
@@ -196,9 +197,9 @@ def test_the_stretched_motion_just_keeps_the_limit(name):
     factor = needed_stretch(checker.results(motion))
     assert factor > 1.2
     longer = replace(problem, path=TimedPath(problem.path.path, Timing(100.0 * factor)))
-    (found,) = check_limits(planar_motion(longer), Limits(**{name: limits[name]}))
-    assert found.kept
-    assert_close(found.ratio, 1.0, atol=1e-6)
+    (result,) = check_limits(planar_motion(longer), Limits(**{name: limits[name]}))
+    assert result.kept
+    assert_close(result.ratio, 1.0, atol=1e-6)
 
 
 def test_stretch_is_that_of_the_tightest_limit():
@@ -217,13 +218,13 @@ def test_rates_towards_a_singularity_have_no_bound():
     problem = load_scenario("spatial_6dof/line").problem()
     attitude = problem.attitude("attitude", [0.1, 0.5, 0.2, -0.8367])
     motions = (
-        integrate_motion(problem, attitude, one.joints) for one in problem.branches(attitude)
+        integrate_motion(problem, attitude, result.joints) for result in problem.branches(attitude)
     )
-    motion = next(one for one in motions if one.ending is Ending.SINGULAR)
-    found = finding(motion, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
-    assert found.ratio > 1e3
-    assert_close(found.time, motion.final.time, atol=1e-6)
-    assert not found.kept
+    motion = next(result for result in motions if result.ending is Ending.SINGULAR)
+    result = finding(motion, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
+    assert result.ratio > 1e3
+    assert_close(result.time, motion.final.time, atol=1e-6)
+    assert not result.kept
 
 
 def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
@@ -231,10 +232,10 @@ def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
     still = Motion(motion.problem, Ending.SINGULAR, motion.times[:1], motion.attitudes[:1],
                    motion.joints[:1])  # fmt: skip
     checker = LimitChecker(motion.problem, Limits(np.ones(6), np.ones(6), 1.0, 0.0))
-    found = {one.limit: one for one in checker.results(still)}
+    result = {result.limit: result for result in checker.results(still)}
     for kind in (LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE):
-        assert found[kind].worst == np.inf
-        assert not found[kind].kept
+        assert result[kind].worst == np.inf
+        assert not result[kind].kept
 
 
 def test_findings_are_those_of_the_reversed_motion(spatial):
@@ -242,9 +243,9 @@ def test_findings_are_those_of_the_reversed_motion(spatial):
     back = integrate_motion(problem, final.attitude, final.joints, start=100.0, end=0.0)
     limits = Limits(np.full(6, 1.0), np.full(6, 1.0), 1.0, 0.0)
     pairs = zip(check_limits(spatial, limits), check_limits(back, limits), strict=True)
-    for one, other in pairs:
-        assert_close([one.worst, one.time], [other.worst, other.time], atol=2e-4)
-        assert one.where == other.where
+    for result, other in pairs:
+        assert_close([result.worst, result.time], [other.worst, other.time], atol=2e-4)
+        assert result.where == other.where
 
 
 @pytest.mark.parametrize(

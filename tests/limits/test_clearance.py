@@ -1,4 +1,4 @@
-"""Distances along a motion: no contact hides, the right pair is told, every shape counts."""
+"""Distances along a motion: no contact hides, the right pair is named, every shape counts."""
 
 import re
 from functools import partial
@@ -34,9 +34,9 @@ def sliding(bus=CUBE, hand=BALL, more=""):
 
 def test_the_distance_at_an_end_is_exact():
     motion = sliding()
-    found = clearance(motion, CollisionPairs(motion.problem.model))
-    assert_close(found.distance, 1.0 - 0.5 - 0.1, atol=1e-9)
-    assert_close(found.time, 0.0, atol=1e-12)
+    nearest = clearance(motion, CollisionPairs(motion.problem.model))
+    assert_close(nearest.distance, 1.0 - 0.5 - 0.1, atol=1e-9)
+    assert_close(nearest.time, 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("share", [0.123, 0.5, 0.8317])
@@ -44,11 +44,11 @@ def test_the_distance_of_a_passing_hand_is_exact(share):
     """The hand passes under a mast somewhere on its way, between the nodes of the motion."""
     motion = sliding(more=mast(1.0 + share * RELATIVE, 0.5))
     pairs = CollisionPairs(motion.problem.model)
-    found = clearance(motion, pairs)
-    if found.distance < 0.39:
-        assert pairs.name(found.pair) == "mast - hand"
-    by_time = motion.problem.path.timing.s(found.time)
-    assert_close(found.distance, 0.5 - 0.01 - 0.1, atol=1e-8)
+    nearest = clearance(motion, pairs)
+    if nearest.distance < 0.39:
+        assert pairs.name(nearest.pair) == "mast - hand"
+    by_time = motion.problem.path.timing.s(nearest.time)
+    assert_close(nearest.distance, 0.5 - 0.01 - 0.1, atol=1e-8)
     assert_close(by_time, share, atol=0.0101 / RELATIVE)
 
 
@@ -58,49 +58,48 @@ def test_a_contact_thinner_than_any_sampling_is_found():
     for x in (1.2345, 1.54321, 1.8888):
         motion = sliding(hand=hand, more=mast(x, 0.00099, size=0.001))
         pairs = CollisionPairs(motion.problem.model)
-        found = clearance(motion, pairs)
-        assert pairs.name(found.pair) == "mast - hand"
-        assert found.distance < 0.0
-        assert_close(found.distance, 0.00099 - 0.0005 - 0.001, atol=1e-6)
+        nearest = clearance(motion, pairs)
+        assert pairs.name(nearest.pair) == "mast - hand"
+        assert nearest.distance < 0.0
+        assert_close(nearest.distance, 0.00099 - 0.0005 - 0.001, atol=1e-6)
 
 
-def test_shapes_held_on_appendages_count():
+def test_shapes_on_held_joints_count():
     """A joint off the chain is held at zero; its shape stands where the hand passes."""
     motion = sliding(more=mast(1.4, 0.3, kind="R"))
     pairs = CollisionPairs(motion.problem.model)
-    found = clearance(motion, pairs)
-    assert pairs.name(found.pair) == "mast - hand"
-    assert_close(found.distance, 0.3 - 0.01 - 0.1, atol=1e-8)
+    nearest = clearance(motion, pairs)
+    assert pairs.name(nearest.pair) == "mast - hand"
+    assert_close(nearest.distance, 0.3 - 0.01 - 0.1, atol=1e-8)
 
 
-FOLLOWED = [
+MOTIONS = [
     ("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0], 2),
-    ("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0], 0),
     ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 1),
     ("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2),
     ("planar_3dof/parabola", list(heading_quaternion(np.deg2rad(200))), 0),
 ]
 
 
-@pytest.mark.parametrize(("name", "attitude", "branch"), FOLLOWED)
+@pytest.mark.parametrize(("name", "attitude", "branch"), MOTIONS)
 def test_fine_sampling_finds_nothing_nearer(name, attitude, branch):
     problem = load_scenario(name).problem()
     attitude = problem.attitude("attitude", attitude)
     motion = integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
     pairs = CollisionPairs(problem.model)
-    found = clearance(motion, pairs)
+    nearest = clearance(motion, pairs)
     everything = np.arange(len(pairs.pairs))
-    joints = motion.evaluate(np.linspace(0.0, motion.panels, 2001))[2]
+    joints = motion.evaluate(np.linspace(0.0, motion.panels, 801))[2]
     sampled = np.array([pairs.distances(q, everything) for q in joints])
-    assert found.distance <= sampled.min() + 1e-8
-    assert found.distance >= sampled.min() - 1e-3
+    assert nearest.distance <= sampled.min() + 1e-8
+    assert nearest.distance >= sampled.min() - 1e-3
     _, pair = np.unravel_index(sampled.argmin(), sampled.shape)
-    assert pairs.name(found.pair) == pairs.name(pair)
+    assert pairs.name(nearest.pair) == pairs.name(pair)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_distances_change_no_faster_than_the_levers_say(seed):
-    """On random robots with turning and sliding joints, a cube on every link."""
+    """On random robots with revolute and prismatic joints, a cube on every link."""
     rng = np.random.default_rng(seed)
     robot = random_robot(rng, ["RRRR", "RPRC", "PRFRP", "RFRRR", "CPCP", "RRPF"][seed], "R")
     cube = shape_text('<box size="0.3 0.2 0.1"/>', "0.1 0.2 0.3")
@@ -108,7 +107,7 @@ def test_distances_change_no_faster_than_the_levers_say(seed):
     model = FreeFloatingModel.from_urdf(text, robot.tip)
     pairs = CollisionPairs(model)
     everything = np.arange(len(pairs.pairs))
-    for _ in range(100):
+    for _ in range(40):
         q = rng.uniform(-3.0, 3.0, model.dof)
         step = rng.normal(size=model.dof) * rng.choice([1e-3, 0.1, 1.0])
         levers = pairs.levers(np.maximum(np.abs(q), np.abs(q + step)))
@@ -116,7 +115,7 @@ def test_distances_change_no_faster_than_the_levers_say(seed):
         assert (change <= levers @ np.abs(step) + 1e-6).all()
 
 
-def test_looking_only_whether_enough_is_kept_agrees():
+def test_deciding_only_agrees():
     motion = sliding(more=mast(1.4, 0.3))
     pairs = CollisionPairs(motion.problem.model)
     distance = clearance(motion, pairs).distance
@@ -124,7 +123,7 @@ def test_looking_only_whether_enough_is_kept_agrees():
     assert clearance(motion, pairs, distance - TOLERANCE).distance >= distance - TOLERANCE
 
 
-def test_links_that_a_joint_joins_are_not_looked_at():
+def test_links_that_a_joint_connects_are_left_out():
     """Bus and first link overlap at the joint between them; the ball beyond does not."""
     text = sliding_robot(CUBE, BALL).replace('<link name="a">', f'<link name="a">{BALL}')
     pairs = CollisionPairs(FreeFloatingModel.from_urdf(text, "hand"))
@@ -163,7 +162,7 @@ def test_visuals_stand_in_for_missing_collision_shapes():
 
 
 def test_every_kind_of_shape_has_its_size(tmp_path):
-    """The same ball's room as box, cylinder and mesh: the distance to the bus tells them apart."""
+    """The same ball's room as box, cylinder and mesh: the distance to the bus differs."""
     corners = np.array([[-0.1, 0, 0], [0.2, 0.2, 0.2], [0.2, -0.2, 0.2], [0.2, 0.0, -0.2]])
     faces = "".join(f"f {a} {b} {c}\n" for a, b, c in [(1, 2, 3), (1, 3, 4), (1, 4, 2), (2, 4, 3)])
     vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
@@ -180,21 +179,21 @@ def test_every_kind_of_shape_has_its_size(tmp_path):
         file = tmp_path / "robot.urdf"
         file.write_text(sliding_robot(CUBE, shape_text(geometry)))
         motion = sliding_motion(file)
-        found = clearance(motion, CollisionPairs(motion.problem.model))
-        assert_close(found.distance, 0.5 - towards, atol=1e-6), geometry
+        nearest = clearance(motion, CollisionPairs(motion.problem.model))
+        assert_close(nearest.distance, 0.5 - towards, atol=1e-6), geometry
 
 
 @pytest.mark.parametrize(
     "geometry", ['<mesh filename="none.stl"/>', '<box size="1 0 1"/>', "<capsule/>", ""]
 )
-def test_shapes_that_cannot_be_read_are_told(geometry):
+def test_shapes_that_cannot_be_read_are_refused(geometry):
     model = FreeFloatingModel.from_urdf(sliding_robot(CUBE, shape_text(geometry)), "hand")
     with pytest.raises(ModelError):
         collision_shapes(model)
 
 
 def test_contact_with_a_mesh_is_a_contact_with_its_hull(ur5):
-    """Shapes of a stock arm: every link has one, each inside the corners told of it."""
+    """Shapes of a stock arm: every link has one, each inside its vertices."""
     shapes = collision_shapes(ur5)
     assert {shape.link for shape in shapes} >= {"base_link", "forearm_link", "wrist_3_link"}
     assert all(len(shape.points) >= 8 for shape in shapes)

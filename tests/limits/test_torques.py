@@ -44,9 +44,9 @@ def test_accelerations_are_the_derivatives_of_the_rates(motion):
 
 
 def test_nothing_pushes_the_spacecraft(motion):
-    found = efforts(motion, np.linspace(0.0, 1.0, 41) * motion.problem.path.duration)
-    torques = np.array([one.joint_torques for one in found])
-    wrenches = np.array([one.base_wrench for one in found])
+    instants = efforts(motion, np.linspace(0.0, 1.0, 41) * motion.problem.path.duration)
+    torques = np.array([effort.joint_torques for effort in instants])
+    wrenches = np.array([effort.base_wrench for effort in instants])
     assert np.abs(wrenches).max() < 1e-9 * np.abs(torques).max()
 
 
@@ -74,8 +74,8 @@ def test_the_joints_power_is_the_growth_of_kinetic_energy(motion):
         q = np.concatenate([np.zeros(3), state.attitude, state.joints])
         energies.append(pin.computeKineticEnergy(model, model.createData(), q, effort.rates))
     half = 0.125 * T
-    found = efforts(motion, 0.225 * T + half * places)
-    powers = np.array([one.joint_torques @ one.rates[6:] for one in found])
+    instants = efforts(motion, 0.225 * T + half * places)
+    powers = np.array([effort.joint_torques @ effort.rates[6:] for effort in instants])
     growth = energies[1] - energies[0]
     assert abs(growth) > 0.05 * max(energies)
     assert_close(half * weights @ powers, growth, atol=1e-6 * max(energies))
@@ -84,10 +84,10 @@ def test_the_joints_power_is_the_growth_of_kinetic_energy(motion):
 @pytest.mark.parametrize("law", list(TimeLaw))
 def test_forces_of_a_sliding_hand_are_mass_times_acceleration(law):
     motion = sliding_motion(sliding_robot(), law=law)
-    for share, effort in zip([0.1, 0.4, 0.9], efforts(motion, DURATION * np.array([0.1, 0.4, 0.9])),
-                             strict=True):  # fmt: skip
+    fractions = np.array([0.1, 0.4, 0.9])
+    for fraction, effort in zip(fractions, efforts(motion, DURATION * fractions), strict=True):
         s = motion.problem.path.timing.s
-        rate, growth = (s(share * DURATION, order) for order in (1, 2))
+        rate, growth = (s(fraction * DURATION, order) for order in (1, 2))
         assert_close(effort.rates[6:], [RELATIVE * rate, 0.0, 0.0], atol=1e-9)
         assert_close(effort.accelerations[6:], [RELATIVE * growth, 0.0, 0.0], atol=1e-9)
         assert_close(effort.joint_torques, [HAND * LENGTH * growth, 0.0, 0.0], atol=1e-9)

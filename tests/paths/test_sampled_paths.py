@@ -23,8 +23,6 @@ from freefloat.paths.timing import Stop, TimeLaw, Timing
 from freefloat.verification.checks import certificate_checks
 from tests.motions import rolled
 
-pytestmark = pytest.mark.usefixtures("kernels")
-
 FIXED = "attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}"
 
 
@@ -42,16 +40,16 @@ search: {{samples: 24}}
 """
 
 
-def recorded(points: np.ndarray, decimals: int, turns: Rotation | None = None) -> str:
+def recorded(points: np.ndarray, decimals: int, rotations: Rotation | None = None) -> str:
     """A CSV file as a motion tracker writes it."""
     rows, names = np.round(points, decimals), "x,y,z"
-    if turns is not None:
-        rows, names = np.hstack([rows, np.round(turns.as_quat(), 4)]), "x,y,z,qx,qy,qz,qw"
+    if rotations is not None:
+        rows, names = np.hstack([rows, np.round(rotations.as_quat(), 4)]), "x,y,z,qx,qy,qz,qw"
     return "\n".join([names, *(",".join(f"{value:.6g}" for value in row) for row in rows)])
 
 
 def arch(count: int, noise: float = 0.0) -> np.ndarray:
-    """Half a turn of a screw, with noise [m]."""
+    """Half a revolution of a screw, with noise [m]."""
     a = np.linspace(0.0, np.pi, count)
     points = np.column_stack([0.9 + 0.1 * np.cos(a), 0.1 * np.sin(a), 0.03 * a])
     return points + noise * np.random.default_rng(4).standard_normal(points.shape)
@@ -63,7 +61,7 @@ def nodding(count: int) -> Rotation:
 
 
 def parabola(count: int) -> tuple[np.ndarray, Rotation]:
-    """The paper's, the hand normal to it."""
+    """The paper's, the end-effector normal to it."""
     s = np.linspace(0.0, 1.0, count)
     points = np.column_stack([2.0 - 3.0 * s, 0.5 * s + 1.5 * s**2, 0.0 * s])
     headings = np.arctan2(0.5 + 3.0 * s, -3.0) + np.pi / 2.0
@@ -72,7 +70,7 @@ def parabola(count: int) -> tuple[np.ndarray, Rotation]:
 
 def scenario_of(kind: str, count: int) -> Scenario:
     """A robot, a task and a recorded path for it."""
-    arm, bent = "measure: arm, value: 5", parabola(count)
+    arm, samples_of_parabola = "measure: arm, value: 5", parabola(count)
     written, samples = {
         "spatial": (text("spatial_6dof", "pose", arm, FIXED), recorded(arch(count), 3)),
         "spatial, quaternions": (
@@ -80,11 +78,11 @@ def scenario_of(kind: str, count: int) -> Scenario:
         ),
         "planar": (
             text("planar_3dof", "planar-position", "measure: gjm, value: 1e-3"),
-            recorded(bent[0], 3),
+            recorded(samples_of_parabola[0], 3),
         ),
         "planar, quaternions": (
             text("planar_3dof", "planar-pose", "measure: system, value: 5"),
-            recorded(bent[0], 3, bent[1]),
+            recorded(samples_of_parabola[0], 3, samples_of_parabola[1]),
         ),
         "noise": (
             text("spatial_6dof", "pose", arm, FIXED), recorded(arch(count, 1e-3), 6)
@@ -106,8 +104,8 @@ def first_motion(problem: Problem, **options: object) -> Motion:
 
 @pytest.mark.parametrize(
     ("kind", "count"),
-    [("spatial", 21), ("spatial", 61), ("spatial, quaternions", 201), ("planar", 201),
-     ("planar, quaternions", 61), ("noise", 60)],
+    [("spatial", 21), *(pytest.param(*values, marks=pytest.mark.slow) for values in
+     [("spatial, quaternions", 201), ("planar", 201), ("planar, quaternions", 61), ("noise", 60)])],
 )  # fmt: skip
 def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: int) -> None:
     motion = first_motion(scenario_of(kind, count).problem())
@@ -122,6 +120,7 @@ def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: 
     assert np.abs(last.joints[0] - motion.final.joints).max() < 2e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "count"), [("spatial, quaternions", 21), ("planar, quaternions", 21)]
 )
@@ -154,6 +153,7 @@ def test_panels_end_where_the_path_is_not_smooth(backwards: bool) -> None:
     assert np.abs(reached[:, None] - path.breaks).min(axis=0).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_dense_exact_samples_take_no_more_steps_than_the_curve_itself() -> None:
     """Jumps too small to matter are stepped across; those of rounded samples are not."""
     exact = text("spatial_6dof", "pose", "measure: arm, value: 5", FIXED)
@@ -169,10 +169,10 @@ def test_dense_exact_samples_take_no_more_steps_than_the_curve_itself() -> None:
 def test_a_tangent_between_breaks_goes_on_smoothly_beyond() -> None:
     path = scenario_of("spatial", 21).problem().path.path
     low, high = path.breaks[3:5].tolist()
-    own = path.tangent_within(low, high)
+    tangent = path.tangent_within(low, high)
     for s in np.linspace(low, high, 7):
-        assert own(s) == pytest.approx(path.tangent(s), abs=1e-12)
+        assert tangent(s) == pytest.approx(path.tangent(s), abs=1e-12)
     places = np.linspace(low - (high - low), high + (high - low), 13)
-    third = np.diff([own(s)[:3] for s in places], 3, axis=0)
+    third = np.diff([tangent(s)[:3] for s in places], 3, axis=0)
     assert np.abs(third).max() < 1e-10
     assert np.abs(np.diff([path.tangent(s)[:3] for s in places], 3, axis=0)).max() > 1e-4

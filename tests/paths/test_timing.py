@@ -23,17 +23,17 @@ LAWS = list(TimeLaw)
 def timings(draw):
     """Any law, duration and number of stops."""
     count = draw(st.integers(0, 3))
-    shares = st.lists(st.floats(0.05, 1.0), min_size=count + 1, max_size=count + 1)
+    fractions = st.lists(st.floats(0.05, 1.0), min_size=count + 1, max_size=count + 1)
     duration = draw(st.floats(1e-3, 1e6))
-    places, times = (np.cumsum(draw(shares)) for _ in "st")
+    places, times = (np.cumsum(draw(fractions)) for _ in "st")
     stops = zip(places[:-1] / places[-1], duration * times[:-1] / times[-1], strict=True)
     return Timing(duration, draw(st.sampled_from(LAWS)), tuple(Stop(s, t) for s, t in stops))
 
 
-relentless = settings(deadline=None, derandomize=True, database=None, max_examples=60)
+thorough = settings(deadline=None, derandomize=True, database=None, max_examples=60)
 
 
-@relentless
+@thorough
 @given(timings())
 def test_every_law_rests_at_its_ends_and_stops(timing):
     """s = 0 and ds/dt = 0 at the start, s_i and 0 at every stop, 1 and 0 at the end."""
@@ -43,22 +43,22 @@ def test_every_law_rests_at_its_ends_and_stops(timing):
         assert timing.s(rest.t, 1) * timing.duration == pytest.approx(0.0, abs=1e-10)
 
 
-@relentless
+@thorough
 @given(timings(), st.floats(0.001, 0.999))
-def test_every_order_is_the_derivative_of_the_one_below(timing, share):
-    for piece, (low, high) in enumerate(zip((0.0, *timing.ends), timing.ends, strict=False)):
-        t, h = low + share * (high - low), 1e-2 * (high - low)
+def test_every_order_is_the_derivative_of_the_one_below(timing, fraction):
+    for k, (low, high) in enumerate(zip((0.0, *timing.ends), timing.ends, strict=False)):
+        t, h = low + fraction * (high - low), 1e-2 * (high - low)
         for order in (1, 2):
             weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
             slope = sum(
-                w * (timing.s(t + k * h, order - 1, piece) - timing.s(t - k * h, order - 1, piece))
-                for k, w in weights.items()
+                w * (timing.s(t + i * h, order - 1, k) - timing.s(t - i * h, order - 1, k))
+                for i, w in weights.items()
             ) / h  # fmt: skip
-            result = timing.s(t, order, piece) * (high - low) ** order
+            result = timing.s(t, order, k) * (high - low) ** order
             assert result == pytest.approx(slope * (high - low) ** order, abs=1e-9)
 
 
-@relentless
+@thorough
 @given(timings())
 def test_time_never_runs_backwards_along_the_path(timing):
     """ds/dt >= 0, so s rises from 0 to 1."""
@@ -71,12 +71,14 @@ def test_time_never_runs_backwards_along_the_path(timing):
     assert (places <= 1.0 + 1e-12).all()
 
 
-@relentless
+@thorough
 @given(timings())
-def test_place_and_speed_are_continuous_where_pieces_meet(timing):
-    for piece, end in enumerate(timing.ends[:-1]):
+def test_place_and_speed_are_continuous_where_segments_meet(timing):
+    for segment, end in enumerate(timing.ends[:-1]):
         for order, tolerance in ((0, 1e-12), (1, 1e-9)):
-            both = [timing.s(end, order, k) * timing.duration**order for k in (piece, piece + 1)]
+            both = [
+                timing.s(end, order, k) * timing.duration**order for k in (segment, segment + 1)
+            ]
             assert both[0] == pytest.approx(both[1], abs=tolerance)
 
 
@@ -87,21 +89,6 @@ def test_the_quintic_is_that_of_18b():
         assert timing.s(100.0 * tau) == pytest.approx(s, abs=1e-15)
         assert timing.s(100.0 * tau, 1) == pytest.approx(0.3 * tau**2 * (1 - tau) ** 2, abs=1e-16)
     assert timing.s(69.73) == pytest.approx(2.5 / 3.0, abs=1e-4)
-
-
-def test_the_quintic_also_starts_and_ends_without_acceleration():
-    """d2s/dt2 = 0 at both ends; the cubic starts with 6 / T^2."""
-    for t in (0.0, 40.0):
-        assert Timing(40.0).s(t, 2) == pytest.approx(0.0, abs=1e-15)
-    assert Timing(40.0, TimeLaw.CUBIC).s(0.0, 2) == pytest.approx(6.0 / 1600.0)
-    assert Timing(40.0, TimeLaw.CUBIC).s(40.0, 2) == pytest.approx(-6.0 / 1600.0)
-
-
-def test_the_cubic_is_the_lowest_polynomial_from_rest_to_rest():
-    """s = 3 tau^2 - 2 tau^3."""
-    timing = Timing(8.0, TimeLaw.CUBIC)
-    for tau in (0.0, 0.3, 0.5, 0.9, 1.0):
-        assert timing.s(8.0 * tau) == pytest.approx(3 * tau**2 - 2 * tau**3, abs=1e-15)
 
 
 def test_the_trapezoid_speeds_up_cruises_and_slows_down():
@@ -167,9 +154,8 @@ def test_a_duration_is_a_positive_number(duration):
 @pytest.mark.parametrize(
     "stops",
     [
-        [(0.0, 1.0)], [(1.0, 1.0)], [(0.5, 0.0)], [(0.5, 10.0)], [(0.5, 11.0)], [(-0.1, 1.0)],
-        [(1.1, 1.0)], [(0.5, 2.0), (0.4, 3.0)], [(0.4, 3.0), (0.5, 2.0)], [(0.4, 3.0), (0.4, 4.0)],
-        [(0.4, 3.0), (0.5, 3.0)], [(np.nan, 3.0)], [(0.5, np.nan)],
+        [(0.0, 1.0)], [(1.0, 1.0)], [(0.5, 0.0)], [(0.5, 10.0)], [(0.5, 2.0), (0.4, 3.0)],
+        [(0.4, 3.0), (0.5, 2.0)], [(np.nan, 3.0)], [(0.5, np.nan)],
     ],
 )  # fmt: skip
 def test_stops_rise_in_place_and_time(stops):
@@ -197,17 +183,6 @@ def test_a_timed_path_moves_with_the_twist_of_its_pose(law):
         turned = (timed.pose(t + h).rotation - timed.pose(t - h).rotation) / (2 * h)
         W = turned @ pose.rotation.T
         assert_close(timed.twist(t)[3:], [W[2, 1], W[0, 2], W[1, 0]], atol=1e-8)
-
-
-def test_the_end_effector_stands_still_at_ends_and_stops():
-    """The twist vanishes wherever s rests."""
-    path = EndEffectorPath(
-        PolynomialCurve.line([1, 0, 0], [0, 1, 0]),
-        SlerpOrientation(np.eye(3), np.diag([1, -1, -1])),
-    )
-    timed = TimedPath(path, Timing(100.0, TimeLaw.QUINTIC, EXAMPLE_1))
-    for t in (0.0, 69.73, 100.0):
-        assert_close(timed.twist(t), 0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize("law", LAWS)

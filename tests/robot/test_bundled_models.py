@@ -12,7 +12,6 @@ import pytest
 import trimesh
 import yourdfpy
 
-from freefloat.dynamics.momentum import Task
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
@@ -22,8 +21,6 @@ from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.planner import plan_in_space
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import bundled_robots, bundled_scenarios, find_robot
-
-pytestmark = pytest.mark.usefixtures("kernels")
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 SAMPLES = 256
@@ -44,12 +41,6 @@ def model(name: str) -> FreeFloatingModel:
 @pytest.mark.parametrize("name", NEW)
 def test_a_model_has_no_warnings(name: str) -> None:
     assert model(name).warnings == ()
-
-
-@pytest.mark.parametrize("name", bundled_robots())
-def test_a_model_tells_where_its_numbers_are_from(name: str) -> None:
-    head = urdf(name).read_text()[:1200]
-    assert "Papadopoulos" in head or "Yoshida" in head or "Hughes" in head
 
 
 def _corners(robot: Any, shapes: list[Any]) -> np.ndarray:
@@ -116,35 +107,21 @@ OF_THE_PAPER = ("planar_3dof/parabola", "planar_3dof/parabola_nonstop", "spatial
 LIMITED = tuple(name for name in bundled_scenarios() if name not in OF_THE_PAPER)
 
 
-def test_scenarios_of_every_kind_are_bundled() -> None:
-    problems = {name: load_scenario(name).problem() for name in FOLLOWED}
-    redundant = {name for name, problem in problems.items()
-                 if problem.redundant}  # fmt: skip
-    assert {"ssrms/transfer", "ets_vii/reach", "panda_servicer/arc"} <= redundant
-    assert problems["ets_vii/reach"].task is Task.POSITION
-    assert sum(bool(problem.momentum.any()) for problem in problems.values()) >= 4
-    laws = [load_scenario(name).content.path.attitude or {} for name in FOLLOWED]
-    kinds = {kind for law in laws for kind, value in law if value}
-    assert {"point_at", "follow"} <= kinds
-
-
 @pytest.mark.parametrize("name", FOLLOWED)
 def test_a_scenario_can_be_followed_with_its_margin_kept(name: str) -> None:
     """With some arm branch, from the attitude the spacecraft has; and the motion is right."""
     problem = load_scenario(name).problem()
     half = ATTITUDES.get(name, 0.0) / 2.0
     attitude = np.array([0.0, 0.0, np.sin(half), np.cos(half)])
-    kept = []
     for branch in problem.branches(attitude)[:4]:
         motion = integrate_motion(problem, attitude, branch.joints)
         if motion.completed:
-            kept.append(
-                problem.margin.is_kept(closest_approach(motion, problem.margin.measure).value)
-            )
             residuals = motion.residuals()
             assert residuals.end_effector_position < 1e-7
             assert residuals.momentum < 1e-5 * max(1.0, motion.problem.model.total_mass / 1e3)
-    assert any(kept)
+            if problem.margin.is_kept(closest_approach(motion, problem.margin.measure).value):
+                return
+    raise AssertionError("no branch keeps the margin")
 
 
 @pytest.mark.slow

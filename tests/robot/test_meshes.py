@@ -41,9 +41,9 @@ def saved(mesh: trimesh.Trimesh, path: Path) -> Path:
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: f"{path.parts[-4]}-{path.stem}")
-@pytest.mark.parametrize("scale", [[1.0, 1.0, 1.0], [0.5, 2.0, 3.0]])
-def test_real_arms_have_the_bounds_that_pinocchio_finds(path: Path, scale: list[float]) -> None:
+def test_real_arms_have_the_bounds_that_pinocchio_finds(path: Path) -> None:
     """All nodes of the file in their places, in metres, scaled axis by axis."""
+    scale = [0.5, 2.0, 3.0]
     parts = read_mesh(path, scale)
     np.testing.assert_allclose(bounds(parts), pinocchio_bounds(path, scale), atol=1e-6)
     assert len({part.colour for part in parts}) == len(parts)
@@ -108,14 +108,6 @@ def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
     with pytest.raises(MeshFileError) as caught:
         read_mesh(path)
     assert len(str(caught.value).splitlines()) == 1
-
-
-def test_a_reason_is_short_however_much_of_the_file_it_cites(tmp_path: Path) -> None:
-    path = tmp_path / "long.dae"
-    path.write_text(f"<COLLADA><{'a' * 70_000}")
-    with pytest.raises(MeshFileError, match=r"cannot be read .*aaa\.\.\..*\)$") as caught:
-        read_mesh(path)
-    assert len(str(caught.value)) <= 1000
 
 
 def test_a_mesh_scaled_to_nothing_is_refused(tmp_path: Path) -> None:

@@ -41,14 +41,9 @@ def refused(urdf: str | Path) -> ModelError:
     ("old", "new", "key"),
     [
         ("value='5'", "value='five'", "link arm"),
-        ("value='5'", "value='10/2'", "link arm"),
         ("value='5'", "value='nan'", "link arm"),
-        ("value='5'", "value=''", "link arm"),
-        ("value='5'", "value='3_0'", "link arm"),
-        ("value='5'", "value='5 0'", "link arm"),
         ("value='5'", "value='\uff15'", "link arm"),
         ("value='5'", "value='1e13'", "link arm"),
-        ("ixy='0'", "ixy='1e400'", "link arm"),
         ('xyz="0 0 1"', 'xyz="0 0 pi/2"', "joint q"),
         ('xyz="0 0 1"', 'xyz="0 0"', "joint q"),
         ('rpy="0 0 0"/><axis', 'rpy="0 0 ${pi}"/><axis', "joint q"),
@@ -88,20 +83,6 @@ def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
         assert refused(path).key == "urdf"
 
 
-def test_errors_name_file_and_line(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(one_joint().replace("value='5'", "value='-5'"))
-    error = refused(path)
-    assert (error.source, error.line, error.key) == (str(path), 2, "link arm")
-    assert str(error).startswith(f"{path}:2: link arm: ")
-
-
-@pytest.mark.parametrize("axis", ["0 0 0", "0 0 1 0"])
-def test_an_axis_without_direction_is_refused(axis: str) -> None:
-    text = one_joint().replace('axis xyz="0 0 1"', f'axis xyz="{axis}"')
-    assert refused(text).key == "joint q"
-
-
 def test_shapes_have_geometry_pose_colour_and_line() -> None:
     shapes = """<visual><origin xyz='1 2 3' rpy='0.1 0.2 0.3'/>
       <geometry><box size='1 2 3'/></geometry><material name='red'/></visual>
@@ -128,7 +109,7 @@ def test_shapes_have_geometry_pose_colour_and_line() -> None:
 
 @pytest.mark.parametrize("name", ["ur5", "panda", "kinova", "spatial_6dof"])
 def test_records_agree_with_another_parser(name: str) -> None:
-    path = {one.stem: one for one in models_folder().glob("*/*.urdf")} | example_robots()
+    path = {file.stem: file for file in models_folder().glob("*/*.urdf")} | example_robots()
     ours, theirs = parse_urdf(path[name]), yourdfpy.URDF.load(str(path[name]), load_meshes=False)
     assert [link.name for link in ours.links] == [link.name for link in theirs.robot.links]
     for link, other in zip(ours.links, theirs.robot.links, strict=True):
@@ -157,17 +138,12 @@ def test_text_and_pickles_describe_the_same_robot(robot: Robot) -> None:
         assert repr(again.joints) == repr(first.joints)
 
 
-def test_foreign_elements_survive_in_the_text() -> None:
-    extra = "<transmission name='t'><joint name='q'/></transmission>"
-    assert "<transmission" in read_urdf(one_joint().replace("</robot>", extra + "</robot>")).text
-
-
 def test_a_link_and_a_fixed_joint_may_share_a_name() -> None:
     text = one_joint().replace("</robot>", "")
-    text += joint_text("hand", "F", "arm", "hand", "1 0 0") + link_text("hand")
-    text += joint_text("tip", "F", "hand", "tip", "1 0 0") + link_text("tip")
+    text += joint_text("gripper", "F", "arm", "gripper", "1 0 0") + link_text("gripper")
+    text += joint_text("tip", "F", "gripper", "tip", "1 0 0") + link_text("tip")
     text += joint_text("side", "R", "arm", "side") + link_text("side") + "</robot>"
-    for end_effector, x in (("hand", 1.0), ("tip", 2.0)):
+    for end_effector, x in (("gripper", 1.0), ("tip", 2.0)):
         model = FreeFloatingModel.from_urdf(text, end_effector)
         assert model.joint_names == ("q",)
         np.testing.assert_array_equal(model.tool.position, [x, 0, 0])

@@ -28,7 +28,7 @@ FAULTS = {
 }
 every_urdf = pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN)
 every_fault = pytest.mark.parametrize(("broken", "fault"), FAULTS.values(), ids=FAULTS)
-Found = tuple[str, int, str]
+Diagnosis = tuple[str, int, str]
 
 
 def written(folder: Path, text: str) -> Path:
@@ -37,12 +37,12 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def found(urdf: str | Path, mounted: bool = False) -> list[Found]:
-    return [(str(one.severity), one.line, one.element) for one in examine(urdf, mounted)]
+def diagnosed(urdf: str | Path, mounted: bool = False) -> list[Diagnosis]:
+    return [(str(entry.severity), entry.line, entry.element) for entry in examine(urdf, mounted)]
 
 
 def elements(urdf: str | Path) -> list[str]:
-    return [element for _, _, element in found(urdf)]
+    return [element for _, _, element in diagnosed(urdf)]
 
 
 def test_nothing_is_reported_about_a_valid_robot() -> None:
@@ -55,10 +55,10 @@ def test_a_fault_is_reported_until_it_is_corrected(
 ) -> None:
     expected = (fault.severity, broken.line(fault), fault.element)
     path = written(tmp_path, broken.text)
-    before = found(path)
+    before = diagnosed(path)
     assert expected in before
-    assert all(one.file == str(path) for one in examine(path))
-    after = found(written(tmp_path, broken.corrected(fault)))
+    assert all(entry.file == str(path) for entry in examine(path))
+    after = diagnosed(written(tmp_path, broken.corrected(fault)))
     assert len(after) < len(before)
     assert {element for _, _, element in after} >= {
         other.element for other in broken.faults if other != fault
@@ -85,14 +85,14 @@ def test_loading_raises_the_first_error_or_keeps_every_warning(
         assert (caught.value.source, caught.value.line) == (str(path), first.line)
     else:
         warnings = FreeFloatingModel.from_urdf(path, broken.end_effector).warnings
-        assert warnings == tuple(one for one in diagnostics if "mesh" not in one.problem)
+        assert warnings == tuple(entry for entry in diagnostics if "mesh" not in entry.problem)
 
 
 def test_all_faults_are_reported_at_once_errors_first() -> None:
     text = VALID.replace('value="10"', 'value="ten"').replace('xyz="0 0 1"', 'xyz="0 0 2"', 1)
     text = text.replace('ixx="0.1" ixy="0" ixz="0"\n               iyy="0.7"',
                         'ixx="9" ixy="0" ixz="0"\n               iyy="0.7"')  # fmt: skip
-    assert [(severity, element) for severity, _, element in found(text)] == [
+    assert [(severity, element) for severity, _, element in diagnosed(text)] == [
         ("error", "link upper"),
         ("warning", "joint shoulder"),
         ("warning", "link lower"),
@@ -102,9 +102,9 @@ def test_all_faults_are_reported_at_once_errors_first() -> None:
 def test_a_root_link_without_mass_is_valid_where_something_massive_is_fixed_to_it() -> None:
     ground = '<link name="world"/>\n  <joint name="weld" type="fixed"><parent link="world"/>'
     ground += '<child link="bus"/></joint>\n  <link name="bus">'
-    assert found(VALID.replace('<link name="bus">', ground)) == []
+    assert diagnosed(VALID.replace('<link name="bus">', ground)) == []
     bare = BROKEN["SSRMS: massless root, centre of mass on a joint"]
-    assert [element for _, _, element in found(bare.text, mounted=True)] == ["link boom"]
+    assert [element for _, _, element in diagnosed(bare.text, mounted=True)] == ["link boom"]
 
 
 # --------------------------------------------------------------------------- inertias
@@ -169,7 +169,7 @@ def test_a_centre_of_mass_may_be_on_the_joint_of_a_short_link(
 
 @given(robot=robots())
 def test_inertias_of_rigid_bodies_are_accepted_in_any_frame(robot: Robot) -> None:
-    problems = " ".join(one.problem for one in read_urdf(robot.text).warnings)
+    problems = " ".join(entry.problem for entry in read_urdf(robot.text).warnings)
     for word in ("definite", "triangle", "no mass", "range", "length"):
         assert word not in problems
 
@@ -199,7 +199,7 @@ def test_inertias_that_are_not_positive_definite_are_reported(matrix: np.ndarray
 @st.composite
 def spoilt(draw: st.DrawFn) -> str:
     """A valid robot with a few elements or attributes removed, doubled or overwritten."""
-    valid = [one.corrected(*one.faults) for one in BROKEN.values() if len(one.faults) > 1]
+    valid = [b.corrected(*b.faults) for b in BROKEN.values() if len(b.faults) > 1]
     root = ET.fromstring(draw(st.sampled_from([VALID, *valid])))
     for _ in range(draw(st.integers(1, 3))):
         parents = [element for element in root.iter() if len(element)]
@@ -223,7 +223,7 @@ def spoilt(draw: st.DrawFn) -> str:
 @given(text=spoilt())
 def test_a_spoilt_robot_has_an_error_or_can_be_built(text: str) -> None:
     diagnostics = examine(text)
-    if any(one.severity is Severity.ERROR for one in diagnostics):
+    if any(entry.severity is Severity.ERROR for entry in diagnostics):
         with pytest.raises(ModelError) as caught:
             read_urdf(text)
         assert str(caught.value) == str(diagnostics[0].exception())
