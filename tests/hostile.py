@@ -1,7 +1,7 @@
-"""Hostile input: good files of every kind, what is done with them, and what may come of it.
+"""Hostile input: valid files of every kind, what is done with them, and the possible outcomes.
 
 A kind of file is mutated at random (:mod:`tests.mutations`) and read as the commands read it.
-Either it is read, or refused with one message; see :func:`outcome` for what is found out besides.
+Either it is read, or refused with one message; see :func:`outcome` for all other outcomes.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ from tests.scenarios import PARABOLA
 READ, REFUSED = "read", "refused"
 TRACEBACK, MEMORY, OUTSIDE, MESSAGE = "traceback", "memory", "outside", "message"
 OUTCOMES = (READ, REFUSED, MESSAGE, "crash", "hang", TRACEBACK, MEMORY, OUTSIDE)
-"""Read, or refused in one message; all others are failures: a refusal in a message that no terminal
-should get, a process that died or did not come back, another exception, more memory than a file
-may take, something done outside the folder."""
-_LONGEST = 20_000
+"""Read, or refused in one message; all others are failures: an unprintable or long message, a
+process that died or did not end, another exception, too much memory, an action outside the
+folder."""
+_MAX_LENGTH = 20_000
 """Characters of a message."""
-_MOST = 400_000
+_MAX_MEMORY = 400_000
 """Kilobytes that reading one file may take more than any before."""
-SECRET = "a secret that no message may tell"
+SECRET = "a secret that no message may contain"
 
 
 @dataclass(frozen=True)
@@ -154,8 +154,8 @@ def _mesh(file: Path) -> None:
 
 
 def _yaml(*documents: Any) -> tuple[bytes, ...]:
-    return tuple(one.encode() if isinstance(one, str) else yaml.safe_dump(one).encode()
-                 for one in documents)  # fmt: skip
+    texts = (entry if isinstance(entry, str) else yaml.safe_dump(entry) for entry in documents)
+    return tuple(text.encode() for text in texts)
 
 
 KINDS = {
@@ -171,33 +171,38 @@ KINDS = {
 }  # fmt: skip
 
 
-# What may come of it
+# Outcomes
+
+_WATCHED = {
+    "open": 1, "os.mkdir": 1, "os.rename": 2, "os.remove": 1, "os.rmdir": 1, "os.symlink": 2,
+    "os.link": 2, "os.chmod": 1, "os.truncate": 1, "os.utime": 1, "subprocess.Popen": 0,
+    "os.system": 0, "os.exec": 0, "os.posix_spawn": 0, "socket.connect": 0,
+    "socket.getaddrinfo": 0, "urllib.Request": 0, "pickle.find_class": 0,
+}  # fmt: skip
+"""Audit events, and how many of their arguments are paths of files that are written."""
 
 
 class Watch:
-    """What this process does outside a folder: files it writes, programs, connections.
+    """Actions of this process outside a folder: files it writes, programs, connections.
 
-    What Python does is seen at once; what libraries in C do, in the folder beside.
+    Those of Python are seen by an audit hook; those of C libraries, by changes of folders.
     """
 
     def __init__(self, folder: Path) -> None:
-        """Make the folders: ``in`` for the file, ``out`` for what is made of it, ``outside``."""
+        """Make the folders: ``in`` for the file, ``out`` for output, ``outside``."""
         self.folder, self.seen = folder, list[str]()
         self.inside, self.outside = folder / "in", folder / "outside"
         for name in ("in/folder", "out", "outside"):
             (folder / name).mkdir(parents=True, exist_ok=True)
         (self.outside / "secret").write_text(SECRET)
-        for name, target in (
-            ("zero", "/dev/zero"),
-            ("loop", "loop"),
-            ("link", "../outside/secret"),
-        ):
+        links = {"zero": "/dev/zero", "loop": "loop", "link": "../outside/secret"}
+        for name, target in links.items():
             (self.inside / name).symlink_to(target)
         os.mkfifo(self.inside / "fifo")
         for name in ("planar_3dof", "spatial_6dof"):
             (self.inside / f"{name}.urdf").write_bytes(good.bundled(name)[0])
         (self.inside / "points.csv").write_text(good.POINTS)
-        (self.inside / "wish.yaml").write_text(PARABOLA)
+        (self.inside / "base.yaml").write_text(PARABOLA)
         (self.inside / "good_study.yaml").write_text(yaml.safe_dump(good.HEADINGS))
         (self.inside / "part.stl").write_bytes(good.meshes()[0])
         self._before = self._state()
@@ -206,17 +211,17 @@ class Watch:
         sys.addaudithook(self._look)
 
     def close(self) -> None:
-        """Look no more: hooks cannot be taken off."""
+        """Ignore further events: hooks cannot be removed."""
         self._on = False
 
-    def found(self) -> list[str]:
-        """What was done outside since the last call."""
-        found, self.seen = self.seen, []
+    def actions(self) -> list[str]:
+        """Actions outside the folder since the last call."""
+        actions, self.seen = self.seen, []
         now = self._state()
         if now != self._before:
-            found.append(f"{self.outside} was changed")
+            actions.append(f"{self.outside} was changed")
             self._before = now
-        return found
+        return actions
 
     def _state(self) -> list[tuple[str, int]]:
         return [(entry.name, entry.stat(follow_symlinks=False).st_mtime_ns)
@@ -233,49 +238,36 @@ class Watch:
         elif _WATCHED[event] == 0:
             self.seen.append(f"{event} {str(arguments)[:200]}")
             return
-        for path in arguments[: max(_WATCHED[event], 1)]:
+        for path in arguments[: _WATCHED[event]]:
             place = os.path.realpath(os.fsdecode(path))
             if not f"{place}{os.sep}".startswith(self._allowed) and place != "/dev/null":
                 self.seen.append(f"{event} {place}")
 
 
-_WATCHED = {
-    "open": 1, "os.mkdir": 1, "os.rename": 2, "os.remove": 1, "os.rmdir": 1, "os.symlink": 2,
-    "os.link": 2, "os.chmod": 1, "os.truncate": 1, "os.utime": 1, "subprocess.Popen": 0,
-    "os.system": 0, "os.exec": 0, "os.posix_spawn": 0, "socket.connect": 0,
-    "socket.getaddrinfo": 0, "urllib.Request": 0, "pickle.find_class": 0,
-}  # fmt: skip
-"""Audit events, and how many of their arguments are paths of files that are written."""
-
-
 def outcome(kind: Kind, content: bytes, watch: Watch) -> tuple[str, str]:
-    """What comes of reading a file, and words about it.
+    """Outcome of reading a file, and its message.
 
     Warnings count as tracebacks: a user would see them.
     """
     file = watch.inside / kind.file
     file.write_bytes(content)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    result, told = READ, ""
+    result, message = READ, ""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             kind.use(file)
     except MemoryError:
-        result, told = MEMORY, traceback.format_exc()
+        result, message = MEMORY, traceback.format_exc()
     except (FreeFloatError, MeshFileError) as error:
-        result, told = REFUSED, str(error)
+        result, message = REFUSED, str(error)
+        if "MemoryError" in message or "Unable to allocate" in message:
+            result = MEMORY
+        elif not message.isprintable() or len(message) > _MAX_LENGTH or SECRET in message:
+            result = MESSAGE
     except BaseException:
-        result, told = TRACEBACK, traceback.format_exc()
-    if result == REFUSED and ("MemoryError" in told or "Unable to allocate" in told):
-        result = MEMORY
-    elif result == REFUSED and _is_no_message(told):
-        result = MESSAGE
-    if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before > _MOST:
-        result, told = MEMORY, f"{result}: {told}"
-    done = watch.found()
-    return (OUTSIDE, f"{done} ({told})") if done else (result, told)
-
-
-def _is_no_message(told: str) -> bool:
-    return not told.isprintable() or len(told) > _LONGEST or SECRET in told
+        result, message = TRACEBACK, traceback.format_exc()
+    if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before > _MAX_MEMORY:
+        result, message = MEMORY, f"{result}: {message}"
+    actions = watch.actions()
+    return (OUTSIDE, f"{actions} ({message})") if actions else (result, message)

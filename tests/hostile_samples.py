@@ -1,4 +1,4 @@
-"""Good files of every kind that is read, to be made bad by :mod:`tests.mutations`."""
+"""Valid files of every kind that is read, changed by :mod:`tests.mutations`."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ margin: {value: 0}
 """
 POINTS = "s,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n0.4,0.5,0,0.1,0,0,0.1,1\n1,1,0.2,0.3,0,0,1,0\n"
 STUDY: dict[str, Any] = {
-    "base": "wish.yaml",
+    "base": "base.yaml",
     "command": "plan",
     "vary": {
         "momentum": {"normal": {"mean": [0, 0, 1], "sd": [0, 0, 0.1]}},
@@ -65,7 +65,7 @@ STUDY: dict[str, Any] = {
     "seed": 1,
 }
 START: dict[str, Any] = {
-    "base": "wish.yaml",
+    "base": "base.yaml",
     "command": "simulate",
     "vary": {
         "attitude": {"so3": {"center": [0, 0, 0, 1], "angle_deg": 20}},
@@ -87,7 +87,7 @@ def bundled(*names: str) -> tuple[bytes, ...]:
 
 
 def meshed() -> bytes:
-    """A robot with meshes, a material of its own and a slider."""
+    """A robot with meshes, a material and a prismatic joint."""
     text = bundled("planar_3dof")[0].decode()
     shown = '<visual><geometry><mesh filename="part.stl" scale="1 1 2"/></geometry></visual>'
     shown += '<collision><geometry><mesh filename="part.stl"/></geometry></collision>'
@@ -99,19 +99,23 @@ def meshed() -> bytes:
 @cache
 def plans() -> tuple[bytes, bytes]:
     """A simulation, and its motion as a plan."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "wish.yaml").write_text(yaml.safe_dump(SHORT, sort_keys=False))
-        problem = load_scenario(folder / "wish.yaml").problem()
-        found = simulate(problem, heading_quaternion(np.radians(200.0)))
-        save(found, folder / "motion.h5")
-        ranges = (HeadingRange(np.radians(10.0), np.radians(20.0), (RangeLimitCause.MARGIN,) * 2),)
-        plan = Plan(
-            problem, Search(), True, "", (BranchRanges(0, "0", ranges, ()),), (), found.chosen,
-            certificate=certify(found.chosen.motion),
-        )  # fmt: skip
-        save(plan, folder / "plan.h5")
-        return (folder / "motion.h5").read_bytes(), (folder / "plan.h5").read_bytes()
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "base.yaml").write_text(yaml.safe_dump(SHORT, sort_keys=False))
+        problem = load_scenario(Path(folder) / "base.yaml").problem()
+    simulation = simulate(problem, heading_quaternion(np.radians(200.0)))
+    ranges = (HeadingRange(np.radians(10.0), np.radians(20.0), (RangeLimitCause.MARGIN,) * 2),)
+    plan = Plan(
+        problem, Search(), True, "", (BranchRanges(0, "0", ranges, ()),), (), simulation.chosen,
+        certificate=certify(simulation.chosen.motion),
+    )  # fmt: skip
+    return content(simulation), content(plan)
+
+
+def content(result: Any) -> bytes:
+    """Content of the file of a result."""
+    with tempfile.TemporaryDirectory() as folder:
+        save(result, Path(folder) / "result.h5")
+        return (Path(folder) / "result.h5").read_bytes()
 
 
 @cache
@@ -123,25 +127,19 @@ def maps() -> tuple[bytes, bytes]:
     problem = load_scenario("planar_3dof/parabola").problem()
     headings = np.linspace(0.0, 3.0, 4)
     heading_map = HeadingMap(problem, headings, (0, 1), np.ones((2, 4)), 100.0 * np.ones((2, 4)))
-    attitudes = np.array([heading_quaternion(one) for one in headings])
+    attitudes = np.array([heading_quaternion(heading) for heading in headings])
     spatial = load_scenario("spatial_6dof/line").problem()
     attitude_map = AttitudeMap(
         spatial, 0, attitudes, np.ones((4, 8)), np.ones((4, 8)), np.zeros((4, 8), dtype=np.int8)
     )
-    made = []
-    with tempfile.TemporaryDirectory() as name:
-        file = Path(name) / "map.h5"
-        for result in (heading_map, attitude_map):
-            save(result, file)
-            made.append(file.read_bytes())
-    return made[0], made[1]
+    return content(heading_map), content(attitude_map)
 
 
 @cache
 def meshes() -> tuple[bytes, ...]:
     """A box in several formats."""
     box: Any = trimesh.creation.box()
-    found = [box.export(file_type=kind) for kind in ("stl", "stl_ascii", "ply", "glb", "dae")]
+    exported = [box.export(file_type=kind) for kind in ("stl", "stl_ascii", "ply", "glb", "dae")]
     lines = ["mtllib part.mtl", "usemtl a", *(f"v {x} {y} {z}" for x, y, z in box.vertices),
              *("vt 0 0" for _ in box.vertices),
              *(f"f {a + 1}/1 {b + 1}/1 {c + 1}/1" for a, b, c in box.faces)]  # fmt: skip
@@ -151,5 +149,5 @@ def meshes() -> tuple[bytes, ...]:
              for name, data in gltf.items() if name != "model.gltf"}  # fmt: skip
     for name, data in named.items():
         text = text.replace(name, data)
-    return tuple(one if isinstance(one, bytes) else one.encode()
-                 for one in (*found, "\n".join(lines), text))  # fmt: skip
+    files = (*exported, "\n".join(lines), text)
+    return tuple(file if isinstance(file, bytes) else file.encode() for file in files)

@@ -15,10 +15,9 @@ from freefloat.errors import InputError
 from freefloat.io.scenario import parse_scenario
 from freefloat.motion.certificate import Worst
 from freefloat.motion.motion import Ending
-from freefloat.planning.planar_ranges import TURN, HeadingRange
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import angle_between
-from freefloat.verification import promises
+from freefloat.verification import robustness
 from freefloat.verification.checks import Check
 from tests.result_files import altered, replaced
 from tests.scenarios import PARABOLA
@@ -73,6 +72,7 @@ def failed(result, **how):
     return {check.name for check in ff.check(result, **how).discrepancies}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar", "spatial"])
 def test_a_plan_is_verified_with_both_engines(request, name):
     report = ff.check(request.getfixturevalue(name), engine="mujoco")
@@ -202,10 +202,7 @@ def doubled_limit(plan):
 
 ALTERATIONS = {
     "a joint": (moved("joints", 40, 1, 1e-4), "end-effector position"),
-    "the first joint value": (moved("joints", 0, 0, 1e-3), "end-effector position"),
-    "all of a joint": (moved("joints", slice(None), 2, 1e-4), "end-effector attitude"),
     "an attitude": (rotated, "attitude, integrated again"),
-    "a time": (moved("times", 44, 0, 1e-3), "end-effector position"),
     "the momentum": (
         lambda plan: with_problem(plan, momentum=np.array([0, 0, 0.6])), "angular momentum",
     ),
@@ -219,7 +216,6 @@ ALTERATIONS = {
         lambda plan: replace(plan, limits=replace(plan.limits, base_rate=0.001)), "limit base rate",
     ),
     "a mass": (with_text('mass value="40', 'mass value="41'), "angular momentum"),
-    "a length": (with_text('xyz="2 0 0"', 'xyz="2.01 0 0"'), "end-effector position"),
     "the closest approach": (without_approach, "closest approach"),
     "the branch": (other_branch, "branch"),
     "a limit's worst value": (doubled_limit, "limit joint rate"),
@@ -231,10 +227,6 @@ ALTERATIONS = {
     ),
     "a negative radius": (lambda plan: replace(plan, robust_radius=-0.1), "robustness"),
     "a wider range": (with_ranges(0, narrower(0.05)), "ranges of headings"),
-    "a narrower range": (with_ranges(0, narrower(-0.05)), "ranges of headings"),
-    "all headings": (
-        with_ranges(0, lambda _: (HeadingRange(0.0, TURN, ()),)), "ranges of headings",
-    ),
     "a branch without ranges": (with_ranges(1, lambda _: ()), "ranges of headings"),
     "a bound": (doubled_bound, "certificate gjm.bound"),
     "no certificate": (lambda plan: replace(plan, certificate=None), "certificate"),
@@ -251,8 +243,6 @@ ALTERATIONS = {
         "certificate momentum_scale",
     ),
     "the end left out": (shortened(0, -16), "whole motion"),
-    "the beginning left out": (shortened(8, None), "whole motion"),
-    "all but the start left out": (shortened(0, 1), "whole motion"),
     "its feasibility": (lambda plan: replace(plan, feasible=False), "motion"),
     "its motion left out": (lambda plan: replace(plan, chosen=None), "motion"),
     "the ending": (
@@ -266,10 +256,11 @@ def test_an_altered_value_is_a_discrepancy(planar, name, monkeypatch):
     change, check = ALTERATIONS[name]
     if check != "ranges of headings":  # which takes longer than all the rest
         untried = Check("ranges of headings", True)
-        monkeypatch.setattr(promises, "_heading_check", lambda _: untried)
+        monkeypatch.setattr(robustness, "_heading_check", lambda _: untried)
     assert check in failed(change(planar))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "check"),
     [
@@ -306,6 +297,7 @@ def test_another_motion_is_not_the_one_of_the_certificate(planar):
     assert "end-effector position" not in names
 
 
+@pytest.mark.slow
 def test_mujoco_alone_finds_a_motion_that_violates_the_equations(spatial):
     """The spacecraft rotates by a percent more than the joints make it."""
     attitudes = Rotation.from_quat(spatial.chosen.motion.attitudes)
@@ -328,6 +320,7 @@ def simulated():
     return simulation
 
 
+@pytest.mark.slow
 def test_a_singular_motion_is_verified_to_be_singular(simulated):
     report = ff.check(simulated, "mujoco")
     assert report.discrepancies == ()
@@ -352,6 +345,7 @@ def followed(text, **how):
     return simulation
 
 
+@pytest.mark.slow
 def test_a_spacecraft_that_tumbles_many_times_is_verified():
     """Errors of integration grow with every revolution, and so does what is allowed."""
     tumbling = SPATIAL.replace("[0.5, 0.3, 0.1]", "[50, 0, 20]").replace("value: 5", "value: 0")
@@ -361,11 +355,13 @@ def test_a_spacecraft_that_tumbles_many_times_is_verified():
     assert ff.check(simulation).discrepancies == ()
 
 
+@pytest.mark.slow
 def test_an_arm_that_hardly_moves_is_verified():
     """A micrometre in a hundred seconds: momenta and torques are no larger than rounding."""
     assert ff.check(followed(HARDLY), "mujoco").discrepancies == ()
 
 
+@pytest.mark.slow
 def test_a_sampled_path_with_many_knots_is_verified_by_mujoco(tmp_path):
     """Accelerations have kinks at the knots; motions are differentiated between them."""
     s = np.linspace(0.0, 1.0, 81)

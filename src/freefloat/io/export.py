@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import yaml
 
 from freefloat.errors import InputError
@@ -56,21 +55,24 @@ class _Group(NamedTuple):
     names: tuple[str, ...]
     units: tuple[str, ...]
 
+    @property
+    def unit(self) -> str | list[str]:
+        """A single unit if all columns have the same."""
+        return self.units[0] if len(set(self.units)) == 1 else list(self.units)
+
 
 def _groups(motion: Motion, trajectory: Trajectory) -> list[_Group]:
     measure, model = motion.problem.margin.measure, motion.problem.model
-    prismatic = [body.prismatic for body in model.bodies[1:]]
 
     def space(key: str, values: Array, unit: str) -> _Group:
         axes = "xyzw"[: values.shape[1]]
         words = key.replace("end_effector", "end-effector").replace("_", " ")
         return _Group(key, values, tuple(f"{words} {a}" for a in axes), (unit,) * len(axes))
 
-    def joints(key: str, word: str, values: Array, revolute: str, linear: str) -> _Group:
+    def joints(key: str, word: str, values: Array, revolute: str, prismatic: str) -> _Group:
         names = tuple(f"{name} {word}" for name in model.joint_names)
-        return _Group(
-            key, values, names, tuple(linear if slides else revolute for slides in prismatic)
-        )
+        kinds = (body.prismatic for body in model.bodies[1:])
+        return _Group(key, values, names, tuple(prismatic if k else revolute for k in kinds))
 
     return [
         _Group("time", trajectory.times[:, None], ("time",), ("s",)),
@@ -112,13 +114,12 @@ def json_text(motion: Motion, trajectory: Trajectory) -> str:
         motion: The motion.
         trajectory: The same, sampled.
     """
-    document = {**_head(motion), "units": {}, "trajectory": {}}
-    for group in _groups(motion, trajectory):
-        values = group.values[:, 0] if group.key in _SINGLE else group.values
-        document["units"][group.key] = _unit(group)
-        known = values.astype(object)
-        known[np.isnan(values)] = None
-        document["trajectory"][group.key] = known.tolist()
+    groups, arrays = _groups(motion, trajectory), {}
+    for group in groups:
+        values = group.values[:, 0] if group.key in ("time", "measure") else group.values
+        arrays[group.key] = np.where(np.isnan(values), None, values).tolist()  # type: ignore[call-overload]
+    units = {group.key: group.unit for group in groups}
+    document = {**_head(motion), "units": units, "trajectory": arrays}
     return json.dumps(document, allow_nan=False) + "\n"
 
 
@@ -133,29 +134,20 @@ def write_mat(path: Path, motion: Motion, trajectory: Trajectory) -> None:
     from scipy.io import savemat
 
     groups = _groups(motion, trajectory)
-    head = {key: _cells(value) if isinstance(value, list) else value
-            for key, value in _head(motion).items()}  # fmt: skip
     struct = {
-        **head,
+        **{key: _cells(value) for key, value in _head(motion).items()},
         **{group.key: group.values for group in groups},
-        "units": {group.key: _cells(unit) if isinstance(unit := _unit(group), list) else unit
-                  for group in groups},
-    }  # fmt: skip
+        "units": {group.key: _cells(group.unit) for group in groups},
+    }
     with path.open("wb") as stream:
         savemat(stream, {"trajectory": struct}, long_field_names=True)
 
 
-def _cells(words: list[Any]) -> npt.NDArray[Any]:
-    """A MATLAB cell array of texts, or a row of numbers."""
-    return np.array(words, dtype=object if isinstance(words[0], str) else float)
-
-
-_SINGLE = ("time", "measure")
-
-
-def _unit(group: _Group) -> str | list[str]:
-    """A single unit if all columns have the same."""
-    return group.units[0] if len(set(group.units)) == 1 else list(group.units)
+def _cells(value: Any) -> Any:
+    """A list as a MATLAB cell array of texts, or as a row of numbers."""
+    if not isinstance(value, list):
+        return value
+    return np.array(value, dtype=object if isinstance(value[0], str) else float)
 
 
 def _head(motion: Motion) -> dict[str, Any]:
@@ -194,22 +186,15 @@ def ros2_text(motion: Motion, trajectory: Trajectory) -> str:
             f"ros2 was given for {len(since):,} times in {since[-1] / _NANO:g} s",
             f"for ros2 times a nanosecond apart or more, the last before {_LATEST:,} s",
         )
-    rows = zip(
-        trajectory.joints,
-        trajectory.joint_rates,
-        trajectory.joint_accelerations,
-        since,
-        strict=True,
-    )
     points = [
         {
-            "positions": q.tolist(),
-            "velocities": rates.tolist(),
-            "accelerations": accelerations.tolist(),
+            "positions": trajectory.joints[k].tolist(),
+            "velocities": trajectory.joint_rates[k].tolist(),
+            "accelerations": trajectory.joint_accelerations[k].tolist(),
             "effort": [],
             "time_from_start": {"sec": ns // _NANO, "nanosec": ns % _NANO},
         }
-        for q, rates, accelerations, ns in rows
+        for k, ns in enumerate(since)
     ]
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     names = list(motion.problem.model.joint_names)

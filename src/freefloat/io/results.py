@@ -26,6 +26,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
+from freefloat.verification.checks import magnitude_range
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.planning.attitude_map import AttitudeMap
@@ -45,8 +46,6 @@ _INVALID = (
 """Errors of reading a file whose content does not fit together."""
 _RELATIVE, _ABSOLUTE = 1e-6, 1e-9
 """Deviation of a number in a document from the same number of its record: rounding."""
-_ERROR_FACTOR, _SMALL_ERROR = 10.0, 1e-7
-"""Numbers that are errors of a motion agree to an order of magnitude only."""
 
 
 def save(
@@ -237,6 +236,6 @@ def _agree(stated: Any, recomputed: Any, errors: bool) -> bool:
     if not {type(stated), type(recomputed)} <= {int, float}:
         return type(stated) is type(recomputed) and bool(stated == recomputed)
     if errors:
-        low, high = recomputed / _ERROR_FACTOR, recomputed * _ERROR_FACTOR
-        return bool(low - _SMALL_ERROR <= stated <= high + _SMALL_ERROR)
+        low, high = magnitude_range(recomputed)
+        return bool(low <= stated <= high)
     return math.isclose(stated, recomputed, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE)

@@ -127,7 +127,7 @@ class Scenario:
     def error_context(
         self, prefix: str = "", only: str | None = None
     ) -> AbstractContextManager[None]:
-        """Context in which errors name this file, see :func:`freefloat.io.validation`."""
+        """Context in which errors name this file, see :func:`freefloat.io.yaml.error_context`."""
         return error_context(self.source, prefix, only)
 
 

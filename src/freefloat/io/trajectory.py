@@ -80,23 +80,20 @@ class Trajectory:
         for row, t, a, q in zip(efforts, times.tolist(), attitudes, joints, strict=True):
             if motion.ending is Ending.SINGULAR and t == motion.final.time:
                 continue
-            found = dynamics.effort(t, a, q)
-            row[:] = np.concatenate([found.rates, found.accelerations[6:], found.joint_torques])
+            effort = dynamics.effort(t, a, q)
+            row[:] = np.concatenate([effort.rates, effort.accelerations[6:], effort.joint_torques])
         base, angular, rates, accelerations, torques = np.split(
             efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1
         )
-        R0 = Rotation.from_quat(attitudes).as_matrix()
-        poses = [
-            problem.model.end_effector_pose(a, q) for a, q in zip(attitudes, joints, strict=True)
-        ]
+        base_axes, states = Rotation.from_quat(attitudes), list(zip(attitudes, joints, strict=True))
+        poses = [problem.model.end_effector_pose(*state) for state in states]
         orientations = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
         return cls(
             times=times,
             attitudes=without_jumps(attitudes),
-            base_positions=np.array([problem.model.base_position(a, q)
-                                     for a, q in zip(attitudes, joints, strict=True)]),
-            base_velocities=np.einsum("kij,kj->ki", R0, base),
-            angular_velocities=np.einsum("kij,kj->ki", R0, angular),
+            base_positions=np.array([problem.model.base_position(*state) for state in states]),
+            base_velocities=base_axes.apply(base),
+            angular_velocities=base_axes.apply(angular),
             joints=joints,
             joint_rates=rates,
             joint_accelerations=accelerations,

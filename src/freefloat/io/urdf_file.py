@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import yourdfpy
 
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import InputError, ModelError
 from freefloat.io.files import written_beside
 from freefloat.robot.assembly import rename_meshes
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.so3 import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,46 +40,29 @@ class UrdfFile:
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat assemble``."""
         model, robot = self.model, ET.fromstring(self.model.description.text)
-        mass, centre, inertia = mass_properties(model)
+        joints = np.zeros(model.dof)
+        centre = -model.base_position([0.0, 0.0, 0.0, 1.0], joints)
         return {
             "file": str(self.file),
             "robot": robot.get("name"),
             "root": model.body_names[0],
             "end_effector": model.end_effector,
-            "total_mass": mass,
+            "total_mass": model.total_mass,
             "centre_of_mass": centre.tolist(),
-            "inertia": inertia.tolist(),
+            "inertia": inertia_matrices(model, joints)[0].tolist(),
             "joints": [
-                _joint_document(joint, model)
+                {
+                    "name": (name := str(joint.get("name"))),
+                    "type": joint.get("type"),
+                    "moves": (moves := name in model.joint_names),
+                    "held": None if moves else float(model.held.get(name, 0.0)),
+                }
                 for joint in robot.findall("joint")
                 if joint.get("type") != "fixed"
             ],
             "warnings": [*map(str, model.warnings), *self.missing],
             "meshes": list(self.meshes),
         }
-
-
-def _joint_document(joint: ET.Element, model: FreeFloatingModel) -> dict[str, Any]:
-    name = str(joint.get("name"))
-    moves = name in model.joint_names
-    held = None if moves else float(model.held.get(name, 0.0))
-    return {"name": name, "type": joint.get("type"), "moves": moves, "held": held}
-
-
-def mass_properties(model: FreeFloatingModel) -> tuple[float, Array, Array]:
-    """Mass of a robot, its centre of mass, and its inertia about that, moving joints at zero.
-
-    Returns:
-        The mass [kg]; the centre in the root link's frame [m], shape (3,); the inertia in its axes
-        [kg m²], shape (3, 3).
-    """
-    poses = model.body_poses([0.0, 0.0, 0.0, 1.0], np.zeros(model.dof))
-    inertia = np.zeros((3, 3))
-    for body, pose in zip(model.bodies, poses, strict=True):
-        r = pose.position + pose.rotation @ body.centre  # from the centre of mass of all
-        inertia += pose.rotation @ body.inertia @ pose.rotation.T
-        inertia += body.mass * (r @ r * np.eye(3) - np.outer(r, r))
-    return model.total_mass, -poses[0].position, inertia
 
 
 def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) -> UrdfFile:

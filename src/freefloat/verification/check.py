@@ -22,6 +22,7 @@ from freefloat.verification.checks import (
     certificate_checks,
     comparison_check,
     error_check,
+    magnitude_range,
     span_check,
 )
 
@@ -40,8 +41,6 @@ _RELATIVE, _ABSOLUTE = 1e-4, 1e-9
 """Deviation of extrema, which are found by search."""
 _EXACT = 1e-6
 """Relative deviation of all other numbers: rounding."""
-_ERROR_FACTOR, _SMALL_ERROR = 10.0, 1e-7
-"""Numbers that are errors agree to an order of magnitude."""
 _NEAR = 1e-6
 """Distance of the initial joints from those of their arm branch [rad, m]."""
 
@@ -120,66 +119,73 @@ def check(result: Plan | Simulation, engine: str = PINOCCHIO) -> CheckReport:
     span = span_check(chosen.motion)
     if not span.passed:
         return CheckReport(kind, (span,))
-    return _Verification(result, chosen).report(kind, engine)
+    return _verify(result, chosen, kind, engine)
 
 
-class _Verification:
-    """The checks of a result with a motion."""
+def _verify(
+    result: Plan | Simulation, chosen: SimulatedBranch, kind: str, engine: str
+) -> CheckReport:
+    """All checks of a motion."""
+    motion, runs = chosen.motion, None
+    certificate = certify(motion)
+    limits = check_limits(motion, result.limits or Limits())
+    checks = [
+        *_completed("certificate", certificate_checks, certificate, motion, result.feasible),
+        *_completed("limits", _limit_checks, result, limits),
+        *_completed("closest approach", _branch_checks, chosen),
+    ]
+    if isinstance(result, Plan):
+        from freefloat.verification.robustness import robustness_checks  # compiled kernels
 
-    def __init__(self, result: Plan | Simulation, chosen: SimulatedBranch) -> None:
-        self.result, self.chosen, self.motion = result, chosen, chosen.motion
-        self.checks: list[Check] = []
+        checks += _completed("certificate", _same_certificate, result.certificate, certificate)
+        checks += _completed("robustness", robustness_checks, result, chosen)
+    if engine == MUJOCO:
+        from freefloat.verification.mujoco_engine import Engine
+        from freefloat.verification.mujoco_runs import forward_run, inverse_run
 
-    def report(self, kind: str, engine: str) -> CheckReport:
-        """Run all checks; one that cannot be completed counts as failed."""
-        motion, result = self.motion, self.result
-        certificate, runs = certify(motion), None
-        self._run("certificate", lambda: certificate_checks(certificate, motion, result.feasible))
-        limits = check_limits(motion, result.limits or Limits())
-        self._run("limits", lambda: self._limit_checks(limits))
-        self._run("closest approach", self._branch_checks)
-        if isinstance(result, Plan):
-            self._run("certificate", lambda: _same_certificate(result.certificate, certificate))
-            self._run("robustness", lambda: _promise_checks(result, self.chosen))
-        if engine == MUJOCO:
-            inverse, forward = _mujoco_runs(motion)
-            self._run(MUJOCO, lambda: _engine_checks(motion, inverse, forward))
-            runs = {"name": MUJOCO, "inverse": asdict(inverse), "forward": asdict(forward)}
-        return CheckReport(kind, tuple(self.checks), certificate, limits, runs)
+        robot = Engine(motion.problem.model)
+        inverse, forward = inverse_run(motion, robot), forward_run(motion, robot)
+        checks += _engine_checks(motion, inverse, forward)
+        runs = {"name": MUJOCO, "inverse": asdict(inverse), "forward": asdict(forward)}
+    return CheckReport(kind, tuple(checks), certificate, limits, runs)
 
-    def _run(self, name: str, checks: Callable[[], Iterable[Check]]) -> None:
-        try:
-            self.checks.extend(checks())
-        except (FreeFloatError, np.linalg.LinAlgError) as error:
-            self.checks.append(Check(name, False, f"it cannot be checked ({error})"))
 
-    def _limit_checks(self, recomputed: tuple[LimitResult, ...]) -> Iterator[Check]:
-        """Every limit is kept, and its stated value is the recomputed one."""
-        checked = self.result.limits is not None
-        stated = {result.limit: result for result in self.result.limit_results}
-        for limit in stated.keys() - {result.limit for result in recomputed}:
-            yield Check(f"limit {limit}", False, "it is stated, but it is not a limit of the file")
-        for result in recomputed:
-            yield _limit_check(result, stated.get(result.limit), checked, self.result.feasible)
+def _completed(
+    name: str, checks: Callable[..., Iterable[Check]], *arguments: Any
+) -> Iterator[Check]:
+    """Some checks; one that cannot be completed counts as failed."""
+    try:
+        yield from checks(*arguments)
+    except (FreeFloatError, np.linalg.LinAlgError) as error:
+        yield Check(name, False, f"it cannot be checked ({error})")
 
-    def _branch_checks(self) -> Iterator[Check]:
-        """The stated arm branch and closest approach are the recomputed ones."""
-        motion, stated = self.motion, self.chosen.closest_approach
-        found = closest_approach(motion, motion.problem.margin.measure)
-        allowed = _ABSOLUTE + _EXACT * found.value
-        yield comparison_check("closest approach", stated.value, found.value, allowed)
-        if not motion.problem.redundant:
-            yield self._branch_check()
 
-    def _branch_check(self) -> Check:
-        motion, stated, model = self.motion, self.chosen.branch.index, self.motion.problem.model
-        branches = motion.problem.branches(motion.initial.attitude, motion.initial.time)
+def _limit_checks(
+    result: Plan | Simulation, recomputed: tuple[LimitResult, ...]
+) -> Iterator[Check]:
+    """Every limit is kept, and its stated value is the recomputed one."""
+    stated = {entry.limit: entry for entry in result.limit_results}
+    for limit in stated.keys() - {entry.limit for entry in recomputed}:
+        yield Check(f"limit {limit}", False, "it is stated, but it is not a limit of the file")
+    for entry in recomputed:
+        checked = result.limits is not None
+        yield _limit_check(entry, stated.get(entry.limit), checked, result.feasible)
+
+
+def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
+    """The stated arm branch and closest approach are the recomputed ones."""
+    motion, problem = chosen.motion, chosen.motion.problem
+    value = closest_approach(motion, problem.margin.measure).value
+    allowed = _ABSOLUTE + _EXACT * value
+    yield comparison_check("closest approach", chosen.closest_approach.value, value, allowed)
+    if not problem.redundant:
+        start = motion.initial
         near = [
             branch.index
-            for branch in branches
-            if model.joint_distance(branch.joints, motion.initial.joints) < _NEAR
+            for branch in problem.branches(start.attitude, start.time)
+            if problem.model.joint_distance(branch.joints, start.joints) < _NEAR
         ]
-        return comparison_check("branch", stated, near[-1] if near else None, 0.0)
+        yield comparison_check("branch", chosen.branch.index, near[-1] if near else None, 0.0)
 
 
 def _limit_check(
@@ -209,7 +215,7 @@ def _same_certificate(stated: Certificate | None, recomputed: Certificate) -> It
         yield Check("certificate", False, "the plan has none")
         return
     for proven in recomputed.least:
-        entry = next((one for one in stated.least if one.measure == proven.measure), None)
+        entry = next((least for least in stated.least if least.measure == proven.measure), None)
         for key in ("value", "time", "bound"):
             value = getattr(proven, key)
             yield comparison_check(
@@ -224,10 +230,10 @@ def _same_certificate(stated: Certificate | None, recomputed: Certificate) -> It
     )
     for key in ("end_effector_position", "end_effector_attitude", "momentum", "rates",
                 "centre_of_mass"):  # fmt: skip
-        one, other = getattr(stated, key), getattr(recomputed, key)
-        yield _error_comparison(key, one and one.value, other and other.value)
+        worst, again = getattr(stated, key), getattr(recomputed, key)
+        yield _error_comparison(key, worst and worst.value, again and again.value)
     for key in ("attitude", "joints", "halving_attitude", "halving_joints"):
-        values = (getattr(one.integration, key) for one in (stated, recomputed))
+        values = (getattr(entry.integration, key) for entry in (stated, recomputed))
         yield _error_comparison(f"integration.{key}", *values)
 
 
@@ -236,25 +242,10 @@ def _error_comparison(key: str, stated: float | None, recomputed: float | None) 
     name = f"certificate {key}"
     if stated is None or recomputed is None:
         return comparison_check(name, stated, recomputed, 0.0)
-    low = recomputed / _ERROR_FACTOR - _SMALL_ERROR
-    high = recomputed * _ERROR_FACTOR + _SMALL_ERROR
+    low, high = magnitude_range(recomputed)
     passed = low <= stated <= high
     words = "" if passed else f"{stated:.3g} is stated, but it is {recomputed:.3g}"
     return Check(name, passed, words, stated, recomputed, high)
-
-
-def _promise_checks(plan: Plan, chosen: SimulatedBranch) -> Iterable[Check]:
-    from freefloat.verification.promises import promise_checks  # compiled kernels
-
-    return promise_checks(plan, chosen)
-
-
-def _mujoco_runs(motion: Motion) -> tuple[InverseRun, ForwardRun]:
-    from freefloat.verification.mujoco_engine import Engine
-    from freefloat.verification.mujoco_runs import forward_run, inverse_run
-
-    engine = Engine(motion.problem.model)
-    return inverse_run(motion, engine), forward_run(motion, engine)
 
 
 def _engine_checks(motion: Motion, inverse: InverseRun, forward: ForwardRun) -> list[Check]:

@@ -31,6 +31,8 @@ _SECOND = 1e-6
 """Difference of the second integration [rad, m]."""
 _HALVING = 1e-4
 """Change of its end when its steps are halved [rad, m]."""
+_MAGNITUDE, _SMALL = 10.0, 1e-7
+"""Factor between errors of the same order of magnitude; errors that are negligible."""
 _VANISHED = 1e-3
 """Fraction of its largest value that the smallest singular value may have at a singular end."""
 
@@ -66,20 +68,16 @@ class Check:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
-        document = {
-            key: None if isinstance(value, float) and not np.isfinite(value) else value
+        keys = {"detail": "told", "recomputed": "found"}
+        return {
+            keys.get(key, key): None
+            if isinstance(value, float) and not np.isfinite(value)
+            else value
             for key, value in asdict(self).items()
         }
-        return {
-            "name": self.name,
-            "passed": self.passed,
-            "told": self.detail,
-            "stated": document["stated"],
-            "found": document["recomputed"],
-            "allowed": document["allowed"],
-            "unit": self.unit,
-            "time": document["time"],
-        }
+
+
+_KEYS = ("name", "passed", "told", "stated", "found", "allowed", "unit", "time")
 
 
 def error_check(
@@ -103,6 +101,11 @@ def comparison_check(
         passed = bool(stated == recomputed or abs(stated - recomputed) <= allowed)
     words = f"{stated} is stated, but it is {recomputed}"
     return Check(name, passed, "" if passed else words, stated, recomputed, allowed, unit)
+
+
+def magnitude_range(error: float) -> tuple[float, float]:
+    """Smallest and largest error of the same order of magnitude."""
+    return error / _MAGNITUDE - _SMALL, error * _MAGNITUDE + _SMALL
 
 
 def span_check(motion: Motion) -> Check:
@@ -151,7 +154,7 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
                     max(_SECOND, 8.0 * again.halving_joints), "rad or m", again.joints_time),
         error_check("step halving", halving, _HALVING, "rad or m", again.until),
     ]  # fmt: skip
-    checks += [_margin_check(one, motion, feasible) for one in certificate.least]
+    checks += [_margin_check(proven, motion, feasible) for proven in certificate.least]
     if motion.ending is Ending.SINGULAR:
         checks.append(_singular_end(motion))
     if feasible and not motion.completed:

@@ -31,29 +31,20 @@ def engine_module() -> Any:
     try:
         import mujoco
     except ImportError:
-        raise InputError(
-            "engine", "mujoco is not installed here", "after: pip install 'freefloat[mujoco]'"
-        ) from None
-    mujoco.set_mju_user_warning(_ignore)
+        accepted = "after: pip install 'freefloat[mujoco]'"
+        raise InputError("engine", "mujoco is not installed here", accepted) from None
+    mujoco.set_mju_user_warning(lambda _: None)  # it would write a log in the working folder
     return mujoco
 
 
-def _ignore(_: str) -> None:
-    """Ignore warnings, which MuJoCo would write to a log in the working folder."""
-
-
 class Engine:
-    """A robot in MuJoCo: free base, no gravity, no contacts, no joint limits."""
+    """A robot in MuJoCo: free base, no gravity, no contacts, no joint limits.
+
+    Raises:
+        InputError: If MuJoCo is not installed, or refuses the robot.
+    """
 
     def __init__(self, model: FreeFloatingModel) -> None:
-        """Build the model.
-
-        Args:
-            model: The robot.
-
-        Raises:
-            InputError: If MuJoCo is not installed, or refuses the robot.
-        """
         self._mujoco = mujoco = engine_module()
         try:
             spec = mujoco.MjSpec.from_string(_urdf_without_shapes(model))
@@ -75,18 +66,18 @@ class Engine:
 
     def _set_inertias(self, model: FreeFloatingModel) -> None:
         """Set the inertias of the moving bodies, and zero for all others."""
-        own = self.model
-        moved = [self.root, *(int(own.joint(name).bodyid[0]) for name in model.joint_names)]
-        own.body_sameframe[:], own.body_simple[:] = 0, 0  # frames are shifted below
-        own.body_mass[:], own.body_inertia[:] = 0.0, 0.0
-        for index, body in zip(moved, model.bodies, strict=True):
+        target = self.model
+        moving = [self.root, *(int(target.joint(name).bodyid[0]) for name in model.joint_names)]
+        target.body_sameframe[:], target.body_simple[:] = 0, 0  # frames are shifted below
+        target.body_mass[:], target.body_inertia[:] = 0.0, 0.0
+        for index, body in zip(moving, model.bodies, strict=True):
             moments, axes = np.linalg.eigh(body.inertia)
             axes[:, 0] *= np.linalg.det(axes)
-            own.body_mass[index] = body.mass
-            own.body_inertia[index] = moments
-            own.body_ipos[index] = body.centre
-            own.body_iquat[index] = wxyz(Rotation.from_matrix(axes).as_quat())
-        self._mujoco.mj_setConst(own, self.data)
+            target.body_mass[index] = body.mass
+            target.body_inertia[index] = moments
+            target.body_ipos[index] = body.centre
+            target.body_iquat[index] = wxyz(Rotation.from_matrix(axes).as_quat())
+        self._mujoco.mj_setConst(target, self.data)
 
     def place(self, value: Array, rate: Array, acceleration: Array) -> None:
         """Set [position, quaternion x y z w, joints] and its first two time derivatives."""
@@ -114,10 +105,9 @@ class Engine:
         self.place(value, rate, acceleration)
         self._mujoco.mj_forward(self.model, self.data)
         self._mujoco.mj_subtreeVel(self.model, self.data)
-        mass = self.model.body_subtreemass[self.root]
-        of = (self.data.subtree_com, self.data.subtree_linvel, self.data.subtree_angmom)
-        centre, velocity, angular = (row[self.root].copy() for row in of)
-        return centre, mass * velocity, angular
+        mass, data, root = self.model.body_subtreemass[self.root], self.data, self.root
+        linear = mass * data.subtree_linvel[root]
+        return data.subtree_com[root].copy(), linear, data.subtree_angmom[root].copy()
 
     def end_effector(self) -> tuple[Array, Array]:
         """Position [m] and axes (3, 3) of the end-effector as placed last, inertial frame."""
@@ -127,12 +117,11 @@ class Engine:
 
     def inertia(self) -> tuple[Array, Array]:
         """The mass matrix (6 + n, 6 + n) and the bias forces (6 + n,) at the present state."""
-        own, data = self.model, self.data
-        self._mujoco.mj_forward(own, data)
-        M = np.zeros((own.nv, own.nv))
-        for row, unit in zip(M, np.eye(own.nv), strict=True):  # its name differs between versions
-            self._mujoco.mj_mulM(own, data, row, unit)
-        return M, data.qfrc_bias.copy()
+        self._mujoco.mj_forward(self.model, self.data)
+        M = np.zeros((self.model.nv, self.model.nv))
+        for row, unit in zip(M, np.eye(len(M)), strict=True):  # its name differs between versions
+            self._mujoco.mj_mulM(self.model, self.data, row, unit)
+        return M, self.data.qfrc_bias.copy()
 
     def step(self, torques: Array) -> None:
         """Integrate one time step with constant joint torques (n,) and a free base."""
@@ -184,15 +173,14 @@ def _fix(joint: ET.Element, value: float) -> None:
     joint.set("type", "fixed")
     if value == 0.0:
         return
-    axis_element, origin = joint.find("axis"), joint.find("origin")
-    text = "1 0 0" if axis_element is None else axis_element.get("xyz", "1 0 0")
+    element, origin = joint.find("axis"), joint.find("origin")
+    text = "1 0 0" if element is None else element.get("xyz", "1 0 0")
     axis = np.array(text.split(), dtype=float)
     axis *= value / np.linalg.norm(axis)
     if origin is None:
         origin = ET.SubElement(joint, "origin")
     xyz = np.array(origin.get("xyz", "0 0 0").split(), dtype=float)
-    rpy = [float(angle) for angle in origin.get("rpy", "0 0 0").split()]
-    rotation = Rotation.from_euler("xyz", rpy)
+    rotation = Rotation.from_euler("xyz", list(map(float, origin.get("rpy", "0 0 0").split())))
     if prismatic:
         xyz = xyz + rotation.apply(axis)
     else:

@@ -104,8 +104,8 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
 def _known(motion: Motion) -> tuple[float, float]:
     """First and last time at which rates are bounded: not near a singular end."""
     first, last = float(motion.times.min()), float(motion.times.max())
-    share = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 1.0
-    return first, first + share * (last - first)
+    fraction = _BEFORE_SINGULAR if motion.ending is Ending.SINGULAR else 1.0
+    return first, first + fraction * (last - first)
 
 
 def _moved(motion: Motion) -> Array:
@@ -132,13 +132,13 @@ def _instants(
     """
     breaks = motion.problem.path.breaks
     edges = np.array([first, *breaks[(breaks > first) & (breaks < last)], last])
-    found = []
+    instants = []
     for t in np.linspace(first, last, _INSTANTS).tolist():
-        piece = min(int(np.searchsorted(edges, t, "right")), len(edges) - 1)
-        low, high = float(edges[piece - 1]), float(edges[piece])
+        segment = min(int(np.searchsorted(edges, t, "right")), len(edges) - 1)
+        low, high = edges[segment - 1 : segment + 1].tolist()
         half = min(window, _WITHIN * (high - low))
-        found.append((float(np.clip(t, low + half, high - half)), half))
-    return [instant for instant in found if instant[1] > _SHORTEST * window] or found
+        instants.append((float(np.clip(t, low + half, high - half)), half))
+    return [instant for instant in instants if instant[1] > _SHORTEST * window] or instants
 
 
 def _differentiated(motion: Motion, t: float, window: float) -> tuple[Array, Array, Array]:

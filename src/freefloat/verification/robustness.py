@@ -12,7 +12,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_ranges import TURN
+from freefloat.planning.planar_ranges import TURN, BranchRanges
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.tolerance import Tolerance
 from freefloat.so3 import (
@@ -25,7 +25,7 @@ from freefloat.so3 import (
 )
 from freefloat.verification.checks import Check, comparison_check
 
-_BESIDE = 5e-4
+_NEAR_END = 5e-4
 """Distance of the headings tried from the ends of ranges [rad]."""
 _PRECISE = 1e-8
 """Tolerance of the motions that try them."""
@@ -43,14 +43,15 @@ _INSIDE = 0.999
 """Tolerances are tried slightly inside their ends."""
 
 
-def promise_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
+def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
     """Check ranges of headings, robust radius and tolerances of a plan.
 
     Args:
         plan: The plan.
         chosen: Its motion.
     """
-    for key, value in _promised(plan):
+    stated = {} if plan.tolerance is None else plan.tolerance.to_dict()
+    for key, value in {"robust_radius": plan.robust_radius or 0.0, **stated}.items():
         if not 0.0 <= value < np.inf:
             yield Check("robustness", False, f"{key} is {value}", value)
             return
@@ -64,47 +65,38 @@ def promise_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
         yield _tolerance_check(plan, plan.tolerance, chosen)
 
 
-def _promised(plan: Plan) -> Iterator[tuple[str, float]]:
-    """Numbers that are promises; none may be negative."""
-    if plan.robust_radius is not None:
-        yield "robust_radius", plan.robust_radius
-    if plan.tolerance is not None:
-        yield from plan.tolerance.to_dict().items()
-
-
 # --- in the plane -------------------------------------------------------------------------------
 
 
 def _heading_check(plan: Plan) -> Check:
     """Headings just inside the ends of ranges keep the margin, those just outside do not."""
-    count, problem = 0, plan.problem
-    for entry in plan.ranges:
-        for one in entry.ranges:
-            inside = min(_BESIDE, one.width / 2.0)
-            outside = (one.low - _BESIDE, one.high + _BESIDE) if one.causes else ()
-            probes = [(one.middle, True), (one.low + inside, True), (one.high - inside, True)]
-            probes += [(heading, False) for heading in outside
-                       if all(other.depth(heading) < 0.0 for other in entry.ranges)]  # fmt: skip
-            for heading, stated in probes:
-                count += 1
-                if _is_feasible(problem, heading, entry.branch) is not stated:
-                    return _wrong(heading, entry.branch, stated)
-    words = f"{count} headings tried at the ends and middles of ranges, and all round"
-    return _wrong_elsewhere(plan) or Check("ranges of headings", True, words)
+    probes = [probe for entry in plan.ranges for probe in _probes(entry)]
+    for heading, branch, stated in (*probes, *_contradictions(plan)):
+        if _is_feasible(plan.problem, heading, branch) is not stated:
+            degrees = float(np.degrees(heading % TURN))
+            verb, where = ("violates", "in") if stated else ("keeps", "outside")
+            words = (
+                f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
+            )
+            return Check("ranges of headings", False, words, stated, degrees, unit="deg")
+    words = f"{len(probes)} headings tried at the ends and middles of ranges, and all round"
+    return Check("ranges of headings", True, words)
 
 
-def _wrong(heading: float, branch: int, stated: bool) -> Check:
-    degrees = float(np.degrees(heading % TURN))
-    verb, where = ("violates", "in") if stated else ("keeps", "outside")
-    words = f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
-    return Check("ranges of headings", False, words, stated, degrees, unit="deg")
+def _probes(entry: BranchRanges) -> Iterator[tuple[float, int, bool]]:
+    """Headings at the ends and middles of ranges, their branch, and whether they are feasible."""
+    for span in entry.ranges:
+        inside = min(_NEAR_END, span.width / 2.0)
+        for heading in (span.middle, span.low + inside, span.high - inside):
+            yield heading, entry.branch, True
+        outside = (span.low - _NEAR_END, span.high + _NEAR_END) if span.causes else ()
+        for heading in outside:
+            if all(other.depth(heading) < 0.0 for other in entry.ranges):
+                yield heading, entry.branch, False
 
 
-def _wrong_elsewhere(plan: Plan) -> Check | None:
-    """A heading all round whose motion contradicts the ranges of its branch; None without one.
-
-    The ensemble is integrated from all of them; contradictions are integrated precisely.
-    """
+def _contradictions(plan: Plan) -> Iterator[tuple[float, int, bool]]:
+    """Headings all round at which an ensemble of motions contradicts the ranges of a branch."""
     problem = plan.problem
     evaluator = FeasibilityEvaluator(problem)
     headings = np.linspace(0.0, TURN, _ALL_ROUND // evaluator.sample_reduction, endpoint=False)
@@ -116,24 +108,21 @@ def _wrong_elsewhere(plan: Plan) -> Check | None:
     stated = {entry.branch: entry.ranges for entry in plan.ranges}
     for branch in sorted({*range(feasible.shape[1]), *stated}):
         ranges = stated.get(branch, ())
-        column = (
-            feasible[:, branch] if branch < feasible.shape[1] else np.zeros(len(headings), bool)
-        )
-        for heading, found in zip(headings.tolist(), column.tolist(), strict=True):
-            depth = max((one.depth(heading) for one in ranges), default=-np.pi)
-            contradicts = found is not (depth > 0.0) and abs(depth) > _BESIDE
-            if contradicts and _is_feasible(problem, heading, branch) is not (depth > 0.0):
-                return _wrong(heading, branch, depth > 0.0)
-    return None
+        known = branch < feasible.shape[1]
+        column = feasible[:, branch] if known else np.zeros(len(headings), bool)
+        for heading, kept in zip(headings.tolist(), column.tolist(), strict=True):
+            depth = max((span.depth(heading) for span in ranges), default=-np.pi)
+            if kept is not (depth > 0.0) and abs(depth) > _NEAR_END:
+                yield heading, branch, depth > 0.0
 
 
 def _is_feasible(problem: Problem, heading: float, branch: int) -> bool:
     """Whether the precise motion of an arm branch (of any, if redundant) keeps the margin."""
     attitude = heading_quaternion(heading)
     return any(
-        _keeps_margin(problem, attitude, one.joints)
-        for one in problem.branches(attitude)
-        if problem.redundant or one.index == branch
+        _keeps_margin(problem, attitude, start.joints)
+        for start in problem.branches(attitude)
+        if problem.redundant or start.index == branch
     )
 
 
@@ -147,10 +136,10 @@ def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:
     """The robust radius is the distance of the heading from the end of its range."""
     heading = heading_of(chosen.motion.initial.attitude)
     depths = [
-        one.depth(heading)
+        span.depth(heading)
         for entry in plan.ranges
         if plan.problem.redundant or entry.branch == chosen.branch.index
-        for one in entry.ranges
+        for span in entry.ranges
     ]
     depth = float(max([0.0, *depths]))
     return comparison_check("robust radius", plan.robust_radius, depth, _ANGLE, "rad")
