@@ -11,7 +11,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels.integration import COMPLETED, make_buffers
 from freefloat.motion.integration import integrate_motion
 from freefloat.so3 import angle_between
-from tests.ensemble.test_ensemble import both
+from tests.ensembles import both
 from tests.redundant import ARMS, choices, redundant
 
 EVERYTHING = [(*arm, k) for arm in ARMS for k in range(9)]

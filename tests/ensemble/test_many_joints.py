@@ -26,7 +26,7 @@ from freefloat.motion.problem import Margin
 from freefloat.paths.timing import Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between
-from tests.ensemble.test_ensemble import both, states
+from tests.ensembles import both, states
 from tests.motions import from_here
 from tests.redundant import choices, redundant
 from tests.robots import planar_robot

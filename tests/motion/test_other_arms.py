@@ -1,6 +1,6 @@
-"""Arms that slide, second arms and appendages held still: through the commands, and MuJoCo.
+"""Arms with prismatic joints, second arms and fixed appendages: through the commands, and MuJoCo.
 
-MuJoCo knows nothing of what is held: there every joint of the URDF moves, at the rates it is told.
+In MuJoCo every joint of the URDF exists, also those that a scenario fixes.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ SLIDE = (
     + link_text("panel", inertial_text(6.0, 0.5 * np.eye(3), "-0.8 0 0"))
     + "</robot>"
 )
-"""In the plane: a turning and a prismatic joint, and a panel on a hinge."""
+"""In the plane: a revolute and a prismatic joint, and a panel on a hinge."""
 SLIDE_SCENARIO = """\
 robot: {urdf: slide.urdf, end_effector: end_effector, held: {hinge: 0.9}}
 task: planar-position
@@ -81,7 +81,7 @@ timing: {law: quintic, duration: 30}
 margin: {measure: gjm, value: 0.01}
 search: {objective: nearest, from_attitude: [0, 0, 0, 1], samples: 16}
 """
-"""An arm of six joints on a rail, a second one held still behind it."""
+"""An arm of six joints on a rail, a second one fixed behind it."""
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def integrated(scenario: Path, heading: float = 0.0) -> Motion:
 
 
 class Whole:
-    """The robot in MuJoCo, every joint of the URDF there, none held."""
+    """The robot in MuJoCo with every joint of the URDF."""
 
     def __init__(self, model: FreeFloatingModel) -> None:
         robot = ET.fromstring(model.description.text)
@@ -136,20 +136,21 @@ class Whole:
         rows = [np.concatenate([s.base_position, s.attitude, s.joints])
                 for s in motion.sample(t + WINDOW * places)]  # fmt: skip
         fit = np.polynomial.chebyshev.chebfit(places, np.array(rows), 6)
-        value, rate, bend = (
+        value, rate, acceleration = (
             np.polynomial.chebyshev.chebval(0.0, np.polynomial.chebyshev.chebder(fit, k))
             / WINDOW**k
             for k in range(3)
         )
-        turn = Rotation.from_quat(value[3:7])
-        self.data.qpos[:3], self.data.qpos[3:7] = value[:3], np.roll(turn.as_quat(), 1)
-        for of, given in ((self.data.qvel, rate), (self.data.qacc, bend)):
-            change, a = given[3:7], value[3:7]
-            of[:] = 0.0  # what is held rests
-            of[:3] = given[:3]
-            of[3:6] = 2.0 * (a[3] * change[:3] - change[3] * a[:3] - np.cross(a[:3], change[:3]))
-            for joint, number in zip(self.joints, given[7:], strict=True):
-                of[joint.dofadr[0]] = number
+        attitude = Rotation.from_quat(value[3:7]).as_quat()
+        self.data.qpos[:3], self.data.qpos[3:7] = value[:3], np.roll(attitude, 1)
+        for target, source in ((self.data.qvel, rate), (self.data.qacc, acceleration)):
+            change, a = source[3:7], value[3:7]
+            target[:] = 0.0  # fixed joints rest
+            target[:3] = source[:3]
+            omega = 2.0 * (a[3] * change[:3] - change[3] * a[:3] - np.cross(a[:3], change[:3]))
+            target[3:6] = omega
+            for joint, number in zip(self.joints, source[7:], strict=True):
+                target[joint.dofadr[0]] = number
         for joint, number in zip(self.joints, value[7:], strict=True):
             self.data.qpos[joint.qposadr[0]] = number
 
@@ -178,52 +179,39 @@ def assert_drifts(motion: Motion) -> None:
 # ------------------------------------------------------------------------------------ in the plane
 
 
-def test_a_sliding_arm_beside_a_held_panel_drifts_as_mujoco_says(slide: Path) -> None:
+def test_a_prismatic_arm_with_a_fixed_panel_agrees_with_mujoco(slide: Path) -> None:
     motion = integrated(slide)
     assert motion.completed
     assert [body.prismatic for body in motion.problem.model.bodies] == [False, False, True]
-    assert np.ptp(motion.joints[:, 1]) > 0.02, "it slides"
+    assert np.ptp(motion.joints[:, 1]) > 0.02
     assert_drifts(motion)
 
 
-def test_where_a_panel_is_held_matters(slide: Path) -> None:
-    """And a motion planned for one hinge is wrong for the other."""
+def test_the_angle_of_a_fixed_panel_matters(slide: Path) -> None:
+    """A motion planned for one hinge angle is wrong for the other."""
     motion = integrated(slide)
     slide.write_text(SLIDE_SCENARIO.replace("hinge: 0.9", "hinge: -0.9"))
     other = integrated(slide)
     gap = other.final.joints - motion.final.joints
     assert np.abs(gap).max() > 1e-3
-    with pytest.raises(AssertionError):
-        assert_drifts_as_if(motion, other.problem.model)
-
-
-def assert_drifts_as_if(motion: Motion, model: FreeFloatingModel) -> None:
-    """The centre of mass rests in another robot, too."""
-    whole = Whole(model)
+    whole = Whole(other.problem.model)
     whole.place(motion, 0.5 * motion.final.time)
     mujoco.mj_forward(whole.model, whole.data)
-    assert np.allclose(whole.data.subtree_com[whole.root], 0.0, rtol=0, atol=1e-6)
+    assert np.abs(whole.data.subtree_com[whole.root]).max() > 1e-6
 
 
-def test_a_sliding_arm_is_planned_shown_and_told(slide: Path, tmp_path: Path) -> None:
-    plan, page = tmp_path / "plan.h5", tmp_path / "page.html"
-    document = run("plan", slide, "-o", plan, "--html", page)
+@pytest.mark.slow
+def test_a_prismatic_arm_is_planned(slide: Path, tmp_path: Path) -> None:
+    """The plan file contains the robot with its fixed hinge."""
+    document = run("plan", slide, "-o", tmp_path / "plan.h5")
     assert document["feasible"]
     assert document["residuals"]["end_effector_position"] < 1e-7
-    shown = run("view", plan, "--html", tmp_path / "view.html")
-    assert Path(shown["html"]).stat().st_size > 100_000
-    assert page.stat().st_size > 100_000
     workspace = run("workspace", slide)
     assert workspace["reach"][0] < 1.1 < workspace["reach"][1]
-    told = run("info", slide)
-    (sliding,) = (joint for joint in told["joints"] if joint["type"] == "prismatic")
-    assert (sliding["lower"], sliding["upper"]) == (0.0, 1.2)
-
-
-def test_a_result_file_remembers_what_was_held(slide: Path, tmp_path: Path) -> None:
-    run("simulate", slide, "--heading", 10, "-o", tmp_path / "motion.h5")
+    (prismatic,) = (joint for joint in run("info", slide)["joints"] if joint["type"] == "prismatic")
+    assert (prismatic["lower"], prismatic["upper"]) == (0.0, 1.2)
     slide.unlink()
-    again = load(tmp_path / "motion.h5").chosen.motion.problem.model
+    again = load(tmp_path / "plan.h5").problem.model
     assert again.held == {"hinge": 0.9}
     assert np.isclose(again.bodies[0].mass, 46.0, rtol=1e-12)
 
@@ -231,13 +219,12 @@ def test_a_result_file_remembers_what_was_held(slide: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("held", "key"),
     [
-        ("{flap: 1}", "robot.held.flap"),
         ("{hing: 1}", "robot.held.hing"),
         ("{hinge: up}", "robot.held.hinge"),
         ("[1]", "robot.held"),
     ],
 )
-def test_what_cannot_be_held_is_refused(slide: Path, held: str, key: str) -> None:
+def test_invalid_fixed_joints_raise(slide: Path, held: str, key: str) -> None:
     slide.write_text(SLIDE_SCENARIO.replace("{hinge: 0.9}", held))
     with pytest.raises(InputError) as caught:
         load_scenario(slide).problem()
@@ -248,20 +235,20 @@ def test_what_cannot_be_held_is_refused(slide: Path, held: str, key: str) -> Non
 # --------------------------------------------------------------------------------------- in space
 
 
-def test_an_arm_on_a_rail_beside_a_held_arm_drifts_as_mujoco_says(rail: Path) -> None:
+def test_an_arm_on_a_rail_with_a_fixed_arm_agrees_with_mujoco(rail: Path) -> None:
     motion = integrated(rail)
     model = motion.problem.model
     assert motion.completed
     assert model.joint_names[0] == "rail"
     assert model.dof == 7
-    assert np.ptp(motion.joints[:, 0]) > 0.02, "the cart moves"
+    assert np.ptp(motion.joints[:, 0]) > 0.02
     assert_drifts(motion)
 
 
-def test_the_second_arm_stands_where_it_is_held(rail: Path) -> None:
+def test_the_second_arm_is_part_of_the_spacecraft(rail: Path) -> None:
     model = load_scenario(rail).model()
     raised, place = 1.2, model.link_places["other_forearm_link"]
-    assert place[0] == 0, "it is a part of the spacecraft"
+    assert place[0] == 0
     upper = model.link_places["other_upper_arm_link"][1]
     along = place[1].position - upper.position
     assert np.isclose(along[2], 0.425 * np.sin(raised), rtol=0, atol=1e-6)
@@ -270,12 +257,10 @@ def test_the_second_arm_stands_where_it_is_held(rail: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_arm_on_a_rail_is_planned_and_shown(rail: Path, tmp_path: Path) -> None:
-    plan = tmp_path / "plan.h5"
-    document = run("plan", rail, "-o", plan)
+def test_an_arm_on_a_rail_is_planned_and_assembled(rail: Path, tmp_path: Path) -> None:
+    document = run("plan", rail)
     assert document["feasible"]
     assert document["min_margin"]["kept"]
     assert document["residuals"]["end_effector_position"] < 1e-7
-    run("view", plan, "--html", tmp_path / "view.html")
     written = run("assemble", rail, "-o", tmp_path / "rail_robot.urdf")
     assert {joint["name"]: joint["held"] for joint in written["joints"]}["other_elbow_joint"] == 1.0

@@ -7,31 +7,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
-from freefloat.io.scenario import load_scenario
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Margin
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between, heading_quaternion, quaternion
+from tests.motions import GOOD
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
-
-GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
-
-
-@pytest.fixture(scope="module")
-def spatial():
-    return load_scenario("spatial_6dof/line").problem()
-
-
-@pytest.fixture(scope="module")
-def planar():
-    return load_scenario("planar_3dof/parabola").problem()
 
 
 def lifted(model, axis, lift):
@@ -63,10 +50,9 @@ def test_momentum_is_three_finite_numbers(spatial, momentum):
 
 
 def test_a_task_cannot_prescribe_more_than_the_arm_has_joints(planar):
-    with pytest.raises(InputError, match="prescribes 6 rates, the arm has 3 joints") as caught:
+    with pytest.raises(InputError, match="3 joints") as caught:
         replace(planar, task=Task.POSE)
-    assert "planar-pose" in caught.value.accepted
-    assert "position" in caught.value.accepted
+    assert caught.value.key == "task"
 
 
 @pytest.mark.parametrize("task", [Task.PLANAR_POSE, Task.PLANAR_POSITION])
@@ -79,14 +65,9 @@ def test_a_planar_task_wants_a_planar_arm(spatial, task):
 def test_a_planar_task_wants_masses_spread_evenly_about_the_plane(planar):
     """A centre of mass off the plane gives angular momentum about x and y: the plane tips."""
     replace(planar, model=lifted(planar.model, "0 0 1", 0.0))
+    replace(planar, model=lifted(planar.model, "0 0 -1", 0.0))  # the sense does not matter
     with pytest.raises(InputError, match="does not stay in the x-y plane"):
         replace(planar, model=lifted(planar.model, "0 0 1", 0.05))
-
-
-def test_a_planar_arm_may_turn_about_minus_z(planar):
-    """The sense of the joints is a convention of the URDF, not of the plane."""
-    inverted = replace(planar, model=lifted(planar.model, "0 0 -1", 0.0))
-    assert inverted.task is planar.task
 
 
 @pytest.mark.parametrize("momentum", [[0.1, 0, 0.5], [0, -0.1, 0.5]])
@@ -194,29 +175,6 @@ def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial)
     assert_close(reached, problem.path.pose(0.0).position, atol=1e-8)
     with pytest.raises(InputError, match="near no arm branch"):
         problem.branch_near(attitude, on_path + 0.3 * np.eye(6)[1], branches)
-
-
-def test_prismatic_joints_are_not_shifted_by_two_pi(spatial):
-    body = (
-        '<link name="a"><inertial><mass value="10"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
-        'ixz="0" iyz="0"/></inertial></link>'
-    )
-    joints = "".join(
-        f'<joint name="{axis}" type="prismatic"><parent link="{before}"/><child link="{after}"/>'
-        f'<axis xyz="{xyz}"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>'
-        for axis, before, after, xyz in (("x", "a", "b", "1 0 0"), ("y", "b", "c", "0 1 0"),
-                                         ("z", "c", "d", "0 0 1"))
-    )  # fmt: skip
-    links = "".join(body.replace('"a"', f'"{name}"') for name in "abcd")
-    gantry = FreeFloatingModel.from_urdf(f'<robot name="gantry">{links}{joints}</robot>', "d")
-    line = PolynomialCurve.line([0.1, 0.2, 0.3], [0.4, 0.5, 0.6])
-    path = TimedPath(EndEffectorPath(line, FixedOrientation(np.eye(3))), Timing(10.0))
-    margin = Margin(singularity_measure(gantry, Task.POSITION, "gjm"), 0.0)
-    problem = Problem(gantry, path, Task.POSITION, [0, 0, 0], margin)
-    (branch,) = problem.branches([0, 0, 0, 1])
-    assert problem.branch_near([0, 0, 0, 1], branch.joints + 0.01, (branch,)) is branch
-    with pytest.raises(InputError, match="near no arm branch"):
-        problem.branch_near([0, 0, 0, 1], branch.joints + 2.0 * np.pi * np.eye(3)[1], (branch,))
 
 
 def test_a_problem_cannot_be_changed(spatial):
