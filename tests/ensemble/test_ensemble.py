@@ -37,7 +37,6 @@ from tests.robots import planar_robot, random_robot
 # ------------------------------------------------------------------------------ the examples
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("attitude", [GOOD, BAD], ids=["good", "bad"])
 def test_every_branch_of_example_2(spatial: Problem, attitude: list[float]) -> None:
     """From the bad attitude four of eight branches end at C, the others complete."""
@@ -53,21 +52,20 @@ def test_every_branch_of_example_2(spatial: Problem, attitude: list[float]) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar_3dof/parabola", "planar_3dof/parabola_nonstop"])
 def test_example_1_all_around(name: str) -> None:
-    """Both branches at every tenth degree, with the rest at F and without."""
+    """Both branches at every twentieth degree, with the rest at F and without."""
     problem = bundled(name)
-    cases = both(problem, *states(problem, headings(*range(3, 363, 10))))
-    assert len(cases) == 72
+    cases = both(problem, *states(problem, headings(*range(3, 363, 20))))
+    assert len(cases) == 36
     for case in cases:
         case.assert_same()
     for case in [case for case in cases if case.motion.completed][::6]:
         case.assert_same_extent()
-    assert 5 < sum(not case.motion.completed for case in cases) < 40
+    assert 2 < sum(not case.motion.completed for case in cases) < 20
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "seed", "count"),
-    [("spatial_6dof/line", 11, 1), ("ur5_servicer/arc", 12, 3), ("panda_servicer/line", 13, 8)],
+    [("spatial_6dof/line", 11, 1), ("ur5_servicer/arc", 12, 12), ("panda_servicer/line", 13, 8)],
 )
 def test_random_attitudes_of_the_bundled_arms(name: str, seed: int, count: int) -> None:
     """Elbow arm with the paper's measure, UR5 without spherical wrist, redundant Panda."""
