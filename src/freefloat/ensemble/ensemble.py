@@ -150,7 +150,7 @@ class EnsembleIntegrator:
 
         def integrate_chunk(first: int) -> None:
             integrate_many(
-                TABLEAU, self._robot, *states, stop_below, tolerance, first, min(first + _CHUNK, K),
+                TABLEAU, self._robot, *states, float(stop_below), tolerance, first, min(first + _CHUNK, K),
                 make_buffers(n, len(self._robot.rows)), result,
             )  # fmt: skip
 
