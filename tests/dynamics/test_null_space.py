@@ -44,7 +44,7 @@ def panda(**changes):
     return replace(problem, redundancy=Redundancy(**changes) if changes else None)
 
 
-def follow(problem):
+def panda_motion(problem):
     attitude = problem.attitude("attitude", np.array(GOOD) / np.linalg.norm(GOOD))
     joints = problem.branch_near(attitude, JOINTS, ()).joints
     motion = integrate_motion(problem, attitude, joints)
@@ -107,11 +107,11 @@ def test_rates_are_those_of_the_optimality_conditions(structure, task, number):
     A = momentum_map(model, joints, attitude)
     J = end_effector_jacobian(model, joints, attitude)[task.rows]
     B = np.linalg.solve(A[:, :6], np.column_stack([A[:, 6:], [0, 0, 0, *h]]))
-    S, wanted = J[:, 6:] - J[:, :6] @ B[:, :-1], twist[task.rows] - J[:, :6] @ B[:, -1]
+    S, twist_rows = J[:, 6:] - J[:, :6] @ B[:, :-1], twist[task.rows] - J[:, :6] @ B[:, -1]
     W, g = metric_of(start, attitude, joints), attraction_of(start, joints)
     m, n = S.shape
     K = np.block([[W, S.T], [S, np.zeros((m, m))]])
-    plain = np.linalg.solve(K, np.concatenate([np.zeros(n), wanted]))[:n]
+    plain = np.linalg.solve(K, np.concatenate([np.zeros(n), twist_rows]))[:n]
     pull = redundancy.gain * np.linalg.solve(K, np.concatenate([g, np.zeros(m)]))[:n]
     pull /= np.sqrt(1.0 + (np.linalg.norm(pull) / redundancy.bound) ** 2)
     omega, rates = start.problem.resolved_rate_solver().rates(attitude, joints, twist, speed)
@@ -142,20 +142,20 @@ def test_the_energy_metric_minimizes_the_kinetic_energy(structure, task):
         return pin.computeKineticEnergy(model.pin_model, model.scratch, q, v)
 
     S = J[:, 6:] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, 6:])
-    free = np.linalg.svd(S)[2][len(S) :]
-    least_energy, size = energy(best), np.linalg.norm(best)
-    for direction in free:
+    lowest, size = energy(best), np.linalg.norm(best)
+    for direction in np.linalg.svd(S)[2][len(S) :]:
         for step in (-0.1, 0.1):
-            assert energy(best + step * size * direction) > least_energy
+            assert energy(best + step * size * direction) > lowest
         slope = (energy(best + 1e-3 * direction) - energy(best - 1e-3 * direction)) / 2e-3
-        bend = energy(best + direction) + energy(best - direction) - 2.0 * least_energy
-        assert abs(slope) < 1e-8 * bend * max(size, 1.0)
+        curvature = energy(best + direction) + energy(best - direction) - 2.0 * lowest
+        assert abs(slope) < 1e-8 * curvature * max(size, 1.0)
     start = replace(start, problem=replace(start.problem, redundancy=None))
     _, plain = start.problem.resolved_rate_solver().rates(attitude, joints, twist)
-    assert energy(plain) > least_energy * (1.0 + 1e-6)
+    assert energy(plain) > lowest * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::2])
+@pytest.mark.slow
+@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::4])
 def test_motions_are_exact(structure, task, number):
     """Path and momentum are kept with every metric, and objective."""
     start = redundant(structure, task, choices(structure, task, 1)[number], 1)
@@ -167,14 +167,15 @@ def test_motions_are_exact(structure, task, number):
     assert residuals.momentum < 1e-8 * max(1.0, np.linalg.norm(start.problem.momentum))
 
 
+@pytest.mark.slow
 def test_large_weights_reduce_joint_motion():
     """A joint of large weight hardly moves; scaling all weights changes nothing."""
-    plain = follow(panda())
-    heavy = follow(panda(metric={"panda_joint1": 1e4}))
+    plain = panda_motion(panda())
+    heavy = panda_motion(panda(metric={"panda_joint1": 1e4}))
     assert np.ptp(heavy.joints[:, 0]) < 0.05 * np.ptp(plain.joints[:, 0])
     names = heavy.problem.model.joint_names
     tenfold = {name: 1e5 if name == "panda_joint1" else 10.0 for name in names}
-    same = follow(panda(metric=tenfold))
+    same = panda_motion(panda(metric=tenfold))
     np.testing.assert_allclose(same.final.joints, heavy.final.joints, rtol=0, atol=1e-9)
 
 
@@ -196,16 +197,16 @@ def test_toward_sigma_ends_farther_from_singularities(metric, seed):
         )
 
 
-@pytest.mark.parametrize("gain", [0.5, 2.0])
-def test_toward_middle_approaches_the_range_centres(gain):
+@pytest.mark.slow
+def test_toward_middle_approaches_the_range_centres():
     """The distance to the range centres decreases with the gain."""
+    problems = panda(), *(panda(toward="middle", gain=gain) for gain in (0.5, 1.0, 2.0, 4.0))
     middle = range_centres(panda().model)
-    without, drawn, more = (
-        np.linalg.norm(follow(problem).final.joints - middle)
-        for problem in (panda(), panda(toward="middle", gain=gain),
-                        panda(toward="middle", gain=2 * gain))
-    )  # fmt: skip
-    assert more < drawn < without - 0.3
+    distances = [
+        np.linalg.norm(panda_motion(problem).final.joints - middle) for problem in problems
+    ]
+    assert (np.diff(distances) < 0.0).all()
+    assert distances[1] < distances[0] - 0.3
 
 
 def test_unlimited_joints_are_not_attracted():
@@ -216,7 +217,7 @@ def test_unlimited_joints_are_not_attracted():
     motion = integrate_motion(start.problem, start.attitude, start.joints)
     plain = replace(start.problem, redundancy=None)
     without = integrate_motion(plain, start.attitude, start.joints)
-    ends = [abs(one.final.joints[1] - 0.75) for one in (motion, without)]
+    ends = [abs(record.final.joints[1] - 0.75) for record in (motion, without)]
     assert ends[0] < ends[1] - 0.05
 
 
@@ -225,8 +226,8 @@ def test_the_null_space_motion_is_bounded(toward):
     """For any gain it is shorter than the bound and vanishes where the path stops."""
     start = redundant("RRRRRRR", Task.POSE, Redundancy(toward=toward, gain=1e5, bound=0.7))
     attitude, joints, twist, speed = somewhere(start)
-    equation = start.problem.resolved_rate_solver()
-    (_, rest), (_, moving) = (equation.rates(attitude, joints, twist, s) for s in (0.0, speed))
+    solver = start.problem.resolved_rate_solver()
+    (_, rest), (_, moving) = (solver.rates(attitude, joints, twist, s) for s in (0.0, speed))
     length = np.linalg.norm(moving - rest) / speed
     assert 0.69 < length < 0.7
     plain = replace(start.problem, redundancy=None).resolved_rate_solver()
@@ -244,32 +245,33 @@ def test_rates_vanish_where_the_path_stops(toward):
     assert rates[[1, 3]].min() > 1e-2
 
 
-@pytest.mark.parametrize("number", range(9))
+@pytest.mark.parametrize("number", [0, 4, 8])
 def test_motions_do_not_depend_on_the_duration(number):
     """Without momentum the joints depend on the path parameter alone."""
-    redundancy, ways = choices("RRRRRRR", Task.POSE)[number], []
+    redundancy, motions = choices("RRRRRRR", Task.POSE)[number], []
     for timing in (Timing(20.0), Timing(50.0, TimeLaw.CUBIC)):
         start = redundant("RRRRRRR", Task.POSE, redundancy, momentum=False, timing=timing)
         motion = integrate_motion(start.problem, start.attitude, start.joints)
         assert motion.completed
-        ways.append((timing, motion))
+        motions.append((timing, motion))
     for s in (0.3, 0.7, 1.0):
         joints = []
-        for timing, motion in ways:
+        for timing, motion in motions:
             times = np.linspace(0.0, timing.duration, 20001)
-            t = np.interp(s, [timing.s(float(one)) for one in times], times)
+            t = np.interp(s, [timing.s(float(time)) for time in times], times)
             joints.append(motion.sample(t)[0].joints)
         np.testing.assert_allclose(joints[0], joints[1], rtol=0, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[4::9] + EVERYTHING[8::9])
 def test_motions_retrace(structure, task, number):
     """Backward integration, null-space motion included."""
     start = redundant(structure, task, choices(structure, task, 1)[number], 1)
-    there = integrate_motion(start.problem, start.attitude, start.joints)
-    assert there.completed
+    forward = integrate_motion(start.problem, start.attitude, start.joints)
+    assert forward.completed
     back = integrate_motion(
-        start.problem, there.final.attitude, there.final.joints, start=20.0, end=0.0
+        start.problem, forward.final.attitude, forward.final.joints, start=20.0, end=0.0
     )
     assert back.completed
     np.testing.assert_allclose(back.final.joints, start.joints, rtol=0, atol=1e-6)
@@ -288,8 +290,8 @@ def test_mujoco_needs_no_wrench_on_the_base(choice):
     motion = integrate_motion(start.problem, start.attitude, start.joints)
     assert motion.completed
     engine = Engine(start.problem.model)
-    found = [engine.inverse(*differentiated(motion, t)) for t in np.linspace(1.0, 19.0, 19)]
-    wrenches, torques = (np.array(one) for one in zip(*found, strict=True))
+    results = [engine.inverse(*differentiated(motion, t)) for t in np.linspace(1.0, 19.0, 19)]
+    wrenches, torques = (np.array(values) for values in zip(*results, strict=True))
     assert np.abs(torques).max() > 1e-2
     assert np.abs(wrenches).max() < 1e-4 * np.abs(torques).max()
 
@@ -298,27 +300,10 @@ def test_rates_are_infinite_where_the_arm_is_singular():
     """A stretched planar arm has infinite rates and raises no exception."""
     text = planar_robot([5, 1, 1, 1], [1] * 4, [1] * 3, [0] * 4)
     model = FreeFloatingModel.from_urdf(text)
-    wish = Redundancy(Metric.ENERGY, Toward.SIGMA)
-    equation = ResolvedRateSolver(model, Task.PLANAR_POSITION, [0, 0, 0], wish)
-    _, rates = equation.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0], 1.0)
+    redundancy = Redundancy(Metric.ENERGY, Toward.SIGMA)
+    solver = ResolvedRateSolver(model, Task.PLANAR_POSITION, [0, 0, 0], redundancy)
+    _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0], 1.0)
     assert not np.isfinite(rates).all()
-
-
-def test_redundancy_of_a_non_redundant_arm_raises():
-    """Also the default settings raise an error."""
-    problem = load_scenario("spatial_6dof/line").problem()
-    with pytest.raises(InputError, match="6 rates and the arm has 6 joints") as caught:
-        replace(problem, redundancy=Redundancy())
-    assert caught.value.key == "redundancy"
-    assert replace(problem, task=Task.POSITION, redundancy=Redundancy()).redundancy.minimum_norm
-
-
-def test_weights_of_unknown_joints_raise():
-    """The error lists the joints of the arm."""
-    with pytest.raises(InputError, match="no such moving joint") as caught:
-        panda(metric={"elbow": 2.0})
-    assert caught.value.key == "redundancy.metric.elbow"
-    assert "panda_joint7" in caught.value.accepted
 
 
 def test_toward_middle_without_joint_ranges_raises():

@@ -1,4 +1,4 @@
-"""The virtual manipulator: a drifting arm seen from its spacecraft, as an arm on a fixed base."""
+"""The virtual manipulator: a free-floating arm as a fixed-base arm in the spacecraft frame."""
 
 from __future__ import annotations
 
@@ -119,8 +119,8 @@ def test_barycentric_lengths_are_weighted_by_the_mass_before_them(seed: int, n: 
     virtual = VirtualManipulator.of(
         FreeFloatingModel.from_urdf(planar_robot(m, np.ones(n + 1), before, after))
     )
-    share = np.cumsum(m) / m.sum()
-    expected = after * share + np.append(0.0, before * share[:-1])
+    fraction = np.cumsum(m) / m.sum()
+    expected = after * fraction + np.append(0.0, before * fraction[:-1])
     np.testing.assert_allclose(virtual.lengths, expected, atol=1e-13)
 
 
@@ -162,22 +162,21 @@ def test_published_spatial_arm_has_elbow_and_spherical_wrist(
     assert not virtual.is_planar
     centre = virtual.wrist_centre
     assert centre is not None
-    hand = virtual.pose(np.zeros(6)).position - centre
+    offset = virtual.pose(np.zeros(6)).position - centre
     for wrist in ([0.7, -1.2, 2.0], [0.0, 0.3, -0.4]):
         pose = virtual.pose([0, 0, 0, *wrist])
-        np.testing.assert_allclose(pose.position - pose.rotation @ hand, centre, atol=1e-14)
+        np.testing.assert_allclose(pose.position - pose.rotation @ offset, centre, atol=1e-14)
 
 
 def test_other_arms_have_no_elbow_and_spherical_wrist(
     spatial_6dof: FreeFloatingModel, planar_3dof: FreeFloatingModel, rng: np.random.Generator
 ) -> None:
-    """A wrist that misses by a millimetre, a skew elbow, other structures: none of them is."""
+    """Wrist axes a millimetre apart, a skew elbow, other structures."""
     text = spatial_6dof.description.text
     wrist = text.replace(
         '<joint name="q6" type="continuous">',
         '<joint name="q6" type="continuous"><origin xyz="0 0 1e-3"/>',
     )
-    # massive enough for the virtual arm to notice that body 4 is off its own axis
     offset = text.replace(
         '<link name="link_4">\n    <inertial>\n      <mass value="1e-6"/>',
         '<link name="link_4"><inertial><origin xyz="0 0 0.1"/><mass value="5"/>',

@@ -143,14 +143,14 @@ class EnsembleIntegrator:
         def copied(array: Array) -> Array:  # the kernels are compiled for writable arrays
             return np.array(array, dtype=float, order="C")
 
-        states = (
+        inputs = (
             copied(attitudes), copied(joints), copied(np.broadcast_to(momenta, (K, 3))),
-            copied(starts), copied(ends),
+            copied(starts), copied(ends), float(stop_below),
         )  # fmt: skip
 
         def integrate_chunk(first: int) -> None:
             integrate_many(
-                TABLEAU, self._robot, *states, float(stop_below), tolerance, first, min(first + _CHUNK, K),
+                TABLEAU, self._robot, *inputs, tolerance, first, min(first + _CHUNK, K),
                 make_buffers(n, len(self._robot.rows)), result,
             )  # fmt: skip
 
