@@ -22,7 +22,7 @@ from freefloat.dynamics.kernels.equation import (
     form_jacobian,
     solve_rates,
 )
-from freefloat.dynamics.measures import NAMES, singularity_measure
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import (
     Task,
     generalized_determinant,
@@ -55,7 +55,6 @@ from tests.robots import (
 
 ROUNDING = 1e-12
 """Of sums of products, in units of what is summed."""
-BUNDLED = ("spatial_6dof/line", "ur5_servicer/arc", "panda_servicer/line")
 
 
 def measured_problem(model: FreeFloatingModel, task: Task, name: str) -> Problem:
@@ -112,10 +111,6 @@ class Kernels:
             measure_at(self.bodies, self.facts, self.rows, self.code, q, self.w, self.S, self.L,
                        np.zeros(self.model.dof))
         )  # fmt: skip
-
-
-def loaded(robot: Robot, **options: object) -> FreeFloatingModel:
-    return FreeFloatingModel.from_urdf(robot.text, robot.tip, **options)
 
 
 def planar_model(rng: np.random.Generator, joints: int) -> FreeFloatingModel:
@@ -206,31 +201,44 @@ arms = st.one_of(
 def test_matrices_of_random_robots_agree_with_pinocchio(data: st.DataObject, robot: Robot) -> None:
     """Revolute and prismatic joints, fixed joints merged; awkward joint values."""
     held = {name: data.draw(st.floats(-2.0, 2.0)) for name in robot.others}
-    model = loaded(robot, held=held)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
     q = data.draw(joint_values(model.dof))
     task = Task.POSE if model.dof >= 6 and data.draw(st.booleans()) else Task.POSITION
     assert_equal_parts(model, task, q)
 
 
-@pytest.mark.parametrize("joints", range(2, 9))
-def test_matrices_of_planar_robots_agree_with_pinocchio(
-    joints: int, rng: np.random.Generator
-) -> None:
-    """Both planar tasks; redundant from three and four joints on."""
-    for _ in range(4):
-        model = planar_model(rng, joints)
-        for task in (Task.PLANAR_POSE, Task.PLANAR_POSITION):
-            if len(task.rows) <= joints:
-                assert_equal_parts(model, task, rng.uniform(-np.pi, np.pi, joints))
+STRUCTURES = ("RPR", "CRPR", "RRRRRR", "RPRCRR", "RRPRRRR", "CRRRRRRR", "RRFRFPRRR")
+BUNDLED = ("spatial_6dof/line", "ur5_servicer/arc", "panda_servicer/line")
 
 
-@pytest.mark.parametrize("name", BUNDLED)
-def test_matrices_of_bundled_robots(name: str, rng: np.random.Generator) -> None:
-    """Example 2, a UR5, a Panda with fixed fingers."""
-    model = bundled(name).model
-    for q in rng.uniform(-np.pi, np.pi, (20, model.dof)):
-        assert_equal_parts(model, Task.POSE, q)
-        assert_equal_parts(model, Task.POSITION, q)
+@pytest.fixture(params=[*STRUCTURES, *BUNDLED, 2, 3, 5, 8])
+def arm(request: pytest.FixtureRequest, rng: np.random.Generator) -> Arm:
+    """Random arms with a second, fixed arm; bundled arms; planar arms with so many joints."""
+    if request.param in BUNDLED:
+        model, planar = bundled(request.param).model, False
+    elif isinstance(request.param, int):
+        model, planar = planar_model(rng, request.param), True
+    else:
+        robot, planar = random_robot(rng, request.param, "RP"), False
+        held = dict(zip(robot.others, rng.uniform(-1.0, 1.0, 2), strict=True))
+        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+    tasks = [task for task in Task if task.planar is planar and len(task.rows) <= model.dof]
+    return Arm(model, tasks, rng.uniform(-2.0, 2.0, (8, model.dof)))
+
+
+@dataclass
+class Arm:
+    """A robot with all its tasks and some joint values."""
+
+    model: FreeFloatingModel
+    tasks: list[Task]
+    joints: np.ndarray
+
+
+def test_matrices_agree_with_pinocchio(arm: Arm) -> None:
+    for q in arm.joints:
+        for task in arm.tasks:
+            assert_equal_parts(arm.model, task, q)
 
 
 # ------------------------------------------------------------------------------ equation (4)
@@ -259,37 +267,11 @@ def assert_same_rates(
     assert determinant == eliminate(kernels.S, kernels.L)
 
 
-STRUCTURES = ("RPR", "CRPR", "RRRRRR", "RPRCRR", "RRPRRRR", "CRRRRRRR", "RRFRFPRRR")
-
-
-@pytest.mark.parametrize("structure", STRUCTURES)
-def test_rates_of_random_robots_solve_equation_4(structure: str, rng: np.random.Generator) -> None:
-    """Three to eight joints, with momentum: the unique rates, or those of minimum norm."""
-    for _ in range(5):
-        robot = random_robot(rng, structure, "RP")
-        held = dict(zip(robot.others, rng.uniform(-1.0, 1.0, 2), strict=True))
-        model = loaded(robot, held=held)
-        q = rng.uniform(-2.0, 2.0, model.dof)
-        assert_same_rates(model, Task.POSITION, q, rng)
-        if model.dof >= 6:
-            assert_same_rates(model, Task.POSE, q, rng)
-
-
-@pytest.mark.parametrize("joints", [2, 3, 5, 8])
-def test_rates_of_planar_robots_solve_equation_4(joints: int, rng: np.random.Generator) -> None:
-    for _ in range(5):
-        model = planar_model(rng, joints)
-        for task in (Task.PLANAR_POSE, Task.PLANAR_POSITION):
-            if len(task.rows) <= joints:
-                assert_same_rates(model, task, rng.uniform(-np.pi, np.pi, joints), rng)
-
-
-@pytest.mark.parametrize("name", BUNDLED)
-def test_rates_of_bundled_robots_solve_equation_4(name: str, rng: np.random.Generator) -> None:
-    model = bundled(name).model
-    for q in rng.uniform(-np.pi, np.pi, (20, model.dof)):
-        assert_same_rates(model, Task.POSE, q, rng)
-        assert_same_rates(model, Task.POSITION, q, rng)
+def test_rates_solve_equation_4(arm: Arm, rng: np.random.Generator) -> None:
+    """With momentum: the unique rates, or those of minimum norm."""
+    for q in arm.joints:
+        for task in arm.tasks:
+            assert_same_rates(arm.model, task, q, rng)
 
 
 def test_rates_conserve_momentum_and_give_the_end_effector_twist(rng: np.random.Generator) -> None:
@@ -363,52 +345,17 @@ def assert_same_measure(model: FreeFloatingModel, task: Task, name: str, q: np.n
 
 
 @pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
-@pytest.mark.parametrize("structure", STRUCTURES)
-def test_measures_of_random_robots(structure: str, name: str, rng: np.random.Generator) -> None:
-    robot = random_robot(rng, structure, "R")
-    model = loaded(robot)
-    for q in rng.uniform(-np.pi, np.pi, (5, model.dof)):
-        assert_same_measure(model, Task.POSITION, name, q)
-        if model.dof >= 6:
-            assert_same_measure(model, Task.POSE, name, q)
+def test_measures(arm: Arm, name: str) -> None:
+    for q in arm.joints:
+        for task in arm.tasks:
+            assert_same_measure(arm.model, task, name, q)
 
 
-@pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
-@pytest.mark.parametrize("joints", [2, 3, 4, 7])
-def test_measures_of_planar_robots(joints: int, name: str, rng: np.random.Generator) -> None:
-    model = planar_model(rng, joints)
-    for task in (Task.PLANAR_POSE, Task.PLANAR_POSITION):
-        for q in rng.uniform(-np.pi, np.pi, (5, joints)):
-            if len(task.rows) <= joints:
-                assert_same_measure(model, task, name, q)
-
-
-@pytest.mark.parametrize(
-    ("problem", "name"),
-    [(problem, name) for problem in BUNDLED for name in NAMES
-     if name != "arm" or problem == "spatial_6dof/line"],
-)  # fmt: skip
-def test_measures_of_bundled_robots(problem: str, name: str, rng: np.random.Generator) -> None:
-    """Away from singularities, so that a relative difference means something."""
-    model = bundled(problem).model
-    joints, kernels = rng.uniform(-3.0, 3.0, (40, model.dof)), Kernels(model, Task.POSE, name)
-    values = np.array([kernels.measure(q) for q in joints])
-    expected = [singularity_measure(model, Task.POSE, name)(q) for q in joints]
-    np.testing.assert_allclose(values, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
-    if model.dof == 6 and name != "sigma":
-        assert values.min() < 0.0 < values.max()
-
-
-def test_in_plane_factor_of_random_elbow_arms(
-    rng: np.random.Generator,
-) -> None:
+def test_in_plane_factor_of_elbow_arms(rng: np.random.Generator) -> None:
     """The wrist eliminated by Cramer's rule, at any q1 and wrist angles: they do not matter."""
-    for _ in range(8):
-        model = elbow_model(rng)
-        kernels, measure = (
-            Kernels(model, Task.POSE, "arm"),
-            singularity_measure(model, "pose", "arm"),
-        )
+    for model in (bundled("spatial_6dof/line").model, *(elbow_model(rng) for _ in range(8))):
+        kernels = Kernels(model, Task.POSE, "arm")
+        measure = singularity_measure(model, Task.POSE, "arm")
         joints = rng.uniform(-np.pi, np.pi, (10, 6))
-        values, expected = ([f(q) for q in joints] for f in (kernels.measure, measure))
+        values, expected = (np.array([f(q) for q in joints]) for f in (kernels.measure, measure))
         np.testing.assert_allclose(values, expected, rtol=0, atol=1e-11 * np.abs(expected).max())

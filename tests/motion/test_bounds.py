@@ -1,4 +1,4 @@
-"""Bounds between points: they hold wherever one looks, and are close to what is result."""
+"""Bounds hold between the points where the measures are evaluated, and are close to them."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,8 @@ from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.io.scenario import load_scenario
 from freefloat.motion.bounds import lower_bounds
 from freefloat.motion.extrema import closest_approach
-from freefloat.motion.integration import integrate_motion
 from freefloat.motion.matrix_bounds import ScaledSystem
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
@@ -19,7 +17,7 @@ from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import heading_quaternion
+from tests.motions import GOOD, followed, heading
 from tests.robots import random_robot
 
 ROBOTS = [
@@ -29,7 +27,7 @@ ROBOTS = [
 
 
 def wandering(rng, chain, task, size):
-    """A motion that no equation knows: smooth joints of a random robot, two panels."""
+    """Smooth joints of a random robot in two panels, which solve no equation of motion."""
     robot = random_robot(rng, chain)
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
     curve = PolynomialCurve.line((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
@@ -71,7 +69,7 @@ TIGHT = {"D": 0.02, "Dq": 0.02, "base": 0.05, "linear": 0.05, "angular": 0.2}
 """Fraction of the bound of a block that its second derivative reaches for some random arm."""
 
 
-def test_second_derivatives_of_every_block_are_bounded_and_reach_a_share_of_their_bounds(rng):
+def test_second_derivatives_of_every_block_are_bounded(rng):
     """By differences, for arms of all kinds: no factor of a bound can be dropped."""
     reached = dict.fromkeys(BLOCKS, 0.0)
     for chain, task in ROBOTS:
@@ -109,8 +107,7 @@ def _measure(motion, name):
     return singularity_measure(motion.problem.model, motion.problem.task, name)
 
 
-def holds(motion, bounds):
-    """Look at very many places whether the bounds hold."""
+def assert_holds(motion, bounds):
     places = np.linspace(0.0, motion.panels, 601)
     joints = motion.evaluate(places)[2]
     for name, bound in bounds.bounds.items():
@@ -120,47 +117,36 @@ def holds(motion, bounds):
 
 @pytest.mark.parametrize(("chain", "task"), ROBOTS)
 def test_bounds_hold_on_motions_of_random_robots(rng, chain, task):
-    count = 0
-    while count < 1:
+    result = {"sigma": 0.0}
+    while result["sigma"] < 0.01:
         motion = wandering(rng, chain, task, 0.15)
-        result = {name: closest_approach(motion, _measure(motion, name)).value
-                 for name in ("gjm", "system", "sigma")}  # fmt: skip
-        if result["sigma"] < 0.01:
-            continue
-        count += 1
-        bounds = lower_bounds(motion, result)
-        assert all(bounds.bounds[name] >= 0.9 * value for name, value in result.items())
-        holds(motion, bounds)
+        result, bounds = proven(motion, ("gjm", "system", "sigma"))
+    assert all(bounds.bounds[name] >= 0.9 * value for name, value in result.items())
+    assert_holds(motion, bounds)
 
 
-def test_bounds_hold_along_the_papers_examples():
+@pytest.mark.slow
+def test_bounds_hold_along_the_papers_examples(spatial, planar):
     """Arm and its system in space, the paper's S in the plane."""
-    problem = load_scenario("spatial_6dof/line").problem()
-    attitude = problem.attitude("attitude", [0.46008, 0.09337, 0.73519, -0.48898])
-    motion = integrate_motion(problem, attitude, problem.branches(attitude)[2].joints)
+    motion = followed(spatial, GOOD, 2)
     result, bounds = proven(motion, ("gjm", "arm", "sigma"))
     assert bounds.bounds["arm"] >= 0.9 * result["arm"]
-    holds(motion, bounds)
-    problem = load_scenario("planar_3dof/parabola").problem()
-    attitude = heading_quaternion(np.deg2rad(200.0))
-    motion = integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
+    assert_holds(motion, bounds)
+    motion = followed(planar, heading(200.0), 0)
     result, bounds = proven(motion, ("gjm", "system"))
     assert bounds.bounds["system"] >= 0.9 * result["system"]
-    holds(motion, bounds)
+    assert_holds(motion, bounds)
 
 
-def test_nothing_is_proven_of_a_motion_that_passes_a_singularity():
-    """Values at points that jump over it are not believed."""
-    problem = load_scenario("planar_3dof/parabola").problem()
+def test_nothing_is_proven_of_a_motion_that_passes_a_singularity(planar):
+    """Although the values at both ends are far from zero."""
     joints = np.array([0.3, 0.05, 1.0]) * np.ones((DEGREE + 1, 1))
     joints[:, 1] = 0.4 * NODES + 0.013  # the arm stretches on the way
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (DEGREE + 1, 1))
-    motion = Motion(problem, Ending.COMPLETED, (NODES + 1.0) / 2.0, attitudes, joints)
-    places = np.array([0.0, 1.0])
-    jumped = {name: float(np.abs([_measure(motion, name)(q)
-                                  for q in motion.evaluate(places)[2]]).min())
-              for name in ("gjm", "system", "sigma")}  # fmt: skip
+    motion = Motion(planar, Ending.COMPLETED, (NODES + 1.0) / 2.0, attitudes, joints)
+    ends = {name: min(abs(_measure(motion, name)(q)) for q in motion.joints[[0, -1]])
+            for name in ("gjm", "system", "sigma")}  # fmt: skip
     values = [_measure(motion, "gjm")(q) for q in motion.joints]
     assert min(values) < 0.0 < max(values)
-    bounds = lower_bounds(motion, jumped)
+    bounds = lower_bounds(motion, ends)
     assert set(bounds.bounds.values()) == {0.0}

@@ -7,25 +7,20 @@ from functools import partial
 import numpy as np
 import pytest
 
+from freefloat.dynamics.resolved_rates import Redundancy
 from freefloat.io.scenario import load_scenario, parse_scenario
 from freefloat.motion.certificate import certify, integrate_again
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Ending
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import heading_quaternion
 from freefloat.verification.mujoco_engine import Engine
 from freefloat.verification.mujoco_runs import forward_run, inverse_run
+from tests.motions import GOOD, bundled, followed, heading
 from tests.robots import random_robot
 from tests.sliding import sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
-
-
-def integrated(name, attitude, branch=0):
-    problem = load_scenario(name).problem()
-    attitude = problem.attitude("attitude", attitude)
-    return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
 
 
 def measure(certificate, name):
@@ -34,81 +29,79 @@ def measure(certificate, name):
 
 
 @pytest.fixture(scope="module")
-def spatial():
-    return integrated("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2)
+def motion(spatial):
+    return followed(spatial, GOOD, 2)
 
 
 @pytest.fixture(scope="module")
 def redundant():
-    return integrated("panda_servicer/line", [0, 0, 0, 1])
+    return followed(bundled("panda_servicer/line"), [0, 0, 0, 1], 0)
 
 
 @pytest.fixture(scope="module")
-def singular():
-    return integrated("planar_3dof/parabola", heading_quaternion(np.deg2rad(140)))
+def singular(planar):
+    return followed(planar, heading(140.0), 0)
 
 
-def test_certificate_agrees_with_residuals(spatial):
-    result, own = certify(spatial), spatial.residuals()
-    assert 0.99 * own.end_effector_position < result.end_effector_position.value < 1e-8
-    assert 0.99 * own.end_effector_attitude < result.end_effector_attitude.value < 1e-8
-    assert result.momentum.value == pytest.approx(own.momentum, rel=1.0)
+def test_certificate_agrees_with_residuals(motion):
+    result, residuals = certify(motion), motion.residuals()
+    assert 0.99 * residuals.end_effector_position < result.end_effector_position.value < 1e-8
+    assert 0.99 * residuals.end_effector_attitude < result.end_effector_attitude.value < 1e-8
+    assert result.momentum.value == pytest.approx(residuals.momentum, rel=1.0)
     assert result.momentum.value < 1e-6 * result.momentum_scale
     assert result.rates.value < 1e-6
     assert result.centre_of_mass.value == 0.0
-    for one in result.least:
-        assert 0.9 * one.value <= one.bound <= one.value
-    kept = closest_approach(spatial, spatial.problem.margin.measure)
-    assert (measure(result, "arm").value, measure(result, "arm").time) == (kept.value, kept.time)
+    for entry in result.least:
+        assert 0.9 * entry.value <= entry.bound <= entry.value
+    closest = closest_approach(motion, motion.problem.margin.measure)
+    arm = measure(result, "arm")
+    assert (arm.value, arm.time) == (closest.value, closest.time)
     assert json.loads(json.dumps(result.to_dict(), allow_nan=False)) == result.to_dict()
 
 
-def test_errors_have_their_time(spatial):
-    places = spatial.base_positions.copy()
-    places[30, 1] += 1e-5
-    result = certify(spatial, places)
+def test_errors_have_their_time(motion):
+    positions = motion.base_positions.copy()
+    positions[30, 1] += 1e-5
+    result = certify(motion, positions)
     assert result.centre_of_mass.value == pytest.approx(1e-5)
-    assert result.centre_of_mass.time == spatial.times[30]
+    assert result.centre_of_mass.time == motion.times[30]
 
 
 def test_other_null_space_motion_is_an_error_of_the_rates(redundant):
     assert certify(redundant).rates.value < 1e-6
-    problem = replace(redundant.problem, redundancy=None)
-    other = load_scenario("panda_servicer/line")
-    text = other.text + "redundancy: {metric: energy}\n"
-    wish = parse_scenario(text, other.source).problem()
-    swung = integrate_motion(wish, redundant.initial.attitude, redundant.initial.joints)
-    result = certify(replace(swung, problem=problem))
+    other = replace(redundant.problem, redundancy=Redundancy("energy"))
+    motion = integrate_motion(other, redundant.initial.attitude, redundant.initial.joints)
+    result = certify(replace(motion, problem=redundant.problem))
     assert result.end_effector_position.value < 1e-8
     assert result.momentum.value < 1e-6 * result.momentum_scale
     assert result.rates.value > 1e-3
     assert result.integration.joints > 1e-3
 
 
-def test_second_integrator_agrees_and_is_of_fourth_order(spatial):
-    again = integrate_again(spatial)
+def test_second_integrator_agrees_and_is_of_fourth_order(motion):
+    again = integrate_again(motion)
     assert again.attitude < 1e-8
     assert again.joints < 1e-8
-    assert again.until == spatial.times[-1]
-    assert again.steps == 2 * DEGREE * spatial.panels
+    assert again.until == motion.times[-1]
+    assert again.steps == 2 * DEGREE * motion.panels
     assert again.joints < again.halving_joints < 30.0 * again.joints
     assert again.halving_attitude < 1e-6
 
 
-def test_second_integrator_names_the_deviating_joint(spatial):
-    joints = spatial.joints.copy()
+def test_second_integrator_names_the_deviating_joint(motion):
+    joints = motion.joints.copy()
     joints[77, 4] += 1e-3
-    again = integrate_again(replace(spatial, joints=joints))
-    assert again.joint == spatial.problem.model.joint_names[4]
+    again = integrate_again(replace(motion, joints=joints))
+    assert again.joint == motion.problem.model.joint_names[4]
     assert again.joints == pytest.approx(1e-3, rel=1e-3)
-    assert again.joints_time == spatial.times[77]
+    assert again.joints_time == motion.times[77]
 
 
 def test_second_integration_ends_before_a_singularity(singular):
     again = integrate_again(singular)
     assert again.until == singular.times[-1 - 2 * DEGREE]
     assert again.attitude < 1e-6
-    assert {one.bound for one in certify(singular).least} == {0.0}
+    assert {entry.bound for entry in certify(singular).least} == {0.0}
 
 
 def test_certificates_of_a_prismatic_arm_and_of_no_duration():
@@ -122,7 +115,7 @@ def test_certificates_of_a_prismatic_arm_and_of_no_duration():
     assert still.end_effector_position.value < 1e-12
 
 
-def test_mujoco_stands_held_joints_where_they_are_held(rng):
+def test_fixed_joints_in_mujoco(rng):
     for _ in range(4):
         robot = random_robot(rng, "RPRCRRP", "RP")
         held = dict(zip(robot.joints[1:3], (0.7, -1.1), strict=True)) | {robot.others[0]: 0.4}
@@ -138,7 +131,7 @@ def test_mujoco_stands_held_joints_where_they_are_held(rng):
         assert_close(axes, pose.rotation, atol=1e-9)
 
 
-def test_mujoco_drifts_where_the_motion_drifts(redundant):
+def test_mujoco_agrees_with_the_motion(redundant):
     engine = Engine(redundant.problem.model)
     forward, inverse = forward_run(redundant, engine), inverse_run(redundant, engine)
     assert forward.attitude < 1e-5
@@ -149,7 +142,7 @@ def test_mujoco_drifts_where_the_motion_drifts(redundant):
     assert inverse.looks > 50
 
 
-def test_mujoco_is_not_fed_the_attitude(redundant):
+def test_mujoco_does_not_read_the_attitude(redundant):
     scenario = load_scenario("panda_servicer/line")
     heavier = scenario.text.replace("inertia: [16, 16, 16]", "inertia: [18, 16, 16]")
     model = parse_scenario(heavier, scenario.source).problem().model

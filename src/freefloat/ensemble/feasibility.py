@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -52,9 +51,8 @@ class BranchResults:
 class FeasibilityEvaluator:
     """Evaluates, by attitude and arm branch, whether a path can be followed.
 
-    Where arm branches have no closed form, finding them takes a millisecond for each attitude, far
-    longer than integrating the motions; searches then divide their numbers of attitudes by
-    ``sample_reduction``.
+    Arm branches without closed form take far longer than integrating the motions; searches then
+    divide their numbers of attitudes by ``sample_reduction``.
     """
 
     def __init__(
@@ -109,7 +107,11 @@ class FeasibilityEvaluator:
             stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
             tolerance=self.tolerance, progress=progress,
         )  # fmt: skip
-        table = _tabulated(result, chosen, np.searchsorted(integrated, sources))
+        table = EnsembleResult.empty(chosen.shape, joints.shape[2])
+        for name in EnsembleResult._fields:
+            getattr(table, name)[chosen] = getattr(result, name)
+        selected = np.searchsorted(integrated, sources)
+        table = EnsembleResult._make(values[:, selected] for values in table)
         if flipped:
             _flip_wrists(table, columns % 2 == 1, joints[:, sources], joints[:, columns])
         for values in table:
@@ -117,12 +119,7 @@ class FeasibilityEvaluator:
         return BranchResults(attitudes, joints[:, columns], table)
 
     def margins(self, attitudes: Array, branch: int | None) -> Array:
-        """Minimum margin along a branch, or the largest of all branches, shape (K,).
-
-        Args:
-            attitudes: Unit quaternions x, y, z, w, shape (K, 4).
-            branch: Number of the arm branch; all when None.
-        """
+        """Minimum margin along a branch, or the largest of all branches, shape (K,)."""
         return np.asarray(self.evaluate(attitudes, branch).margins.max(axis=1, initial=0.0))
 
     def keeps(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
@@ -181,19 +178,6 @@ def has_wrist_flipped_branches(problem: Problem) -> bool:
         for body in model.bodies[4:6]
     )
     return massless and bool(max(abs(h4 @ h5), abs(h5 @ h6)) < _NEGLIGIBLE)
-
-
-def _tabulated(
-    result: EnsembleResult, exist: npt.NDArray[np.bool_], columns: npt.NDArray[np.intp]
-) -> EnsembleResult:
-    """Selected columns of the table (K, B) of results, filled where arm branches exist."""
-
-    def tabulated(table: Any, values: Any) -> Any:
-        table[exist] = values
-        return table[:, columns]
-
-    empty = EnsembleResult.empty(exist.shape, result.joints.shape[1])
-    return EnsembleResult._make(map(tabulated, empty, result))
 
 
 def _flip_wrists(

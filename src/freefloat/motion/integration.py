@@ -68,9 +68,6 @@ def integrate_motion(
         stop_at_margin: End where the measure falls below the margin.
         tolerance: Relative and absolute, of the integrator, per step; from 1e-13 to 1e-2.
 
-    Returns:
-        The motion, whatever its ending.
-
     Raises:
         InputError: If the end-effector is not on the path at ``start``, or a time or the tolerance
             is not accepted.
