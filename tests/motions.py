@@ -1,4 +1,4 @@
-"""Problems, and motions of them, that several tests speak of."""
+"""Problems and motions that several tests share."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion, rotation_vector_between
 
 GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
-"""Example 2: from here the path is completed."""
+"""Example 2: attitude from which every branch completes the path."""
 BAD = [0.1, 0.5, 0.2, -0.8367]
-"""Example 2: from here four of eight branches become singular."""
+"""Example 2: attitude from which four of eight branches become singular."""
 
 
 @cache
@@ -70,21 +70,21 @@ def along(
     duration: float = 100.0,
     momentum: object = (0.0, 0.0, 0.0),
 ) -> Problem:
-    """A line with the hand held still; the margin is zero, of det A."""
+    """A line at constant orientation; the margin is zero, of det A."""
     path = EndEffectorPath(PolynomialCurve.line(start, end), FixedOrientation(axes))
     margin = Margin(singularity_measure(model, task, "system"), 0.0)
     return Problem(model, TimedPath(path, Timing(duration)), task, momentum, margin)
 
 
-def relative(found: np.ndarray, expected: np.ndarray) -> float:
-    """Largest difference, in units of the largest entry expected."""
-    return float(np.abs(found - expected).max() / np.abs(expected).max())
+def relative(actual: np.ndarray, expected: np.ndarray) -> float:
+    """Largest difference relative to the largest expected entry."""
+    return float(np.abs(actual - expected).max() / np.abs(expected).max())
 
 
 def chain(*joints, base=(400.0, 66.67, 0.0), tool=(0.4, 0.0, 0.0)):
     """URDF text of a spacecraft with an arm.
 
-    A joint is (type, axis, place in the body before, mass, centre of mass, moments).
+    A joint is (type, axis, position in the previous body, mass, centre of mass, moments).
     """
 
     def link(name, mass, centre, moments):
@@ -139,7 +139,7 @@ SLIDING = chain(
 
 
 def two(aside):
-    """The 40/4/3 arm, links of 1 m, its hand held to the side of the second one."""
+    """The 40/4/3 arm, links of 1 m, its end-effector to the side of the second link."""
     return chain(
         ("continuous", Z, (0.5, 0, 0), 4.0, (0.5, 0, 0), (0.01, 0.333, 0.333)),
         ("continuous", Z, (1.0, 0, 0), 3.0, (0.5, 0, 0), (0.01, 0.25, 0.25)),
@@ -155,11 +155,11 @@ def asked(model, task, momentum, curve, attitude, timing):
     )
 
 
-def from_here(model, task, momentum, attitude, joints, step, turn, timing):
-    """A problem whose path begins where the end-effector is: straight on, turning evenly."""
+def from_here(model, task, momentum, attitude, joints, step, vector, timing):
+    """A problem whose path, a line with a slerp, begins where the end-effector is."""
     pose = model.end_effector_pose(attitude, joints)
     line = PolynomialCurve.line(pose.position, pose.position + step)
-    end = Rotation.from_rotvec(turn).as_matrix() @ pose.rotation
+    end = Rotation.from_rotvec(vector).as_matrix() @ pose.rotation
     return asked(model, task, momentum, line, SlerpOrientation(pose.rotation, end), timing)
 
 
@@ -171,10 +171,10 @@ def tracking(motion, times):
     for state in motion.sample(times):
         q = np.concatenate([state.base_position, state.attitude, state.joints])
         pin.framesForwardKinematics(model, data, q)
-        wanted = motion.problem.path.pose(state.time)
-        off = (data.oMf[tool].translation - wanted.position)[rows]
-        turn = rotation_vector_between(data.oMf[tool].rotation, wanted.rotation)
-        worst = np.maximum(worst, [np.linalg.norm(off), np.linalg.norm(turn)])
+        pose = motion.problem.path.pose(state.time)
+        offset = (data.oMf[tool].translation - pose.position)[rows]
+        angle = np.linalg.norm(rotation_vector_between(data.oMf[tool].rotation, pose.rotation))
+        worst = np.maximum(worst, [np.linalg.norm(offset), angle])
     return worst
 
 
@@ -191,8 +191,8 @@ def seven(task, momentum):
     model = FreeFloatingModel.from_urdf(SEVEN, "tool")
     attitude = Rotation.from_rotvec([0.4, -0.3, 0.9]).as_quat()
     joints = np.array([0.3, -0.9, 0.4, 1.5, -0.3, 0.8, 0.5])
-    step, turn = [-0.4, 0.3, -0.3], [0.2, -0.3, 0.4]
-    problem = from_here(model, task, momentum, attitude, joints, step, turn, Timing(40.0))
+    step, vector = [-0.4, 0.3, -0.3], [0.2, -0.3, 0.4]
+    problem = from_here(model, task, momentum, attitude, joints, step, vector, Timing(40.0))
     return problem, attitude, joints
 
 

@@ -53,7 +53,7 @@ def redundant(
     if task.planar:
         m = [60.0, 9.0, 7.0, 5.0, 3.0, *[2.0] * int(structure)][: int(structure) + 1]
         size = [0.4] * len(m)
-        text = planar_robot(m, [0.2 * one for one in m], size[1:], size)
+        text = planar_robot(m, [0.2 * mass for mass in m], size[1:], size)
         text = text.replace('"q2" type="continuous"', '"q2" type="revolute"')
         child = '<child link="link_2"/>'
         text = text.replace(child, child + RANGE)
@@ -68,8 +68,8 @@ def redundant(
     pose = model.end_effector_pose(attitude, joints)
     p, R = np.array(pose.position), np.array(pose.rotation)
     line = PolynomialCurve.line(p, p + across[0] * rng.uniform(-0.15, 0.15, 3))
-    turn = Rotation.from_rotvec(across[1] * rng.uniform(-0.2, 0.2, 3)).as_matrix()
-    path = EndEffectorPath(line, SlerpOrientation(R, turn @ R))
+    rotation = Rotation.from_rotvec(across[1] * rng.uniform(-0.2, 0.2, 3)).as_matrix()
+    path = EndEffectorPath(line, SlerpOrientation(R, rotation @ R))
     h = across[1] * rng.normal(size=3) * model.total_mass / 500.0 * momentum
     timed = TimedPath(path, timing or Timing(20.0, stops=(Stop(0.4, 9.0),)))
     margin = Margin(singularity_measure(model, task, "gjm"), 0.0)

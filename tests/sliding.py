@@ -1,7 +1,7 @@
-"""A spacecraft whose hand slides along three axes: motions known in closed form.
+"""An end-effector on three prismatic joints: motions known in closed form.
 
-The hand moves along the spacecraft's x axis, on the line through its centre of mass: nothing turns,
-and spacecraft and hand keep the centre of mass between them.
+It moves along the spacecraft's x axis, on the line through its centre of mass: nothing rotates, and
+the centre of mass between spacecraft and end-effector stays where it is.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from tests.robots import inertial_text, joint_text, link_text
 BUS, HAND = 90.0, 10.0
 """Masses [kg]."""
 LENGTH, DURATION = 0.9, 20.0
-"""Of the hand's way from the centre of mass [m], and how long it takes [s]."""
+"""Length of the end-effector's path [m], and its duration [s]."""
 RELATIVE = LENGTH * (BUS + HAND) / BUS
-"""Way of the sliding joint [m]: the spacecraft draws back meanwhile."""
+"""Displacement of the prismatic joint [m]: the spacecraft recoils."""
 
 
 def shape_text(geometry, xyz="0 0 0"):
@@ -33,7 +33,7 @@ def shape_text(geometry, xyz="0 0 0"):
 
 
 def sliding_robot(bus="", hand="", more="", limits=(-4.0, 4.0)):
-    """URDF text; collision shapes of bus and hand, and further links, may be added."""
+    """URDF text; collision shapes of both bodies, and further links, may be added."""
     parts = [
         link_text("bus", inertial_text(BUS, 10.0 * np.eye(3)) + bus),
         joint_text("x", "P", "bus", "a", axis="1 0 0", limits=limits),
@@ -48,7 +48,7 @@ def sliding_robot(bus="", hand="", more="", limits=(-4.0, 4.0)):
 
 
 def sliding_problem(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
-    """From a place on the x axis [m from the centre of mass] one length further."""
+    """A path of one length from a point on the x axis [m from the centre of mass]."""
     model = FreeFloatingModel.from_urdf(text, "hand")
     curve = PolynomialCurve.line((start, 0.0, 0.0), (start + LENGTH, 0.0, 0.0))
     path = EndEffectorPath(curve, FixedOrientation(np.eye(3)))
