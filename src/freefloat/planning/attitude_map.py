@@ -33,13 +33,10 @@ class Candidate:
     branch: int | None
     score: float
 
-    def to_dict(self, key: str | None = None) -> dict[str, Any]:
+    def to_dict(self, key: str) -> dict[str, Any]:
         """The JSON document, the score under a key; in degrees if the key says so."""
-        document = {"attitude": self.attitude.tolist(), "branch": self.branch}
-        if key is None:
-            return document
-        degrees = key.endswith("_deg")
-        return {**document, key: float(np.degrees(self.score)) if degrees else self.score}
+        score = float(np.degrees(self.score)) if key.endswith("_deg") else self.score
+        return {"attitude": self.attitude.tolist(), "branch": self.branch, key: score}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +56,8 @@ class BoundaryPoint:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
-        document = {"attitude": self.attitude.tolist(), "branch": self.branch}
-        return (
-            document if self.gap is None else {**document, "gap_deg": float(np.degrees(self.gap))}
-        )
+        gap = {} if self.gap is None else {"gap_deg": float(np.degrees(self.gap))}
+        return {"attitude": self.attitude.tolist(), "branch": self.branch, **gap}
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,14 +174,22 @@ class AttitudeMap:
         for index in np.flatnonzero(reached.any(axis=0)).tolist():
             if index not in labels:
                 branches = self.problem.branches(self.attitudes[int(np.argmax(reached[:, index]))])
-                labels |= {
-                    entry.index: entry.label for entry in branches if entry.index not in labels
-                }
+                labels = {branch.index: branch.label for branch in branches} | labels
         return dict(sorted(labels.items()))
+
+    def branch_fractions(self, branch: int | None) -> tuple[float, float]:
+        """Fractions of the attitudes where an arm branch keeps the margin, and where it exists."""
+        columns = slice(None) if branch is None else [branch]
+        feasible, reached = self.feasible[:, columns], self.reached[:, columns]
+        return float(feasible.any(axis=1).mean()), float(reached.any(axis=1).mean())
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat map``."""
-        margin = self.problem.margin
+        margin, branches = self.problem.margin, []
+        for branch, label in self.branch_labels().items():
+            feasible, reached = self.branch_fractions(branch)
+            branches.append({"branch": branch, "label": label, "fraction": feasible,
+                             "reached_fraction": reached})  # fmt: skip
         document = {
             "samples": self.samples,
             "seed": self.seed,
@@ -198,7 +201,7 @@ class AttitudeMap:
             "best": self.best and self.best.to_dict("value"),
             "robust": self.robust and self.robust.to_dict("radius_deg"),
             "regions": [region.to_dict() for region in self.regions],
-            "branches": [self._branch_dict(*entry) for entry in self.branch_labels().items()],
+            "branches": branches,
             "endings": {key: int((self.endings == code).sum()) for key, code in _ENDINGS.items()},
             "out_of_reach": reach_message(self.problem),
             "seconds": self.seconds,
@@ -215,14 +218,3 @@ class AttitudeMap:
                 "points": [point.to_dict() for point in self.tangency],
             }
         return document
-
-    def branch_fractions(self, branch: int | None) -> tuple[float, float]:
-        """Fractions of the attitudes where an arm branch keeps the margin, and where it exists."""
-        columns = slice(None) if branch is None else [branch]
-        feasible, reached = self.feasible[:, columns], self.reached[:, columns]
-        return float(feasible.any(axis=1).mean()), float(reached.any(axis=1).mean())
-
-    def _branch_dict(self, branch: int | None, label: str) -> dict[str, Any]:
-        feasible, reached = self.branch_fractions(branch)
-        return {"branch": branch, "label": label, "fraction": feasible,
-                "reached_fraction": reached}  # fmt: skip

@@ -14,9 +14,8 @@ from freefloat.limits.limits import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import light_spacecraft, reach_message, unreached_start
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
-from freefloat.planning.heading_map import attitudes_at
+from freefloat.planning.heading_map import attitudes_at, even_headings
 from freefloat.planning.plan import Objective, Search
-from freefloat.planning.planar_ranges import TURN
 from freefloat.planning.search import best_branch, largest_margins
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
 from freefloat.so3 import angle_between
@@ -69,17 +68,14 @@ def disagreement(
 def no_feasible_attitude(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> str:
     """Why no attitude of a map keeps the margin."""
     problem, N = samples.problem, samples.samples
-    beyond = reach_message(problem)
-    if beyond is not None:
+    if (beyond := reach_message(problem)) is not None:
         return beyond
     if not samples.reached.any():
         return f"from none of {N} attitudes does {unreached_start(problem)}"
-    best = max(
-        largest_margins(evaluator, samples), key=lambda candidate: candidate.score, default=None
-    )
-    if best is None:
+    peaks = largest_margins(evaluator, samples)
+    if not peaks:
         return f"the arm becomes singular from all of {N} attitudes, with every arm branch"
-    name = problem.margin.measure.name
+    best, name = max(peaks, key=lambda peak: peak.score), problem.margin.measure.name
     return (
         f"of {N} attitudes and those near the best of them none keeps {name} "
         f"{problem.margin.threshold:.6g}; the largest minimum {name} is {best.score:.6g}, "
@@ -89,17 +85,14 @@ def no_feasible_attitude(evaluator: FeasibilityEvaluator, samples: AttitudeMap) 
 
 def no_feasible_heading(evaluator: FeasibilityEvaluator) -> str:
     """Why no heading keeps the margin: the best of some headings."""
-    problem = evaluator.problem
-    attitudes = attitudes_at(np.arange(_TRIED) * (TURN / _TRIED))
-    outcomes = evaluator.evaluate(attitudes)
-    tried = np.argwhere(np.isin(outcomes.motions.endings, (COMPLETED, SINGULAR)))
-    beyond = reach_message(problem)
-    if beyond is not None:
+    problem, attitudes = evaluator.problem, attitudes_at(even_headings(_TRIED))
+    if (beyond := reach_message(problem)) is not None:
         return beyond
-    if not len(tried):
+    motions = evaluator.evaluate(attitudes).motions
+    tried = np.argwhere(np.isin(motions.endings, (COMPLETED, SINGULAR))).tolist()
+    if not tried:
         return f"from no heading does {unreached_start(problem)}"
-    ended_at, margins = outcomes.motions.ended_at, outcomes.motions.minimum
-    n, branch = max(tried.tolist(), key=lambda row: (ended_at[tuple(row)], margins[tuple(row)]))
+    n, branch = max(tried, key=lambda at: (motions.ended_at[*at], motions.minimum[*at]))
     best = integrate_branch(problem, attitudes[n], branch)
     approach = best.closest_approach
     position = problem.path.pose(approach.time).position
@@ -114,8 +107,7 @@ def no_feasible_heading(evaluator: FeasibilityEvaluator) -> str:
 def infeasible_distance(problem: Problem) -> str | None:
     """Why no heading can be feasible, where distances from the centre of mass alone show it.
 
-    Args:
-        problem: A planar problem whose S depends on two joint angles.
+    S of the planar problem depends on two joint angles.
     """
     point = "last joint" if problem.task is Task.PLANAR_POSE else "end-effector"
     inner, outer = PlanarArm.of(problem.model).reach
@@ -142,11 +134,8 @@ def limits_violated(
 ) -> str:
     """Why no candidate keeps the limits.
 
-    Args:
-        violations: How many candidates violate which limit.
-        results: Limits along the candidate that comes nearest to keeping them.
-        count: Number of precise motions.
-        stretch: Factor on the duration that would be enough.
+    ``results`` are those of the candidate that comes nearest to keeping them, ``count`` is the
+    number of precise motions, ``stretch`` a factor on the duration that would be enough.
     """
     counts = ", ".join(f"{name} {number}" for name, number in violations.most_common())
     reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"

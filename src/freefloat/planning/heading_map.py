@@ -85,11 +85,6 @@ class HeadingMap:
     seconds: float = 0.0
 
     @property
-    def margin(self) -> float:
-        """Required magnitude of the measure."""
-        return self.problem.margin.threshold
-
-    @property
     def feasible(self) -> npt.NDArray[np.bool_]:
         """Where the margin is kept, shape (B, N)."""
         return self.problem.margin.is_kept(np.nan_to_num(self.minimum_margins))
@@ -121,17 +116,16 @@ class HeadingMap:
     @property
     def regions(self) -> tuple[HeadingRegion, ...]:
         """Runs of feasible headings round the circle, by arm branch."""
-        step, degrees, regions = 360.0 / len(self.headings), np.degrees(self.headings), []
+        step, regions = 360.0 / len(self.headings), []
         for branch, row in zip(self.branches, self.feasible, strict=True):
             if row.all():
                 regions.append(HeadingRegion(branch, 360.0, 0.0))
                 continue
             first = int(np.argmin(row))
-            rolled = np.append(np.roll(row, -first), False).astype(int)
-            edges = np.flatnonzero(np.diff(rolled, prepend=0))
-            for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-                centre = float((degrees[first] + step * (start + stop - 1) / 2.0) % 360.0)
-                regions.append(HeadingRegion(branch, (stop - start) * step, centre))
+            edges = np.flatnonzero(np.diff([0, *np.roll(row, -first).astype(int), 0])).tolist()
+            for start, stop in zip(edges[::2], edges[1::2], strict=True):
+                centre = (np.degrees(self.headings[first]) + step * (start + stop - 1) / 2.0) % 360
+                regions.append(HeadingRegion(branch, (stop - start) * step, float(centre)))
         return tuple(regions)
 
     def to_dict(self) -> dict[str, Any]:
@@ -151,19 +145,14 @@ class HeadingMap:
                 for index, row in zip(self.branches, self.minimum_margins, strict=True)
             ],
             "headings_deg": np.degrees(self.headings).tolist(),
-            "margin": self.margin,
+            "margin": self.problem.margin.threshold,
             "seconds": self.seconds,
             "out_of_reach": reach_message(self.problem),
         }
 
 
 def evaluator_for(problem: Problem, threads: int | None = None) -> FeasibilityEvaluator:
-    """The evaluator of a problem, for planar tasks precise enough for the limits of ranges.
-
-    Args:
-        problem: The problem.
-        threads: Number of cores to use; all available ones when left out.
-    """
+    """The evaluator of a problem, for planar tasks precise enough for the limits of ranges."""
     tolerance = _TOLERANCE if problem.task.planar else TOLERANCE
     return FeasibilityEvaluator(problem, threads, tolerance=tolerance)
 
@@ -171,20 +160,12 @@ def evaluator_for(problem: Problem, threads: int | None = None) -> FeasibilityEv
 def sample_headings(
     problem: Problem, samples: int, progress: Progress | None = None, threads: int | None = None
 ) -> HeadingMap:
-    """Integrate the motions of every arm branch from evenly spread headings.
-
-    Args:
-        problem: A planar problem.
-        samples: Number of headings.
-        progress: Called with the fraction done, in [0, 1].
-        threads: Number of cores to use; all available ones when left out.
-    """
+    """Integrate the motions of every arm branch of a planar problem from evenly spread headings."""
     headings = even_headings(samples)
-    outcomes = evaluator_for(problem, threads).evaluate(attitudes_at(headings), progress=progress)
-    exists = outcomes.exist
-    branches = np.flatnonzero(exists.any(axis=0))
-    margins = np.where(exists, outcomes.margins, np.nan)[:, branches].T
-    ended_at = outcomes.motions.ended_at[:, branches].T
+    results = evaluator_for(problem, threads).evaluate(attitudes_at(headings), progress=progress)
+    branches = np.flatnonzero(results.exist.any(axis=0))
+    margins = np.where(results.exist, results.margins, np.nan)[:, branches].T
+    ended_at = results.motions.ended_at[:, branches].T
     return HeadingMap(
         problem, headings, tuple(branches.tolist()), frozen(margins), frozen(ended_at)
     )
@@ -205,10 +186,7 @@ def best_heading(
 ) -> tuple[float, float]:
     """The largest margin between the first and the last of some headings, and its heading [rad].
 
-    Args:
-        evaluator: Of a planar problem.
-        headings: Evenly spread, in order [rad], shape (K,).
-        branch: Number of the arm branch, or None for the best of all.
+    The headings (K,) are evenly spread and in order; without a number all arm branches count.
     """
     low, high = headings[[0, -1]]
     spacing, steps = headings[1] - low, np.linspace(-1.0, 1.0, _PARTS + 1)

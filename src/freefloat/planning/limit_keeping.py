@@ -47,12 +47,6 @@ def keep_limits(
     the search's objective; those next to one that violates a limit are skipped, and the slowest of
     them tried in the end. For the objective nearest the attitude is then moved toward
     ``from_attitude`` as far as everything is kept.
-
-    Args:
-        evaluator: Of the plan's problem.
-        plan: A plan for the margin alone.
-        limits: Limits to keep beside the joint ranges.
-        progress: Called with the fraction done, in [0, 1].
     """
     plan = replace(plan, limits=limits)
     if plan.chosen is None:

@@ -124,13 +124,7 @@ def sample_attitudes(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> AttitudeMap:
-    """Integrate the motions of every arm branch from attitudes spread over all of SO(3).
-
-    Args:
-        evaluator: Of a spatial problem.
-        samples: Number of attitudes, 8 or more.
-        seed: Rotates the grid of attitudes.
-        progress: Called with the fraction done, in [0, 1].
+    """Integrate the motions of every arm branch from 8 or more attitudes spread over all of SO(3).
 
     Raises:
         InputError: If the samples or the seed are no such numbers.
@@ -177,10 +171,7 @@ def boundary_points(
 ) -> tuple[BoundaryPoint, ...]:
     """Attitudes on the boundary of the feasible set, by bisection between neighbouring samples.
 
-    Args:
-        evaluator: Of the same problem.
-        samples: The map.
-        count: Most points for each arm branch.
+    There are at most ``count`` points for each arm branch.
     """
     points: list[BoundaryPoint] = []
     for branch, margins in samples.branch_margins():
@@ -196,11 +187,8 @@ def tangent_boundary(
 ) -> tuple[BoundaryPoint, ...]:
     """Attitudes on the boundary of the feasible set, integrated backward from tangency points.
 
-    Args:
-        evaluator: Of a problem whose arm has an elbow and a spherical wrist.
-        count: Number of points, of wrist-flipped branches the first alone; fewer are found where
-            few motions keep the margin elsewhere.
-        seed: Shifts the family of tangency points.
+    Of wrist-flipped branches the first alone counts; fewer than ``count`` are found where few
+    motions keep the margin elsewhere. The seed shifts the family of tangency points.
 
     Raises:
         InputError: If the arm has no such tangency points, or the margin is zero.

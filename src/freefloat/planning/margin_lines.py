@@ -5,14 +5,13 @@ For an elbow arm with a spherical wrist the wrist centre, the paper's point 3, f
 its direction fixes the attitude of the spacecraft up to a rotation about it, here called roll; the
 wrist angles follow. These states form a surface over (arc, roll), an arc being a curve of
 (time, q3); the margin surface intersects it in lines. For the measure ``arm``, S depends on
-(q2, q3) alone (40) and has the form of (21a) in q3: the lines have constant time and q3. For every
-other measure they are contours of S.
+(q2, q3) alone (40): the lines have constant time and q3. For every other measure they are contours
+of S.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import lru_cache, partial
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -46,50 +45,35 @@ class StatesOnPath:
     """States at given (q1, q2), by time, q3, roll about point 3 and sign of the wrist.
 
     Attributes:
-        problem: The problem.
+        problem: A pose task of an elbow arm with a spherical wrist.
         q2: Second joint angle [rad].
         measure: The problem's measure S.
-        in_plane: Whether S depends on (q2, q3) alone (40).
-        has_momentum: Whether the momentum differs from zero.
         reach: Reach of the arm [m].
         times: Samples of time [s], shape (T,).
         point_3: Point 3 at those times [m], inertial frame, shape (T, 3).
     """
 
     def __init__(self, problem: Problem, q1: float, q2: float) -> None:
-        """Prepare what does not depend on the state.
-
-        Args:
-            problem: A pose task of an elbow arm with a spherical wrist.
-            q1: First joint angle [rad].
-            q2: Second joint angle [rad].
-        """
         self.problem, self.q2, self._q1 = problem, q2, q1
         self.measure = problem.margin.measure
-        self.in_plane = problem.margin.measure.name == "arm"
-        self.has_momentum = bool(problem.momentum.any())
-        self._gradient = lru_cache(1024)(partial(_gradient_in_plane, self.measure))
+        self._has_momentum = bool(problem.momentum.any())
         self._solver = problem.resolved_rate_solver()
-        self._prepare_arm(VirtualManipulator.of(problem.model))
+        virtual = VirtualManipulator.of(problem.model)
+        p, R, points, axes = virtual.kinematics(np.zeros(6))
+        P, self._h = points[:, 0], np.ascontiguousarray(axes[:, 0])
+        wrist, first = virtual.wrist_centre, _about(self._h[0], q1)
+        self._upper = first * _about(self._h[1], q2)
+        self._normal = first.apply(self._h[1])
+        self._elbow = P[0] + first.apply(P[1] - P[0]) + self._upper.apply(P[2] - P[1])
+        self._forearm, self._wrist_to_tool = wrist - P[2], p[0] - wrist
+        self._from_zero, self.reach = Rotation.from_matrix(R[0]).inv(), virtual.reach
         self.times = np.linspace(0.0, problem.path.duration, _TIMES)
         self.point_3 = self.point_3_at(self.times)[0]
         self._reference = _direction_across(self.point_3)
 
-    def _prepare_arm(self, virtual: VirtualManipulator) -> None:
-        """``P`` and ``h`` are positions and axes of the virtual joints at zero."""
-        p, R, points, axes = virtual.kinematics(np.zeros(6))
-        P, h, wrist = points[:, 0], np.ascontiguousarray(axes[:, 0]), virtual.wrist_centre
-        first = _about(h[0], self._q1)
-        self._upper = first * _about(h[1], self.q2)
-        self._normal = first.apply(h[1])
-        self._elbow = P[0] + first.apply(P[1] - P[0]) + self._upper.apply(P[2] - P[1])
-        self._forearm, self._wrist_to_tool = wrist - P[2], p[0] - wrist
-        self._from_zero = Rotation.from_matrix(R[0]).inv()
-        self._h, self.reach = h, virtual.reach
-
     def point_3_at(self, t: Array) -> tuple[Array, Rotation]:
         """Point 3 by (36) [m], shape (K, 3), and rotations of the end-effector from zero joints."""
-        poses = [self.problem.path.pose(float(time)) for time in t]
+        poses = [self.problem.path.pose(time) for time in t.tolist()]
         rotations = Rotation.from_matrix([pose.rotation for pose in poses]) * self._from_zero
         positions = np.array([pose.position for pose in poses])
         return positions - rotations.apply(self._wrist_to_tool), rotations
@@ -125,46 +109,34 @@ class StatesOnPath:
         """S at joints (K, 6), shape (K,); NaN where the joints are."""
         return np.array([self.measure(q) if np.isfinite(q).all() else np.nan for q in joints])
 
-    def rates(self, t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
+    def _rates(self, t: float, attitude: Array, joints: Array) -> tuple[Array, Array]:
         """Base and joint rates (8), per second; without momentum per unit of s."""
         path = self.problem.path
-        twist = path.twist(t) if self.has_momentum else path.path.tangent(path.timing.s(t))
+        twist = path.twist(t) if self._has_momentum else path.path.tangent(path.timing.s(t))
         return self._solver.rates(attitude, joints, twist)
 
-    def slope(self, t: float, attitude: Array, joints: Array) -> float:
-        """Rate dS/dt of (14) along the motion through a state; NaN where that is singular."""
-        rates = self.rates(t, attitude, joints)[1]
-        speed = float(np.linalg.norm(rates))
-        if not np.isfinite(speed + joints.sum()):
-            return float("nan")
-        if self.in_plane:
-            by_q2, by_q3 = self._gradient(*joints[1:3].tolist())
-            return float(by_q2 * rates[1] + by_q3 * rates[2])
-        step = rates * (_STEP / (speed or 1.0))
-        difference = self.measure(joints + step) - self.measure(joints - step)
-        return speed * difference / (2.0 * _STEP)
-
     def slopes(self, t: Array, attitudes: Rotation, joints: Array) -> Array:
-        """:meth:`slope` of many states, shape (K,)."""
-        rows = zip(t.tolist(), attitudes.as_quat(), joints, strict=True)
-        return np.array([self.slope(time, attitude, q) for time, attitude, q in rows])
+        """Rates dS/dt of (14) along motions through states, (K,); NaN where those are singular."""
+        slopes = np.full(len(t), np.nan)
+        for k, (time, attitude, q) in enumerate(zip(t, attitudes.as_quat(), joints, strict=True)):
+            rates = self._rates(float(time), attitude, q)[1]
+            speed = float(np.linalg.norm(rates))
+            if np.isfinite(speed + q.sum()):
+                step = rates * (_STEP / (speed or 1.0))
+                difference = self.measure(q + step) - self.measure(q - step)
+                slopes[k] = speed * difference / (2.0 * _STEP)
+        return slopes
 
     def is_minimum(self, t: float, attitude: Rotation, joints: Array, level: float) -> bool:
         """Whether the magnitude of S has a minimum, not a maximum, along the motion."""
         path = self.problem.path
-        omega, rates = self.rates(t, attitude.as_quat(), joints)
-        speed = 1.0 if self.has_momentum else path.timing.s(t, 1)
-        fastest = max(np.abs(omega).max(), np.abs(rates).max())
-        size = max(speed * fastest, 1.0 / path.duration)
-        slopes = [
-            self.slope(
-                t + step,
-                (attitude * Rotation.from_rotvec(speed * step * omega)).as_quat(),
-                joints + speed * step * rates,
-            )
-            for step in (1e-4 / size, -1e-4 / size)
-        ]
-        return bool((slopes[0] - slopes[1]) * level > 0.0)
+        omega, rates = self._rates(t, attitude.as_quat(), joints)
+        speed = 1.0 if self._has_momentum else path.timing.s(t, 1)
+        fastest = speed * max(np.abs(omega).max(), np.abs(rates).max())
+        steps = np.array([[1e-4], [-1e-4]]) / max(fastest, 1.0 / path.duration)
+        attitudes = attitude * Rotation.from_rotvec(speed * steps * omega)
+        after, before = self.slopes(t + steps[:, 0], attitudes, joints + speed * steps * rates)
+        return bool((after - before) * level > 0.0)
 
 
 def margin_lines(
@@ -172,19 +144,15 @@ def margin_lines(
 ) -> Iterator[tuple[float, Array]]:
     """States with S = S0 on the path, to the precision of the sampling.
 
-    Args:
-        on_path: The states on the path.
-        wrist: 1 or -1 for one of the two wrist-flipped solutions.
-        levels: Signed values S0.
-
     Yields:
-        S0 and rows of time, q3 and roll along a line, shape (K, 3). Lines may overlap.
+        S0, of some signed levels, and rows of time, q3 and roll along a line, shape (K, 3). Lines
+        may overlap.
     """
     q3 = np.linspace(-np.pi, np.pi, _ELBOWS)
     wrists, points = (np.linalg.norm(v, axis=1) for v in (on_path.wrist(q3), on_path.point_3))
     generator = contour_generator(on_path.times, q3, wrists[:, None] - points[None, :])
     for arc in generator.lines(0.0):
-        if on_path.in_plane:
+        if on_path.measure.name == "arm":
             yield from _lines_of_constant_elbow(on_path, levels, np.asarray(arc))
         else:
             yield from _contours(on_path, wrist, levels, np.asarray(arc))
@@ -194,11 +162,9 @@ def _lines_of_constant_elbow(
     on_path: StatesOnPath, levels: tuple[float, ...], arc: Array
 ) -> Iterator[tuple[float, Array]]:
     """Lines of the measure ``arm``: full rotations where S(q2, q3) = S0 on the arc."""
-    samples = 2.0 * np.pi / 3.0 * np.arange(3)
-    S = [on_path.measure(np.array([0.0, on_path.q2, q3, 0.0, 0.0, 0.0])) for q3 in samples]
-    form = np.column_stack([np.ones(3), np.sin(samples), np.cos(samples)])
-    k0, k1, k2 = np.linalg.solve(form, S)
-    along = k0 + k1 * np.sin(arc[:, 1]) + k2 * np.cos(arc[:, 1])
+    joints = np.zeros((len(arc), 6))
+    joints[:, 1], joints[:, 2] = on_path.q2, arc[:, 1]
+    along = on_path.measures(joints)
     for level in levels:
         for i in roots_between(along - level):
             before, after = np.abs(along[i : i + 2] - level)
@@ -270,15 +236,6 @@ class _Patch:
         near = [(low - spread <= level) & (level <= high + spread) for level in levels]
         extrema = ((low == self._S) | (high == self._S)) & np.any(near, axis=0)
         return [(int(i), int(j)) for i, j in np.argwhere(extrema)]
-
-
-def _gradient_in_plane(
-    measure: Callable[[Array], float], q2: float, q3: float
-) -> tuple[float, float]:
-    """Derivatives of S(q2, q3) (40) by its two angles."""
-    q, (a, b) = np.array([0.0, q2, q3, 0.0, 0.0, 0.0]), _STEP * np.eye(6)[1:3]
-    by_q2, by_q3 = ((measure(q + d) - measure(q - d)) / (2.0 * _STEP) for d in (a, b))
-    return by_q2, by_q3
 
 
 def _about(axis: Array, angle: npt.ArrayLike) -> Rotation:

@@ -54,13 +54,7 @@ _Choice = tuple[float, BranchRanges, HeadingRange, str]
 def plan_in_plane(
     evaluator: FeasibilityEvaluator, search: Search, progress: Progress | None = None
 ) -> Plan:
-    """Find every feasible initial heading of a planar problem and choose one.
-
-    Args:
-        evaluator: Of a planar problem.
-        search: What to choose.
-        progress: Called with the fraction done, in [0, 1].
-    """
+    """Find every feasible initial heading of a planar problem and choose one."""
     problem = evaluator.problem
     segments: tuple[Segment, ...] = ()
     measure = problem.margin.measure.name
@@ -156,11 +150,6 @@ def searched_ranges(
 
     Ranges are those of each arm branch; of a redundant arm a heading is feasible when any of the
     starting configurations tried keeps the margin.
-
-    Args:
-        evaluator: Of a planar problem.
-        samples: Number of headings.
-        progress: Called with the fraction done, in [0, 1].
     """
     problem, headings = evaluator.problem, _headings(evaluator.problem, samples)
     results = evaluator.evaluate(attitudes_at(headings), stop_at_margin=True, progress=progress)

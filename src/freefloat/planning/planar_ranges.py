@@ -151,9 +151,7 @@ class BranchRanges:
 def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
     """All motions over a span whose smallest |S| is S0, of either sign.
 
-    Args:
-        problem: A planar problem whose S depends on two joint angles, measured by ``system``.
-        span: First and last time [s].
+    S of the planar problem is ``system`` and depends on two joint angles.
     """
     limits, level = [], _level(problem)
     for point in tangency_points(problem, level, span):

@@ -114,11 +114,6 @@ def plan_in_space(
     """Map SO(3), refine its best candidates, and choose the first whose precise motion is feasible.
 
     The robust radius is known only where it was searched for.
-
-    Args:
-        evaluator: Of a spatial problem.
-        search: What to choose.
-        progress: Called with the fraction done, in [0, 1].
     """
     problem = evaluator.problem
     samples = sample_attitudes(

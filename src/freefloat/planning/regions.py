@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from freefloat.motion.problem import is_kept
-from freefloat.so3 import Array, frozen, grid_spacing
+from freefloat.so3 import Array, IntArray, frozen, grid_spacing
 
 if TYPE_CHECKING:
     from freefloat.planning.attitude_map import AttitudeMap
@@ -53,14 +54,26 @@ class Region:
         }
 
 
+def nearest_among(others: Array) -> Callable[[Array], tuple[Array, IntArray]]:
+    """A function that finds the nearest of some attitudes (M, 4).
+
+    Of attitudes (K, 4) it returns the angles [rad] to the nearest, and its index, shapes (K,).
+    """
+    tree = cKDTree(np.vstack([others, -others]))
+
+    def nearest(attitudes: Array) -> tuple[Array, IntArray]:
+        chords, index = tree.query(attitudes)
+        return 4.0 * np.arcsin(np.minimum(chords / 2.0, 1.0)), index % len(others)
+
+    return nearest
+
+
 def depths(attitudes: Array, inside: npt.NDArray[np.bool_]) -> Array:
     """Angle [rad] from each attitude inside to the nearest outside, pi if there is none; (K,)."""
     if inside.all():
         return np.full(len(attitudes), np.pi)
-    outside = attitudes[~inside]
-    chord, _ = cKDTree(np.vstack([outside, -outside])).query(attitudes[inside])
     angles = np.zeros(len(attitudes))
-    angles[inside] = 4.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))
+    angles[inside], _ = nearest_among(attitudes[~inside])(attitudes[inside])
     return angles
 
 

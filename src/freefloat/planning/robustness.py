@@ -10,16 +10,13 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
-from freefloat.planning.regions import depths
-from freefloat.planning.search import ROUGH, bisect, closest, cloud_search, edge
+from freefloat.planning.regions import depths, nearest_among
+from freefloat.planning.search import ROUGH, Flags, bisect, climb, closest, edge
 from freefloat.so3 import (
     Array,
-    IntArray,
     angle_between,
     attitude_grid,
     attitudes_within,
@@ -47,13 +44,8 @@ def safe_radius(
 ) -> float:
     """How far an attitude may deviate before an arm branch leaves the feasible set [rad].
 
-    Confirmed by thousands of attitudes spread within.
-
-    Args:
-        evaluator: Of the problem.
-        attitude: Feasible, x, y, z, w.
-        branch: Number of the arm branch; None for the best of a redundant arm.
-        spacing: Angle [rad] at which the search begins.
+    Confirmed by thousands of attitudes spread within. The search begins at the angle ``spacing``;
+    without a number the best branch of a redundant arm counts.
     """
     radius, _ = _outside_nearby(evaluator, attitude, branch, spacing, spacing)
     return _confirmed(evaluator, Candidate(attitude, branch, radius)).score
@@ -64,13 +56,8 @@ def deepest(
 ) -> Candidate | None:
     """The centre of the largest ball of attitudes inside the feasible set of one branch.
 
-    Known attitudes outside limit every ball. The largest ball that they leave is examined; what is
-    found outside limits the next one, until a ball holds.
-
-    Args:
-        evaluator: Of the same problem.
-        samples: The map.
-        known: Points of the boundary that limit balls from the first.
+    Known points of the boundary and samples outside limit every ball. The largest ball that they
+    leave is examined; what is found outside limits the next one, until a ball holds.
 
     Returns:
         None where no sample is feasible and clear of all singularities.
@@ -108,7 +95,7 @@ def _outside_nearby(
     They are searched for within ``reach`` first, and farther only where there are none.
     """
 
-    def outside(attitudes: Array) -> npt.NDArray[np.bool_]:
+    def outside(attitudes: Array) -> Flags:
         return ~evaluator.regular(attitudes, branch)
 
     radius, limits = reach, np.empty((0, 4))
@@ -181,22 +168,18 @@ def _most_room(centers: Array, outside: Array) -> tuple[Array, float]:
     """The attitude farthest from all those outside, near one of the centers, and how far [rad]."""
     if not len(outside):
         return centers[0], float(np.pi)
-    tree = cKDTree(np.vstack([outside, -outside]))
-    chords, _ = tree.query(centers)
-    starts = np.argsort(-chords)[:_STARTS]
-    rooms = chords[starts]
+    nearest = nearest_among(outside)
 
-    def improve(active: IntArray, _: Array, clouds: Array) -> tuple[npt.NDArray[np.bool_], Array]:
-        found, _ = tree.query(clouds)
-        rows, top = np.arange(len(active)), np.argmax(found, axis=1)
-        better = found[rows, top] > rooms[active]
-        rooms[active[better]] = found[rows, top][better]
-        return better, clouds[rows, top][better]
+    def room(attitudes: Array) -> Array:
+        return nearest(attitudes)[0]
 
-    spacing = grid_spacing(len(centers))
-    places = cloud_search(centers[starts], spacing, _ROOM, improve, shrink=0.5, rounds=10_000)
+    rooms = room(centers)
+    starts, spacing = np.argsort(-rooms)[:_STARTS], grid_spacing(len(centers))
+    places, rooms = climb(
+        room, centers[starts], rooms[starts], spacing, _ROOM, shrink=0.5, rounds=10_000
+    )
     best = int(np.argmax(rooms))
-    return places[best], float(4.0 * np.arcsin(min(1.0, rooms[best] / 2.0)))
+    return places[best], float(rooms[best])
 
 
 def _confirmed(evaluator: FeasibilityEvaluator, ball: Candidate) -> Candidate:

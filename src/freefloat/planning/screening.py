@@ -61,15 +61,10 @@ def screen(
     limits: Limits,
     pairs: CollisionPairs | None,
 ) -> Iterator[ScreenedCandidate]:
-    """Candidates that keep the margin, the best by the objective first.
+    """Candidates that keep the margin, the best by the search's objective first.
 
-    Args:
-        evaluator: Of the problem.
-        attitudes: Quaternions x, y, z, w, shape (N, 4).
-        margins: Of every arm branch, zero for motions that do not complete, shape (N, B).
-        search: Its objective ranks the candidates.
-        limits: Limits beside the joint ranges.
-        pairs: Bodies whose clearance is limited; None where it is not.
+    Margins are those of every arm branch from attitudes (N, 4), zero for motions that do not
+    complete, shape (N, B). The clearance of ``pairs`` is limited where they are given.
     """
     feasible = evaluator.problem.margin.is_kept(margins)
     samples, branches = np.nonzero(feasible)
@@ -140,15 +135,8 @@ def clearance_deficits(
 
     Start and end are examined first: many motions need not be integrated at all.
 
-    Args:
-        evaluator: Of the problem.
-        pairs: Of its robot.
-        clearance: Required distance [m].
-        results: Of the evaluator.
-        entries: Rows and arm branches of K motions in the results.
-
     Returns:
-        [m], shape (K,); zero for motions that keep the clearance at every instant.
+        [m], one for each entry of the results; zero where the clearance is kept at every instant.
     """
     attitudes, joints = results.attitudes[entries[0]], results.joints[entries]
     ends = results.motions.joints[entries]

@@ -1,20 +1,17 @@
-"""Searches between the samples of an attitude map: clouds of attitudes, and bisection.
-
-The best, the nearest and the deepest attitude, and the boundary of the feasible set, are all found
-with :func:`cloud_search` and :func:`bisect`.
-"""
+"""Searches between the samples of an attitude map: clouds of attitudes, and bisection."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import is_kept
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.regions import nearest_among
 from freefloat.so3 import (
     Array,
     IntArray,
@@ -39,9 +36,10 @@ _PARTS = 8
 ROUGH, EXACT = 3, 6
 """Rounds of bisection: to 0.2 percent of the distance, to 4e-6."""
 
-Inside = Callable[[Array], npt.NDArray[np.bool_]]
+Flags = npt.NDArray[np.bool_]
+Inside = Callable[[Array], Flags]
 """Whether attitudes (K, 4) belong to a set, shape (K,)."""
-Improve = Callable[[IntArray, Array, Array], tuple[npt.NDArray[np.bool_], Array]]
+Improve = Callable[[IntArray, Array, Array], tuple[Flags, Array]]
 """From numbers of searches (A,), their attitudes (A, 4) and clouds (A, C, 4): whether each cloud
 has a better attitude, (A,), and those attitudes, (B, 4)."""
 
@@ -55,18 +53,10 @@ def cloud_search(
     shrink: float = 0.4,
     rounds: int = _ROUNDS,
 ) -> Array:
-    """Attitudes moved to better ones in clouds around them, which shrink where none is better.
+    """Attitudes (K, 4) moved to better ones in clouds around them, which shrink without one.
 
-    Args:
-        starts: Quaternions x, y, z, w, shape (K, 4).
-        radius: Of the first clouds [rad].
-        smallest: Smaller clouds end a search [rad].
-        improve: Finds better attitudes.
-        shrink: Factor on the radius where nothing is better.
-        rounds: Most clouds of each search.
-
-    Returns:
-        Shape (K, 4).
+    The first clouds have a radius [rad]; clouds smaller than ``smallest``, or that many rounds, end
+    a search.
     """
     best, radii = np.array(starts), np.full(len(starts), radius)
     for number in range(1, rounds + 1):
@@ -80,17 +70,36 @@ def cloud_search(
     return best
 
 
+def climb(
+    merit: Callable[[Array], Array],
+    starts: Array,
+    merits: npt.ArrayLike,
+    radius: float,
+    smallest: float,
+    *,
+    shrink: float = 0.4,
+    rounds: int = _ROUNDS,
+) -> tuple[Array, Array]:
+    """Attitudes (K, 4) moved to larger values of a function by :func:`cloud_search`, and these.
+
+    The function maps attitudes (N, 4) to values (N,); ``merits`` are those of the starts.
+    """
+    best = np.array(merits)
+
+    def improve(active: IntArray, _: Array, clouds: Array) -> tuple[Flags, Array]:
+        values = merit(clouds.reshape(-1, 4)).reshape(clouds.shape[:2])
+        rows, top = np.arange(len(active)), np.argmax(values, axis=1)
+        better = values[rows, top] > best[active]
+        best[active[better]] = values[rows, top][better]
+        return better, clouds[rows, top][better]
+
+    return cloud_search(starts, radius, smallest, improve, shrink=shrink, rounds=rounds), best
+
+
 def bisect(inside: Inside, within: Array, beyond: Array, rounds: int = EXACT) -> Array:
-    """Where geodesics from attitudes inside a set to others outside leave it, just inside.
+    """Where geodesics from attitudes inside a set to others outside leave it, just inside, (K, 4).
 
-    Args:
-        inside: Tells which attitudes belong to the set.
-        within: Attitudes inside, shape (K, 4).
-        beyond: Attitudes outside, shape (K, 4).
-        rounds: Each leaves an eighth of the distance.
-
-    Returns:
-        Shape (K, 4).
+    Each round leaves an eighth of the distance.
     """
     vectors, low, width = rotation_vector_to(within, beyond), np.zeros(len(within)), 1.0
     steps = np.arange(1, _PARTS) / _PARTS
@@ -107,29 +116,22 @@ def bisect(inside: Inside, within: Array, beyond: Array, rounds: int = EXACT) ->
 def edge(
     inside: Inside,
     attitudes: Array,
-    members: npt.NDArray[np.bool_],
+    members: Flags,
     count: int,
     rounds: int,
 ) -> Array:
     """Attitudes on the boundary of a set, just inside, by bisection between neighbouring samples.
 
-    Args:
-        inside: Tells which attitudes belong to the set.
-        attitudes: Samples, shape (N, 4).
-        members: Which of them belong to it, shape (N,).
-        count: Number of pairs of neighbours to bisect, evenly picked.
-        rounds: As for :func:`bisect`.
-
-    Returns:
-        Shape (K, 4).
+    Of samples (N, 4) some are members of the set, (N,); at most ``count`` pairs of neighbours,
+    evenly picked, are bisected.
     """
     if members.all() or not members.any():
         return np.empty((0, 4))
     within, beyond = attitudes[members], attitudes[~members]
-    chord, other = cKDTree(np.vstack([beyond, -beyond])).query(within)
-    (close,) = np.nonzero(4.0 * np.arcsin(chord / 2.0) < 1.5 * grid_spacing(len(members)))
+    angles, other = nearest_among(beyond)(within)
+    (close,) = np.nonzero(angles < 1.5 * grid_spacing(len(members)))
     picked = close[np.linspace(0, len(close) - 1, min(count, len(close))).astype(int)]
-    return bisect(inside, within[picked], beyond[other[picked] % len(beyond)], rounds)
+    return bisect(inside, within[picked], beyond[other[picked]], rounds)
 
 
 def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Candidate]:
@@ -158,27 +160,13 @@ def _climb(
     peaks = []
     for branch in dict.fromkeys(start.branch for start in starts):
         group = [start for start in starts if start.branch == branch]
-        margins = np.array([start.score for start in group])
-
-        def improve(
-            active: IntArray,
-            _: Array,
-            clouds: Array,
-            branch: int | None = branch,
-            margins: Array = margins,
-        ) -> tuple[npt.NDArray[np.bool_], Array]:
-            values = evaluator.margins(clouds.reshape(-1, 4), branch).reshape(clouds.shape[:2])
-            rows, top = np.arange(len(active)), np.argmax(values, axis=1)
-            better = values[rows, top] > margins[active]
-            margins[active[better]] = values[rows, top][better]
-            return better, clouds[rows, top][better]
-
-        starting = np.array([start.attitude for start in group])
-        attitudes = cloud_search(starting, radius, smallest, improve)
-        peaks += [
-            Candidate(attitude, branch, float(margin))
-            for attitude, margin in zip(attitudes, margins, strict=True)
-        ]
+        attitudes, margins = climb(
+            partial(evaluator.margins, branch=branch),
+            np.array([start.attitude for start in group]), [start.score for start in group],
+            radius, smallest,
+        )  # fmt: skip
+        pairs = zip(attitudes, margins.tolist(), strict=True)
+        peaks += [Candidate(attitude, branch, margin) for attitude, margin in pairs]
     return peaks
 
 
@@ -220,7 +208,7 @@ def nearest_feasible(
         if is_kept(at_target, certain)[0]:
             continue
 
-        def inside(attitudes: Array, branch: int | None = branch) -> npt.NDArray[np.bool_]:
+        def inside(attitudes: Array, branch: int | None = branch) -> Flags:
             return is_kept(evaluator.margins(attitudes, branch), certain)
 
         order = np.argsort(angle_between(samples.attitudes, target))
@@ -236,26 +224,14 @@ def nearest_feasible(
 
 
 def closest(inside: Inside, target: Array, starts: Array, radius: float, smallest: float) -> Array:
-    """The attitudes of a set that are closest to a target outside it, near each of some starts.
+    """The attitudes of a set closest to a target outside it, near each of some starts (K, 4).
 
-    Around each start a cloud of attitudes is examined, and the closest one inside moved toward the
-    target. The distance is flat at its minimum, so that coarse clouds find it to the square of
-    their size.
-
-    Args:
-        inside: Tells which attitudes belong to the set.
-        target: Outside, quaternion x, y, z, w.
-        starts: Inside, shape (K, 4).
-        radius: Of the first clouds [rad].
-        smallest: Smaller clouds end the search [rad].
-
-    Returns:
-        Shape (K, 4).
+    Around each start, inside, a cloud of attitudes is examined, and the closest one inside moved
+    toward the target. The distance is flat at its minimum, so that coarse clouds find it to the
+    square of their size.
     """
 
-    def improve(
-        active: IntArray, current: Array, clouds: Array
-    ) -> tuple[npt.NDArray[np.bool_], Array]:
+    def improve(active: IntArray, current: Array, clouds: Array) -> tuple[Flags, Array]:
         distances = np.asarray(angle_between(clouds, target))
         closer = np.asarray(distances < angle_between(current, target)[:, None] * (1.0 - 1e-4))
         if closer.any():

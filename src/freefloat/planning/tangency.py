@@ -16,14 +16,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.motion import Motion
+from freefloat.motion.motion import State
 from freefloat.motion.problem import Problem
 from freefloat.planning.margin_lines import StatesOnPath, margin_lines
 from freefloat.planning.planar_tangency import roots_between
@@ -65,21 +64,6 @@ class TangencyPoint:
     label: str
 
 
-@dataclass(frozen=True, eq=False)
-class BoundaryAttitude:
-    """An initial state on the boundary of the feasible set.
-
-    Attributes:
-        attitude: Initial attitude of the spacecraft, unit quaternion x, y, z, w, shape (4,).
-        joints: Initial joint values, shape (6,).
-        tangency: Closest approach of the motion from there.
-    """
-
-    attitude: Array
-    joints: Array
-    tangency: TangencyPoint
-
-
 def tangency_points(
     problem: Problem, q1: float, q2: float, level: float | None = None
 ) -> tuple[TangencyPoint, ...]:
@@ -105,7 +89,11 @@ def tangency_points(
     require_tangency_arm(problem)
     if not np.isfinite([q1, q2]).all():
         raise InputError("joints", f"q1 = {q1}, q2 = {q2} was given", "two finite angles in rad")
-    levels = _levels(problem, level)
+    value = problem.margin.threshold if level is None else level
+    if not np.isfinite(value) or value == 0.0:
+        key = "margin.value" if level is None else "level"
+        raise InputError(key, f"{value} was given", "a value of S other than zero")
+    levels = (value, -value) if level is None else (value,)
     on_path = StatesOnPath(problem, float(q1), float(q2))
     points = [
         point
@@ -140,27 +128,24 @@ def tangency_family(problem: Problem, count: int, seed: int = 0) -> tuple[Tangen
     return tuple(points[:count])
 
 
-def integrate_to_start(problem: Problem, point: TangencyPoint) -> Motion:
-    """The motion integrated backward (Appendix A) from a tangency point to the path's start."""
-    return integrate_motion(problem, point.attitude, point.joints, start=point.time, end=0.0)
-
-
-def boundary_attitude(problem: Problem, point: TangencyPoint) -> BoundaryAttitude | None:
+def boundary_attitude(problem: Problem, point: TangencyPoint) -> State | None:
     """The initial state from which a motion has a tangency point as its closest approach.
+
+    The motion is integrated backward (Appendix A) from the tangency point to the path's start.
 
     Returns:
         None where the motion through the tangency point becomes singular or comes closer to a
         singularity elsewhere.
     """
-    backward = integrate_to_start(problem, point)
+    backward = integrate_motion(problem, point.attitude, point.joints, start=point.time, end=0.0)
     if not backward.completed:
         return None
-    attitude, joints = backward.final.attitude, backward.final.joints
-    motion = integrate_motion(problem, attitude, joints)
+    start = backward.final
+    motion = integrate_motion(problem, start.attitude, start.joints)
     error = closest_approach(motion, problem.margin.measure).value - abs(point.level)
     if not motion.completed or abs(error) > _ON_BOUNDARY * abs(point.level):
         return None
-    return BoundaryAttitude(attitude, joints, point)
+    return start
 
 
 def require_tangency_arm(problem: Problem) -> None:
@@ -184,14 +169,6 @@ def require_tangency_points(problem: Problem) -> None:
         )
 
 
-def _levels(problem: Problem, level: float | None) -> tuple[float, ...]:
-    value = problem.margin.threshold if level is None else level
-    if not np.isfinite(value) or value == 0.0:
-        key = "margin.value" if level is None else "level"
-        raise InputError(key, f"{value} was given", "a value of S other than zero")
-    return (value, -value) if level is None else (value,)
-
-
 def _points_on_line(
     on_path: StatesOnPath, wrist: float, level: float, line: Array
 ) -> Iterator[TangencyPoint]:
@@ -205,9 +182,17 @@ def _points_on_line(
     if not len(states):
         return
     attitudes, joints = on_path.configurations(states, wrist)
+    problem = on_path.problem
     for t, attitude, q in zip(states[:, 0].tolist(), attitudes, joints, strict=True):
         if on_path.is_minimum(t, attitude, q, level):
-            yield _tangency_point(on_path.problem, t, attitude, q, level)
+            quaternion = attitude.as_quat()
+            branches = problem.branches(quaternion, t)
+            away = [problem.model.joint_distance(branch.joints, q) for branch in branches]
+            branch = branches[int(np.argmin(away))]
+            yield TangencyPoint(
+                t, t / problem.path.duration, frozen(quaternion), branch.joints, level,
+                branch.index, branch.label,
+            )  # fmt: skip
 
 
 def _refined(
@@ -246,19 +231,6 @@ def _refined(
         x = x - step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / _LONGEST)
     solved = np.abs(residuals(x)).max(axis=1) < _EXACT
     return np.asarray((units * x)[solved & (x[:, 0] > 0.0) & (x[:, 0] < 1.0)])
-
-
-def _tangency_point(
-    problem: Problem, t: float, attitude: Rotation, joints: Array, level: float
-) -> TangencyPoint:
-    """The record of a state, with the joints of its arm branch."""
-    quaternion = attitude.as_quat()
-    branches = problem.branches(quaternion, t)
-    branch = min(branches, key=lambda near: problem.model.joint_distance(near.joints, joints))
-    tau = t / problem.path.duration
-    return TangencyPoint(
-        t, tau, frozen(quaternion), branch.joints, level, branch.index, branch.label
-    )
 
 
 def _distinct(problem: Problem, points: list[TangencyPoint]) -> Iterator[TangencyPoint]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.so3 import Array, low_discrepancy, sphere_directions
+from freefloat.so3 import Array, IntArray, low_discrepancy, sphere_directions
 
 _DIRECTIONS = 128
 _SAMPLES = 16
@@ -74,11 +73,11 @@ def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) ->
     deviation = _momentum_tolerance(keeps, h, limit)
     if not h.any():
         return Tolerance(deviation, limit, duration / _LONGEST, duration * _LONGEST)
-    powers = np.log(_LONGEST) * np.linspace(1.0 / _SAMPLES, 1.0, _SAMPLES)
     signs = np.array([-1.0, 1.0])
     shorter, longer = _first_failures(
-        lambda power, which: keeps(np.exp(power * signs[which])[:, None] * h), 2, powers
-    )
+        lambda powers, lines: keeps(np.exp(powers * signs[lines])[:, None] * h),
+        2, np.log(_LONGEST),
+    )  # fmt: skip
     shortest, longest = duration * np.exp(-shorter), duration * np.exp(longer)
     return Tolerance(deviation, limit, float(shortest), float(longest))
 
@@ -88,12 +87,15 @@ def _momentum_tolerance(
 ) -> float:
     """Deviation of the momentum ``h`` tolerated in any direction, at most ``limit`` [N m s]."""
     directions = sphere_directions(low_discrepancy(_DIRECTIONS, 2))
-    samples = limit * np.linspace(1.0 / _SAMPLES, 1.0, _SAMPLES)
     smallest, worst = limit, np.zeros(3)
     for spread in _SPREADS:
         tried = worst + spread * directions
         tried = tried / np.linalg.norm(tried, axis=1)[:, None]
-        sizes = _first_failures(partial(_keeps_along, keeps, h, tried), _DIRECTIONS, samples)
+
+        def keeps_along(sizes: Array, lines: IntArray, tried: Array = tried) -> Any:
+            return keeps(h + sizes[:, None] * tried[lines])
+
+        sizes = _first_failures(keeps_along, _DIRECTIONS, limit)
         if sizes.min() < smallest:
             smallest, worst = float(sizes.min()), tried[np.argmin(sizes)]
         elif not worst.any():
@@ -101,34 +103,19 @@ def _momentum_tolerance(
     return smallest if smallest == limit else _SAFETY * smallest
 
 
-def _keeps_along(
-    keeps: Callable[[Array], npt.NDArray[np.bool_]],
-    h: Array,
-    directions: Array,
-    sizes: Array,
-    which: npt.NDArray[np.intp],
-) -> npt.NDArray[np.bool_]:
-    """Whether the margin is kept with the momentum off by sizes (K,) in selected directions."""
-    return keeps(h + sizes[:, None] * directions[which])
-
-
 def _first_failures(
-    keeps: Callable[[Array, npt.NDArray[np.intp]], npt.NDArray[np.bool_]],
-    count: int,
-    samples: Array,
+    keeps: Callable[[Array, IntArray], npt.NDArray[np.bool_]], count: int, limit: float
 ) -> Array:
-    """The largest value on each line before the margin is violated, shape (count,).
+    """The largest value on each line, up to a limit, before the margin is violated, shape (count,).
 
-    Args:
-        keeps: Whether the margin is kept at values (K,) on lines (K,).
-        count: Number of lines.
-        samples: Increasing values at which every line is evaluated first.
+    ``keeps`` says whether the margin is kept at values (K,) on lines (K,).
     """
-    lines = np.repeat(np.arange(count), len(samples))
-    kept = keeps(np.tile(samples, count), lines).reshape(count, len(samples))
-    first = np.where(kept.all(axis=1), len(samples), np.argmin(kept, axis=1))
+    samples = limit * np.linspace(1.0 / _SAMPLES, 1.0, _SAMPLES)
+    lines = np.repeat(np.arange(count), _SAMPLES)
+    kept = keeps(np.tile(samples, count), lines).reshape(count, _SAMPLES)
+    first = np.where(kept.all(axis=1), _SAMPLES, np.argmin(kept, axis=1))
     largest = np.concatenate([[0.0], samples])[first]
-    (violated,) = np.nonzero(first < len(samples))
+    (violated,) = np.nonzero(first < _SAMPLES)
     below, above = largest[violated], samples[first[violated]]
     for _ in range(_BISECTIONS if len(violated) else 0):
         middle = 0.5 * (below + above)

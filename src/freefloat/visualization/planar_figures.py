@@ -129,9 +129,10 @@ def headings_figure(
         for low, high in np.degrees(np.reshape(spans, (-1, 2))):
             axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0)
         axes.plot(np.degrees(result.headings), values, color=BLUE, label=name)
-        if result.margin > 0.0:
+        margin = result.problem.margin.threshold
+        if margin > 0.0:
             style = {"color": VERMILION, "linestyle": "--", "linewidth": 1.0}
-            axes.axhline(result.margin, label=f"margin {digits(result.margin)}", **style)
+            axes.axhline(margin, label=f"margin {digits(margin)}", **style)
         if chosen is not None and branch in (None, chosen[0]):
             axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
         axes.set_xlim(0.0, 360.0)

@@ -1,0 +1,30 @@
+"""Example 2 with a margin that two fifths of the attitudes violate, and a map of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.motion.problem import Margin, Problem
+from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.mapping import sample_attitudes
+from tests.motions import bundled
+
+
+@pytest.fixture(scope="session")
+def margin_30() -> Problem:
+    problem = bundled("spatial_6dof/line")
+    return replace(problem, margin=Margin(problem.margin.measure, 30.0))
+
+
+@pytest.fixture(scope="session")
+def evaluator(margin_30: Problem) -> FeasibilityEvaluator:
+    return FeasibilityEvaluator(margin_30, 1)
+
+
+@pytest.fixture(scope="session")
+def samples(evaluator: FeasibilityEvaluator) -> AttitudeMap:
+    """512 attitudes."""
+    return sample_attitudes(evaluator, 512)
