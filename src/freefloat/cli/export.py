@@ -68,10 +68,10 @@ def export(
     at = even_times(motion, times or _TIMES) if rate is None else times_at_rate(motion, rate)
     trajectory = Trajectory.of(motion, at)
     if target is None:
-        typer.echo(trajectory_text(motion, trajectory, kind), nl=False)
+        typer.echo(trajectory_text(trajectory, kind), nl=False)
         return
     prepare_outputs(file, output=target)
-    save_trajectory(target, motion, trajectory, kind)
+    save_trajectory(target, trajectory, kind)
     console, first, last = Console(as_json, quiet), float(at[0]), float(at[-1])
     console.json({
         "file": str(target), "format": str(kind), "times": len(at), "from": first, "to": last,

@@ -61,8 +61,9 @@ class _Group(NamedTuple):
         return self.units[0] if len(set(self.units)) == 1 else list(self.units)
 
 
-def _groups(motion: Motion, trajectory: Trajectory) -> list[_Group]:
-    measure, model = motion.problem.margin.measure, motion.problem.model
+def _groups(trajectory: Trajectory) -> list[_Group]:
+    problem = trajectory.motion.problem
+    measure, model = problem.margin.measure, problem.model
 
     def space(key: str, values: Array, unit: str) -> _Group:
         axes = "xyzw"[: values.shape[1]]
@@ -91,14 +92,9 @@ def _groups(motion: Motion, trajectory: Trajectory) -> list[_Group]:
     ]  # fmt: skip
 
 
-def csv_text(motion: Motion, trajectory: Trajectory) -> str:
-    """CSV text: a row for each time; the first row has the names and units of the columns.
-
-    Args:
-        motion: The motion.
-        trajectory: The same, sampled.
-    """
-    groups = _groups(motion, trajectory)
+def csv_text(trajectory: Trajectory) -> str:
+    """CSV text: a row for each time; the first row has the names and units of the columns."""
+    groups = _groups(trajectory)
     stream = io.StringIO(newline="")
     rows = csv.writer(stream, lineterminator="\n")
     rows.writerow([f"{name} [{unit}]" for group in groups
@@ -107,35 +103,24 @@ def csv_text(motion: Motion, trajectory: Trajectory) -> str:
     return stream.getvalue()
 
 
-def json_text(motion: Motion, trajectory: Trajectory) -> str:
-    """JSON text: robot and problem, units, and an array for each quantity; null for nan.
-
-    Args:
-        motion: The motion.
-        trajectory: The same, sampled.
-    """
-    groups, arrays = _groups(motion, trajectory), {}
+def json_text(trajectory: Trajectory) -> str:
+    """JSON text: robot and problem, units, and an array for each quantity; null for nan."""
+    groups, arrays = _groups(trajectory), {}
     for group in groups:
         values = group.values[:, 0] if group.key in ("time", "measure") else group.values
         arrays[group.key] = np.where(np.isnan(values), None, values).tolist()  # type: ignore[call-overload]
     units = {group.key: group.unit for group in groups}
-    document = {**_head(motion), "units": units, "trajectory": arrays}
+    document = {**_head(trajectory.motion), "units": units, "trajectory": arrays}
     return json.dumps(document, allow_nan=False) + "\n"
 
 
-def write_mat(path: Path, motion: Motion, trajectory: Trajectory) -> None:
-    """Write a MATLAB file with one struct ``trajectory``: a row for each time; and ``units``.
-
-    Args:
-        path: The file.
-        motion: The motion.
-        trajectory: The same, sampled.
-    """
+def write_mat(path: Path, trajectory: Trajectory) -> None:
+    """Write a MATLAB file with one struct ``trajectory``: a row for each time; and ``units``."""
     from scipy.io import savemat
 
-    groups = _groups(motion, trajectory)
+    groups = _groups(trajectory)
     struct = {
-        **{key: _cells(value) for key, value in _head(motion).items()},
+        **{key: _cells(value) for key, value in _head(trajectory.motion).items()},
         **{group.key: group.values for group in groups},
         "units": {group.key: _cells(group.unit) for group in groups},
     }
@@ -164,21 +149,16 @@ def _head(motion: Motion) -> dict[str, Any]:
     }
 
 
-def ros2_text(motion: Motion, trajectory: Trajectory) -> str:
+def ros2_text(trajectory: Trajectory) -> str:
     """YAML text of a ``trajectory_msgs/msg/JointTrajectory`` message.
-
-    Args:
-        motion: A completed motion; with momentum its joints are never at rest.
-        trajectory: The same, sampled.
 
     Raises:
         InputError: If the motion ends early, or the message cannot hold its times.
     """
+    motion = trajectory.motion
     if not motion.completed:
-        raise InputError(
-            "format", f"ros2 was given, but: {motion.ending.value}",
-            "for ros2 a motion that follows its whole path; csv, mat or json",
-        )  # fmt: skip
+        accepted = "for ros2 a motion that follows its whole path; csv, mat or json"
+        raise InputError("format", f"ros2 was given, but: {motion.ending.value}", accepted)
     since = [round(float(t) * _NANO) for t in trajectory.times - trajectory.times[0]]
     if since[-1] >= _LATEST * _NANO or min(np.diff(np.array(since, dtype=object))) < 1:
         raise InputError(
@@ -199,18 +179,16 @@ def ros2_text(motion: Motion, trajectory: Trajectory) -> str:
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     names = list(motion.problem.model.joint_names)
     message = {"header": header, "joint_names": names, "points": points}
+    dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # compiled: ten times faster
     return str(
-        yaml.dump(message, Dumper=_DUMPER, sort_keys=False, width=_WIDE, default_flow_style=None)
+        yaml.dump(message, Dumper=dumper, sort_keys=False, width=10**6, default_flow_style=None)
     )
 
 
-_DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-"""The compiled one is ten times faster; the text is the same."""
-_WIDE = 1_000_000
 _TEXTS = {Format.CSV: csv_text, Format.JSON: json_text, Format.ROS2: ros2_text}
 
 
-def trajectory_text(motion: Motion, trajectory: Trajectory, format_: Format) -> str:
+def trajectory_text(trajectory: Trajectory, format_: Format) -> str:
     """Text of a trajectory.
 
     Raises:
@@ -218,24 +196,18 @@ def trajectory_text(motion: Motion, trajectory: Trajectory, format_: Format) -> 
     """
     if format_ not in _TEXTS:
         raise InputError("format", f"{format_} is no text", "csv, json or ros2, or a file (-o)")
-    return _TEXTS[format_](motion, trajectory)
+    return _TEXTS[format_](trajectory)
 
 
-def save_trajectory(path: Path, motion: Motion, trajectory: Trajectory, format_: Format) -> None:
+def save_trajectory(path: Path, trajectory: Trajectory, format_: Format) -> None:
     """Write a trajectory to a file: whole, or not at all.
-
-    Args:
-        path: The file; replaced if it exists.
-        motion: The motion.
-        trajectory: The same, sampled.
-        format_: Format of the file.
 
     Raises:
         InputError: If the file cannot be written, or the format cannot hold this motion.
     """
-    text = None if format_ is Format.MAT else trajectory_text(motion, trajectory, format_)
+    text = None if format_ is Format.MAT else trajectory_text(trajectory, format_)
     with written_beside(path) as temporary:
         if text is None:
-            write_mat(temporary, motion, trajectory)
+            write_mat(temporary, trajectory)
         else:
             temporary.write_text(text, encoding="utf-8")

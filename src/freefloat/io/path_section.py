@@ -58,22 +58,14 @@ def path_of(section: PathSection, task: Task, samples: str | None, folder: Path)
         curve = SplineCurve(section.waypoints)
     else:
         curve, sampled = parse_samples(samples or "", folder / str(section.samples))
-    return EndEffectorPath(curve, _orientation(section.attitude, task, curve, sampled))
-
-
-def _orientation(
-    section: AttitudeSection | None, task: Task, curve: Curve, sampled: OrientationLaw | None
-) -> OrientationLaw:
-    if section is not None and sampled is not None:
-        raise InputError("attitude", "the samples have quaternions, too", "one of the two")
-    if section is not None:
-        return _law(section, curve)
-    if sampled is not None:
-        return sampled
-    if task.prescribes_orientation:
+    if section.attitude is not None:
+        if sampled is not None:
+            raise InputError("attitude", "the samples have quaternions, too", "one of the two")
+        return EndEffectorPath(curve, _law(section.attitude, curve))
+    if sampled is None and task.prescribes_orientation:
         problem = f"it is missing, task {task} needs it"
         raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
-    return FreeOrientation()
+    return EndEffectorPath(curve, sampled or FreeOrientation())
 
 
 def _law(section: AttitudeSection, curve: Curve) -> OrientationLaw:
@@ -106,24 +98,18 @@ def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], str | None]:
             class of the user's.
     """
     curve, law = path.curve, path.orientation
-    if isinstance(curve, SplineCurve) and not (
-        isinstance(law, OrientationSpline) or _by_chord_length(curve)
-    ):
-        section, samples = {"samples": SAMPLES}, _csv_text(curve, None)
-    elif isinstance(curve, SplineCurve) and isinstance(law, OrientationSpline):
-        return {"samples": SAMPLES}, _csv_text(curve, law)
-    else:
-        section, samples = _curve_section(curve), None
-    return section | _attitude_section(law), samples
+    if isinstance(curve, SplineCurve):
+        sampled = isinstance(law, OrientationSpline)
+        chords = np.array_equal(curve.knots, SplineCurve(curve.points).knots)
+        if sampled or not chords:
+            attitude = {} if sampled else _attitude_section(law)
+            return {"samples": SAMPLES, **attitude}, _csv_text(curve, law)
+    return _curve_section(curve) | _attitude_section(law), None
 
 
-def _by_chord_length(curve: SplineCurve) -> bool:
-    return bool(np.array_equal(curve.knots, SplineCurve(curve.points).knots))
-
-
-def _csv_text(curve: SplineCurve, law: OrientationSpline | None) -> str:
+def _csv_text(curve: SplineCurve, law: OrientationLaw) -> str:
     columns, names = [curve.knots[:, None], curve.points], ["s", "x", "y", "z"]
-    if law is not None:
+    if isinstance(law, OrientationSpline):
         attitudes = [law.rotation(float(s)) for s in curve.knots]
         columns.append(Rotation.from_matrix(np.array(attitudes)).as_quat())
         names += ["qx", "qy", "qz", "qw"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ class Trajectory:
     singularity they are nan.
 
     Attributes:
+        motion: The motion.
         times: Rising [s], shape (K,).
         attitudes: Of the spacecraft, quaternions x, y, z, w of continuous sign, shape (K, 4).
         base_positions: Of the root link from the centre of mass, inertial axes [m], shape (K, 3).
@@ -44,6 +45,7 @@ class Trajectory:
         measure: Signed singularity measure of the margin, shape (K,).
     """
 
+    motion: Motion = field(repr=False)
     times: Array
     attitudes: Array
     base_positions: Array
@@ -58,7 +60,7 @@ class Trajectory:
     measure: Array
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
+        for entry in fields(self)[1:]:
             object.__setattr__(self, entry.name, frozen(getattr(self, entry.name)))
 
     @classmethod
@@ -89,6 +91,7 @@ class Trajectory:
         poses = [problem.model.end_effector_pose(*state) for state in states]
         orientations = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
         return cls(
+            motion=motion,
             times=times,
             attitudes=without_jumps(attitudes),
             base_positions=np.array([problem.model.base_position(*state) for state in states]),
