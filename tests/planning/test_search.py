@@ -56,11 +56,11 @@ class Landscape:
     regular = keeps
 
     def map(self, samples: int, seed: int = 0) -> AttitudeMap:
-        attitudes, least = attitude_grid(samples, seed), np.zeros((samples, 8))
+        attitudes, minimum = attitude_grid(samples, seed), np.zeros((samples, 8))
         for branch, margins in self.branches.items():
-            least[:, branch] = np.maximum(margins(attitudes), 0.0)
-        endings = np.full(least.shape, COMPLETED, dtype=np.int8)
-        return AttitudeMap(self.problem, 0, attitudes, least, np.ones(least.shape), endings)
+            minimum[:, branch] = np.maximum(margins(attitudes), 0.0)
+        endings = np.full(minimum.shape, COMPLETED, dtype=np.int8)
+        return AttitudeMap(self.problem, 0, attitudes, minimum, np.ones(minimum.shape), endings)
 
 
 def ball(center: np.ndarray, radius: float) -> Margins:
@@ -81,7 +81,7 @@ def without(center: np.ndarray, radius: float) -> Margins:
 
 
 def near_ring(width: float) -> Margins:
-    """Kept by attitudes not farther than a width from a turn about z."""
+    """Kept by attitudes not farther than a width from a rotation about z."""
     return lambda q: (
         MARGIN + 20.0 * (width - 2.0 * np.arcsin(np.minimum(np.hypot(q[:, 0], q[:, 1]), 1.0)))
     )
@@ -198,6 +198,7 @@ def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(
     assert angle_between(best.attitude, THERE) < 0.05 * 0.8
 
 
+@pytest.mark.slow
 def test_a_hole_in_the_middle_is_kept_clear_of(margin_30: Problem) -> None:
     """A shell: balls that fit are half as wide as it is thick."""
     landscape = Landscape(margin_30, b0=both(ball(HERE, 1.4), without(HERE, 0.2)))
@@ -261,6 +262,7 @@ def peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Candida
     return largest_margins(evaluator, samples)
 
 
+@pytest.mark.slow
 def test_refined_margins_beat_every_sample(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Candidate]
 ) -> None:
@@ -273,6 +275,7 @@ def test_refined_margins_beat_every_sample(
         assert again[0] == pytest.approx(entry.score, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_largest_margin_is_a_local_maximum(
     evaluator: FeasibilityEvaluator, peaks: list[Candidate]
 ) -> None:
@@ -294,6 +297,7 @@ def infeasible(evaluator: FeasibilityEvaluator) -> list[np.ndarray]:
     return [np.array(PRESENT[k]) for k in np.flatnonzero(~keeps)[:3]]
 
 
+@pytest.mark.slow
 def test_the_nearest_feasible_attitude_lies_on_the_boundary(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, infeasible: list[np.ndarray]
 ) -> None:
@@ -312,6 +316,7 @@ def test_the_nearest_feasible_attitude_lies_on_the_boundary(
             assert not evaluator.keeps(nearer, best.branch)[0]
 
 
+@pytest.mark.slow
 def test_no_random_attitude_is_feasible_and_nearer(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, infeasible: list[np.ndarray]
 ) -> None:
@@ -333,6 +338,7 @@ def test_the_nearest_to_a_feasible_attitude_is_itself(
     np.testing.assert_array_equal(best.attitude, samples.attitudes[k])
 
 
+@pytest.mark.slow
 def test_the_safe_radius_is_that_of_the_nearest_failure(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Candidate]
 ) -> None:

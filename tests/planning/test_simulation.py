@@ -1,4 +1,4 @@
-"""One attitude, every branch: what is followed, what is chosen, what is refused."""
+"""Simulations of one attitude: the motion of every arm branch, and the choice of one."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError, UnreachableError
-from freefloat.io.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach, joint_extents
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Margin
@@ -22,21 +21,9 @@ from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.simulation import simulate
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
+from tests.motions import BAD, GOOD, bundled
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
-
-GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
-BAD = [0.1, 0.5, 0.2, -0.8367]
-
-
-@pytest.fixture(scope="module")
-def spatial():
-    return load_scenario("spatial_6dof/line").problem()
-
-
-@pytest.fixture(scope="module")
-def planar():
-    return load_scenario("planar_3dof/parabola").problem()
 
 
 @pytest.fixture(scope="module")
@@ -44,31 +31,31 @@ def good(spatial):
     return simulate(spatial, GOOD)
 
 
-def test_every_branch_is_followed_from_its_own_joints(spatial, good):
-    """Eight branches, each begun where it stands, each with the margin it kept."""
-    assert [one.branch.index for one in good.branches] == list(range(8))
-    for one in good.branches:
-        assert (one.motion.initial.joints == one.branch.joints).all()
-        assert_close(one.motion.initial.attitude, spatial.attitude("a", GOOD), atol=1e-15)
-        assert one.closest_approach == closest_approach(one.motion, spatial.margin.measure)
+def test_every_branch_starts_at_its_joints(spatial, good):
+    """Eight branches, each with its closest approach."""
+    assert [entry.branch.index for entry in good.branches] == list(range(8))
+    for entry in good.branches:
+        assert (entry.motion.initial.joints == entry.branch.joints).all()
+        assert_close(entry.motion.initial.attitude, spatial.attitude("a", GOOD), atol=1e-15)
+        assert entry.closest_approach == closest_approach(entry.motion, spatial.margin.measure)
 
 
 def test_the_branch_with_the_largest_margin_is_chosen(good):
     """All complete: the one that stays farthest from singularities."""
     assert good.chosen in good.branches
-    largest = max(one.closest_approach.value for one in good.branches)
+    largest = max(entry.closest_approach.value for entry in good.branches)
     assert good.chosen.closest_approach.value == pytest.approx(largest, rel=1e-6)
 
 
 def test_a_branch_that_completes_comes_before_one_that_does_not(planar):
     """At 140 degrees one branch is singular: the other is chosen, however small its margin."""
     simulation = simulate(planar, heading_quaternion(np.deg2rad(140.0)))
-    endings = {one.branch.label: one.motion.ending for one in simulation.branches}
+    endings = {entry.branch.label: entry.motion.ending for entry in simulation.branches}
     assert endings == {"elbow+": Ending.SINGULAR, "elbow-": Ending.COMPLETED}
     assert simulation.chosen.branch.label == "elbow-"
     wide = replace(planar, margin=Margin(planar.margin.measure, 20.0))
     stopped = simulate(wide, heading_quaternion(np.deg2rad(140.0)), stop_at_margin=True)
-    assert {one.motion.ending for one in stopped.branches} == {Ending.MARGIN}
+    assert {entry.motion.ending for entry in stopped.branches} == {Ending.MARGIN}
     assert stopped.chosen in stopped.branches
 
 
@@ -84,11 +71,11 @@ def test_completing_counts_more_than_any_margin(spatial):
     path = EndEffectorPath(line, SlerpOrientation(pose.rotation, pitched))
     problem = replace(spatial, path=TimedPath(path, Timing(20.0)), momentum=[0.0, 0.2, 0.0])
     simulation = simulate(problem, [0, 0, 0, 1])
-    failed = [one for one in simulation.branches if one.motion.ending is Ending.SINGULAR]
+    failed = [entry for entry in simulation.branches if entry.motion.ending is Ending.SINGULAR]
     assert len(failed) == 4
     assert simulation.chosen.motion.completed
     assert all(
-        one.closest_approach.value > simulation.chosen.closest_approach.value for one in failed
+        entry.closest_approach.value > simulation.chosen.closest_approach.value for entry in failed
     )
 
 
@@ -102,7 +89,7 @@ def test_where_none_completes_the_longest_motion_is_chosen(planar, heading):
 
 @pytest.mark.parametrize("branch", [0, 3, 7])
 def test_a_branch_can_be_chosen_by_number(spatial, branch):
-    """The number asked for is chosen, whatever its margin; all are followed."""
+    """The requested one is chosen, whatever its margin; all are integrated."""
     simulation = simulate(spatial, BAD, branch=branch)
     assert simulation.chosen.branch.index == branch
     assert len(simulation.branches) == 8
@@ -110,10 +97,10 @@ def test_a_branch_can_be_chosen_by_number(spatial, branch):
 
 def test_a_branch_can_be_chosen_by_joints(spatial, good):
     """Joint values within 0.05 rad of a branch mean that branch."""
-    for one in good.branches:
-        chosen = simulate(spatial, GOOD, joints=one.branch.joints + 0.03).chosen
-        assert chosen.branch.index == one.branch.index
-        assert (chosen.motion.joints == one.motion.joints).all()
+    for entry in good.branches:
+        chosen = simulate(spatial, GOOD, joints=entry.branch.joints + 0.03).chosen
+        assert chosen.branch.index == entry.branch.index
+        assert (chosen.motion.joints == entry.motion.joints).all()
 
 
 def test_unusable_choices_of_a_branch_are_refused(planar):
@@ -137,25 +124,17 @@ def test_a_path_out_of_reach_is_unreachable(spatial):
     assert caught.value.key == "path"
 
 
-def test_what_is_no_attitude_is_refused(spatial, planar):
-    """As everywhere else: a unit quaternion, in the plane for planar tasks."""
-    with pytest.raises(InputError, match="norm"):
-        simulate(spatial, [1, 1, 1, 1])
-    with pytest.raises(InputError, match="leaves the plane"):
-        simulate(planar, GOOD)
-
-
 def test_motions_end_at_the_margin_when_asked_to(spatial):
     """Every motion that would pass S0 = 8 ends there, the others complete."""
     problem = replace(spatial, margin=Margin(spatial.margin.measure, 8.0))
     simulation = simulate(problem, GOOD, stop_at_margin=True)
-    for one in simulation.branches:
-        if one.motion.ending is Ending.MARGIN:
-            assert one.closest_approach.value == pytest.approx(8.0, rel=1e-9)
+    for entry in simulation.branches:
+        if entry.motion.ending is Ending.MARGIN:
+            assert entry.closest_approach.value == pytest.approx(8.0, rel=1e-9)
         else:
-            assert one.motion.completed
-            assert one.closest_approach.value > 8.0
-    endings = [one.motion.ending for one in simulation.branches]
+            assert entry.motion.completed
+            assert entry.closest_approach.value > 8.0
+    endings = [entry.motion.ending for entry in simulation.branches]
     assert endings.count(Ending.MARGIN) == 4
     assert simulation.chosen.motion.completed
 
@@ -169,7 +148,7 @@ def test_the_tolerance_reaches_the_integrator(spatial):
     assert rough.panels < fine.panels
 
 
-def test_a_redundant_arm_follows_a_set_of_configurations_and_any_given_one(spatial):
+def test_a_redundant_arm_starts_from_a_set_of_configurations_and_requested_joints(spatial):
     """Six joints, three coordinates: a spread of configurations, and one more when asked for."""
     near = EndEffectorPath(
         PolynomialCurve.line([1, 0, 0], [0.85, 0.08, 0.033]), spatial.path.path.orientation
@@ -179,19 +158,19 @@ def test_a_redundant_arm_follows_a_set_of_configurations_and_any_given_one(spati
         margin=Margin(singularity_measure(spatial.model, Task.POSITION, "gjm"), 0.0),
         path=TimedPath(near, Timing(10.0)),
     )  # fmt: skip
-    given = spatial.branches(spatial.attitude("a", GOOD))[3].joints
-    simulation = simulate(problem, GOOD, joints=given)
+    joints = spatial.branches(spatial.attitude("a", GOOD))[3].joints
+    simulation = simulate(problem, GOOD, joints=joints)
     assert simulation.chosen.branch.label == "given"
     assert len(simulation.branches) == len(problem.branches(spatial.attitude("a", GOOD))) + 1
-    assert len({one.branch.index for one in simulation.branches}) == len(simulation.branches)
-    assert_close(simulation.chosen.motion.initial.joints, given, atol=1e-6)
-    for one in simulation.branches:
-        assert one.motion.residuals().end_effector_position < 1e-7
+    assert len({entry.branch.index for entry in simulation.branches}) == len(simulation.branches)
+    assert_close(simulation.chosen.motion.initial.joints, joints, atol=1e-6)
+    for entry in simulation.branches:
+        assert entry.motion.residuals().end_effector_position < 1e-7
 
 
-def test_joints_are_told_with_the_turns_that_keep_them_in_range():
-    """The start of one branch fits its range, the motion from there only a whole turn lower."""
-    whole = load_scenario("ur5_servicer/arc").problem()
+def test_joints_are_shifted_into_their_ranges():
+    """The start of one branch fits its range, the motion from there only a full rotation lower."""
+    whole = bundled("ur5_servicer/arc")
     robot = ET.fromstring(whole.model.description.text)
     limit = robot.find("joint[@name='shoulder_pan_joint']/limit")
     limit.set("lower", "-7.0")
@@ -199,15 +178,15 @@ def test_joints_are_told_with_the_turns_that_keep_them_in_range():
     model = FreeFloatingModel.from_urdf(ET.tostring(robot, encoding="unicode"), "tool0")
     margin = Margin(singularity_measure(model, whole.task, "gjm"), 0.0)
     problem = replace(whole, model=model, margin=margin)
-    (free,), (told,) = (
-        [one for one in simulate(of, [0, 0, 0, 1]).branches if one.branch.index == 7]
-        for of in (whole, problem)
+    (free,), (shifted,) = (
+        [entry for entry in simulate(case, [0, 0, 0, 1]).branches if entry.branch.index == 7]
+        for case in (whole, problem)
     )
     span = joint_extents(free.motion)
     assert span.low[0] > -0.3
     assert span.high[0] > 0.6
-    assert_close(told.branch.joints - free.branch.joints, [-2 * np.pi, 0, 0, 0, 0, 0], atol=1e-6)
-    assert_close(told.motion.initial.joints, told.branch.joints, atol=0)
-    assert joint_extents(told.motion).high[0] < 0.5
+    assert_close(shifted.branch.joints - free.branch.joints, [-2 * np.pi, 0, 0, 0, 0, 0], atol=1e-6)
+    assert_close(shifted.motion.initial.joints, shifted.branch.joints, atol=0)
+    assert joint_extents(shifted.motion).high[0] < 0.5
     chosen = simulate(problem, [0, 0, 0, 1], joints=free.branch.joints).chosen
     assert chosen.branch.index == 7

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import Objective, Plan, Search
 from freefloat.planning.simulation import SimulatedBranch, simulate
 from freefloat.so3 import angle_between, attitudes_within, frozen, grid_spacing
+from tests.motions import bundled
 
 MARGIN = 50.0
 BAD = np.array([0.1, 0.5, 0.2, -0.8367]) / np.linalg.norm([0.1, 0.5, 0.2, -0.8367])
@@ -42,7 +44,7 @@ def smaller() -> Iterator[None]:
 
 def with_margin(value: float) -> Problem:
     """Example 2 with another margin; the largest anywhere is 53.613."""
-    problem = ff.load_scenario("spatial_6dof/line").problem()
+    problem = bundled("spatial_6dof/line")
     return replace(problem, margin=Margin(problem.margin.measure, value))
 
 
@@ -51,62 +53,48 @@ def problem() -> Problem:
     return with_margin(MARGIN)
 
 
-@pytest.fixture(scope="module")
-def largest(problem: Problem) -> Plan:
-    return ff.plan(problem, Search(Objective.MARGIN, frozen(BAD), SAMPLES), threads=1)
+@cache
+def plan_for(objective: Objective) -> Plan:
+    present = None if objective is Objective.ROBUST else frozen(BAD)
+    return ff.plan(with_margin(MARGIN), Search(objective, present, SAMPLES), threads=1)
 
 
 @pytest.fixture(scope="module")
-def nearest(problem: Problem) -> Plan:
-    return ff.plan(problem, Search(Objective.NEAREST, frozen(BAD), SAMPLES), threads=1)
+def largest() -> Plan:
+    return plan_for(Objective.MARGIN)
 
 
 @pytest.fixture(scope="module")
-def robust(problem: Problem) -> Plan:
-    return ff.plan(problem, Search(Objective.ROBUST, None, SAMPLES), threads=1)
+def nearest() -> Plan:
+    return plan_for(Objective.NEAREST)
 
 
-@pytest.mark.parametrize("objective", ["largest", "nearest", "robust"])
-def test_chosen_motion_is_feasible(
-    objective: str, request: pytest.FixtureRequest, problem: Problem
-) -> None:
-    """The chosen motion equals that of a simulation, completes, and keeps the margin."""
-    plan: Plan = request.getfixturevalue(objective)
+@pytest.fixture(scope="module")
+def robust() -> Plan:
+    return plan_for(Objective.ROBUST)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("objective", Objective)
+def test_the_chosen_motion_is_feasible(problem: Problem, objective: Objective) -> None:
+    """It equals that of a simulation; none of 2,000 attitudes in its radius violates the margin."""
+    plan = plan_for(objective)
     assert plan.feasible
-    assert plan.chosen is not None
-    assert plan.chosen.motion.completed
-    assert is_kept(plan.chosen.closest_approach.value, MARGIN)
-    attitude = plan.chosen.motion.initial.attitude
-    again = simulate(problem, attitude, branch=plan.chosen.branch.index).chosen
-    assert again.closest_approach.value == pytest.approx(
-        plan.chosen.closest_approach.value, rel=1e-9
-    )
-    residuals = plan.chosen.motion.residuals()
-    assert residuals.momentum < 1e-6
-    assert plan.map is not None
+    chosen, initial = plan.chosen, plan.chosen.motion.initial
+    assert chosen.motion.completed
+    assert is_kept(chosen.closest_approach.value, MARGIN)
+    again = simulate(problem, initial.attitude, branch=chosen.branch.index).chosen
+    assert again.closest_approach.value == pytest.approx(chosen.closest_approach.value, rel=1e-9)
+    assert chosen.motion.residuals().momentum < 1e-6
     assert len(plan.map.attitudes) == SAMPLES
-    assert plan.tolerance is not None
     assert plan.tolerance.shortest <= 100.0 <= plan.tolerance.longest
-    assert plan.disagreements == ()
-    assert (plan.ranges, plan.segments) == ((), ())
+    assert plan.disagreements == plan.ranges == plan.segments == ()
+    within = attitudes_within(initial.attitude, plan.robust_radius, 2000, 99)
+    assert FeasibilityEvaluator(problem, 1).keeps(within, chosen.branch.index).all()
 
 
-@pytest.mark.parametrize("objective", ["largest", "nearest", "robust"])
-def test_the_robust_radius_holds(
-    objective: str, request: pytest.FixtureRequest, problem: Problem
-) -> None:
-    """None of 2,000 attitudes within it violates the margin."""
-    plan: Plan = request.getfixturevalue(objective)
-    assert plan.chosen is not None
-    assert plan.robust_radius is not None
-    attitude, branch = plan.chosen.motion.initial.attitude, plan.chosen.branch.index
-    within = attitudes_within(attitude, plan.robust_radius, 2000, 99)
-    assert FeasibilityEvaluator(problem, 1).keeps(within, branch).all()
-
-
+@pytest.mark.slow
 def test_the_largest_margin_is_chosen(largest: Plan) -> None:
-    assert largest.chosen is not None
-    assert largest.map is not None
     assert largest.chosen.closest_approach.value >= largest.map.margins.max() * (1.0 - 1e-5)
     assert largest.chosen.closest_approach.value == pytest.approx(53.6132, rel=1e-4)
     assert largest.reason == "the largest margin, arm 53.6132"
@@ -114,35 +102,30 @@ def test_the_largest_margin_is_chosen(largest: Plan) -> None:
     assert largest.deviation == pytest.approx(angle_between(attitude, BAD))
 
 
+@pytest.mark.slow
 def test_the_nearest_attitude_is_chosen(nearest: Plan, largest: Plan) -> None:
     """Nearer than every feasible sample and than the attitude of the largest margin."""
-    assert nearest.map is not None
-    assert nearest.deviation is not None
-    assert largest.deviation is not None
     feasible = nearest.map.attitudes[nearest.map.feasible.any(axis=1)]
     assert nearest.deviation <= angle_between(feasible, BAD).min()
     assert nearest.deviation < largest.deviation
     degrees = np.degrees(nearest.deviation)
     assert nearest.reason == f"the nearest to from_attitude, {degrees:.4g} degrees away"
-    assert nearest.chosen is not None
     assert nearest.chosen.closest_approach.value == pytest.approx(MARGIN, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_the_deepest_attitude_is_chosen(robust: Plan, largest: Plan, nearest: Plan) -> None:
     """Deeper than others, up to the shortened search; 5 percent beyond, the margin is violated."""
-    assert robust.robust_radius is not None
-    assert largest.robust_radius is not None
-    assert nearest.robust_radius is not None
     assert robust.robust_radius > 0.9 * largest.robust_radius > nearest.robust_radius >= 0.0
     assert robust.deviation is None
     assert robust.reason.startswith("the deepest inside: the margin is kept up to ")
     assert f"{np.degrees(robust.robust_radius):.4g} degrees" in robust.reason
-    assert robust.chosen is not None
     attitude, branch = robust.chosen.motion.initial.attitude, robust.chosen.branch.index
     beyond = attitudes_within(attitude, 1.05 * robust.robust_radius, 4000, 5)
     assert not FeasibilityEvaluator(robust.problem, 1).regular(beyond, branch).all()
 
 
+@pytest.mark.slow
 def test_a_feasible_present_attitude_stays() -> None:
     """The spacecraft need not rotate."""
     problem = with_margin(20.0)
@@ -151,10 +134,10 @@ def test_a_feasible_present_attitude_stays() -> None:
     plan = ff.plan(problem, Search(Objective.NEAREST, frozen(present), 64), threads=1)
     assert plan.deviation == 0.0
     assert plan.reason == "the attitude the spacecraft has keeps the margin already"
-    assert plan.chosen is not None
     np.testing.assert_allclose(plan.chosen.motion.initial.attitude, present, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", [Objective.MARGIN, Objective.ROBUST])
 def test_reason_of_a_margin_kept_nowhere(objective: Objective) -> None:
     """It has the largest margin, found between the samples, and where."""
@@ -163,18 +146,11 @@ def test_reason_of_a_margin_kept_nowhere(objective: Objective) -> None:
     assert plan.chosen is plan.robust_radius is plan.tolerance is plan.deviation is None
     assert plan.reason.startswith("of 64 attitudes and those near the best of them none keeps arm")
     assert "the largest minimum arm is 53.61" in plan.reason
-    assert plan.map is not None
     assert plan.disagreements == ()
 
 
-@pytest.mark.parametrize(
-    "objective",
-    [
-        Objective.MARGIN,
-        Objective.NEAREST,
-        Objective.ROBUST,
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("objective", Objective)
 def test_sets_narrower_than_the_grid_are_found(objective: Objective) -> None:
     """A margin that no sample keeps is kept between samples; reasons have angles in degrees."""
     value, samples, seed = 53.55, 16, 3
@@ -183,9 +159,7 @@ def test_sets_narrower_than_the_grid_are_found(objective: Objective) -> None:
     assert coarse.feasible_fraction == 0.0
     plan = ff.plan(problem, Search(objective, frozen(BAD), samples, seed), threads=1)
     assert plan.feasible
-    assert plan.chosen is not None
     assert is_kept(plan.chosen.closest_approach.value, value)
-    assert plan.robust_radius is not None
     assert 0.0 <= plan.robust_radius < grid_spacing(samples)
     if objective is not Objective.MARGIN:
         angle = plan.deviation if objective is Objective.NEAREST else plan.robust_radius
@@ -193,6 +167,7 @@ def test_sets_narrower_than_the_grid_are_found(objective: Objective) -> None:
         assert f"{np.degrees(angle):.4g} degrees" in plan.reason
 
 
+@pytest.mark.slow
 def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
     """By less than the accuracy of compiled motions; the precise motion decides."""
     value, samples, seed = 53.6, 16, 1
@@ -205,12 +180,9 @@ def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
 
 def test_reason_of_a_start_out_of_reach() -> None:
     """No attitude reaches the start."""
-    from freefloat.paths.curves import PolynomialCurve
-    from freefloat.paths.orientation import FixedOrientation
-
     near = with_margin(5.0)
-    line = PolynomialCurve.line(np.array([50.0, 0.0, 0.0]), np.array([51.0, 0.0, 0.0]))
-    path = ff.EndEffectorPath(line, FixedOrientation(np.eye(3)))
+    line = ff.paths.PolynomialCurve.line(np.array([50.0, 0.0, 0.0]), np.array([51.0, 0.0, 0.0]))
+    path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(np.eye(3)))
     problem = replace(near, path=ff.TimedPath(path, near.path.timing))
     for objective in Objective:
         plan = ff.plan(problem, Search(objective, frozen(BAD), 16), threads=1)
@@ -219,16 +191,13 @@ def test_reason_of_a_start_out_of_reach() -> None:
             "the path begins out of reach: [50.0, 0.0, 0.0] m is 50 m from the centre of mass, "
             "the arm reaches 2.635 m"
         )
-        assert plan.map is not None
         assert (plan.map.endings == UNREACHED).all()
 
 
 def test_reason_of_an_end_out_of_reach() -> None:
     """It says where the path leaves the reach, not that every motion becomes singular."""
-    from freefloat.paths.curves import PolynomialCurve
-
     near = with_margin(5.0)
-    line = PolynomialCurve.line(np.array([1.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
+    line = ff.paths.PolynomialCurve.line(np.array([1.0, 0.0, 0.0]), np.array([30.0, 0.0, 0.0]))
     path = ff.EndEffectorPath(line, near.path.path.orientation)
     problem = replace(near, path=ff.TimedPath(path, near.path.timing))
     plan = ff.plan(problem, Search(Objective.MARGIN, None, 16), threads=1)
@@ -237,6 +206,7 @@ def test_reason_of_an_end_out_of_reach() -> None:
     assert plan.reason == f"the path leaves the reach of 2.635 m at s = {s:.3g}"
 
 
+@pytest.mark.slow
 def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -259,6 +229,7 @@ def test_unconfirmed_candidates_are_reported_and_the_next_is_taken(
     assert plan.reason == f"the largest margin, arm {tried[2].closest_approach.value:.6g}"
 
 
+@pytest.mark.slow
 def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     """After twelve candidates at most, all reported."""
     monkeypatch.setattr(SimulatedBranch, "feasible", property(lambda chosen: False))
@@ -268,20 +239,18 @@ def test_where_no_candidate_is_confirmed_there_is_no_plan(monkeypatch: pytest.Mo
     assert 1 <= len(plan.disagreements) <= 12
 
 
+@pytest.mark.slow
 def test_a_stock_arm_finds_its_largest_margin() -> None:
     """A UR5, whose wrist is not spherical."""
-    problem = ff.load_scenario("ur5_servicer/arc").problem()
+    problem = bundled("ur5_servicer/arc")
     fractions: list[float] = []
     plan = ff.plan(problem, Search(samples=64), progress=fractions.append, threads=1)
     assert plan.feasible
-    assert plan.chosen is not None
     assert problem.margin.is_kept(plan.chosen.closest_approach.value)
-    assert plan.map is not None
     assert plan.chosen.closest_approach.value >= plan.map.margins.max() * (1.0 - 1e-3)
     assert plan.reason.startswith("the largest margin, gjm ")
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
-    assert plan.tolerance is not None
     assert plan.tolerance.longest == pytest.approx(10.0 * problem.path.duration)
 
 

@@ -127,7 +127,7 @@ def increase(problem, point, step):
 
 
 def test_tangency_points_are_on_the_path_and_on_the_margin_surface(case):
-    """(35) and (34) with S = S0, at the given angles, on the reported branch."""
+    """(35) and (34) with S = S0, at the requested angles, on the reported branch."""
     problem, q1, q2, points = case
     assert points
     assert {point.level for point in points} <= {
@@ -189,8 +189,8 @@ class BruteForce:
         spin = Rotation.from_rotvec(np.outer(rolls, [1.0, 0.0, 0.0]))
         attitudes = frames[0] * spin * frames[1].inv()
         forearm = Rotation.from_matrix(self.virtual.pose([*self.q[:2], q3, 0, 0, 0]).rotation)
-        hand = forearm.inv() * attitudes.inv() * Rotation.from_matrix(pose.rotation)
-        wrist = hand.as_euler("XYX") * [1.0, -1.0, 1.0]
+        required = forearm.inv() * attitudes.inv() * Rotation.from_matrix(pose.rotation)
+        wrist = required.as_euler("XYX") * [1.0, -1.0, 1.0]
         if flip:
             wrist = wrist * [1.0, -1.0, 1.0] + [np.pi, 0.0, np.pi]
         first = np.broadcast_to([*self.q[:2], q3], (len(rolls), 3))

@@ -7,23 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.io.scenario import load_scenario
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Margin, Problem
-from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.simulation import simulate
 from freefloat.planning.tolerance import Tolerance, tolerance
 from freefloat.so3 import attitude_grid
-
-FEASIBLE = [0.46008, 0.09337, 0.73519, -0.48898]
+from tests.motions import GOOD, bundled
 
 
 def with_margin(name: str, value: float | None = None) -> Problem:
-    problem = load_scenario(name).problem()
+    problem = bundled(name)
     if value is None:
         return problem
     return replace(problem, margin=Margin(problem.margin.measure, value))
@@ -85,6 +83,7 @@ def directions(count: int, seed: int) -> np.ndarray:
     return drawn / np.linalg.norm(drawn, axis=1)[:, None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["drifting", "still"])
 def test_margin_is_kept_with_momentum_off_in_any_direction(
     which: str, request: pytest.FixtureRequest
@@ -110,17 +109,16 @@ def test_a_precise_motion_agrees_with_the_worst_direction(drifting: Case) -> Non
 
 
 def test_the_limit_rotates_the_locked_system_once(drifting: Case) -> None:
-    """Five newton metre seconds for half a ton of satellite in a hundred seconds: 2 pi I / T."""
-    from freefloat.dynamics.momentum import inertia_matrices
-
+    """2 pi I / T, with the mean of the principal moments."""
     D, _ = inertia_matrices(drifting.problem.model, drifting.joints)
     moments = np.linalg.eigvalsh(D)
     assert drifting.tolerance.momentum_limit == pytest.approx(2.0 * np.pi / 100.0 * moments.mean())
 
 
+@pytest.mark.slow
 def test_a_margin_of_zero_may_tolerate_the_limit_itself() -> None:
     """The tolerance is then the limit itself, without the safety factor."""
-    case = Case(with_margin("spatial_6dof/line", 0.0), FEASIBLE)
+    case = Case(with_margin("spatial_6dof/line", 0.0), GOOD)
     tolerated = case.tolerance
     if tolerated.momentum < tolerated.momentum_limit:
         assert not case.keeps(
@@ -143,10 +141,11 @@ def test_durations_inside_keep_the_margin_and_those_outside_do_not(drifting: Cas
         assert drifting.precisely(duration=tolerated.shortest / 1.01) < 30.0
 
 
+@pytest.mark.slow
 def test_a_shortest_duration_is_found_too() -> None:
     """Where momentum helps, a faster motion violates the margin."""
     problem = with_margin("spatial_6dof/line")
-    base = simulate(problem, FEASIBLE).chosen
+    base = simulate(problem, GOOD).chosen
     K = 200
     scale = np.exp(np.linspace(np.log(0.1), 0.0, K))
     for momentum in directions(12, 9) * 1.0:
@@ -190,4 +189,3 @@ def test_scaling_duration_and_momentum_is_equivalent(drifting: Case) -> None:
     slow = drifting.precisely(duration=150.0)
     much = drifting.precisely(momentum=1.5 * h)
     assert slow == pytest.approx(much, rel=1e-6)
-    assert isinstance(drifting.problem.path.path, EndEffectorPath)

@@ -29,7 +29,7 @@ URDF = """<robot name="bent"><link name="l0"><inertial><origin xyz="0.1 -0.2 0"/
 
 
 def bent_arm(*axes: int) -> FreeFloatingModel:
-    """Offsets everywhere, joint frames turned, joint axes along +z or -z."""
+    """Offsets everywhere, joint frames rotated, joint axes along +z or -z."""
     joints = {
         f"joint{i}": f'<joint name="q{i}" type="continuous"><parent link="l{i - 1}"/>'
         f'<child link="l{i}"/><origin xyz="{0.4 + 0.2 * i} {0.1 * i} 0" rpy="0 0 {0.3 * i}"/>'

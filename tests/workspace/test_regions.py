@@ -158,7 +158,7 @@ def distances(problem, workspace, joints):
 def test_singular_configurations_fill_the_path_dependent_shells(
     line, shells, rng: np.random.Generator
 ):
-    """All of those found by chance are inside, and they leave no gap there."""
+    """All those of random lines are inside, and they leave no gap there."""
     radii = np.sort(distances(line, shells, singular_joints(line, "arm", rng, 300)))
     assert len(radii) > 400
     assert shells.path_dependent is not None
@@ -196,7 +196,7 @@ def test_shoulder_and_wrist_are_singular_at_any_radius(line, shells, rng: np.ran
 
 
 def test_the_path_of_example_2_crosses_one_path_dependent_area(line, shells):
-    """As the paper says of point 3; its singular point C and touch point lie in it."""
+    """As the paper says of point 3; its singular point C and tangency point lie in it."""
     assert shells.point == "wrist centre"
     parts = shells.path
     assert [inside for _, inside in parts] == [False, True, False]

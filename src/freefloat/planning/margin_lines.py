@@ -12,6 +12,7 @@ of S.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +57,7 @@ class StatesOnPath:
     def __init__(self, problem: Problem, q1: float, q2: float) -> None:
         self.problem, self.q2, self._q1 = problem, q2, q1
         self.measure = problem.margin.measure
+        self._gradient = lru_cache(1024)(self._gradient_in_plane)  # along a line it is constant
         self._has_momentum = bool(problem.momentum.any())
         self._solver = problem.resolved_rate_solver()
         virtual = VirtualManipulator.of(problem.model)
@@ -121,11 +123,21 @@ class StatesOnPath:
         for k, (time, attitude, q) in enumerate(zip(t, attitudes.as_quat(), joints, strict=True)):
             rates = self._rates(float(time), attitude, q)[1]
             speed = float(np.linalg.norm(rates))
-            if np.isfinite(speed + q.sum()):
+            if not np.isfinite(speed + q.sum()):
+                continue
+            if self.measure.name == "arm":
+                slopes[k] = self._gradient(*q[1:3].tolist()) @ rates[1:3]
+            else:
                 step = rates * (_STEP / (speed or 1.0))
                 difference = self.measure(q + step) - self.measure(q - step)
                 slopes[k] = speed * difference / (2.0 * _STEP)
         return slopes
+
+    def _gradient_in_plane(self, q2: float, q3: float) -> Array:
+        """Derivatives of S(q2, q3) (40), shape (2,)."""
+        q, steps = np.array([0.0, q2, q3, 0.0, 0.0, 0.0]), _STEP * np.eye(6)[1:3]
+        differences = [self.measure(q + step) - self.measure(q - step) for step in steps]
+        return np.array(differences) / (2.0 * _STEP)
 
     def is_minimum(self, t: float, attitude: Rotation, joints: Array, level: float) -> bool:
         """Whether the magnitude of S has a minimum, not a maximum, along the motion."""
@@ -162,9 +174,11 @@ def _lines_of_constant_elbow(
     on_path: StatesOnPath, levels: tuple[float, ...], arc: Array
 ) -> Iterator[tuple[float, Array]]:
     """Lines of the measure ``arm``: full rotations where S(q2, q3) = S0 on the arc."""
-    joints = np.zeros((len(arc), 6))
-    joints[:, 1], joints[:, 2] = on_path.q2, arc[:, 1]
-    along = on_path.measures(joints)
+    samples = 2.0 * np.pi / 3.0 * np.arange(3)
+    S = [on_path.measure(np.array([0.0, on_path.q2, q3, 0.0, 0.0, 0.0])) for q3 in samples]
+    form = np.column_stack([np.ones(3), np.sin(samples), np.cos(samples)])  # (21a) in q3
+    k0, k1, k2 = np.linalg.solve(form, S)
+    along = k0 + k1 * np.sin(arc[:, 1]) + k2 * np.cos(arc[:, 1])
     for level in levels:
         for i in roots_between(along - level):
             before, after = np.abs(along[i : i + 2] - level)
