@@ -27,6 +27,6 @@ def error(*words: object) -> dict[str, Any]:
     result = run(*words, "--json")
     assert result.exit_code == 2, result.output
     (line,) = result.stderr.splitlines()
-    told = json.loads(result.stdout)["error"]
-    assert line == f"freefloat: {told['message']}"
-    return dict(told)
+    document = json.loads(result.stdout)["error"]
+    assert line == f"freefloat: {document['message']}"
+    return dict(document)

@@ -100,6 +100,7 @@ def test_an_unforeseen_exception_asks_for_a_report(monkeypatch: pytest.MonkeyPat
     assert (result.exit_code, "Traceback" in result.stderr) == (3, True)
 
 
+@pytest.mark.slow
 def test_control_c_exits_with_130(tmp_path: Path) -> None:
     words = ["map", "spatial_6dof/line", "--samples", "10000000"]
     with subprocess.Popen(
@@ -152,6 +153,7 @@ def test_tables_have_colours_on_request(monkeypatch: pytest.MonkeyPatch) -> None
     assert "\x1b[32m" in run(*SIMULATE).stdout
 
 
+@pytest.mark.slow
 def test_progress_is_shown_on_terminals(tmp_path: Path) -> None:
     import pty
 
@@ -193,15 +195,6 @@ def test_folders_of_outputs_are_made_and_places_checked(tmp_path: Path) -> None:
         assert raised.value.key == key
     with pytest.raises(InputError, match="also the input"):
         prepare_outputs(tmp_path / "file", output=tmp_path / "file")
-
-
-def test_places_of_outputs_are_checked_before_the_work(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    for option, key in (("-o", "output"), ("--html", "html"), ("--plots", "plots")):
-        begin = time.monotonic()
-        place = tmp_path / "file" / "x"
-        assert error("plan", "spatial_6dof/line", option, place)["key"] == key
-        assert time.monotonic() - begin < 10.0
 
 
 # --- completion ---------------------------------------------------------------------------------

@@ -24,7 +24,6 @@ FILES: dict[str, tuple[str, str | bytes | None]] = {
     "invalid YAML": ("file", "robot: {urdf: x\n"),
     "tag": ("file", PARABOLA.replace("planar-pose", "!!python/object/apply:os.system [ls]")),
     "alias bomb": ("file", "a: &a [x, x]\nb: [*a, *a]\n"),
-    "duplicate key": ("file", PARABOLA + "task: pose\n"),
     "binary": ("file", bytes(range(256)) * 8),
     "too large": ("file", "# much\n" * 300_000),
     "number as key": ("file", PARABOLA + "3: 1\n"),
@@ -34,18 +33,13 @@ FILES: dict[str, tuple[str, str | bytes | None]] = {
 EDITS: dict[str, tuple[str, str, str]] = {
     "unknown key": ("momentm", "momentum", "momentm"),
     "unknown key inside": ("timing.duraton", "duration", "duraton"),
-    "unknown path": ("path.circle", "polynomial", "circle"),
     "missing section": ("timing", "timing: {law: quintic, duration: 100}\n", ""),
     "missing key": ("timing.duration", ", duration: 100", ""),
     "NaN": ("momentum.2", "0.5]", ".nan]"),
-    "wrong length": ("momentum", "[0, 0, 0.5]", "[0, 0.5]"),
     "boolean": ("timing.duration", "100", "yes"),
-    "text": ("timing.duration", "100", '"100"'),
-    "zero": ("timing.duration", "100", "0"),
     "unknown word": ("margin.measure", "measure: system", "measure: det"),
     "negative": ("margin.value", "value: 5", "value: -5"),
     "two alternatives": ("margin", "value: 5", "value: 5, fraction: 0.2"),
-    "two paths": ("path", "polynomial", "waypoints: [[2, 0, 0], [1, 1, 0]]\n  polynomial"),
     "no path": ("path", POLYNOMIAL + "\n  ", ""),
     "coinciding waypoints": ("path.waypoints", POLYNOMIAL, "waypoints: [[2, 0, 0], [2, 0, 0]]"),
     "normal along the path": ("path.attitude.follow", "[0, 0, 1]", "[-3, 0.5, 0]"),
@@ -68,7 +62,6 @@ URDFS: dict[str, tuple[str, str, str]] = {
     "text as mass": ("link link_1", 'value="40"', 'value="heavy"'),
     "negative mass": ("link link_1", 'value="40"', 'value="-40"'),
     "unknown joint type": ("joint q1", 'name="q1" type="continuous"', 'name="q1" type="round"'),
-    "no axis": ("joint q1", 'axis xyz="0 0 1"', 'axis xyz="0 0 0"'),
     "missing parent": ("joint q2", '<parent link="link_1"/>', '<parent link="link_7"/>'),
     "unfinished": ("urdf", "</robot>", ""),
 }
@@ -168,13 +161,10 @@ def test_every_command_refuses_the_same_input(command: str, folder: Path) -> Non
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("duration: 100", "duration: 1e-300"),
         ("duration: 100", "duration: 1e300"),
         ("[0, 0, 0.5]", "[0, 0, 1e300]"),
         ("x: [2, -3]", "x: [2, 1e308, 1e308]"),
-        ("end_effector}", "end_effector, scale_mass: 1e300}"),
         ("value: 5", "value: 1e300"),
-        ("[0, 0, 1]", "[0, 0, 1e-300]"),
     ],
 )
 def test_extreme_numbers_give_a_result_or_an_error(old: str, new: str, folder: Path) -> None:

@@ -80,7 +80,9 @@ def test_a_map_without_a_feasible_attitude_exits_with_1(name: str) -> None:
 
 
 def test_threads_change_nothing_but_the_time() -> None:
-    first, second = (document("map", "easy.yaml", "--threads", threads) for threads in "12")
+    first, second = (
+        document("map", "easy.yaml", "--samples", "16", "--threads", threads) for threads in "12"
+    )
     assert {**first, "seconds": 0} == {**second, "seconds": 0}
 
 
@@ -107,6 +109,7 @@ def test_bad_options_are_errors(words: tuple[str, ...], key: str) -> None:
     assert error("map", *words)["key"] == key
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_error_and_leaves_nothing(folder: Path) -> None:
     before = sorted(folder.iterdir())
     done = subprocess.run(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from freefloat.cli.tables import percentage
+from freefloat.cli.console import percentage
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.results import load
 from freefloat.robot import validation

@@ -46,6 +46,7 @@ def test_every_public_name_can_be_imported_and_is_listed(name: str) -> None:
     assert name in dir(freefloat)
 
 
+@pytest.mark.slow
 def test_a_star_import_has_every_public_name(tmp_path: Path) -> None:
     code = "from freefloat import *\nimport json\nprint(json.dumps(sorted(globals())))"
     assert set(freefloat.__all__) <= set(json.loads(python(code, tmp_path)))

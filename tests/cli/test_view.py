@@ -154,6 +154,7 @@ def ask(port: int, host: str, path: str = "/") -> tuple[int, str]:
         return reply.status, reply.read().decode()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_a_page_is_served_until_it_is_stopped(stop: signal.Signals, files: Path) -> None:
     """On a free port of 127.0.0.1, for requests that name this host; exit code 0, no noise."""

@@ -14,7 +14,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import Objective, Plan
 from freefloat.visualization import figures as figures_module
-from freefloat.visualization.figure_style import BLUE, GREY, save_figures
+from freefloat.visualization.figure_style import BLUE, GREY
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.slices import Mark, map_slices
 
@@ -116,7 +116,7 @@ def test_bars_add_up_to_the_percentages(shown, problem):
         assert set(line.get_xdata()) == {problem.margin.threshold}
 
 
-def test_a_map_with_nothing_feasible_is_drawn(problem, tmp_path):
+def test_a_map_with_nothing_feasible_is_drawn(problem):
     """With a margin above all motions the slices are grey."""
     margin = ff.Margin(problem.margin.measure, 1e6)
     infeasible = ff.Problem(problem.model, problem.path, problem.task, problem.momentum, margin)
@@ -124,7 +124,6 @@ def test_a_map_with_nothing_feasible_is_drawn(problem, tmp_path):
     for axes in figures["map_slices"].axes[:3]:
         assert axes.get_title().startswith("centre")
         assert not np.isfinite(np.ma.filled(meshes(axes)[1].get_array(), np.nan)).any()
-    assert len(save_figures(tmp_path, figures)) == 4
 
 
 def test_spatial_plans_show_their_map_and_the_present_attitude(problem, monkeypatch):
@@ -142,5 +141,5 @@ def test_a_redundant_arm_has_one_panel_for_all_its_configurations():
     problem = ff.load_scenario("panda_servicer/line").problem()
     result, _, figures = drawn(problem, [], 60)
     (axes,) = figures["map_histogram"].axes
-    assert axes.get_title(loc="left").startswith("any\n")
+    assert axes.get_title(loc="left").startswith("any: ")
     assert f"{100.0 * result.feasible_fraction:.1f} % keep" in axes.get_title(loc="left")

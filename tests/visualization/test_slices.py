@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.visualization.slices import Mark, map_slices, rotation_vectors
+from freefloat.visualization.slices import Mark, map_slices
 
 SIDE = 15
 ATTITUDE = Rotation.from_rotvec([1.2, -0.5, 0.9]).as_quat()
@@ -75,6 +75,7 @@ def test_opposite_ends_of_a_diameter_have_equal_margins(evaluator):
         assert plane.margins[0, middle] == pytest.approx(plane.margins[-1, middle], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_unreached_attitudes_differ_from_infeasible_ones():
     """The UR5 reaches the start of its path from less than half of all attitudes."""
     evaluator = FeasibilityEvaluator(ff.load_scenario("ur5_servicer/arc").problem())
@@ -89,15 +90,8 @@ def test_unreached_attitudes_differ_from_infeasible_ones():
     assert fractions[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_slices_are_coarser_where_branches_have_no_closed_form():
     evaluator = FeasibilityEvaluator(ff.load_scenario("panda_servicer/line").problem())
     assert evaluator.sample_reduction > 1
     assert len(map_slices(evaluator, [], side=7)[0].ticks) < 7
-
-
-def test_rotation_vectors_are_at_most_pi_long():
-    attitudes = Rotation.from_rotvec([[0.0, 0.0, 3.5], [0.3, 0.0, 0.0]]).as_quat()
-    vectors = rotation_vectors(attitudes)
-    assert vectors[0] == pytest.approx([0.0, 0.0, 3.5 - 2.0 * np.pi])
-    assert vectors[1] == pytest.approx([0.3, 0.0, 0.0])
-    assert rotation_vectors(-attitudes) == pytest.approx(vectors)

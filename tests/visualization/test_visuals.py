@@ -74,6 +74,7 @@ def test_hubs_of_the_spatial_robot_lie_along_their_joints(spatial_6dof: FreeFloa
         assert abs(along) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "tip"), [("ur5", "tool0"), ("panda", "panda_hand")])
 def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, tip: str) -> None:
     """Bounds of every body at zero joints, in metres, against Pinocchio's geometry model."""
@@ -102,6 +103,7 @@ def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, tip: str)
     assert 50_000 < faces < 200_000  # a few megabytes, no need to thin them out
 
 
+@pytest.mark.slow
 def test_the_same_file_is_read_once() -> None:
     """Both fingers of the Panda share their meshes."""
     model = FreeFloatingModel.from_urdf(

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import RenderableType
 
-from freefloat.cli.console import DONE, NO, Console, decimals, table
+from freefloat.cli.console import (
+    DONE,
+    NO,
+    Console,
+    decimals,
+    percentage,
+    short_label,
+    table,
+)  # fmt: skip
 from freefloat.cli.options import (
     Json,
     Plots,
@@ -137,8 +145,6 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
 
 
 def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]:
-    from freefloat.cli.tables import percentage, short_label
-
     yield f"{name}: {result.samples:,} initial attitudes, every arm branch"
     branches = table("branch", "exists [%]", "feasible [%]")
     for branch, label in result.branch_labels().items():

@@ -11,7 +11,17 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import DONE, NO, Console, table
+from freefloat.cli.console import (
+    ANY,
+    DONE,
+    NO,
+    Console,
+    limit_tables,
+    motion_lines,
+    percentage,
+    short_label,
+    table,
+)  # fmt: skip
 from freefloat.cli.options import (
     Json,
     Page,
@@ -98,8 +108,6 @@ def draw(
 
 def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
     """The feasible attitudes, the chosen one, its tolerances, motion and limits."""
-    from freefloat.cli.tables import ANY, limit_tables, motion_lines, percentage, short_label
-
     if plan.map is None:
         yield f"{name}: feasible initial headings"
         ranges = table("branch", "ranges [deg]")
@@ -143,8 +151,6 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
 
 
 def _segment_lines(plan: Plan) -> Iterator[str]:
-    from freefloat.cli.tables import short_label
-
     for segment in plan.segments:
         first, last = segment.span
         yield f"  Feasible headings at the end of the segment from {first:g} to {last:g} s:"

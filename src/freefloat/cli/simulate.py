@@ -10,7 +10,17 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import DONE, NO, Console, decimals, table
+from freefloat.cli.console import (
+    DONE,
+    NO,
+    Console,
+    decimals,
+    keeps_margin,
+    limit_tables,
+    motion_lines,
+    short_label,
+    table,
+)  # fmt: skip
 from freefloat.cli.options import (
     Json,
     Page,
@@ -109,7 +119,6 @@ def _joint_values(text: str | None) -> list[float] | None:
 
 
 def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
-    from freefloat.cli.tables import limit_tables, motion_lines, short_label
     from freefloat.motion.reach import reach_message
 
     problem = simulation.problem
@@ -133,7 +142,6 @@ def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
 
 
 def _verdict(entry: SimulatedBranch) -> Text:
-    from freefloat.cli.tables import keeps_margin
     from freefloat.motion.motion import Ending
 
     motion = entry.motion

@@ -125,7 +125,8 @@ def histogram_figure(result: AttitudeMap) -> Figure:
     for axes, (branch, values) in zip(panels, groups, strict=False):
         _draw_bars(axes, values, edges, margin.threshold)
         name = f"{names[branch][:-1]}±" if flipped else names[branch]
-        axes.set_title(f"{name}\n{_percentages(result, branch, values)}", fontsize=7.0, loc="left")
+        feasible, *others = _percentages(result, branch, values)
+        axes.set_title(f"{name}: {feasible}\n{', '.join(others)}", fontsize=7.0, loc="left")
     panels[-1].set_xlabel(_label(result))
     figure.supylabel("attitudes [%]", fontsize=8.0)
     return figure
@@ -144,20 +145,17 @@ def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
         axes.axvline(margin, color=VERMILION, linestyle="--", linewidth=1.0)
 
 
-def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> str:
+def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list[str]:
     """Return the percentages of attitudes by best outcome of their branches."""
     endings = result.endings if branch is None else result.endings[:, [branch]]
-    ahead = np.zeros(len(values), dtype=bool)
-    texts = []
-    for part, words in (
-        (result.problem.margin.is_kept(values), "keep the margin"),
-        ((endings == COMPLETED).any(axis=1), "fall below"),
-        ((endings == SINGULAR).any(axis=1), "become singular"),
-        ((endings != UNREACHED).any(axis=1), "stopped early"),
-        (np.ones(len(values), dtype=bool), "not reached"),
-    ):
-        counted = part & ~ahead
-        ahead = ahead | part
-        if counted.any() or words == "keep the margin":
-            texts.append(f"{100.0 * counted.mean():.1f} % {words}")
-    return ", ".join(texts)
+    outcomes = {
+        "keep the margin": result.problem.margin.is_kept(values),
+        "fall below": (endings == COMPLETED).any(axis=1),
+        "become singular": (endings == SINGULAR).any(axis=1),
+        "stopped early": (endings != UNREACHED).any(axis=1),
+        "not reached": np.ones(len(values), dtype=bool),
+    }
+    first = np.argmax(np.vstack([*outcomes.values()]), axis=0)
+    parts = zip(outcomes, np.bincount(first, minlength=len(outcomes)) / len(values), strict=True)
+    return [f"{100.0 * part:.1f} % {words}" for words, part in parts
+            if part > 0.0 or words == "keep the margin"]  # fmt: skip

@@ -148,13 +148,14 @@ class Player {
   lines(scene) {
     if (!scene.trail) return scene.lines || [];
     const { times, values, fractions } = scene.trail, { measure, margin } = about.scale;
-    const now = Math.min(this.time, scene.end);
+    const ended = this.time >= scene.end;
+    const now = table => ended ? table.at(-1) : interpolated(times, table, this.time);
     const lines = [
-      `t = ${now.toFixed(2)} s`,
-      `s = ${interpolated(times, fractions, now).toFixed(3)}`,
-      `|${measure}| = ${shortened(interpolated(times, values, now))}, margin ${shortened(margin)}`,
+      `t = ${Math.min(this.time, scene.end).toFixed(2)} s`,
+      `s = ${now(fractions).toFixed(3)}`,
+      `|${measure}| = ${shortened(now(values))}, margin ${shortened(margin)}`,
     ];
-    return this.time >= scene.end ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" }] : lines;
+    return ended ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" }] : lines;
   }
 
   // Visible labels with their positions on a canvas [pixels].
