@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -196,7 +196,6 @@ arms = st.one_of(
 )
 
 
-@settings(max_examples=60)
 @given(data=st.data(), robot=robots(arms))
 def test_matrices_of_random_robots_agree_with_pinocchio(data: st.DataObject, robot: Robot) -> None:
     """Revolute and prismatic joints, fixed joints merged; awkward joint values."""

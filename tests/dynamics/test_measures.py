@@ -92,7 +92,7 @@ def test_sigma_is_the_smallest_scaled_singular_value(data: st.DataObject, robot:
     """Lengths in units of the reach."""
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
     q = data.draw(joint_values(model.dof))
-    reach = VirtualManipulator.measure(model).reach
+    reach = VirtualManipulator.of(model).reach
     row = np.array([1.0 / reach] * 3 + [1.0] * 3)
     column = np.array([reach if body.prismatic else 1.0 for body in model.bodies[1:]])
     S = row[:, None] * generalized_jacobian(model, q) * column
@@ -293,19 +293,15 @@ def test_extremes_of_the_spatial_arm_beat_every_sample(
     assert extremes.smallest < min(values) < max(values) < extremes.largest
 
 
-@pytest.mark.parametrize(
-    ("structure", "task", "name"),
-    [("RRRRRR", Task.POSE, "gjm"), ("RRRRRRR", Task.POSE, "gjm"), ("RRRRRR", Task.POSE, "sigma"),
-     ("RRPR", Task.POSITION, "system")],
-)  # fmt: skip
+@pytest.mark.parametrize("structure", ["RRR", "RRRR"])
 def test_the_largest_magnitude_is_that_of_the_extremes(
-    structure: str, task: Task, name: str, rng: np.random.Generator
+    structure: str, rng: np.random.Generator
 ) -> None:
     """With a sign and without one, where the minimum is not searched."""
     model = model_of(structure, rng)
-    measure = singularity_measure(model, task, name)
-    extremes = joint_space_extremes(model, measure, samples=512)
-    assert largest_magnitude(model, measure, samples=512) == extremes.magnitude
+    measure = singularity_measure(model, Task.POSITION, "gjm")
+    extremes = joint_space_extremes(model, measure, samples=128)
+    assert largest_magnitude(model, measure, samples=128) == extremes.magnitude
 
 
 def test_prismatic_joints_are_searched_within_their_limits() -> None:
