@@ -73,23 +73,21 @@ def singularity_measure(
     prismatic = sum(body.prismatic for body in model.bodies[1:])
     lengths = sum(row < 3 for row in task.rows) - prismatic
     virtual = VirtualManipulator.of(model)
-    determinant = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
+    volume = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
     if name == "gjm":
-        return SingularityMeasure(name, determinant, _unit(lengths), partial(_gjm, model, task))
+        return SingularityMeasure(name, volume, _unit(lengths), partial(_gjm, model, task))
     if name == "system":
         k = 1 if task.planar else 3
-        words = "det A (5)" if m == n else f"det D times {determinant}"
+        words = "det A (5)" if m == n else f"det D times {volume}"
         unit = f"{_unit(lengths + 2 * k)} kg" + ("^3" if k == 3 else "")
         return SingularityMeasure(name, words, unit, partial(_system, model, task))
     if name == "sigma":
         words = f"smallest singular value of S* (7), in units of the reach {virtual.reach:.4g} m"
         return SingularityMeasure(name, words, "1", partial(_sigma, model, task, virtual.reach))
     if name == "arm":
-        axes = plane_axes(model, task)
+        function = partial(_in_plane_determinant, model, plane_axes(model, task))
         words = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
-        return SingularityMeasure(
-            name, words, "m^4 kg", partial(_in_plane_determinant, model, axes)
-        )
+        return SingularityMeasure(name, words, "m^4 kg", function)
     raise InputError("margin.measure", f"{name!r} was given", ", ".join(NAMES))
 
 

@@ -188,7 +188,12 @@ def generalized_jacobian(
                 return np.asarray(A[1:, 1:] - A[1:, :1] * (A[:1, 1:] / A[0, 0]))
         A, J = _maps(model, joints)
     except (TypeError, ValueError):  # validated only on failure: valid calls pay nothing
-        _check_joints(model, joints)
+        if isinstance(joints, Mapping):
+            kind = type(joints).__name__
+            raise InputError(
+                "joints", f"{kind} was given", "model.joint_vector(...) of it"
+            ) from None
+        model.joint_vector(joints)
         raise
     A = np.asfortranarray(A)  # solved in place
     _, _, base, singular = dgesv(A[:, :6], A[:, 6:], 1, 1)
@@ -196,13 +201,6 @@ def generalized_jacobian(
         raise np.linalg.LinAlgError("the inertia matrix of the spacecraft's rates is singular")
     S: Array = J[:, 6:] - J[:, :6].dot(base)
     return S if task is Task.POSE else S[task.rows]
-
-
-def _check_joints(model: FreeFloatingModel, joints: npt.ArrayLike) -> None:
-    if isinstance(joints, Mapping):
-        kind = type(joints).__name__
-        raise InputError("joints", f"{kind} was given", "model.joint_vector(...) of it")
-    model.joint_vector(joints)
 
 
 def generalized_determinant(

@@ -49,7 +49,7 @@ class BranchResults:
 
 
 class FeasibilityEvaluator:
-    """Evaluates, by attitude and arm branch, whether a path can be followed.
+    """Integrates the motions from many attitudes and decides which keep the margin.
 
     Arm branches without closed form take far longer than integrating the motions; searches then
     divide their numbers of attitudes by ``sample_reduction``.

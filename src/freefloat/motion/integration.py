@@ -265,8 +265,8 @@ class _RedundantFlow:
         twist = leg.tangent(self._timing.s(t, 0, leg.segment)) * speed
         omega, rates = self._solver.rates(attitude, y[5:], twist, speed)
         x, w = attitude[:3], attitude[3]
-        turning = 0.5 * (w * omega + cross(x, omega)), [-0.5 * (x @ omega)]  # (8c)
-        tangent = np.concatenate([[1.0 / self.unit], *turning, rates])
+        change = 0.5 * (w * omega + cross(x, omega)), [-0.5 * (x @ omega)]  # (8c)
+        tangent = np.concatenate([[1.0 / self.unit], *change, rates])
         square = tangent @ tangent
         if not math.isfinite(square):
             return _without_time(reference)
