@@ -65,7 +65,11 @@ def test_example_1_all_around(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "seed", "count"),
-    [("spatial_6dof/line", 11, 1), ("ur5_servicer/arc", 12, 12), ("panda_servicer/line", 13, 8)],
+    [
+        ("spatial_6dof/line", 11, 1),
+        ("ur5_servicer/arc", 12, 12),
+        pytest.param("panda_servicer/line", 13, 8, marks=pytest.mark.slow),
+    ],
 )
 def test_random_attitudes_of_the_bundled_arms(name: str, seed: int, count: int) -> None:
     """Elbow arm with the paper's measure, UR5 without spherical wrist, redundant Panda."""

@@ -118,6 +118,7 @@ def test_redundancy_of_thirty_joints(structure, task, toward):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("structure", "task"), [TEN[1], THIRTY[0]])
 def test_endings_beyond_the_reach(structure, task):
     """Where a straight arm is singular; before that, where a margin is violated."""

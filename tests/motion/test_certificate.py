@@ -59,6 +59,7 @@ def test_certificate_agrees_with_residuals(motion):
     assert json.loads(json.dumps(result.to_dict(), allow_nan=False)) == result.to_dict()
 
 
+@pytest.mark.slow
 def test_errors_have_their_time(motion):
     positions = motion.base_positions.copy()
     positions[30, 1] += 1e-5
@@ -67,6 +68,7 @@ def test_errors_have_their_time(motion):
     assert result.centre_of_mass.time == motion.times[30]
 
 
+@pytest.mark.slow
 def test_other_null_space_motion_is_an_error_of_the_rates(redundant):
     assert certify(redundant).rates.value < 1e-6
     other = replace(redundant.problem, redundancy=Redundancy("energy"))
@@ -131,6 +133,7 @@ def test_fixed_joints_in_mujoco(rng):
         assert_close(axes, pose.rotation, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_mujoco_agrees_with_the_motion(redundant):
     engine = Engine(redundant.problem.model)
     forward, inverse = forward_run(redundant, engine), inverse_run(redundant, engine)
