@@ -17,7 +17,6 @@ from freefloat.so3 import (
     heading_of,
     heading_quaternion,
     low_discrepancy,
-    quaternion,
     rotation_matrix,
     rotation_vector_between,
     unit_quaternion,
@@ -37,13 +36,6 @@ def test_quaternion_is_hamiltons_with_the_scalar_last() -> None:
     # i j = k, and i j is "first about j, then about i"
     ij = rotation_matrix([1.0, 0, 0, 0]) @ rotation_matrix([0.0, 1, 0, 0])
     np.testing.assert_allclose(ij, rotation_matrix([0.0, 0, 1, 0]), atol=1e-15)
-
-
-@given(attitude=attitudes)
-def test_quaternion_of_rotation_matrix_is_the_quaternion(attitude: np.ndarray) -> None:
-    attitude = attitude / np.linalg.norm(attitude)
-    back = quaternion(rotation_matrix(attitude))
-    assert abs(abs(back @ attitude) - 1.0) < 1e-14
 
 
 @given(attitude=attitudes, x=st.floats(-3, 3), y=st.floats(-3, 3))

@@ -92,14 +92,12 @@ def unit_quaternion(key: str, values: npt.ArrayLike) -> Array:
 def attitude_axes(key: str, values: npt.ArrayLike) -> Array:
     """The rotation (3, 3) of an attitude, read-only.
 
-    Args:
-        key: Named in errors.
-        values: Axes as columns, shape (3, 3), or a quaternion x, y, z, w, shape (4,), as accepted
-            by :func:`unit_quaternion`.
+    The values are axes as columns, shape (3, 3), or a quaternion x, y, z, w as accepted by
+    :func:`unit_quaternion`.
 
     Raises:
-        InputError: If it is neither, or the axes differ from a right-handed rotation by more than
-            1e-6.
+        InputError: Naming ``key``, if they are neither, or the axes differ from a right-handed
+            rotation by more than 1e-6.
     """
     accepted = "a rotation, shape (3, 3), or a unit quaternion x, y, z, w"
     try:
@@ -108,16 +106,15 @@ def attitude_axes(key: str, values: npt.ArrayLike) -> Array:
         raise InputError(key, f"{values!r} was given", accepted) from None
     if array.shape == (4,):
         return frozen(rotation_matrix(unit_quaternion(key, array)))
-    if array.shape != (3, 3):
-        raise InputError(key, f"an array of shape {array.shape} was given", accepted)
-    if not np.isfinite(array).all():
+    if array.shape != (3, 3) or not np.isfinite(array).all():
         raise InputError(key, f"{array.tolist()} was given", accepted)
     error = float(np.abs(array.T @ array - np.eye(3)).max())
-    if error > _ORTHOGONALITY:
-        raise InputError(key, f"its columns are not orthonormal, error {error:.3g}", accepted)
     determinant = float(np.linalg.det(array))
-    if determinant < 0.0:
-        raise InputError(key, f"it is left-handed, determinant {determinant:.3g}", accepted)
+    if error > _ORTHOGONALITY or determinant < 0.0:
+        problem = (
+            f"its columns deviate by {error:.3g} from orthonormal, determinant {determinant:.3g}"
+        )
+        raise InputError(key, problem, accepted)
     return array
 
 
@@ -130,11 +127,6 @@ def cross(u: Array, v: Array) -> Array:
 def rotation_matrix(quaternion: npt.ArrayLike) -> Array:
     """The rotation (3, 3) of a quaternion ``x, y, z, w``."""
     return np.asarray(Rotation.from_quat(quaternion).as_matrix())
-
-
-def quaternion(rotation: npt.ArrayLike) -> Array:
-    """The quaternion ``x, y, z, w`` of a rotation (3, 3), with the sign that SciPy chooses."""
-    return np.asarray(Rotation.from_matrix(rotation).as_quat())
 
 
 def heading_quaternion(heading: float) -> Array:

@@ -16,17 +16,18 @@ from freefloat.ik.chain import (
     Rows,
     Scratch,
     Vector,
+    ZeroPose,
     cross,
     dot,
     into_range,
     newton,
     norm,
     plus,
-    pose_of,
     rotated,
     row,
     scratch_for,
     times,
+    zero_pose,
 )
 from freefloat.so3 import Array, IntArray
 
@@ -131,13 +132,16 @@ def in_forearm(v: Vector, axes: Array, angles: Vector) -> Vector:
 
 
 @compiled
-def required_rotation(rotation: Array, straight: Rows) -> Rows:
+def required_rotation(rotation: Array, zero: ZeroPose) -> Rows:
     """Rotation of the end-effector from its orientation at zero joints to a rotation (3, 3)."""
-    return (
-        times(straight, row(rotation, 0)),
-        times(straight, row(rotation, 1)),
-        times(straight, row(rotation, 2)),
-    )
+    R = zero.rotation
+    return times(R, row(rotation, 0)), times(R, row(rotation, 1)), times(R, row(rotation, 2))
+
+
+@compiled
+def reach_term(upper: Vector, fore: Vector, v: Vector) -> float:
+    """The product of two links, ``upper . fore``, where they reach together from 0 to ``v``."""
+    return (dot(v, v) - dot(upper, upper) - dot(fore, fore)) / 2.0
 
 
 @compiled
@@ -148,22 +152,14 @@ def sign_of(number: int, bit: int) -> float:
 
 @compiled
 def elbow_and_wrist(
-    number: int, points: Array, h: Array, centre: Vector, u: Vector, rotation_change: Rows, q: Array
+    number: int, zero: ZeroPose, centre: Vector, u: Vector, rotation_change: Rows, q: Array
 ) -> bool:
     """Solve for one of eight branches: shoulder from (17), elbow from (28), spherical wrist.
 
-    Args:
-        number: Number of the branch.
-        points: Positions of the virtual joints at zero, shape (6, 3).
-        h: Joint axes at zero, shape (6, 3).
-        centre: Wrist centre at zero.
-        u: From the first joint to the required wrist centre.
-        rotation_change: Required rotation of the end-effector from its orientation at zero.
-        q: Receives the joint values, shape (6,).
-
-    Returns:
-        Whether the branch exists.
+    ``centre`` is the wrist centre at zero, ``u`` points from the first joint to the required one.
+    Returns whether the branch exists.
     """
+    points, h = zero.points, zero.axes
     h1, h2, h3, h4, h5, h6 = row(h, 0), row(h, 1), row(h, 2), row(h, 3), row(h, 4), row(h, 5)
     upper = plus(row(points, 2), row(points, 1), -1.0)
     fore = plus(centre, row(points, 2), -1.0)
@@ -171,8 +167,7 @@ def elbow_and_wrist(
     height = dot(h2, plus(centre, row(points, 0), -1.0))
     q1 = -angle_to_height(h1, u, h2, height, sign_of(number, 4))
     v = plus(rotated(u, h1, -q1), to_lift, -1.0)
-    reach_term = (dot(v, v) - dot(upper, upper) - dot(fore, fore)) / 2.0
-    q3 = angle_to_height(h3, fore, upper, reach_term, sign_of(number, 2))
+    q3 = angle_to_height(h3, fore, upper, reach_term(upper, fore, v), sign_of(number, 2))
     q2 = angle_onto(h2, plus(upper, rotated(fore, h3, q3), 1.0), v)
     angles = (q1, q2, q3)
     roll = in_forearm(times(rotation_change, h6), h, angles)
@@ -195,25 +190,18 @@ def refine(
 
 @compiled
 def solve_elbow_and_wrist(
-    chain: Chain,
-    rows: IntArray,
-    centre: Array,
-    positions: Array,
-    rotations: Array,
-    joints: Array,
+    chain: Chain, rows: IntArray, centre: Array, positions: Array, rotations: Array, joints: Array
 ) -> None:
     """The eight branches of an elbow arm with a spherical wrist of centre (3,) at zero joints."""
-    scratch, points, axes = scratch_for(6, 6), np.empty((6, 3)), np.empty((6, 3))
-    p, straight = pose_of(chain, np.zeros(6), points, axes)
-    wrist = (centre[0], centre[1], centre[2])
-    offset = plus(p, wrist, -1.0)
+    scratch, zero, wrist = scratch_for(6, 6), zero_pose(chain), (centre[0], centre[1], centre[2])
+    offset = plus(zero.position, wrist, -1.0)
     for t in range(len(positions)):
         position, rotation = row(positions, t), rotations[t]
-        rotation_change = required_rotation(rotation, straight)
-        u = plus(plus(position, times(rotation_change, offset), -1.0), row(points, 0), -1.0)
+        rotation_change = required_rotation(rotation, zero)
+        u = plus(plus(position, times(rotation_change, offset), -1.0), row(zero.points, 0), -1.0)
         for number in range(8):
             q = joints[t, number]
-            if elbow_and_wrist(number, points, axes, wrist, u, rotation_change, q):
+            if elbow_and_wrist(number, zero, wrist, u, rotation_change, q):
                 refine(chain, rows, position, rotation, q, scratch)
             else:
                 q[:] = np.nan
@@ -231,21 +219,20 @@ def solve_planar_elbow(
 ) -> None:
     """The two branches of a planar arm from the triangle of b, c and the paper's point 3 (28)."""
     n = len(chain.axes)
-    scratch, points, axes = scratch_for(n, len(rows)), np.empty((n, 3)), np.empty((n, 3))
-    p, straight = pose_of(chain, np.zeros(n), points, axes)
+    scratch, zero = scratch_for(n, len(rows)), zero_pose(chain)
+    points, axes, p = zero.points, zero.axes, zero.position
     last, offset = (row(points, 2), plus(p, row(points, 2), -1.0)) if n == 3 else (p, ZERO)
     h1, h2 = row(axes, 0), row(axes, 1)
     b = horizontal(plus(row(points, 1), row(points, 0), -1.0))
     c = horizontal(plus(last, row(points, 1), -1.0))
     for t in range(len(positions)):
         position, rotation = row(positions, t), rotations[t]
-        rotation_change = required_rotation(rotation, straight)
+        rotation_change = required_rotation(rotation, zero)
         point_3 = plus(position, times(rotation_change, offset), -1.0)
         v = horizontal(plus(point_3, row(points, 0), -1.0))
-        reach_term = (dot(v, v) - dot(b, b) - dot(c, c)) / 2.0
         for number in range(2):
             q = joints[t, number]
-            q[1] = angle_to_height(h2, c, b, reach_term, sign_of(number, 1))
+            q[1] = angle_to_height(h2, c, b, reach_term(b, c, v), sign_of(number, 1))
             if np.isnan(q[1]):
                 q[:] = np.nan
                 continue

@@ -144,11 +144,8 @@ def many_arm_branches(
         joints = np.empty((len(poses[0]), 2, model.dof))
         _in_slices(kernels.solve_planar_elbow, (chain, rows), (*poses, joints), threads)
         return _closed(joints, _ELBOWS)
-    if task is Task.POSE and virtual.has_three_parallel_axes:
-        from freefloat.ik.parallel_axes import solve_parallel
-
-        return _searched(solve_parallel, model, positions, rotations, task, threads)
-    return search_arm_branches(model, positions, rotations, task, threads)
+    parallel = task is Task.POSE and virtual.has_three_parallel_axes
+    return search_arm_branches(model, positions, rotations, task, threads, parallel)
 
 
 def search_arm_branches(
@@ -157,24 +154,17 @@ def search_arm_branches(
     rotations: npt.ArrayLike,
     task: Task,
     threads: int | None = None,
+    parallel: bool = False,
 ) -> BranchSets:
-    """:func:`many_arm_branches` by Newton's method, also for arms with a closed form."""
-    from freefloat.ik.numeric import solve_numerically
+    """:func:`many_arm_branches` by Newton's method, also for arms with a closed form.
 
-    return _searched(solve_numerically, model, positions, rotations, task, threads)
-
-
-def _searched(
-    solve: Callable[..., None],
-    model: FreeFloatingModel,
-    positions: npt.ArrayLike,
-    rotations: npt.ArrayLike,
-    task: Task,
-    threads: int | None,
-) -> BranchSets:
-    """Branches from a kernel that takes start configurations and returns names."""
+    With ``parallel`` only where the closed form of three parallel axes is ill-conditioned.
+    """
     from freefloat.ik import numeric as kernels
 
+    solve = kernels.solve_numerically
+    if parallel:
+        from freefloat.ik.parallel_axes import solve_parallel as solve
     chain = _chain(VirtualManipulator.of(model), model)
     poses, n, m = _poses(positions, rotations), model.dof, len(task.rows)
     joints = np.empty((len(poses[0]), kernels.MAX_BRANCHES, n))

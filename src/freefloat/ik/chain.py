@@ -45,14 +45,9 @@ class Chain(NamedTuple):
 class Scratch(NamedTuple):
     """Workspace of Newton's method.
 
-    Attributes:
-        points: Joint positions, shape (n, 3).
-        axes: Joint axes, shape (n, 3).
-        J: Jacobian, the task's rows, shape (m, n).
-        error: Pose error, the task's rows, shape (m,).
-        A: Damped normal matrix and its Cholesky factor, shape (m, m).
-        y: Solution of the normal equations, shape (m,).
-        step: Joint step, shape (n,).
+    Joint positions and axes (n, 3), the task's rows of the Jacobian (m, n) and of the pose error
+    (m,), the damped normal matrix and its Cholesky factor (m, m), the solution of the normal
+    equations (m,), the joint step (n,).
     """
 
     points: Array
@@ -67,15 +62,9 @@ class Scratch(NamedTuple):
 @compiled
 def scratch_for(joints: int, rows: int) -> Scratch:
     """Workspace for numbers of joints and of task rows."""
-    return Scratch(
-        np.empty((joints, 3)),
-        np.empty((joints, 3)),
-        np.empty((rows, joints)),
-        np.empty(rows),
-        np.empty((rows, rows)),
-        np.empty(rows),
-        np.empty(joints),
-    )
+    points, axes, J = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((rows, joints))
+    A, error, y, step = np.empty((rows, rows)), np.empty(rows), np.empty(rows), np.empty(joints)
+    return Scratch(points, axes, J, error, A, y, step)
 
 
 @compiled
@@ -112,6 +101,15 @@ def norm(v: Vector) -> float:
 def times(R: Rows, v: Vector) -> Vector:
     """A rotated vector."""
     return (dot(R[0], v), dot(R[1], v), dot(R[2], v))
+
+
+class ZeroPose(NamedTuple):
+    """Joint positions and axes (n, 3), end-effector position and rotation at zero joints."""
+
+    points: Array
+    axes: Array
+    position: Vector
+    rotation: Rows
 
 
 @compiled
@@ -157,6 +155,15 @@ def pose_of(chain: Chain, q: Array, points: Array, axes: Array) -> tuple[Vector,
         p = plus(p, times((x, y, z), row(chain.links, i + 1)), 1.0)
     tool = chain.tool
     return p, (times_matrix(x, tool), times_matrix(y, tool), times_matrix(z, tool))
+
+
+@compiled
+def zero_pose(chain: Chain) -> ZeroPose:
+    """The arm at zero joints."""
+    n = len(chain.axes)
+    points, axes = np.empty((n, 3)), np.empty((n, 3))
+    position, rotation = pose_of(chain, np.zeros(n), points, axes)
+    return ZeroPose(points, axes, position, rotation)
 
 
 @compiled
@@ -239,20 +246,12 @@ def damped_step(scratch: Scratch, damping: float) -> float:
 
 @compiled
 def newton(
-    chain: Chain,
-    rows: IntArray,
-    position: Vector,
-    rotation: Array,
-    q: Array,
-    scratch: Scratch,
+    chain: Chain, rows: IntArray, position: Vector, rotation: Array, q: Array, scratch: Scratch,
     steps: int,
-) -> float:
-    """Damped Newton iteration that updates joint values (n,) in place.
+) -> float:  # fmt: skip
+    """Update joint values (n,) by a damped Newton iteration; returns the residual [m, rad].
 
-    The damping decreases with the residual.
-
-    Returns:
-        The final residual [m, rad]; the iteration stops early where it no longer decreases.
+    The damping decreases with the residual. The iteration stops where that no longer decreases.
     """
     minimum, stalled = np.inf, 0
     error = residual(chain, rows, position, rotation, q, scratch)

@@ -75,21 +75,13 @@ def sort(q: Array) -> None:
 
 @compiled
 def search(
-    chain: Chain,
-    rows: IntArray,
-    position: Vector,
-    rotation: Array,
-    starts: Array,
-    solutions: Array,
-    scratch: Scratch,
-) -> int:
+    chain: Chain, rows: IntArray, position: Vector, rotation: Array, starts: Array,
+    solutions: Array, scratch: Scratch,
+) -> int:  # fmt: skip
     """Write all solutions reached from starts (S, n), sorted, into ``solutions``.
 
     Generic solutions come in pairs, which merge at singularities, and each is reached from many
-    starts.
-
-    Returns:
-        The number of solutions.
+    starts. Returns the number of solutions.
     """
     hits = np.zeros(len(solutions), np.int64)
     count, q = 0, np.empty(starts.shape[1])
@@ -112,14 +104,9 @@ def search(
 
 @compiled
 def spread(
-    chain: Chain,
-    rows: IntArray,
-    position: Vector,
-    rotation: Array,
-    starts: Array,
-    solutions: Array,
-    scratch: Scratch,
-) -> int:
+    chain: Chain, rows: IntArray, position: Vector, rotation: Array, starts: Array,
+    solutions: Array, scratch: Scratch,
+) -> int:  # fmt: skip
     """Like :func:`search` for redundant arms, but by farthest-point sampling of the solutions."""
     reached, count = starts.copy(), 0
     for start in starts:
@@ -178,15 +165,9 @@ def columns_by_name(patterns: IntArray) -> IntArray:
 
 @compiled
 def store_branches(
-    chain: Chain,
-    rows: IntArray,
-    position: Vector,
-    rotation: Array,
-    solutions: Array,
-    joints: Array,
-    patterns: IntArray,
-    scratch: Scratch,
-) -> None:
+    chain: Chain, rows: IntArray, position: Vector, rotation: Array, solutions: Array,
+    joints: Array, patterns: IntArray, scratch: Scratch,
+) -> None:  # fmt: skip
     """Write the sorted solutions of a pose into columns of joints (B, n) and patterns (B,)."""
     names = np.arange(len(solutions))
     columns = names
@@ -202,14 +183,9 @@ def store_branches(
 
 @compiled
 def solve_numerically(
-    chain: Chain,
-    rows: IntArray,
-    starts: Array,
-    positions: Array,
-    rotations: Array,
-    joints: Array,
-    patterns: IntArray,
-) -> None:
+    chain: Chain, rows: IntArray, starts: Array, positions: Array, rotations: Array,
+    joints: Array, patterns: IntArray,
+) -> None:  # fmt: skip
     """Branches of any arm from starts (S, n), of a redundant arm a well-spread set of them.
 
     ``patterns``, shape (K, B), receives the sign pattern of each branch of six revolute joints,

@@ -8,8 +8,6 @@ two signs of the elbow.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from freefloat.dynamics.kernels.compilation import compiled
@@ -18,6 +16,7 @@ from freefloat.ik.analytic import (
     angle_onto,
     angle_to_height,
     height_terms,
+    reach_term,
     required_rotation,
     sign_of,
 )
@@ -28,16 +27,17 @@ from freefloat.ik.chain import (
     Rows,
     Scratch,
     Vector,
+    ZeroPose,
     cross,
     dot,
     newton,
     norm,
     plus,
-    pose_of,
     rotated,
     row,
     scratch_for,
     times,
+    zero_pose,
 )
 from freefloat.ik.numeric import (
     MAX_BRANCHES,
@@ -57,22 +57,6 @@ _CLOSE = 1e-4
 """Distance from a double root below which the closed form is ill-conditioned."""
 ILL_CONDITIONED = -1
 """Returned where the numerical search must replace the closed form."""
-
-
-class ZeroPose(NamedTuple):
-    """The arm at zero joints.
-
-    Attributes:
-        points: Joint positions, shape (6, 3).
-        axes: Joint axes, shape (6, 3).
-        rotation: End-effector rotation.
-        offset: From the sixth joint to the end-effector.
-    """
-
-    points: Array
-    axes: Array
-    rotation: Rows
-    offset: Vector
 
 
 @compiled
@@ -100,17 +84,13 @@ def circle_angles(N: Array, m: Array, angles: Array) -> int:
 
 
 @compiled
-def first_and_fifth(points: Array, h: Array, u: Vector, last: Vector, q1: Array, q5: Array) -> int:
+def first_and_fifth(zero: ZeroPose, u: Vector, last: Vector, q1: Array, q5: Array) -> int:
     """Write the pairs (q1, q5) that satisfy the two conditions above; return their number.
 
-    Args:
-        points: Joint positions at zero, shape (6, 3).
-        h: Joint axes at zero, shape (6, 3).
-        u: From the first joint to the required position of the sixth.
-        last: Required direction of the last axis.
-        q1: Receives the first joint, shape (4,).
-        q5: Receives the fifth joint, shape (4,).
+    ``u`` points from the first joint to the required position of the sixth, ``last`` is the
+    required direction of the last axis.
     """
+    points, h = zero.points, zero.axes
     h1, h2, h5, h6 = row(h, 0), row(h, 1), row(h, 4), row(h, 5)
     to_last = plus(row(points, 5), row(points, 4), -1.0)
     up = dot(h2, plus(row(points, 4), row(points, 0), -1.0))
@@ -143,9 +123,10 @@ def first_and_fifth(points: Array, h: Array, u: Vector, last: Vector, q1: Array,
 
 @compiled
 def remaining_joints(
-    points: Array, h: Array, u: Vector, rotation_change: Rows, q: Array, sign: float
+    zero: ZeroPose, u: Vector, rotation_change: Rows, q: Array, sign: float
 ) -> int:
     """Solve for the other joints from q1 and q5; return 1, 0 (no solution) or ILL_CONDITIONED."""
+    points, h = zero.points, zero.axes
     h1, h2, h3, h4 = row(h, 0), row(h, 1), row(h, 2), row(h, 3)
     h5, h6 = row(h, 4), row(h, 5)
     required = rotated(times(rotation_change, h6), h1, -q[0])
@@ -168,7 +149,7 @@ def remaining_joints(
     fore = plus(row(points, 3), row(points, 2), -1.0)
     v, upper, fore = across_axis(h2, v), across_axis(h2, upper), across_axis(h2, fore)
     product = norm(upper) * norm(fore)
-    cosine = (dot(v, v) - dot(upper, upper) - dot(fore, fore)) / 2.0
+    cosine = reach_term(upper, fore, v)
     if product < _FLAT * max(dot(upper, upper), dot(fore, fore)):
         return ILL_CONDITIONED
     if abs(abs(cosine) / product - 1.0) < _CLOSE:
@@ -183,34 +164,26 @@ def remaining_joints(
 
 @compiled
 def parallel_branches(
-    chain: Chain,
-    rows: IntArray,
-    zero: ZeroPose,
-    position: Vector,
-    rotation: Array,
-    solutions: Array,
-    scratch: Scratch,
-) -> int:
+    chain: Chain, rows: IntArray, zero: ZeroPose, position: Vector, rotation: Array,
+    solutions: Array, scratch: Scratch,
+) -> int:  # fmt: skip
     """Write all solutions, sorted, into ``solutions``; return their number or ILL_CONDITIONED."""
-    points, axes = zero.points, zero.axes
-    rotation_change = required_rotation(rotation, zero.rotation)
-    u = plus(plus(position, times(rotation_change, zero.offset), -1.0), row(points, 0), -1.0)
+    points, rotation_change = zero.points, required_rotation(rotation, zero)
+    offset = times(rotation_change, plus(zero.position, row(points, 5), -1.0))
+    u = plus(plus(position, offset, -1.0), row(points, 0), -1.0)
     q1, q5 = np.empty(4), np.empty(4)
-    pairs, count = first_and_fifth(points, axes, u, times(rotation_change, row(axes, 5)), q1, q5), 0
+    pairs, count = first_and_fifth(zero, u, times(rotation_change, row(zero.axes, 5)), q1, q5), 0
     if pairs == ILL_CONDITIONED:
         return ILL_CONDITIONED
     for pair in range(pairs):
         for bit in range(2):
             q = solutions[count]
             q[0], q[4] = q1[pair], q5[pair]
-            status = remaining_joints(points, axes, u, rotation_change, q, sign_of(bit, 1))
-            if status == ILL_CONDITIONED:
-                return ILL_CONDITIONED
+            status = remaining_joints(zero, u, rotation_change, q, sign_of(bit, 1))
             if status == 0:
                 continue
-            if (
-                not newton(chain, rows, position, rotation, q, scratch, _POLISHING_STEPS)
-                < CONVERGED
+            if status == ILL_CONDITIONED or not (
+                newton(chain, rows, position, rotation, q, scratch, _POLISHING_STEPS) < CONVERGED
             ):
                 return ILL_CONDITIONED
             store(chain, q, q)
@@ -224,19 +197,11 @@ def parallel_branches(
 
 @compiled
 def solve_parallel(
-    chain: Chain,
-    rows: IntArray,
-    starts: Array,
-    positions: Array,
-    rotations: Array,
-    joints: Array,
-    patterns: IntArray,
-) -> None:
+    chain: Chain, rows: IntArray, starts: Array, positions: Array, rotations: Array,
+    joints: Array, patterns: IntArray,
+) -> None:  # fmt: skip
     """Like ``solve_numerically``, whose search is used close to double solutions."""
-    scratch, points, axes = scratch_for(6, 6), np.empty((6, 3)), np.empty((6, 3))
-    solutions = np.empty((MAX_BRANCHES, 6))
-    p, straight = pose_of(chain, np.zeros(6), points, axes)
-    zero = ZeroPose(points, axes, straight, plus(p, row(points, 5), -1.0))
+    scratch, zero, solutions = scratch_for(6, 6), zero_pose(chain), np.empty((MAX_BRANCHES, 6))
     for t in range(len(positions)):
         position, rotation = row(positions, t), rotations[t]
         count = parallel_branches(chain, rows, zero, position, rotation, solutions, scratch)
