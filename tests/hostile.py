@@ -87,8 +87,7 @@ class Kind:
 def _scenario(file: Path) -> None:
     scenario = load_scenario(file)
     scenario.search()
-    model = scenario.model()
-    scenario.limits(model)
+    scenario.limits()
     margin = scenario.content.margin
     if margin.fraction is None:  # else the largest magnitude is searched for, which takes long
         problem = scenario.problem()

@@ -82,37 +82,37 @@ def close(values: Any, wanted: Any, tolerance: float = 1e-12) -> bool:
 
 
 def test_example_1_is_the_papers() -> None:
-    found = load_scenario("planar_3dof/parabola").problem()
-    assert found.task is Task.PLANAR_POSE
-    assert close(found.momentum, [0, 0, 0.5])
-    assert close(found.path.path.pose(0.0).position, [2, 0, 0])
-    assert close(found.path.path.pose(1.0).position, [-1, 2, 0])
+    example = load_scenario("planar_3dof/parabola").problem()
+    assert example.task is Task.PLANAR_POSE
+    assert close(example.momentum, [0, 0, 0.5])
+    assert close(example.path.path.pose(0.0).position, [2, 0, 0])
+    assert close(example.path.path.pose(1.0).position, [-1, 2, 0])
     for s in PLACES:
-        pose = found.path.path.pose(s)
+        pose = example.path.path.pose(s)
         x, y, _ = pose.position
         assert math.isclose(y, x**2 / 6 - 5 * x / 6 + 1, abs_tol=1e-12)
         slope = math.atan(x / 3 - 5 / 6)
         link = 3 * np.pi / 2 + slope  # (30c)
         assert close(pose.rotation[:, 0], [math.cos(link), math.sin(link), 0])
-    at_rest = found.path.timing.stops[0]
-    assert close(found.path.pose(at_rest.t).position, [-0.5, 1.4583333, 0], 1e-7)
-    assert close(found.path.twist(at_rest.t), np.zeros(6))
-    assert (found.margin.measure.name, found.margin.threshold) == ("system", 5.0)
+    at_rest = example.path.timing.stops[0]
+    assert close(example.path.pose(at_rest.t).position, [-0.5, 1.4583333, 0], 1e-7)
+    assert close(example.path.twist(at_rest.t), np.zeros(6))
+    assert (example.margin.measure.name, example.margin.threshold) == ("system", 5.0)
 
 
 def test_example_2_is_the_papers() -> None:
-    found = load_scenario("spatial_6dof/line").problem()
+    example = load_scenario("spatial_6dof/line").problem()
     normal = np.array([0.4683, 1.1683, -0.7])
-    assert found.task is Task.POSE
-    assert close(found.momentum, [0.5, 0.3, 0.1])
-    start, end = found.path.pose(0.0), found.path.pose(100.0)
+    assert example.task is Task.POSE
+    assert close(example.momentum, [0.5, 0.3, 0.1])
+    start, end = example.path.pose(0.0), example.path.pose(100.0)
     assert close(start.position, [1, 0, 0])
     assert close(end.position, [-0.5, 0.8, 0.33])
     travel = end.position - start.position
     assert close(start.rotation[:, 0], normal / np.linalg.norm(normal))
     assert close(start.rotation[:, 2], -travel / np.linalg.norm(travel), 1e-3)
     assert close(start.rotation, end.rotation)
-    assert (found.margin.measure.name, found.margin.threshold) == ("arm", 5.0)
+    assert (example.margin.measure.name, example.margin.threshold) == ("arm", 5.0)
 
 
 def test_what_is_left_out_has_its_default(folder: Path) -> None:
@@ -348,12 +348,12 @@ def limits(folder: Path, text: str, robot: str = UR5) -> Limits:
 
 def test_limits_of_joints_are_a_number_a_map_or_the_urdfs(folder: Path) -> None:
     """A map limits the joints it names; what the URDF rates is its <limit velocity effort>."""
-    one = limits(folder, "{joint_rate: 0.5, joint_torque: {elbow_joint: 7}, base_rate: 0.1}")
-    assert one.joint_rate is not None
-    assert one.joint_torque is not None
-    assert one.joint_rate.tolist() == [0.5] * 6
-    assert one.joint_torque.tolist() == [np.inf, np.inf, 7.0, np.inf, np.inf, np.inf]
-    assert (one.base_rate, one.clearance) == (0.1, None)
+    checked = limits(folder, "{joint_rate: 0.5, joint_torque: {elbow_joint: 7}, base_rate: 0.1}")
+    assert checked.joint_rate is not None
+    assert checked.joint_torque is not None
+    assert checked.joint_rate.tolist() == [0.5] * 6
+    assert checked.joint_torque.tolist() == [np.inf, np.inf, 7.0, np.inf, np.inf, np.inf]
+    assert (checked.base_rate, checked.clearance) == (0.1, None)
     rated = limits(folder, "{joint_rate: urdf, joint_torque: urdf, clearance: 0}")
     assert rated.joint_rate is not None
     assert rated.joint_torque is not None

@@ -154,8 +154,8 @@ def with_ranges(branch, change):
 
     def changed(plan):
         ranges = tuple(
-            replace(one, ranges=change(one.ranges)) if one.branch == branch else one
-            for one in plan.ranges
+            replace(entry, ranges=change(entry.ranges)) if entry.branch == branch else entry
+            for entry in plan.ranges
         )
         return replace(plan, ranges=ranges)
 
@@ -324,7 +324,7 @@ def simulated():
 def test_a_singular_motion_is_verified_to_be_singular(simulated):
     report = ff.check(simulated, "mujoco")
     assert report.discrepancies == ()
-    assert [one.bound for one in report.certificate.least] == [0.0] * 3
+    assert [least.bound for least in report.certificate.least] == [0.0] * 3
     assert "singular end" in [check.name for check in report.checks]
 
 

@@ -39,10 +39,6 @@ class AlteredFileError(InputError):
 def write_hdf5(path: Path, build: Callable[[Any], None]) -> None:
     """Write an HDF5 file whole, or not at all: it is built in memory first.
 
-    Args:
-        path: The file; replaced if it exists.
-        build: Called with the open file.
-
     Raises:
         InputError: If the file cannot be written.
     """
@@ -61,10 +57,6 @@ def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
     """Context with an HDF5 file that was verified and is open for reading.
 
     Files of freefloat 0.1.0 have no user block; they are read as they are.
-
-    Args:
-        path: The file.
-        accepted: Kinds of files that are accepted, for errors.
 
     Raises:
         InputError: If it is no HDF5 file.

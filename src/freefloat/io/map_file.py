@@ -53,15 +53,17 @@ def read_heading_map(file: Any, problem: Problem, document: Document) -> Heading
     from freefloat.planning.heading_map import HeadingMap
 
     names = ("heading", "least", "ended_at", "branch")
-    headings, least, ended_at, branches = (
+    headings, margins, ended_at, branches = (
         values.astype(float) for values in read_numbers(file, *names)
     )
-    if not (least.shape == ended_at.shape == (len(branches), len(headings))):
+    if not (margins.shape == ended_at.shape == (len(branches), len(headings))):
         raise ValueError("its arrays are not those of a map")
     if not np.isfinite(headings).all():
         raise ValueError("its headings are not finite")
     numbers, seconds = tuple(map(int, branches)), document["seconds"]
-    return HeadingMap(problem, frozen(headings), numbers, frozen(least), frozen(ended_at), seconds)
+    return HeadingMap(
+        problem, frozen(headings), numbers, frozen(margins), frozen(ended_at), seconds
+    )
 
 
 def write_attitude_map(file: Any, attitude_map: AttitudeMap, document: Document) -> None:
@@ -97,15 +99,15 @@ def read_attitude_map(file: Any, problem: Problem, document: Document | None = N
     from freefloat.planning.regions import Region
 
     main = ("attitude", "ending", "least", "clearance")
-    attitudes, endings, least, ratios = read_numbers(file, *main)
-    if attitudes.shape != (len(least), 4) or least.ndim != 2:
+    attitudes, endings, margins, ratios = read_numbers(file, *main)
+    if attitudes.shape != (len(margins), 4) or margins.ndim != 2:
         raise ValueError("its arrays are not those of a map")
-    if not endings.shape == least.shape == ratios.shape:
+    if not endings.shape == margins.shape == ratios.shape:
         raise ValueError("its arrays are not those of a map")
     names = [name for name in _SAMPLES if name in file and name not in main]
     details = dict(zip(names, read_numbers(file, *names), strict=True))
     samples = (
-        problem, int(file.attrs["seed"]), frozen(attitudes), frozen(least), frozen(ratios),
+        problem, int(file.attrs["seed"]), frozen(attitudes), frozen(margins), frozen(ratios),
         endings.astype(np.int8), details,
     )  # fmt: skip
     if document is None:

@@ -32,12 +32,6 @@ SAMPLES = "samples.csv"
 def path_of(section: PathSection, task: Task, samples: str | None, folder: Path) -> EndEffectorPath:
     """Path that a section describes.
 
-    Args:
-        section: The section.
-        task: Of the scenario.
-        samples: Text of the CSV file, if the section names one.
-        folder: Of the scenario, for errors.
-
     Raises:
         InputError: If the path is invalid, or lacks an orientation that the task needs.
     """

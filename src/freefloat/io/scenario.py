@@ -104,16 +104,13 @@ class Scenario:
                 attitude = frozen(unit_quaternion("search.from_attitude", section.from_attitude))
             return Search(section.objective, attitude, section.samples, section.seed)
 
-    def limits(self, model: FreeFloatingModel | None = None) -> Limits:
+    def limits(self) -> Limits:
         """The limits of motions.
-
-        Args:
-            model: The robot; default: that of the scenario.
 
         Raises:
             InputError: If a joint is unknown, or the URDF lacks a limit that is taken from it.
         """
-        section, bodies = self.content.limits, (model or self.model()).bodies[1:]
+        section, bodies = self.content.limits, self.model().bodies[1:]
         with self.error_context("limits."):
             speeds = {str(body.joint): body.rated_speed for body in bodies}
             efforts = {str(body.joint): body.rated_effort for body in bodies}
@@ -166,9 +163,6 @@ def load_scenario(name: str | Path) -> Scenario:
 def load_robot(name: str | Path) -> FreeFloatingModel:
     """Model of the robot of a scenario, or of a file with nothing but ``robot``.
 
-    Args:
-        name: A file, or the name of a bundled scenario.
-
     Raises:
         InputError: As for :func:`load_scenario`.
     """
@@ -208,11 +202,6 @@ def scenario_of(
     """Scenario that poses a problem: the inverse of :meth:`Scenario.problem`.
 
     Its robot is that of the problem; the text names the URDF that it came from.
-
-    Args:
-        problem: The problem.
-        search: The search for a plan.
-        limits: The limits of motions.
 
     Raises:
         InputError: If scenario files cannot describe the path of the problem.

@@ -122,11 +122,7 @@ def even_times(motion: Motion, count: int) -> Array:
 
 
 def times_at_rate(motion: Motion, rate: float) -> Array:
-    """Times at a fixed rate, and the last time of the motion [s], shape (K,).
-
-    Args:
-        motion: The motion.
-        rate: Samples per second [Hz].
+    """Times at a fixed rate [Hz], and the last time of the motion [s], shape (K,).
 
     Raises:
         InputError: If there would be too many, or the rate is not positive.

@@ -77,10 +77,6 @@ for _kind, _pattern in (("int", _INTEGER), ("float", _NUMBER)):
 def parse_yaml(text: str, path: Path) -> dict[str, Any]:
     """Parse a YAML text whose top level is a mapping.
 
-    Args:
-        text: Content of the file.
-        path: Its name, for errors.
-
     Raises:
         InputError: With the line of the error.
     """
@@ -135,13 +131,7 @@ def _line_of(text: str, keys: Sequence[str | int]) -> int:
 
 
 def validated(schema: type[_File], data: Any, source: Path, text: str | None = None) -> _File:
-    """Instance of a schema made from data.
-
-    Args:
-        schema: Of the file.
-        data: Content of the file.
-        source: Its name, for errors.
-        text: Its YAML text, for the lines of errors.
+    """Instance of a schema made from the data of a file; its text gives the lines of errors.
 
     Raises:
         InputError: The first error: file, line, key, value given and values accepted.

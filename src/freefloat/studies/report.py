@@ -53,10 +53,6 @@ def save_tables(folder: Path, rows: Mapping[int, Row]) -> dict[str, Path]:
 def save_summary(result: StudyResult, report: bool = True) -> dict[str, Path | None]:
     """Write the tables, the figure and the report of a study; return the files by kind.
 
-    Args:
-        result: Results of the study.
-        report: Whether to write the report.
-
     Raises:
         InputError: If they cannot be written.
     """

@@ -146,11 +146,6 @@ class StudyDatabase:
 def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyDatabase]:
     """Open the database of a study for this process alone; a new folder gets a new database.
 
-    Args:
-        folder: Folder of the study, made if it does not exist.
-        study: The study.
-        files: Files that its scenarios name.
-
     Raises:
         InputError: If the folder cannot be written to, is in use, or holds another study.
     """

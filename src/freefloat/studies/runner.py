@@ -105,11 +105,6 @@ def execute_all(
 
     As many runs are submitted at a time as there are threads. A run whose worker dies is repeated.
 
-    Args:
-        runs: The runs.
-        workers: Number of processes started on this machine.
-        scheduler: Address of a Dask scheduler whose workers are used instead, ``tcp://...``.
-
     Raises:
         InputError: If the scheduler does not answer, is lost, or lacks workers with this version.
     """

@@ -205,11 +205,6 @@ class ValuesSection(Section):
         """The random value of a key in one run: a number or a list of numbers.
 
         It depends on the arguments alone, not on other keys or earlier runs.
-
-        Args:
-            seed: Seed of the study.
-            key: Dotted path of the key.
-            number: Number of the run.
         """
         key_number = int.from_bytes(sha256(key.encode()).digest()[:16])
         rng = np.random.default_rng([seed, key_number, number])

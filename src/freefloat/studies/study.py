@@ -133,10 +133,7 @@ def _entry(node: Any, name: str, path: str, default: Any) -> Any:
 
 
 def load_study(name: str | Path) -> Study:
-    """Read a study and its base scenario.
-
-    Args:
-        name: A file, or the name of a bundled study.
+    """Read a study, a file or the name of a bundled one, and its base scenario.
 
     Raises:
         InputError: If a key or value is not accepted, or no run is valid.
@@ -203,8 +200,8 @@ def _check_start(study: Study) -> None:
     planar = task in [str(task) for task in Task if task.planar]
     wanted = "heading_deg" if planar else "attitude"
     if len(starts) != 1:
-        given = " and ".join(starts) or "none"
-        raise InputError(wanted, f"{given} was given", f"one {wanted}, or it in vary")
+        keys = " and ".join(starts) or "none"
+        raise InputError(wanted, f"{keys} was given", f"one {wanted}, or it in vary")
     if starts == ["heading_deg"] and not planar and "task" not in content.vary:
         raise InputError("heading_deg", f"the task {task} is not planar", "attitude")
 

@@ -120,13 +120,7 @@ def span_check(motion: Motion) -> Check:
 
 
 def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool) -> list[Check]:
-    """Check the errors and bounds of a certificate.
-
-    Args:
-        certificate: Of the motion.
-        motion: The motion.
-        feasible: Whether the motion is stated to keep its margin.
-    """
+    """Check the errors and bounds of a certificate."""
     model, duration = motion.problem.model, motion.problem.path.duration
     reach = max(1.0, VirtualManipulator.of(model).reach)
     inertia = float(np.trace(inertia_matrices(model, motion.initial.joints)[0]))

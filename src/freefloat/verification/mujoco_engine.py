@@ -87,13 +87,7 @@ class Engine:
         self.data.qacc[:] = [*acceleration[:3], *_angular(a, acceleration[3:7]), *acceleration[7:]]
 
     def inverse(self, value: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
-        """Inverse dynamics: wrench on the base (6,) and joint torques (n,).
-
-        Args:
-            value: Position, quaternion x, y, z, w, joints, shape (7 + n,).
-            rate: Its time derivative.
-            acceleration: Its second derivative.
-        """
+        """Inverse dynamics at a state, see :meth:`place`: base wrench (6,), joint torques (n,)."""
         self.place(value, rate, acceleration)
         self._mujoco.mj_inverse(self.model, self.data)
         return self.data.qfrc_inverse[:6].copy(), self.data.qfrc_inverse[6:].copy()

@@ -73,12 +73,7 @@ class ForwardRun:
 
 
 def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
-    """Inverse dynamics of the recorded positions, differentiated twice.
-
-    Args:
-        motion: The motion.
-        engine: Of the same robot.
-    """
+    """Inverse dynamics of the recorded positions, differentiated twice."""
     first, last = _known(motion)
     problem, window = motion.problem, _window(motion, first, last)
     reach = VirtualManipulator.of(problem.model).reach
@@ -166,9 +161,6 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
     The servos are computed-torque controllers on MuJoCo's own mass matrix. Attitude and position
     of the spacecraft are not controlled: their deviations at the end are the result.
 
-    Args:
-        motion: The motion.
-        engine: Of the same robot.
     """
     first, last = _known(motion)
     wanted_steps = max(

@@ -44,12 +44,7 @@ _INSIDE = 0.999
 
 
 def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
-    """Check ranges of headings, robust radius and tolerances of a plan.
-
-    Args:
-        plan: The plan.
-        chosen: Its motion.
-    """
+    """Check ranges of headings, robust radius and tolerances of a plan."""
     stated = {} if plan.tolerance is None else plan.tolerance.to_dict()
     for key, value in {"robust_radius": plan.robust_radius or 0.0, **stated}.items():
         if not 0.0 <= value < np.inf:
@@ -110,9 +105,9 @@ def _contradictions(plan: Plan) -> Iterator[tuple[float, int, bool]]:
         ranges = stated.get(branch, ())
         known = branch < feasible.shape[1]
         column = feasible[:, branch] if known else np.zeros(len(headings), bool)
-        for heading, kept in zip(headings.tolist(), column.tolist(), strict=True):
+        for heading, keeps in zip(headings.tolist(), column.tolist(), strict=True):
             depth = max((span.depth(heading) for span in ranges), default=-np.pi)
-            if kept is not (depth > 0.0) and abs(depth) > _NEAR_END:
+            if keeps is not (depth > 0.0) and abs(depth) > _NEAR_END:
                 yield heading, branch, depth > 0.0
 
 
