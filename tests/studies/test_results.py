@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import sqlite3
-import subprocess
-import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -114,17 +112,13 @@ def test_a_changed_robot_is_another_study_but_not_a_comment_or_folder(tmp_path: 
     assert caught.value.key == "output"
 
 
-def test_a_second_process_is_refused(study: Study, tmp_path: Path) -> None:
-    with open_results(tmp_path / "out", study, ()):
-        code = (
-            "import sys; from pathlib import Path; from freefloat.studies.study import load_study\n"
-            "from freefloat.studies.results import open_results\n"
-            "with open_results(Path(sys.argv[2]), load_study(sys.argv[1]), ()): pass"
-        )
-        words = [sys.executable, "-c", code, study.source, str(tmp_path / "out")]
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert "InputError: output: " in done.stderr
-    assert "another process" in done.stderr
+def test_a_second_connection_is_refused(study: Study, tmp_path: Path) -> None:
+    with (
+        open_results(tmp_path / "out", study, ()),
+        pytest.raises(InputError, match="another process") as caught,
+    ):
+        finished(study, tmp_path / "out")
+    assert caught.value.key == "output"
 
 
 def test_a_folder_that_cannot_be_used_is_an_error(study: Study, tmp_path: Path) -> None:

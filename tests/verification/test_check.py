@@ -251,12 +251,18 @@ ALTERATIONS = {
 }  # fmt: skip
 
 
+@pytest.fixture
+def untried_ranges(monkeypatch):
+    """No check of ranges of headings, which takes longer than all others."""
+    untried = Check("ranges of headings", True)
+    monkeypatch.setattr(robustness, "_heading_check", lambda _: untried)
+
+
 @pytest.mark.parametrize("name", ALTERATIONS)
-def test_an_altered_value_is_a_discrepancy(planar, name, monkeypatch):
+def test_an_altered_value_is_a_discrepancy(planar, name, request):
     change, check = ALTERATIONS[name]
-    if check != "ranges of headings":  # which takes longer than all the rest
-        untried = Check("ranges of headings", True)
-        monkeypatch.setattr(robustness, "_heading_check", lambda _: untried)
+    if check != "ranges of headings":
+        request.getfixturevalue("untried_ranges")
     assert check in failed(change(planar))
 
 
@@ -282,10 +288,11 @@ def test_an_altered_value_is_a_discrepancy(planar, name, monkeypatch):
     ],
     ids=["robust radius", "tolerance", "joints", "margin"],
 )  # fmt: skip
-def test_promises_in_space_are_tried(spatial, change, check):
+def test_robustness_in_space_is_verified(spatial, change, check):
     assert check in failed(change(spatial))
 
 
+@pytest.mark.usefixtures("untried_ranges")
 def test_another_motion_is_not_the_one_of_the_certificate(planar):
     """Right in itself, from another heading: only what is stated of it gives it away."""
     start = planar.chosen.motion.initial
@@ -390,6 +397,7 @@ def file(planar, tmp_path_factory):
     return path
 
 
+@pytest.mark.usefixtures("untried_ranges")
 def test_the_command_prints_checks_or_json(file):
     result = run(file)
     assert (result.exit_code, result.stderr) == (0, "")

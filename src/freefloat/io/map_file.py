@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.io.hdf5 import TEXT, read_numbers, write_arrays
+from freefloat.io.scenario import Scenario
 from freefloat.motion.problem import Problem
 from freefloat.so3 import frozen
 
@@ -33,7 +35,7 @@ _SAMPLES = {
 _COMPLETED, _SINGULAR, _UNREACHED = 0, 1, -1
 
 
-def write_heading_map(file: Any, heading_map: HeadingMap) -> None:
+def write_heading_map(file: Any, heading_map: HeadingMap, _: Document) -> None:
     """Write a map over headings: a row for each arm branch, a column for each heading."""
     _write_margin(file, heading_map.problem)
     margins, ended_at = heading_map.minimum_margins, heading_map.ended_at
@@ -48,7 +50,7 @@ def write_heading_map(file: Any, heading_map: HeadingMap) -> None:
     })  # fmt: skip
 
 
-def read_heading_map(file: Any, problem: Problem, document: Document) -> HeadingMap:
+def read_heading_map(file: Any, scenario: Scenario, document: Document) -> HeadingMap:
     """Map over headings of a file."""
     from freefloat.planning.heading_map import HeadingMap
 
@@ -60,10 +62,8 @@ def read_heading_map(file: Any, problem: Problem, document: Document) -> Heading
         raise ValueError("its arrays are not those of a map")
     if not np.isfinite(headings).all():
         raise ValueError("its headings are not finite")
-    numbers, seconds = tuple(map(int, branches)), document["seconds"]
-    return HeadingMap(
-        problem, frozen(headings), numbers, frozen(margins), frozen(ended_at), seconds
-    )
+    arrays = frozen(headings), tuple(map(int, branches)), frozen(margins), frozen(ended_at)
+    return HeadingMap(scenario.problem(), *arrays, document["seconds"])
 
 
 def write_attitude_map(file: Any, attitude_map: AttitudeMap, document: Document) -> None:
@@ -93,10 +93,9 @@ def write_samples(file: Any, attitude_map: AttitudeMap) -> None:
     write_arrays(file, {name: (array, _SAMPLES.get(name, unit)) for name, array in arrays.items()})
 
 
-def read_attitude_map(file: Any, problem: Problem, document: Document | None = None) -> AttitudeMap:
-    """Map over SO(3) of a file or group; without a document, the samples alone."""
+def read_samples(file: Any, problem: Problem) -> AttitudeMap:
+    """Map of a file or group with its samples alone."""
     from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.regions import Region
 
     main = ("attitude", "ending", "least", "clearance")
     attitudes, endings, margins, ratios = read_numbers(file, *main)
@@ -106,15 +105,19 @@ def read_attitude_map(file: Any, problem: Problem, document: Document | None = N
         raise ValueError("its arrays are not those of a map")
     names = [name for name in _SAMPLES if name in file and name not in main]
     details = dict(zip(names, read_numbers(file, *names), strict=True))
-    samples = (
+    return AttitudeMap(
         problem, int(file.attrs["seed"]), frozen(attitudes), frozen(margins), frozen(ratios),
         endings.astype(np.int8), details,
     )  # fmt: skip
-    if document is None:
-        return AttitudeMap(*samples)
+
+
+def read_attitude_map(file: Any, scenario: Scenario, document: Document) -> AttitudeMap:
+    """Map over SO(3) of a file."""
+    from freefloat.planning.regions import Region
+
     points, tangency = document.get("boundary"), document.get("touch", {}).get("points")
-    return AttitudeMap(
-        *samples,
+    return replace(
+        read_samples(file, scenario.problem()),
         regions=tuple(
             Region(entry["branch"], entry["fraction"], entry["error"], frozen(entry["centre"]),
                    float(np.radians(entry["depth_deg"])))

@@ -10,7 +10,7 @@ import numpy as np
 
 from freefloat.ik.branches import ArmBranch
 from freefloat.io.hdf5 import TEXT, read_numbers, write_arrays
-from freefloat.io.map_file import QUATERNION, read_attitude_map, write_samples
+from freefloat.io.map_file import QUATERNION, Document, read_samples, write_samples
 from freefloat.io.scenario import Scenario
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, Comparison, Proven, Worst
@@ -30,7 +30,6 @@ from freefloat.planning.planar_tangency import TangencyKind, TangencyPoint
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import Array, without_jumps
 
-Document = dict[str, Any]
 _MAX = 1e12
 """Largest number in a motion."""
 _ROUNDING = 1e-9
@@ -39,7 +38,7 @@ _WORST = ("end_effector_position", "end_effector_attitude", "momentum", "centre_
 _ENDS = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
 
 
-def write_simulation(file: Any, simulation: Simulation) -> None:
+def write_simulation(file: Any, simulation: Simulation, _: Document) -> None:
     """Write the motions of a simulation, the chosen one as ``motion``."""
     file.attrs["feasible"] = simulation.feasible
     file.attrs["limits_checked"] = simulation.limits is not None
@@ -65,7 +64,7 @@ def read_simulation(file: Any, scenario: Scenario, document: Document) -> Simula
     return Simulation(tuple(branches), chosen, *_read_limits(file, scenario, document))
 
 
-def write_plan(file: Any, plan: Plan) -> None:
+def write_plan(file: Any, plan: Plan, _: Document) -> None:
     """Write ranges, segments, motion and map of a plan."""
     file.attrs["feasible"], file.attrs["stretch"] = plan.feasible, plan.stretch
     file.attrs["limits_checked"] = plan.limits is not None
@@ -106,7 +105,7 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
         ),
         chosen=None if motion is None else _read_branch(motion, problem, document["branch"]),
         robust_radius=None if radius is None else float(np.radians(radius)),
-        map=read_attitude_map(file["map"], problem) if "map" in file else None,
+        map=read_samples(file["map"], problem) if "map" in file else None,
         tolerance=None if tolerance is None else Tolerance(**tolerance),
         disagreements=tuple(document["disagreements"]),
         limits=limits,

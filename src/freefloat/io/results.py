@@ -33,9 +33,13 @@ if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.planning.heading_map import HeadingMap
 
 FORMAT_VERSION = 2
-_KINDS = {"Plan": "plan", "Simulation": "motion", "HeadingMap": "map",
-          "AttitudeMap": "attitude map"}  # fmt: skip
-"""Kinds of files by the classes of their records."""
+_KINDS: dict[str, tuple[str, Any, Any]] = {
+    "Plan": ("plan", plan_file.write_plan, plan_file.read_plan),
+    "Simulation": ("motion", plan_file.write_simulation, plan_file.read_simulation),
+    "HeadingMap": ("map", map_file.write_heading_map, map_file.read_heading_map),
+    "AttitudeMap": ("attitude map", map_file.write_attitude_map, map_file.read_attitude_map),
+}
+"""Kind of file, its writer and its reader, by the class of the record."""
 _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
@@ -67,10 +71,10 @@ def save(
     """
     if not str(path):
         raise InputError("output", "an empty name was given", "the name of a file")
-    kind = _KINDS.get(type(result).__name__)
-    if kind is None:
+    if type(result).__name__ not in _KINDS:
         problem = f"a {type(result).__name__} was given"
         raise InputError("result", problem, "a Plan, Simulation, AttitudeMap or HeadingMap")
+    kind, write, _ = _KINDS[type(result).__name__]
     described, document = _describe(result, scenario), result.to_dict()
 
     def build(file: Any) -> None:
@@ -78,7 +82,7 @@ def save(
         _write_origin(file, described)
         text = json.dumps(document, allow_nan=False)
         file.create_dataset("document", data=text, dtype=TEXT)
-        _write_arrays(file, result, document)
+        write(file, result, document)
 
     write_hdf5(Path(path), build)
 
@@ -118,17 +122,6 @@ def _write_origin(file: Any, scenario: Scenario) -> None:
             file.create_dataset(name, data=text, dtype=TEXT)
 
 
-def _write_arrays(file: Any, result: Any, document: dict[str, Any]) -> None:
-    if isinstance(result, Plan):
-        plan_file.write_plan(file, result)
-    elif isinstance(result, Simulation):
-        plan_file.write_simulation(file, result)
-    elif type(result).__name__ == "HeadingMap":
-        map_file.write_heading_map(file, result)
-    else:
-        map_file.write_attitude_map(file, result, document)
-
-
 def load(path: str | Path) -> Plan | Simulation | AttitudeMap | HeadingMap:
     """Result of a file: a record of the class that was saved.
 
@@ -140,9 +133,9 @@ def load(path: str | Path) -> Plan | Simulation | AttitudeMap | HeadingMap:
     path = Path(path)
     try:
         with open_hdf5(path, _ACCEPTED) as file:
-            kind = _kind(file, path)
+            read = _reader(file, path)
             try:
-                return _read(file, kind)
+                return _read(file, read)
             except _INVALID as error:
                 key, problem = "file", str(error).splitlines()[0] or type(error).__name__
                 if isinstance(error, InputError):
@@ -153,29 +146,23 @@ def load(path: str | Path) -> Plan | Simulation | AttitudeMap | HeadingMap:
         raise InputError("file", problem, _ACCEPTED, str(path)) from None
 
 
-def _kind(file: Any, path: Path) -> str:
+def _reader(file: Any, path: Path) -> Any:
+    """The function that reads a kind of file."""
     name, number = file.attrs.get("format"), file.attrs.get("version")
     problem = "it is an HDF5 file of another kind"
     if isinstance(name, str) and name.startswith(_PREFIX):
-        kind = name.removeprefix(_PREFIX)
-        if number == FORMAT_VERSION and kind in _KINDS.values():
-            return kind
+        for kind, _, read in _KINDS.values():
+            if (name, number) == (_PREFIX + kind, FORMAT_VERSION):
+                return read
         problem = f"it is a {name} file, format {number}"
     raise InputError("file", problem, _ACCEPTED, str(path))
 
 
-def _read(file: Any, kind: str) -> Plan | Simulation | AttitudeMap | HeadingMap:
-    scenario = _read_scenario(file)
+def _read(file: Any, read: Any) -> Plan | Simulation | AttitudeMap | HeadingMap:
     document = json.loads(read_text(file, "document"))
-    result: Plan | Simulation | AttitudeMap | HeadingMap
-    if kind == _KINDS["Plan"]:
-        result = plan_file.read_plan(file, scenario, document)
-    elif kind == _KINDS["Simulation"]:
-        result = plan_file.read_simulation(file, scenario, document)
-    elif kind == _KINDS["HeadingMap"]:
-        result = map_file.read_heading_map(file, scenario.problem(), document)
-    else:
-        result = map_file.read_attitude_map(file, scenario.problem(), document)
+    result: Plan | Simulation | AttitudeMap | HeadingMap = read(
+        file, _read_scenario(file), document
+    )
     for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
         problem = f"its document states {stated}, but it is {recomputed}"
         raise InputError(key, problem, _ACCEPTED)
