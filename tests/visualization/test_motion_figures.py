@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 
 from freefloat.io.scenario import load_scenario
@@ -46,11 +47,14 @@ def redundant() -> SimulatedBranch:
     return simulated("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 0)
 
 
-@pytest.fixture(params=["planar", "singular", "spatial", "redundant"])
-def branch(request: pytest.FixtureRequest) -> SimulatedBranch:
-    value = request.getfixturevalue(request.param)
-    assert isinstance(value, SimulatedBranch)
-    return value
+Drawn = tuple[SimulatedBranch, dict[str, Figure]]
+
+
+@pytest.fixture(scope="module", params=["planar", "singular", "spatial", "redundant"])
+def drawn(request: pytest.FixtureRequest) -> Drawn:
+    """A motion and its figures."""
+    branch: SimulatedBranch = request.getfixturevalue(request.param)
+    return branch, motion_figures(branch.motion, branch.closest_approach)
 
 
 def test_the_motion_is_drawn_as_it_is(spatial: SimulatedBranch) -> None:
@@ -112,24 +116,26 @@ def test_rates_stay_readable_towards_a_singular_end(singular: SimulatedBranch) -
     assert line(axes[5], "singular")[:, 0].tolist() == [singular.motion.final.time] * 2
 
 
-def test_the_margin_is_drawn_where_it_is(branch: SimulatedBranch) -> None:
-    (axes,) = motion_figures(branch.motion, branch.closest_approach)["margin"].axes
+def test_the_margin_is_drawn_where_it_is(drawn: Drawn) -> None:
+    branch, figures = drawn
+    (axes,) = figures["margin"].axes
     margin = branch.motion.problem.margin
     level = branch.closest_approach.sign * margin.threshold
-    marks = [drawn for drawn in axes.lines if drawn.get_label().startswith("margin")]
+    marks = [item for item in axes.lines if item.get_label().startswith("margin")]
     assert marks[0].get_ydata() == [level, level]
     assert to_hex(marks[0].get_color()) == VERMILION.lower()
     (band,) = [patch for patch in axes.patches if to_hex(patch.get_facecolor()) == PALE.lower()]
     assert sorted([band.get_y(), band.get_y() + band.get_height()]) == sorted([0.0, level])
-    (curve,) = [drawn for drawn in axes.lines if len(drawn.get_xdata()) > 100]
+    (curve,) = [item for item in axes.lines if len(item.get_xdata()) > 100]
     trajectory = Trajectory.of(branch.motion, curve.get_xdata())
     assert np.array_equal(curve.get_ydata(), trajectory.measure)
     assert axes.get_ylabel() == axis_label(f"$S$ ({margin.measure.name})", margin.measure.unit)
 
 
-def test_the_minimum_lies_on_the_curve(branch: SimulatedBranch) -> None:
-    (axes,) = motion_figures(branch.motion, branch.closest_approach)["margin"].axes
-    (point,) = [drawn for drawn in axes.lines if drawn.get_marker() in ("o", "X")]
+def test_the_minimum_lies_on_the_curve(drawn: Drawn) -> None:
+    branch, figures = drawn
+    (axes,) = figures["margin"].axes
+    (point,) = [item for item in axes.lines if item.get_marker() in ("o", "X")]
     assert point.get_marker() == ("o" if branch.motion.completed else "X")
     assert point.get_label().startswith("minimum" if branch.motion.completed else "singular")
     (time,), (value,) = point.get_data()
@@ -138,16 +144,15 @@ def test_the_minimum_lies_on_the_curve(branch: SimulatedBranch) -> None:
     assert here == pytest.approx(value, abs=1e-4)
 
 
-def test_errors_are_those_of_the_motion(branch: SimulatedBranch) -> None:
-    motion = branch.motion
-    momentum, pose = motion_figures(motion, branch.closest_approach)["momentum"].axes
+def test_errors_are_those_of_the_motion(drawn: Drawn) -> None:
+    motion, (momentum, pose) = drawn[0].motion, drawn[1]["momentum"].axes
     assert momentum.get_yscale() == pose.get_yscale() == "log"
-    drawn = line(momentum, "momentum")
+    dots = line(momentum, "momentum")
     errors = motion.momentum_errors(motion.node_parameters)
-    shown = np.isfinite(drawn[:, 1])
-    assert np.array_equal(drawn[shown, 1], errors[shown])
+    shown = np.isfinite(dots[:, 1])
+    assert np.array_equal(dots[shown, 1], errors[shown])
     residuals = motion.residuals()
-    assert np.nanmax(drawn[:, 1]) == np.nanmax(errors) < 1.0001 * residuals.momentum
+    assert np.nanmax(dots[:, 1]) == np.nanmax(errors) < 1.0001 * residuals.momentum
     assert np.nanmax(line(pose, "end-effector position")[:, 1]) == residuals.end_effector_position
     assert (
         np.nanmax(line(pose, "end-effector orientation")[:, 1]) == residuals.end_effector_attitude

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.heading_map import HeadingMap
-from freefloat.planning.planar_ranges import TURN, BranchRanges
+from freefloat.planning.planar_ranges import BranchRanges
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,
@@ -30,8 +30,6 @@ from freefloat.workspace.planar import PlanarArm, margin_curves, point_3, point_
 
 _GRID = 361
 _FEASIBLE = "#CFE3EF"
-
-Span = tuple[float, float]
 
 
 @styled
@@ -126,7 +124,7 @@ def headings_figure(
     figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
     panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):
-        for low, high in np.degrees(np.reshape(spans, (-1, 2))):
+        for low, high in spans:
             axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0)
         axes.plot(np.degrees(result.headings), values, color=BLUE, label=name)
         margin = result.problem.margin.threshold
@@ -145,40 +143,27 @@ def headings_figure(
 
 def _curves(
     result: HeadingMap, ranges: Sequence[BranchRanges]
-) -> list[tuple[int | None, str, Array, list[Span]]]:
-    """Return branch, name, minimum margins and feasible ranges [rad] per axes."""
+) -> list[tuple[int | None, str, Array, list[list[float]]]]:
+    """Return branch, name, minimum margins and feasible ranges [deg] per axes."""
     if any(entry.label == "any" for entry in ranges):
         with np.errstate(invalid="ignore"):
             best = np.fmax.reduce(result.minimum_margins, axis=0)
-        return [(None, "best branch", best, _spans(ranges[0]))]
-    entries = {entry.branch: entry for entry in ranges}
-    curves: list[tuple[int | None, str, Array, list[Span]]] = []
-    for branch, values, feasible in zip(
-        result.branches, result.minimum_margins, result.feasible, strict=True
-    ):
-        entry = entries.get(branch)
-        name = f"branch {branch}" if entry is None else entry.label
-        spans = _sampled_spans(result.headings, feasible) if entry is None else _spans(entry)
+        return [(None, "best branch", best, ranges[0].degrees)]
+    known = {entry.branch: (entry.label, entry.degrees) for entry in ranges}
+    curves: list[tuple[int | None, str, Array, list[list[float]]]] = []
+    for branch, values in zip(result.branches, result.minimum_margins, strict=True):
+        sampled = f"branch {branch}", _sampled_spans(result, branch)
+        name, spans = known.get(branch, sampled)
         curves.append((branch, name, values, spans))
     return curves
 
 
-def _spans(entry: BranchRanges) -> list[Span]:
-    """Return the ranges in [0, 2 pi]; a range that contains zero is cut there."""
-    cut = []
-    for span in entry.ranges:
-        cut.append((span.low, min(span.high, TURN)))
-        if span.high > TURN:
-            cut.append((0.0, span.high - TURN))
-    return cut
-
-
-def _sampled_spans(headings: Array, feasible: Array) -> list[Span]:
-    """Return runs of feasible samples, widened by half a step on either side."""
-    half = TURN / len(headings) / 2.0
-    headings, feasible = np.append(headings, TURN), np.append(feasible, feasible[0])
-    edges = np.flatnonzero(np.diff(np.concatenate([[0.0], feasible, [0.0]])))
-    return [
-        (max(0.0, headings[first] - half), min(TURN, headings[last - 1] + half))
-        for first, last in edges.reshape(-1, 2)
-    ]
+def _sampled_spans(result: HeadingMap, branch: int) -> list[list[float]]:
+    """Return runs of feasible samples in [0, 360] deg, those across zero split in two."""
+    spans = []
+    for region in result.regions:
+        if region.branch == branch:
+            low = (region.centre - region.size / 2.0) % 360.0
+            high = low + region.size
+            spans += [[low, high]] if high <= 360.0 else [[0.0, high - 360.0], [low, 360.0]]
+    return spans
