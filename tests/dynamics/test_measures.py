@@ -47,7 +47,7 @@ def model_of(structure: str, rng: np.random.Generator) -> FreeFloatingModel:
 
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
 def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, robot: object) -> None:
-    """det A = det D det S*, signs included; both from their own matrix."""
+    """det A = det D det S*, signs included; each from its matrix."""
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
     q = data.draw(joint_values(6))
     S, A = generalized_jacobian(model, q), system_matrix(model, q)
@@ -155,14 +155,14 @@ def test_measures_survive_pickling(spatial_6dof: FreeFloatingModel) -> None:
 def factors(model: FreeFloatingModel, q: np.ndarray) -> tuple[float, float, float]:
     """In-plane and other block of (39), and the other's inertia, at constant orientation.
 
-    Written in the plane's own axes: x' along the arm's azimuth q1, y' across, z.
+    Written in the plane's axes: x' along the arm's azimuth q1, y' across, z.
     """
     A = system_matrix(model, q)
     wrist = -np.linalg.solve(A[6:, 6:], A[6:, :6])
     R = A[:6, :6] + A[:6, 6:] @ wrist
-    turn = Rotation.from_euler("z", q[0]).as_matrix()
-    R = np.vstack([turn.T @ R[:3], turn.T @ R[3:]])
-    R[:, :3] = R[:, :3] @ turn
+    azimuth = Rotation.from_euler("z", q[0]).as_matrix()
+    R = np.vstack([azimuth.T @ R[:3], azimuth.T @ R[3:]])
+    R[:, :3] = R[:, :3] @ azimuth
     h_v, w_q = [1, 3, 5], [1, 4, 5]
     others, more = [0, 2, 4], [0, 2, 3]
     assert np.abs(R[np.ix_(h_v, more)]).max() < 1e-9 * np.abs(R).max()

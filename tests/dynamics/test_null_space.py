@@ -157,7 +157,7 @@ def test_the_energy_metric_minimizes_the_kinetic_energy(structure, task):
 @pytest.mark.slow
 @pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::4])
 def test_motions_are_exact(structure, task, number):
-    """Path and momentum are kept with every metric, and objective."""
+    """Path and momentum are conserved with every metric and objective."""
     start = redundant(structure, task, choices(structure, task, 1)[number], 1)
     motion = integrate_motion(start.problem, start.attitude, start.joints, tolerance=1e-13)
     assert motion.completed

@@ -66,24 +66,24 @@ def test_settings_are_frozen_and_picklable():
     with pytest.raises(FrozenInstanceError):
         redundancy.gain = 2.0
     problem = replace(load_scenario("panda_servicer/line").problem(), redundancy=redundancy)
-    for found in (
+    for settings in (
         pickle.loads(pickle.dumps(redundancy)),
         pickle.loads(pickle.dumps(problem)).redundancy,
     ):
-        assert found.metric == {"panda_joint2": 3.0}
-        assert (found.toward, found.gain, found.bound) == (Toward.MIDDLE, 0.5, 1.5)
+        assert settings.metric == {"panda_joint2": 3.0}
+        assert (settings.toward, settings.gain, settings.bound) == (Toward.MIDDLE, 0.5, 1.5)
 
 
 def test_settings_from_scenarios():
     """All keys, and defaults of missing ones."""
-    found = read("{metric: energy, toward: sigma, gain: 2, bound: 1}")
-    assert (found.metric, found.toward) == (Metric.ENERGY, Toward.SIGMA)
-    assert (found.gain, found.bound) == (2.0, 1.0)
-    found = read("{metric: {panda_joint1: 4}}")
-    assert found.metric == {"panda_joint1": 4.0}
-    assert found.toward is Toward.NONE
-    found = read("{toward: middle}")
-    assert (found.metric, found.gain) == (Metric.JOINTS, 1.0)
+    settings = read("{metric: energy, toward: sigma, gain: 2, bound: 1}")
+    assert (settings.metric, settings.toward) == (Metric.ENERGY, Toward.SIGMA)
+    assert (settings.gain, settings.bound) == (2.0, 1.0)
+    settings = read("{metric: {panda_joint1: 4}}")
+    assert settings.metric == {"panda_joint1": 4.0}
+    assert settings.toward is Toward.NONE
+    settings = read("{toward: middle}")
+    assert (settings.metric, settings.gain) == (Metric.JOINTS, 1.0)
     assert load_scenario("panda_servicer/line").problem().redundancy is None
 
 

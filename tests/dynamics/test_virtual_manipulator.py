@@ -38,10 +38,10 @@ def test_virtual_and_real_end_effector_poses_agree(
     """In the inertial frame both are the end-effector pose from the centre of mass."""
     model, virtual = both(robot)
     q = data.draw(joint_values(model.dof))
-    found, R = virtual.pose(q), rotation_matrix(attitude)
+    pose, R = virtual.pose(q), rotation_matrix(attitude)
     expected = model.end_effector_pose(attitude, q)
-    np.testing.assert_allclose(R @ found.position, expected.position, atol=1e-12)
-    np.testing.assert_allclose(R @ found.rotation, expected.rotation, atol=1e-12)
+    np.testing.assert_allclose(R @ pose.position, expected.position, atol=1e-12)
+    np.testing.assert_allclose(R @ pose.rotation, expected.rotation, atol=1e-12)
 
 
 @given(data=st.data(), robot=robots())
@@ -63,14 +63,14 @@ def test_kinematics_are_vectorized(data: st.DataObject, robot: Robot) -> None:
 
 @given(data=st.data(), robot=robots())
 def test_jacobian_is_the_derivative_of_the_pose(data: st.DataObject, robot: Robot) -> None:
-    """Against central differences of the virtual arm's own pose."""
+    """Against central differences of the virtual arm's pose."""
     model, virtual = both(robot)
     q, h = data.draw(joint_values(model.dof)), 1e-5
     J = virtual.jacobian(q)[0]
     for i, step in enumerate(h * np.eye(model.dof)):
         before, after = virtual.pose(q - step), virtual.pose(q + step)
-        turn = rotation_vector_between(before.rotation, after.rotation)
-        column = np.concatenate([after.position - before.position, turn]) / (2.0 * h)
+        rotation = rotation_vector_between(before.rotation, after.rotation)
+        column = np.concatenate([after.position - before.position, rotation]) / (2.0 * h)
         np.testing.assert_allclose(J[:, i], column, atol=1e-8)
 
 
@@ -230,9 +230,9 @@ def test_intersection_of_three_lines() -> None:
     axes = np.array([[1.0, 0, 0], [0, 1, 0], [0.6, 0, 0.8]])
     centre = np.array([0.3, -0.2, 0.5])
     points = centre + np.array([[2.0], [-1.0], [0.7]]) * axes
-    found = meeting_point(points, axes, 1e-9)
-    assert found is not None
-    np.testing.assert_allclose(found, centre, atol=1e-14)
+    point = meeting_point(points, axes, 1e-9)
+    assert point is not None
+    np.testing.assert_allclose(point, centre, atol=1e-14)
     for line, off in ((0, [0, 0, 1e-6]), (1, [0, 0, 1e-6]), (2, [0, 1e-6, 0])):
         moved = points.copy()
         moved[line] += off

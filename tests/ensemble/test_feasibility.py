@@ -235,20 +235,20 @@ def test_derived_wrist_flipped_branches_agree_with_integrated_ones() -> None:
     assert evaluator.wrist_flipped
     done = 0
     for branch in (1, 3, 5, 7):
-        found = together.motions.endings[:, branch] != UNREACHED
-        single = evaluator.integrator.integrate(attitudes[found], together.joints[found, branch])
+        exists = together.motions.endings[:, branch] != UNREACHED
+        single = evaluator.integrator.integrate(attitudes[exists], together.joints[exists, branch])
         derived = {
-            name: getattr(together.motions, name)[found, branch]
+            name: getattr(together.motions, name)[exists, branch]
             for name in ("ended_at", "minimum_at", "attitudes", "joints", "rates", "lower", "upper")
         }
-        endings = together.motions.endings[found, branch]
+        endings = together.motions.endings[exists, branch]
         np.testing.assert_array_equal(endings, single.endings)
         singular = endings == SINGULAR
         np.testing.assert_allclose(derived["ended_at"], single.ended_at, atol=1e-2)
         complete = (endings == COMPLETED) & (single.minimum > 1.0)
         done += complete.sum()
         assert (complete | singular | (single.minimum <= 1.0)).all()
-        minimum = together.motions.minimum[found, branch]
+        minimum = together.motions.minimum[exists, branch]
         np.testing.assert_allclose(minimum[complete], single.minimum[complete], rtol=ROUNDING)
         np.testing.assert_allclose(
             derived["minimum_at"][complete], single.minimum_at[complete], atol=0.1

@@ -1,4 +1,4 @@
-"""The compiled flow of a single motion beside equation (4) as Pinocchio solves it."""
+"""The compiled flow of a single motion compared with equation (4) as Pinocchio solves it."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def solved(problem: Problem, t: float, attitude: np.ndarray, joints: np.ndarray)
     """Rates of (time, attitude, joints) by time, the attitude's after (8c)."""
     omega, rates = problem.resolved_rate_solver().rates(attitude, joints, problem.path.twist(t))
     x, w = attitude[:3], attitude[3]
-    turn = 0.5 * np.append(w * omega + np.cross(x, omega), -x @ omega)
-    return np.concatenate([[1.0], turn, rates])
+    change = 0.5 * np.append(w * omega + np.cross(x, omega), -x @ omega)
+    return np.concatenate([[1.0], change, rates])
 
 
 def forward(problem: Problem) -> np.ndarray:
@@ -33,7 +33,7 @@ def test_the_tangent_solves_the_drift_equation(name: str, rng: np.random.Generat
     flow = arc_flow(problem)
     grid = attitude_grid(20, seed=3)
     if problem.task.planar:
-        grid = np.array([heading_quaternion(turn) for turn in rng.uniform(0.0, 6.0, 20)])
+        grid = np.array([heading_quaternion(heading) for heading in rng.uniform(0.0, 6.0, 20)])
     for attitude in grid:
         t = float(rng.uniform(0.05, 0.95) * problem.path.duration)
         leg = problem.path.leg(t, t)

@@ -47,7 +47,7 @@ def states(rng, chain, task, count):
     """Scaled systems of random robots with joints, their derivatives by a parameter, and it."""
     for _ in range(count):
         motion = wandering(rng, chain, task, 0.5)
-        system, c = ScaledSystem.from_motion(motion), motion.coefficients[0, :, 5:]
+        system, c = ScaledSystem(motion), motion.coefficients[0, :, 5:]
         for x in rng.uniform(-0.99, 0.99, 6):
             yield system, lambda place, c=c: chebyshev.chebval(place, c), c, x
 

@@ -208,9 +208,9 @@ def test_the_error_shrinks_with_the_tolerance(spatial):
         assert result[0] > 1e-6  # it was not exact to begin with
 
 
-def test_turning_the_whole_problem_turns_the_motion(spatial):
-    turn = Rotation.from_rotvec([0.7, -1.1, 0.4])
-    R = turn.as_matrix()
+def test_rotating_the_whole_problem_rotates_the_motion(spatial):
+    rotation = Rotation.from_rotvec([0.7, -1.1, 0.4])
+    R = rotation.as_matrix()
     path = spatial.path.path
     line = PolynomialCurve(path.curve.coefficients @ R.T)
     law = FixedOrientation(R @ path.orientation.rotation(0.0))
@@ -221,7 +221,7 @@ def test_turning_the_whole_problem_turns_the_motion(spatial):
     attitude = spatial.attitude("attitude", GOOD)
     joints = spatial.branches(attitude)[2].joints
     here = integrate_motion(spatial, attitude, joints)
-    there = integrate_motion(problem, (turn * Rotation.from_quat(attitude)).as_quat(), joints)
+    there = integrate_motion(problem, (rotation * Rotation.from_quat(attitude)).as_quat(), joints)
     for t in (25.0, 60.0, 100.0):
         (a,), (b,) = here.sample(t), there.sample(t)
         assert_close(a.joints, b.joints, atol=1e-8)
@@ -229,15 +229,18 @@ def test_turning_the_whole_problem_turns_the_motion(spatial):
         assert_close(R @ rotation_matrix(a.attitude), rotation_matrix(b.attitude), atol=1e-8)
 
 
-def test_whole_turns_of_a_joint_do_not_matter(spatial):
+def test_revolutions_of_a_joint_do_not_matter(spatial):
     attitude = spatial.attitude("attitude", GOOD)
-    joints, turns = spatial.branches(attitude)[2].joints, 2 * np.pi * np.array([0, 0, 1, -1, 0, 2])
+    joints, revolutions = (
+        spatial.branches(attitude)[2].joints,
+        2 * np.pi * np.array([0, 0, 1, -1, 0, 2]),
+    )
     usual = integrate_motion(spatial, attitude, joints).final.joints
-    result = integrate_motion(spatial, attitude, joints + turns).final.joints
-    assert_close(result - turns, usual, atol=1e-8)
+    result = integrate_motion(spatial, attitude, joints + revolutions).final.joints
+    assert_close(result - revolutions, usual, atol=1e-8)
 
 
-def test_joints_off_the_path_are_refused(spatial):
+def test_joints_off_the_path_raise(spatial):
     """A micrometre is the limit; the message says how far off they are."""
     attitude = spatial.attitude("attitude", GOOD)
     joints = spatial.branches(attitude)[2].joints
@@ -252,7 +255,7 @@ def test_joints_off_the_path_are_refused(spatial):
 
 
 @pytest.mark.parametrize("times", [{"start": -1.0}, {"end": 100.5}, {"end": np.nan}, {"end": -0.1}])
-def test_times_outside_the_path_are_refused(spatial, times):
+def test_times_outside_the_path_raise(spatial, times):
     """From 0 to the duration."""
     attitude = spatial.attitude("attitude", GOOD)
     with pytest.raises(InputError) as caught:
@@ -273,8 +276,8 @@ class Nod:
         self.start, self.amplitude = start, amplitude
 
     def rotation(self, s):
-        turn = Rotation.from_rotvec([0.0, 4.0 * self.amplitude * s * (1.0 - s), 0.0])
-        return turn.as_matrix() @ self.start
+        rotation = Rotation.from_rotvec([0.0, 4.0 * self.amplitude * s * (1.0 - s), 0.0])
+        return rotation.as_matrix() @ self.start
 
     def rate(self, s):
         return np.array([0.0, 4.0 * self.amplitude * (1.0 - 2.0 * s), 0.0])
@@ -376,7 +379,7 @@ def test_motion_along_a_circle_with_the_end_effector_along_its_tangent(spatial):
 
 
 @pytest.mark.parametrize("tolerance", [0, 1e-20, 0.1, np.nan, "1e-8", True])
-def test_tolerances_that_no_integrator_meets_are_refused(spatial, tolerance):
+def test_tolerances_that_no_integrator_meets_raise(spatial, tolerance):
     with pytest.raises(InputError) as caught:
         integrate_motion(spatial, GOOD, np.zeros(6), tolerance=tolerance)
     assert caught.value.key == "tolerance"

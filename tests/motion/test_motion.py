@@ -111,7 +111,7 @@ def test_a_reversed_motion_is_the_motion_at_every_time(motion, backwards):
 
 @pytest.mark.parametrize("place", [0.0, 0.3, 7.0, 7.001, 12.9999, 20.5])
 def test_a_cut_motion_is_the_motion_up_to_there(motion, place):
-    """The part kept is unchanged, the last state is the one at the place of the cut."""
+    """The rest is unchanged, the last state is the one at the place of the cut."""
     part = motion.cut(place, Ending.MARGIN)
     t, attitude, joints = motion.evaluate(place)
     assert part.ending is Ending.MARGIN
@@ -174,7 +174,7 @@ def test_a_motion_that_starts_singular_ends_there(planar):
 
 
 def test_a_motion_of_no_duration(spatial, motion):
-    """Starting and ending at one instant in mid-flight, it is that instant."""
+    """Starting and ending at the same time on the way."""
     (state,) = motion.sample(50.0)
     moment = integrate_motion(spatial, state.attitude, state.joints, start=50.0, end=50.0)
     assert moment.completed
@@ -218,17 +218,17 @@ def test_one_shifted_joint_node_shows_in_the_end_effector(motion, joint):
         motion.problem.model.configuration(motion.attitudes[node], motion.joints[node]),
     )  # fmt: skip
     moved = np.linalg.norm(J[:3, 6 + joint] - mass[:, 6 + joint])
-    turned = np.linalg.norm(J[3:, 6 + joint])
+    angle = np.linalg.norm(J[3:, 6 + joint])
     assert result.end_effector_position == pytest.approx(shift * moved, rel=1e-2)
-    assert result.end_effector_attitude == pytest.approx(shift * turned, rel=1e-2)
+    assert result.end_effector_attitude == pytest.approx(shift * angle, rel=1e-2)
     assert result.momentum > 1e-3 or joint > 2  # the wrist's bodies 4 and 5 weigh a milligram
 
 
 def test_a_rotated_spacecraft_shows_in_all_residuals(motion):
     for axis in np.eye(3):
-        turn = Rotation.from_rotvec(1e-3 * axis)
+        rotation = Rotation.from_rotvec(1e-3 * axis)
         values = motion.attitudes.copy()
-        values[100] = (Rotation.from_quat(values[100]) * turn).as_quat()
+        values[100] = (Rotation.from_quat(values[100]) * rotation).as_quat()
         values[100] *= np.sign(values[100] @ motion.attitudes[100])
         result = replace(motion, attitudes=values).residuals()
         assert result.end_effector_attitude == pytest.approx(1e-3, rel=1e-5)
@@ -238,7 +238,7 @@ def test_a_rotated_spacecraft_shows_in_all_residuals(motion):
 
 @pytest.mark.parametrize("missing", [[1e-3, 0, 0], [0, -2e-3, 0], [0, 0, 0.1]])
 def test_the_momentum_residual_is_in_newton_metre_seconds(motion, missing):
-    """A motion with momentum h, told to have h + d, is off by exactly |d|."""
+    """The residual of a motion with momentum h for a problem with h + d is |d|."""
     other = replace(motion.problem, momentum=motion.problem.momentum + missing)
     result = replace(motion, problem=other).residuals().momentum
     assert result == pytest.approx(np.linalg.norm(missing), rel=1e-3)

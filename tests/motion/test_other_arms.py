@@ -170,8 +170,8 @@ def assert_drifts(motion: Motion) -> None:
         assert np.allclose(whole.data.subtree_linvel[whole.root], 0.0, rtol=0, atol=1e-7)
         momentum = whole.data.subtree_angmom[whole.root]
         assert np.allclose(momentum, motion.problem.momentum, rtol=0, atol=1e-6)
-        wanted = motion.problem.path.pose(float(t)).position
-        assert np.allclose(whole.data.xpos[whole.tool], wanted, rtol=0, atol=1e-8)
+        target = motion.problem.path.pose(float(t)).position
+        assert np.allclose(whole.data.xpos[whole.tool], target, rtol=0, atol=1e-8)
     assert max(torques) > 1e-3
     assert max(wrenches) < 1e-4 * max(torques)
 

@@ -35,7 +35,7 @@ def lifted(model, axis, lift):
 
 @pytest.mark.parametrize("value", [-1e-9, np.nan, np.inf])
 def test_a_margin_is_a_magnitude(spatial, value):
-    """A sign is kept, a magnitude is demanded: zero or more."""
+    """The margin is a magnitude, zero or more."""
     with pytest.raises(InputError) as caught:
         Margin(spatial.margin.measure, value)
     assert caught.value.key == "margin.value"
@@ -78,7 +78,7 @@ def test_a_planar_task_wants_momentum_about_z(planar, momentum):
 
 
 def test_a_planar_path_keeps_the_end_effector_upright(planar):
-    """An attitude that tips the end-effector over on the way is refused where it first does."""
+    """An attitude that tips the end-effector over raises an error with the first place."""
     tipping = SlerpOrientation(np.eye(3), Rotation.from_rotvec([0.5, 0.0, 1.0]).as_matrix())
     path = EndEffectorPath(planar.path.path.curve, tipping)
     with pytest.raises(InputError, match=r"leave the plane at s = 0\.05"):
@@ -115,23 +115,23 @@ def test_a_planar_spacecraft_turns_about_z(planar):
 @pytest.mark.parametrize("t", [0.0, 42.25, 100.0])
 def test_every_branch_puts_the_end_effector_on_the_path(spatial, t):
     attitude = spatial.attitude("attitude", GOOD)
-    branches, wanted = spatial.branches(attitude, t), spatial.path.pose(t)
+    branches, target = spatial.branches(attitude, t), spatial.path.pose(t)
     assert len(branches) == 8
     for branch in branches:
         pose = spatial.model.end_effector_pose(attitude, branch.joints)
-        assert_close(pose.position, wanted.position, atol=1e-9)
-        assert np.linalg.norm(rotation_vector_between(pose.rotation, wanted.rotation)) < 1e-8
+        assert_close(pose.position, target.position, atol=1e-9)
+        assert np.linalg.norm(rotation_vector_between(pose.rotation, target.rotation)) < 1e-8
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0, 4.5])
 def test_a_planar_arm_has_two_branches(planar, heading):
     attitude = heading_quaternion(heading)
-    branches, wanted = planar.branches(attitude, 30.0), planar.path.pose(30.0)
+    branches, target = planar.branches(attitude, 30.0), planar.path.pose(30.0)
     assert [branch.label for branch in branches] == ["elbow+", "elbow-"]
     for branch in branches:
         pose = planar.model.end_effector_pose(attitude, branch.joints)
-        assert_close(pose.position[:2], wanted.position[:2], atol=1e-9)
-        assert np.linalg.norm(rotation_vector_between(pose.rotation, wanted.rotation)) < 1e-8
+        assert_close(pose.position[:2], target.position[:2], atol=1e-9)
+        assert np.linalg.norm(rotation_vector_between(pose.rotation, target.rotation)) < 1e-8
 
 
 def test_a_path_out_of_reach_has_no_branches(spatial):
@@ -144,14 +144,14 @@ def test_a_path_out_of_reach_has_no_branches(spatial):
 def test_branch_near_joints(spatial):
     attitude = spatial.attitude("attitude", GOOD)
     branches = spatial.branches(attitude)
-    turns = 2.0 * np.pi * np.array([1, -1, 0, 2, 0, -3])
+    revolutions = 2.0 * np.pi * np.array([1, -1, 0, 2, 0, -3])
     for branch in branches:
         near = branch.joints + 0.049 * np.array([1, -1, 1, 1, -1, -1])
         assert spatial.branch_near(attitude, near, branches) is branch
-        assert spatial.branch_near(attitude, near + turns, branches) is branch
+        assert spatial.branch_near(attitude, near + revolutions, branches) is branch
 
 
-def test_joints_near_no_branch_are_refused(spatial):
+def test_joints_near_no_branch_raise(spatial):
     attitude = spatial.attitude("attitude", GOOD)
     branches = spatial.branches(attitude)
     for joint in range(6):
@@ -183,7 +183,7 @@ def test_a_problem_cannot_be_changed(spatial):
         spatial.momentum = np.zeros(3)
     with pytest.raises(ValueError, match="read-only"):
         spatial.momentum[0] = 1.0
-    given = np.array([0.1, 0.2, 0.3])
-    problem = replace(spatial, momentum=given)
-    given[0] = 7.0
+    values = np.array([0.1, 0.2, 0.3])
+    problem = replace(spatial, momentum=values)
+    values[0] = 7.0
     assert problem.momentum.tolist() == [0.1, 0.2, 0.3]

@@ -38,9 +38,10 @@ def test_the_place_where_a_path_leaves_the_reach_lies_on_the_reach() -> None:
 
 
 def test_a_start_beyond_it_is_reported_with_the_unit_where_it_is_absurd() -> None:
-    told = "the path begins out of reach: [10.0, 0.0, 0.0] m is 10 m from the centre of mass, "
+    expected = "the path begins out of reach: [10.0, 0.0, 0.0] m is 10 m from the centre of mass, "
     assert (
-        reach_message(along([10.0, 0.0, 0.0], [1.0, 0.0, 0.0])) == told + "the arm reaches 2.635 m"
+        reach_message(along([10.0, 0.0, 0.0], [1.0, 0.0, 0.0]))
+        == expected + "the arm reaches 2.635 m"
     )
     assert "in metres" in str(reach_message(along([1000.0, 0.0, 0.0], [-500.0, 800.0, 330.0])))
 
@@ -49,7 +50,7 @@ def test_a_path_within_reach_is_left_alone() -> None:
     assert reach_message(ff.load_scenario("spatial_6dof/line").problem()) is None
 
 
-def test_a_simulation_tells_it_of_the_start_and_of_the_end() -> None:
+def test_simulations_of_paths_out_of_reach() -> None:
     with pytest.raises(UnreachableError, match="begins out of reach"):
         ff.simulate(along([1000.0, 0.0, 0.0], [1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0])
     leaving = ff.simulate(along([1.0, 0.0, 0.0], [-5.0, 8.0, 0.33]), [0.0, 0.0, 0.0, 1.0])

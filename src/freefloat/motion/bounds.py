@@ -99,7 +99,7 @@ class _MatrixBounds:
     """Bounds on determinants and singular values."""
 
     def __init__(self, motion: Motion, smallest: Mapping[str, float]) -> None:
-        self._motion, self._system = motion, ScaledSystem.from_motion(motion)
+        self._motion, self._system = motion, ScaledSystem(motion)
         self._smallest = {name: value for name, value in smallest.items() if name != "arm"}
         base, rows = self._system.base, self._system.rows
         self._joint_units = self._system.columns[base:]

@@ -40,12 +40,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freefloat.dynamics.momentum import Task, system_matrix, system_matrix_derivative
+from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.extrema import joint_extents
 from freefloat.motion.motion import Motion
-from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,38 +72,21 @@ class SecondDerivatives:
         return float(np.sqrt(self.D**2 + np.sum(self.Dq**2) + self.base**2 + joint))
 
 
-@dataclass(frozen=True, eq=False)
 class ScaledSystem:
-    """A of (5) without units, and the factors of the bounds on its second derivative.
+    """A of (5) without units, and bounds on its second derivative along a motion.
 
     S* is scaled as in the measure ``sigma``.
 
     Attributes:
-        model: The robot.
-        task: The task.
         base: Number of columns of the spacecraft's rate: 3, or 1 in the plane.
         rows: Factors that free the rows of A from units, shape (base + m,).
         columns: Factors that free the columns from units, shape (base + n,).
-        length: L, the length of the stretched chain.
-        locked: Factor of p_2 in the bound of D.
-        moving: Factors of p_3 in the bounds of the columns of Dq, shape (n,).
     """
 
-    model: FreeFloatingModel
-    task: Task
-    base: int
-    rows: Array
-    columns: Array
-    length: float
-    locked: float
-    moving: Array
-
-    @classmethod
-    def from_motion(cls, motion: Motion) -> ScaledSystem:
-        """The system of a motion's robot, with the strokes of prismatic joints in the motion."""
+    def __init__(self, motion: Motion) -> None:
+        """Prepare the robot of a motion, with its strokes of prismatic joints."""
         model, task = motion.problem.model, motion.problem.task
         reach, m = VirtualManipulator.of(model).reach, model.total_mass
-        base = 1 if task.planar else 3
         prismatic = np.array([body.prismatic for body in model.bodies[1:]])
         L = max(_chain_length(motion, prismatic), reach) / reach
         unit = m * reach**2
@@ -112,23 +94,23 @@ class ScaledSystem:
         isotropic = [np.trace(inertia) / 3.0 * np.eye(3) for inertia in inertias]
         spread = np.linalg.norm(np.array(inertias) - isotropic, axis=(1, 2))[1:]
         a = 1.0 - model.bodies[0].mass / m
-        locked = np.sqrt(2.0) * a * (1.0 + a * (1.0 - a)) * L**2 + spread.sum()
         moved = [body.mass / m * L**2 + np.linalg.norm(inertia, 2)
                  for body, inertia in zip(model.bodies[1:], inertias[1:], strict=True)]  # fmt: skip
-        return cls(
-            model, task, base,
-            frozen([1.0 / unit] * base + [1.0 / reach if row < 3 else 1.0 for row in task.rows]),
-            frozen([1.0] * base + np.where(prismatic, reach, 1.0).tolist()),
-            L, float(locked), frozen(np.cumsum(moved[::-1])[::-1]),
-        )  # fmt: skip
+        self._model, self._task, self._length = model, task, L
+        self._locked = float(np.sqrt(2.0) * a * (1.0 + a * (1.0 - a)) * L**2 + spread.sum())
+        self._moving = np.cumsum(moved[::-1])[::-1]
+        self.base = 1 if task.planar else 3
+        lengths = [1.0 / reach if row < 3 else 1.0 for row in task.rows]
+        self.rows = np.array([1.0 / unit] * self.base + lengths)
+        self.columns = np.append(np.ones(self.base), np.where(prismatic, reach, 1.0))
 
     def matrix(self, joints: Array) -> Array:
         """A without units, shape (base + m, base + n)."""
-        return self._scaled(system_matrix(self.model, joints, self.task))
+        return self._scaled(system_matrix(self._model, joints, self._task))
 
     def slope(self, joints: Array, rates: Array) -> Array:
         """The derivative of :meth:`matrix` while the joints (n,) move at rates (n,)."""
-        return self._scaled(system_matrix_derivative(self.model, joints, rates, self.task))
+        return self._scaled(system_matrix_derivative(self._model, joints, rates, self._task))
 
     def _scaled(self, A: Array) -> Array:
         return np.asarray(self.rows[:, None] * A * self.columns)
@@ -145,9 +127,9 @@ class ScaledSystem:
             change: w', bound on that of q''.
         """
         p1, p2, p3 = (k * (w * w + change) + k * (k - 1.0) * w * w for k in (1.0, 2.0, 3.0))
-        L = self.length
+        L = self._length
         return SecondDerivatives(
-            self.locked * p2, self.moving * p3, float(np.sqrt(2.0) * L * p1), L * p2, p1
+            self._locked * p2, self._moving * p3, float(np.sqrt(2.0) * L * p1), L * p2, p1
         )
 
 
