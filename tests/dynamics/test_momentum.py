@@ -200,7 +200,7 @@ def test_determinant_of_the_system_splits_into_inertia_and_jacobian(
 
 
 def test_tasks_are_rows_of_the_twist(spatial_6dof: FreeFloatingModel) -> None:
-    """Position is the linear half of the pose; the planar tasks keep x, y and the rotation about z."""
+    """Position is the linear half of the pose; planar tasks have x, y and the rotation about z."""
     q = np.array([0.3, -0.4, 1.1, 0.2, 0.9, -0.5])
     S = generalized_jacobian(spatial_6dof, q)
     np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, Task.POSITION), S[:3])
