@@ -231,10 +231,8 @@ def test_rotating_the_whole_problem_rotates_the_motion(spatial):
 
 def test_revolutions_of_a_joint_do_not_matter(spatial):
     attitude = spatial.attitude("attitude", GOOD)
-    joints, revolutions = (
-        spatial.branches(attitude)[2].joints,
-        2 * np.pi * np.array([0, 0, 1, -1, 0, 2]),
-    )
+    joints = spatial.branches(attitude)[2].joints
+    revolutions = 2 * np.pi * np.array([0, 0, 1, -1, 0, 2])
     usual = integrate_motion(spatial, attitude, joints).final.joints
     result = integrate_motion(spatial, attitude, joints + revolutions).final.joints
     assert_close(result - revolutions, usual, atol=1e-8)
