@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 KINDS = {"R": "revolute", "C": "continuous", "P": "prismatic", "F": "fixed"}
 STROKE = 4.0
-"""Range of random sliding joints, both ways [m]."""
+"""Range of random prismatic joints, both ways [m]."""
 AWKWARD = (0.0, 1e-9, -1e-6, 1e-3, np.pi / 2, -np.pi / 2, np.pi, -np.pi)
 """Where formulas break: zero, nearly zero, right angles, folded back."""
 
@@ -166,7 +166,7 @@ def planar_robot(
 
 
 def in_units(text: str, metres: float = 1.0, kilograms: float = 1.0) -> str:
-    """The same robot, told in other units: a length of 1 m becomes ``metres``, and so on."""
+    """The same robot in other units: a length of 1 m becomes ``metres``, and so on."""
     robot = ET.fromstring(text)
     for element in robot.iter():
         for key, value in element.attrib.items():

@@ -357,14 +357,6 @@ def test_ur5_has_eight_branches(ur5: FreeFloatingModel, angle_deg: int) -> None:
         assert np.abs(rotation_vector_between(pose.rotation, target.rotation)).max() < 1e-8
 
 
-def test_ur5_keeps_its_ranges(ur5: FreeFloatingModel, rng: np.random.Generator) -> None:
-    """A configuration within its ranges is found again, as plain angles near zero."""
-    virtual = VirtualManipulator.of(ur5)
-    for q in rng.uniform(-np.pi, np.pi, (4, 6)):
-        branches = arm_branches(ur5, virtual.pose(q), Task.POSE)
-        assert any(np.abs(b.joints - q).max() < 1e-6 for b in branches)
-
-
 # ---------------------------------------------------------------------------------- planar arms
 
 
@@ -388,19 +380,6 @@ def test_planar_arms_have_two_elbows(seed: int, q: np.ndarray) -> None:
             assert np.sign(np.sin(branch.joints[1])) == sign
         if task.prescribes_orientation:
             assert missed(virtual, target, branch.joints) < 1e-8
-
-
-def test_planar_closed_form_and_newton_agree(
-    planar_3dof: FreeFloatingModel, rng: np.random.Generator
-) -> None:
-    """Two and only two."""
-    virtual = VirtualManipulator.of(planar_3dof)
-    for q in rng.uniform(-np.pi, np.pi, (4, 3)):
-        target = virtual.pose(q)
-        closed = joints_of(arm_branches(planar_3dof, target, Task.PLANAR_POSE))
-        newton = searched(planar_3dof, target, Task.PLANAR_POSE)
-        assert len(closed) == len(newton) == 2
-        assert all(holds(newton, joints, 1e-5) for joints in closed)
 
 
 def test_planar_tasks_ignore_the_height(planar_3dof: FreeFloatingModel) -> None:

@@ -158,6 +158,7 @@ def all_limits(motion):
     )
 
 
+@pytest.mark.slow
 def test_each_limit_violated_in_turn():
     """A motion keeps limits equal to its largest values; each made tighter is violated alone."""
     motion = planar_motion(load_scenario("planar_3dof/parabola").problem())

@@ -89,7 +89,7 @@ def test_fine_sampling_finds_nothing_nearer(name, attitude, branch):
     pairs = CollisionPairs(problem.model)
     nearest = clearance(motion, pairs)
     everything = np.arange(len(pairs.pairs))
-    joints = motion.evaluate(np.linspace(0.0, motion.panels, 801))[2]
+    joints = motion.evaluate(np.linspace(0.0, motion.panels, 401))[2]
     sampled = np.array([pairs.distances(q, everything) for q in joints])
     assert nearest.distance <= sampled.min() + 1e-8
     assert nearest.distance >= sampled.min() - 1e-3

@@ -93,8 +93,8 @@ def scenario_of(kind: str, count: int) -> Scenario:
 
 def first_motion(problem: Problem, **options: object) -> Motion:
     """That of the first branch that completes the path, from one of some attitudes."""
-    for turn in np.linspace(0.0, 6.0, 13):
-        attitude = [0.0, 0.0, np.sin(turn / 2.0), np.cos(turn / 2.0)]
+    for angle in np.linspace(0.0, 6.0, 13):
+        attitude = [0.0, 0.0, np.sin(angle / 2.0), np.cos(angle / 2.0)]
         for branch in problem.branches(attitude):
             motion = integrate_motion(problem, attitude, branch.joints, **options)
             if motion.completed:

@@ -57,16 +57,16 @@ def _corners(robot: Any, shapes: list[Any]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", bundled_robots())
-def test_every_body_can_be_hit_where_it_is_seen(name: str) -> None:
+def test_collision_shapes_lie_within_visuals(name: str) -> None:
     """Links with a mass worth the name have collision shapes, no larger than what is drawn."""
     robot = yourdfpy.URDF.load(str(urdf(name)), load_meshes=False)
     for link in robot.robot.links:
         if link.inertial is None or link.inertial.mass < 1e-3:
             continue
         assert link.collisions, link.name
-        seen, hit = _corners(robot, link.visuals), _corners(robot, link.collisions)
-        assert (hit[0] >= seen[0] - 1e-9).all()
-        assert (hit[1] <= seen[1] + 1e-9).all()
+        drawn, solid = _corners(robot, link.visuals), _corners(robot, link.collisions)
+        assert (solid[0] >= drawn[0] - 1e-9).all()
+        assert (solid[1] <= drawn[1] + 1e-9).all()
 
 
 @pytest.mark.parametrize("name", ["ets_vii", "ssrms"])
@@ -99,7 +99,7 @@ def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:
 
 ATTITUDES = {"planar_2dof/line": 0.45, "planar_2dof/arc": 0.77}
 """Headings from which planar ones succeed [rad]; the others from the identity attitude."""
-FOLLOWED = tuple(
+INTEGRATED = tuple(
     name for name in bundled_scenarios()
     if name.split("/")[0] in NEW or name in ("ur5_servicer/inspect", "panda_servicer/arc")
 )  # fmt: skip
@@ -107,8 +107,8 @@ OF_THE_PAPER = ("planar_3dof/parabola", "planar_3dof/parabola_nonstop", "spatial
 LIMITED = tuple(name for name in bundled_scenarios() if name not in OF_THE_PAPER)
 
 
-@pytest.mark.parametrize("name", FOLLOWED)
-def test_a_scenario_can_be_followed_with_its_margin_kept(name: str) -> None:
+@pytest.mark.parametrize("name", INTEGRATED)
+def test_a_scenario_has_a_motion_that_keeps_the_margin(name: str) -> None:
     """With some arm branch, from the attitude the spacecraft has; and the motion is right."""
     problem = load_scenario(name).problem()
     half = ATTITUDES.get(name, 0.0) / 2.0
@@ -134,14 +134,14 @@ def test_a_scenario_plans_within_its_limits(name: str) -> None:
     find = plan_in_plane if problem.task.planar else plan_in_space
     evaluator = evaluator_for(problem)
     search = replace(scenario.search(), samples=SAMPLES)
-    found = keep_limits(evaluator, find(evaluator, search), limits)
-    assert found.feasible, found.reason
-    assert found.chosen is not None
-    assert problem.margin.is_kept(found.chosen.closest_approach.value)
-    assert found.disagreements == ()
-    kept = {finding.limit: finding.kept for finding in found.limit_results}
+    plan = keep_limits(evaluator, find(evaluator, search), limits)
+    assert plan.feasible, plan.reason
+    assert plan.chosen is not None
+    assert problem.margin.is_kept(plan.chosen.closest_approach.value)
+    assert plan.disagreements == ()
+    kept = {result.limit: result.kept for result in plan.limit_results}
     assert {"joint_rate", "joint_torque", "base_rate", "clearance"} <= kept.keys()
     assert all(kept.values())
-    wrench = next(one.base_wrench for one in found.limit_results if one.limit == "joint_torque")
+    wrench = next(r.base_wrench for r in plan.limit_results if r.limit == "joint_torque")
     assert wrench is not None
     assert wrench < 1e-6

@@ -66,12 +66,12 @@ def test_continuous_joints_are_plain_angles() -> None:
     model = FreeFloatingModel.from_urdf(ELBOW, "fore")
     assert model.pin_model.nq == 7 + model.dof
     here = model.end_effector_pose([0, 0, 0, 1], [0.3, 0.4])
-    turned = model.end_effector_pose([0, 0, 0, 1], [0.3, 0.4 + 2.0 * np.pi])
-    np.testing.assert_allclose(here.position, turned.position, atol=1e-14)
-    np.testing.assert_allclose(here.rotation, turned.rotation, atol=1e-14)
+    later = model.end_effector_pose([0, 0, 0, 1], [0.3, 0.4 + 2.0 * np.pi])
+    np.testing.assert_allclose(here.position, later.position, atol=1e-14)
+    np.testing.assert_allclose(here.rotation, later.rotation, atol=1e-14)
 
 
-def test_bodies_tell_ranges_axes_and_kinds() -> None:
+def test_bodies_have_ranges_axes_and_kinds() -> None:
     """Ranges come from the URDF; a continuous joint has none."""
     text = ELBOW.replace('axis xyz="0 0 1"', 'axis xyz="0 0 3"')
     text = text.replace("</robot>", a_link("slide") + joint_text(
@@ -97,9 +97,9 @@ def test_the_only_last_link_is_the_end_effector() -> None:
     with pytest.raises(ModelError) as caught:
         FreeFloatingModel.from_urdf(ELBOW)
     assert caught.value.key == "end_effector"
-    way_out, _, hands = caught.value.accepted.partition(" such as ")
+    way_out, _, links = caught.value.accepted.partition(" such as ")
     assert way_out.startswith("--end-effector, or end_effector of a scenario")
-    assert set(hands.split(", ")) == {"fore", "mast"}
+    assert set(links.split(", ")) == {"fore", "mast"}
 
 
 @pytest.mark.parametrize("frame", ["bus", "antenna", "glue"])
@@ -123,7 +123,7 @@ def test_of_a_link_and_a_joint_the_link_is_meant() -> None:
 # ------------------------------------------------------------------------------ merged and held
 
 
-def test_fixed_joints_are_merged_into_one_body() -> None:
+def test_fixed_joints_are_merged_into_whole_body() -> None:
     """A link cut in two and glued together again is the same link."""
     m, I1 = 3.0, np.diag([0.3, 0.2, 0.4])
     R = Rotation.from_euler("xyz", [0.4, -0.3, 1.0])
@@ -141,15 +141,15 @@ def test_fixed_joints_are_merged_into_one_body() -> None:
         link_text("b", inertial_text(2.0, np.diag([0.1, 0.5, 0.45]))),
         joint_text("glue", "F", "a", "b", numbers(shift), numbers(R.as_euler("xyz"))),
     )  # fmt: skip
-    one = chain_of(
+    joined = chain_of(
         link_text("a", inertial_text(m + 2.0, whole, numbers(centre))),
         joint_text("q", "C", "bus", "a", "1 0 0"),
     )
     cut_body = FreeFloatingModel.from_urdf(cut, "a").bodies[1]
-    one_body = FreeFloatingModel.from_urdf(one, "a").bodies[1]
-    assert cut_body.mass == pytest.approx(one_body.mass, abs=1e-14)
-    np.testing.assert_allclose(cut_body.centre, one_body.centre, atol=1e-14)
-    np.testing.assert_allclose(cut_body.inertia, one_body.inertia, atol=1e-14)
+    whole_body = FreeFloatingModel.from_urdf(joined, "a").bodies[1]
+    assert cut_body.mass == pytest.approx(whole_body.mass, abs=1e-14)
+    np.testing.assert_allclose(cut_body.centre, whole_body.centre, atol=1e-14)
+    np.testing.assert_allclose(cut_body.inertia, whole_body.inertia, atol=1e-14)
 
 
 def test_held_joints_are_as_if_glued() -> None:
@@ -169,9 +169,9 @@ def test_held_joints_are_as_if_glued() -> None:
 def test_joints_not_named_are_held_at_zero(data: st.DataObject, robot: Robot) -> None:
     """Silence means zero."""
     silent = FreeFloatingModel.from_urdf(robot.text, robot.tip)
-    told = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=dict.fromkeys(robot.others, 0.0))
+    zero = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=dict.fromkeys(robot.others, 0.0))
     q = data.draw(joint_values(silent.dof))
-    np.testing.assert_array_equal(momentum_map(silent, q), momentum_map(told, q))
+    np.testing.assert_array_equal(momentum_map(silent, q), momentum_map(zero, q))
 
 
 def test_a_stuck_joint_of_the_arm_is_as_if_glued() -> None:
@@ -183,8 +183,8 @@ def test_a_stuck_joint_of_the_arm_is_as_if_glued() -> None:
     q = np.zeros(free.dof)
     q[free.joint_names.index("shoulder")], q[free.joint_names.index(left)] = 0.4, -0.7
     attitude = [0.1, -0.2, 0.3, np.sqrt(0.86)]
-    found, expected = (m.end_effector_pose(attitude, j) for m, j in ((stuck, [-0.7]), (free, q)))
-    np.testing.assert_allclose(found.position, expected.position, atol=1e-12)
+    pose, expected = (m.end_effector_pose(attitude, j) for m, j in ((stuck, [-0.7]), (free, q)))
+    np.testing.assert_allclose(pose.position, expected.position, atol=1e-12)
     kept = [*range(6), 6 + free.joint_names.index(left)]
     np.testing.assert_allclose(
         momentum_map(stuck, [-0.7]), momentum_map(free, q)[:, kept], atol=1e-12
@@ -290,10 +290,10 @@ def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held, scale_mass={"bus": 2.0})
     q = rng.uniform(-2, 2, 5)
     expected = momentum_map(model, q)
-    for twin in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model), copy.copy(model)):
-        np.testing.assert_array_equal(momentum_map(twin, q), expected)
-        assert twin.joint_names == model.joint_names
-        assert twin.scratch is not model.scratch
+    for copied in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model), copy.copy(model)):
+        np.testing.assert_array_equal(momentum_map(copied, q), expected)
+        assert copied.joint_names == model.joint_names
+        assert copied.scratch is not model.scratch
 
 
 def test_what_a_model_returns_stays_as_it_was(spatial_6dof: FreeFloatingModel) -> None:
@@ -329,13 +329,13 @@ def test_files_and_text_give_the_same_model(spatial_6dof: FreeFloatingModel) -> 
     path = models_folder() / "spatial_6dof" / "spatial_6dof.urdf"
     q = np.full(6, 0.4)
     text = path.read_text()
-    told = {
+    sources = {
         path: str(path),
         str(path): str(path),
         text: "URDF text",
         f"\n  {text[21:]}": "URDF text",
     }
-    for urdf, source in told.items():
+    for urdf, source in sources.items():
         model = FreeFloatingModel.from_urdf(urdf)
         np.testing.assert_array_equal(momentum_map(model, q), momentum_map(spatial_6dof, q))
         assert model.description.source == source
