@@ -1,4 +1,4 @@
-"""Choice of an attitude whose motion keeps limits beside the margin."""
+"""Choice of an attitude whose motion keeps limits in addition to the margin."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ from freefloat.so3 import (
 _ATTITUDES, _FEWEST = 36_864, 8
 """Samples of a map: default and fewest."""
 _SAMPLING = 0.8
-"""Of the computing time, for the progress reported."""
+"""Fraction of the computing time, for the progress reported."""
 _BLOCK = 2048
 """Attitudes that are integrated together."""
 _RADIUS, _CLOUD = 0.02, 96
@@ -96,12 +96,29 @@ def attitude_map(
     target = None if nearest is None else problem.attitude("nearest", nearest)
     if tangency:
         require_tangency_points(problem)
-    evaluator = FeasibilityEvaluator(problem, threads)
+    result = _searched_map(
+        FeasibilityEvaluator(problem, threads), samples or _ATTITUDES, seed, target, boundary,
+        tangency, progress,
+    )  # fmt: skip
+    return replace(result, seconds=time.perf_counter() - start)
+
+
+def _searched_map(
+    evaluator: FeasibilityEvaluator,
+    samples: int,
+    seed: int,
+    target: Array | None,
+    boundary: int,
+    tangency: int,
+    progress: Progress | None,
+) -> AttitudeMap:
+    """Samples of SO(3) and what is between them."""
     sampled = sample_attitudes(
-        evaluator, samples or _ATTITUDES, seed, progress and (lambda x: progress(_SAMPLING * x))
+        evaluator, samples, seed, progress and (lambda fraction: progress(_SAMPLING * fraction))
     )
     points = tangent_boundary(evaluator, tangency, seed) if tangency else ()
-    peaks = (p for p in largest_margins(evaluator, sampled) if problem.margin.is_kept(p.score))
+    margin = evaluator.problem.margin
+    peaks = (peak for peak in largest_margins(evaluator, sampled) if margin.is_kept(peak.score))
     near = () if target is None else nearest_feasible(evaluator, sampled, target)
     result = replace(
         sampled,
@@ -115,7 +132,7 @@ def attitude_map(
     )
     if progress is not None:
         progress(1.0)
-    return replace(result, seconds=time.perf_counter() - start)
+    return result
 
 
 def sample_attitudes(

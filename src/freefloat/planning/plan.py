@@ -119,7 +119,7 @@ class Plan:
         map: Spatial tasks: the map of sampled attitudes that the search began with.
         tolerance: Spatial tasks: tolerated deviations of momentum and duration.
         disagreements: Candidates that the precise integration did not confirm, a sentence each.
-        limits: Limits to keep beside the margin; None where none were checked.
+        limits: Limits to keep in addition to the margin; None where none were checked.
         limit_results: Limits along the chosen motion or, where no motion keeps them, along the
             candidate that came nearest.
         excluded: How many candidates violated which limit first.

@@ -7,7 +7,7 @@ at which the arm just reaches the path. Between neighbouring limits one motion d
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from itertools import groupby
 from typing import Any
@@ -67,13 +67,10 @@ class RangeLimit:
         """The JSON document of the tangency point, with the headings at both ends of a span."""
         point, (start, end) = self.tangency, span
         return {
+            **asdict(point),
             "kind": str(point.kind),
-            "time": point.time,
-            "tau": (point.time - start) / (end - start),
-            "s": point.s,
-            "level": point.level,
-            "heading": point.heading,
             "joints": point.joints.tolist(),
+            "tau": (point.time - start) / (end - start),
             "heading_at_start_deg": float(np.degrees(self.heading_at(start)[0])),
             "heading_at_end_deg": float(np.degrees(self.heading_at(end)[0])),
         }

@@ -8,11 +8,12 @@ form a curve over (margin curve, time), and (27), dS/dt = 0, selects from it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
-from typing import Any
+from operator import attrgetter
+from typing import Any, TypeVar
 
 import numpy as np
 from contourpy import contour_generator
@@ -35,6 +36,8 @@ _TIMES = 400
 _NEAR_REST = np.geomspace(1e-6, 1.0 / _TIMES, 40)
 """Fractions of a segment next to a stop: there momentum counts for more than the path."""
 _EXACT = 1e-9
+
+Point = TypeVar("Point")
 
 
 class TangencyKind(StrEnum):
@@ -84,7 +87,7 @@ def tangency_points(
     for curve in margin_curves(candidates.arm, level, -level):
         points += _at_ends(candidates, curve)
         points += _along_path(candidates, curve)
-    return tuple(_distinct(points))
+    return distinct(points, _same)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,17 +267,19 @@ def _refined(candidates: _Candidates, level: float, q: Array, t: float) -> Tange
     return candidates.point(TangencyKind.TANGENT, q, time, level)
 
 
-def _distinct(points: list[TangencyPoint]) -> Iterator[TangencyPoint]:
+def _same(point: TangencyPoint, other: TangencyPoint) -> bool:
+    angles = np.append(point.joints - other.joints, point.heading - other.heading)
+    return bool(
+        point.kind is other.kind
+        and abs(point.time - other.time) < 1e-9 * max(1.0, point.time)
+        and np.abs(np.angle(np.exp(1j * angles))).max() < 1e-7
+    )
+
+
+def distinct(points: list[Point], same: Callable[[Point, Point], bool]) -> tuple[Point, ...]:
     """Tangency points in the order of time, equal ones once."""
-    kept: list[TangencyPoint] = []
-    for point in sorted(points, key=lambda point: point.time):
-        same = (
-            point.kind is other.kind
-            and abs(point.time - other.time) < 1e-9 * max(1.0, point.time)
-            and abs(np.angle(np.exp(1j * (point.heading - other.heading)))) < 1e-7
-            and np.abs(np.angle(np.exp(1j * (point.joints - other.joints)))).max() < 1e-7
-            for other in kept
-        )
-        if not any(same):
+    kept: list[Point] = []
+    for point in sorted(points, key=attrgetter("time")):
+        if not any(same(point, other) for other in kept):
             kept.append(point)
-            yield point
+    return tuple(kept)

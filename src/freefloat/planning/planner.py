@@ -50,8 +50,8 @@ def plan(
     Args:
         problem: Robot, path, momentum and margin.
         search: What to choose; the largest minimum margin when left out.
-        limits: Limits to keep beside the margin, and joint ranges with them; none are checked when
-            left out.
+        limits: Limits to keep in addition to the margin, and joint ranges with them; none are
+            checked when left out.
         stretch: Whether the duration may grow until rates and torques keep their limits.
         threads: Number of cores to use; all available ones when left out.
         progress: Called with the fraction done, in [0, 1].

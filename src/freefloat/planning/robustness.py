@@ -35,7 +35,7 @@ _PROMISING = 0.25
 """A branch is examined when its deepest sample exceeds the best radius by this many spacings."""
 _EDGE = 400
 """Points of the boundary that a search for the deepest attitude begins with."""
-_CENTERS, _STARTS, _ROOM = 20_000, 4, 2e-3
+_CENTERS, _STARTS, _FINEST = 20_000, 4, 2e-3
 """Centres considered, those refined, and to what [rad]."""
 
 
@@ -129,17 +129,17 @@ def _largest_ball(
 ) -> Candidate:
     """Centre and radius of a branch's largest ball, if larger than ``smallest`` [rad].
 
-    The ball around the start, an attitude inside, is the first; then come those with most room.
+    The first is around the start, an attitude inside; then come those farthest from all outside.
     """
     centers, best = attitude_grid(_CENTERS), Candidate(start, branch, 0.0)
     for number in range(_ROUNDS // evaluator.sample_reduction):
-        center, room = (start, np.pi) if number == 0 else _most_room(centers, outside)
-        if max(best.score, smallest) > _SETTLED * room:
+        center, largest = (start, np.pi) if number == 0 else _farthest(centers, outside)
+        if max(best.score, smallest) > _SETTLED * largest:
             break
         if not evaluator.regular(center[None], branch)[0]:
             outside = np.vstack([outside, center])
             continue
-        reach = spacing if number == 0 else 1.1 * room
+        reach = spacing if number == 0 else 1.1 * largest
         radius, limits = _outside_nearby(evaluator, center, branch, spacing, reach)
         outside = np.vstack([outside, limits])
         if radius > best.score:
@@ -164,22 +164,22 @@ def _outside_within(
     return bisect(lambda attitudes: ~evaluator.regular(attitudes, branch), limits, centers, ROUGH)
 
 
-def _most_room(centers: Array, outside: Array) -> tuple[Array, float]:
+def _farthest(centers: Array, outside: Array) -> tuple[Array, float]:
     """The attitude farthest from all those outside, near one of the centers, and how far [rad]."""
     if not len(outside):
         return centers[0], float(np.pi)
     nearest = nearest_among(outside)
 
-    def room(attitudes: Array) -> Array:
+    def distance(attitudes: Array) -> Array:
         return nearest(attitudes)[0]
 
-    rooms = room(centers)
-    starts, spacing = np.argsort(-rooms)[:_STARTS], grid_spacing(len(centers))
-    places, rooms = climb(
-        room, centers[starts], rooms[starts], spacing, _ROOM, shrink=0.5, rounds=10_000
+    distances = distance(centers)
+    starts, spacing = np.argsort(-distances)[:_STARTS], grid_spacing(len(centers))
+    places, distances = climb(
+        distance, centers[starts], distances[starts], spacing, _FINEST, shrink=0.5, rounds=10_000
     )
-    best = int(np.argmax(rooms))
-    return places[best], float(rooms[best])
+    best = int(np.argmax(distances))
+    return places[best], float(distances[best])
 
 
 def _confirmed(evaluator: FeasibilityEvaluator, ball: Candidate) -> Candidate:

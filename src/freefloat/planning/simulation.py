@@ -48,39 +48,35 @@ class SimulatedBranch:
         margin = self.motion.problem.margin
         return self.motion.completed and margin.is_kept(self.closest_approach.value)
 
-    def summary(self) -> dict[str, Any]:
-        """The outcome without the states, as a JSON document."""
+    def _outcome(self) -> dict[str, Any]:
+        required = self.motion.problem.margin.threshold
+        margin = {**self.closest_approach.to_dict(), "required": required, "kept": self.feasible}
         return {
             "branch": self.branch.index,
-            "label": self.branch.label,
-            "joints": self.branch.joints.tolist(),
             "completed": self.motion.completed,
             "ended_at": self.motion.final.time,
             "singular": singularity(self.motion),
-            "min_margin": self._margin(),
+            "min_margin": margin,
         }
+
+    def summary(self) -> dict[str, Any]:
+        """The outcome without the states, as a JSON document."""
+        start = {"label": self.branch.label, "joints": self.branch.joints.tolist()}
+        return {**self._outcome(), **start}
 
     def to_dict(self) -> dict[str, Any]:
         """The motion as a JSON document."""
         motion, problem = self.motion, self.motion.problem
         return {
-            "completed": motion.completed,
+            **self._outcome(),
             "ending": motion.ending.value,
-            "singular": singularity(motion),
-            "min_margin": self._margin(),
-            "branch": self.branch.index,
             "joint_names": list(problem.model.joint_names),
             "initial": motion.initial.to_dict(),
             "final": motion.final.to_dict(),
             "duration": problem.path.duration,
-            "ended_at": motion.final.time,
             "residuals": motion.residuals().to_dict(),
             "redundancy": _redundancy(problem),
         }
-
-    def _margin(self) -> dict[str, Any]:
-        required = self.motion.problem.margin.threshold
-        return {**self.closest_approach.to_dict(), "required": required, "kept": self.feasible}
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +87,7 @@ class Simulation:
         branches: Every arm branch that reaches the start of the path.
         chosen: The requested one; else the one that completes with the largest minimum margin, or,
             where none completes, comes nearest to completing.
-        limits: Limits that were checked beside the joint ranges; None where none were checked.
+        limits: Limits checked in addition to the joint ranges; None where none were checked.
         limit_results: Limits along the chosen motion.
     """
 

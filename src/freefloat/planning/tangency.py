@@ -25,7 +25,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import State
 from freefloat.motion.problem import Problem
 from freefloat.planning.margin_lines import StatesOnPath, margin_lines
-from freefloat.planning.planar_tangency import roots_between
+from freefloat.planning.planar_tangency import distinct, roots_between
 from freefloat.so3 import Array, frozen, low_discrepancy
 
 _STEP = 1e-5
@@ -87,8 +87,6 @@ def tangency_points(
         InputError: For other tasks or arms, or a level of zero, where S has no margin surface.
     """
     require_tangency_arm(problem)
-    if not np.isfinite([q1, q2]).all():
-        raise InputError("joints", f"q1 = {q1}, q2 = {q2} was given", "two finite angles in rad")
     value = problem.margin.threshold if level is None else level
     if not np.isfinite(value) or value == 0.0:
         key = "margin.value" if level is None else "level"
@@ -101,23 +99,26 @@ def tangency_points(
         for value, line in margin_lines(on_path, wrist, levels)
         for point in _points_on_line(on_path, wrist, value, line)
     ]
-    return tuple(_distinct(problem, points))
+
+    def same(point: TangencyPoint, other: TangencyPoint) -> bool:
+        return bool(
+            abs(point.tau - other.tau) < _SAME
+            and abs(abs(point.attitude @ other.attitude) - 1.0) < _SAME**2
+            and problem.model.joint_distance(point.joints, other.joints) < _SAME
+        )
+
+    return distinct(points, same)
 
 
 def tangency_family(problem: Problem, count: int, seed: int = 0) -> tuple[TangencyPoint, ...]:
     """Tangency points of both signs at evenly spread first two joint angles.
 
-    Args:
-        problem: As for :func:`tangency_points`.
-        count: Number of points; fewer where 50 times as many pairs (q1, q2) have no more.
-        seed: Shifts the pairs.
+    There are fewer than ``count`` where 50 times as many pairs (q1, q2) have no more; the seed
+    shifts the pairs.
 
     Raises:
-        InputError: As :func:`tangency_points`, and for a count below 1 or a seed below 0.
+        InputError: As :func:`tangency_points`.
     """
-    for key, number, smallest in (("count", count, 1), ("seed", seed, 0)):
-        if number < smallest:
-            raise InputError(key, f"{number} was given", f"{smallest} or more")
     shift = np.random.default_rng(seed).random(2)
     points: list[TangencyPoint] = []
     for pair in low_discrepancy(_PAIRS * count, 2):
@@ -231,18 +232,3 @@ def _refined(
         x = x - step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / _LONGEST)
     solved = np.abs(residuals(x)).max(axis=1) < _EXACT
     return np.asarray((units * x)[solved & (x[:, 0] > 0.0) & (x[:, 0] < 1.0)])
-
-
-def _distinct(problem: Problem, points: list[TangencyPoint]) -> Iterator[TangencyPoint]:
-    """Tangency points in the order of time, equal ones once."""
-    kept: list[TangencyPoint] = []
-    for point in sorted(points, key=lambda point: point.time):
-        same = (
-            abs(point.tau - other.tau) < _SAME
-            and abs(abs(point.attitude @ other.attitude) - 1.0) < _SAME**2
-            and problem.model.joint_distance(point.joints, other.joints) < _SAME
-            for other in kept
-        )
-        if not any(same):
-            kept.append(point)
-            yield point
