@@ -34,6 +34,7 @@ def robust(problem):
     return ff.plan(problem, ff.Search(Objective.ROBUST))
 
 
+@pytest.mark.slow
 def test_the_largest_margin_exceeds_those_of_a_sweep(problem):
     """In steps of ten degrees; the chosen motion keeps its margin and momentum."""
     plan = ff.plan(problem)
@@ -56,6 +57,7 @@ def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem, robust):
     assert (margins > problem.margin.threshold).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("present", "deviation"), [(200.0, 0.0), (100.0, None)])
 def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, present, deviation):
     """Inside a range nothing has to change; outside, the nearest limit of any branch is taken."""
@@ -86,6 +88,7 @@ def on_line(problem, start, end, value):
         ([2.0, 0, 0], [-1.5, 1.9, 0], 100.0, "every heading violates the margin|no configuration"),
     ],
 )
+@pytest.mark.slow
 def test_infeasible_plans_have_the_place_and_the_reason(problem, start, end, value, words):
     """Beyond the reach, a margin above S_max, a start at full stretch where S = 0."""
     plan = ff.plan(on_line(problem, start, end, value))
@@ -123,6 +126,7 @@ def test_precise_motions_confirm_searched_limits(sigma):
             assert not (outside.motion.completed and is_kept(outside.closest_approach.value, 0.05))
 
 
+@pytest.mark.slow
 def test_a_redundant_planar_arm_is_planned_by_search(problem):
     """Position alone for the three-joint arm."""
     measure = ff.singularity_measure(problem.model, ff.Task.PLANAR_POSITION, "gjm")

@@ -32,6 +32,7 @@ def verify():
     return module
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(20))
 def test_random_ranges_agree_with_brute_force(verify, number):
     """Random arms, paths, momenta: every range result, none invented, limits even in number."""

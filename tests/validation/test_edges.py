@@ -264,6 +264,7 @@ def test_a_million_seconds_of_tumbling_raise_an_error(spatial, monkeypatch):
 # --- tumbling -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_spacecraft_that_tumbles_is_confirmed_by_both_engines(planar):
     """Expected: 20 N m s rotate it four times and more in 100 s; errors stay those of rounding."""
     problem = along(

@@ -148,6 +148,7 @@ def test_the_touch_at_the_end_leads_to_the_printed_heading_at_f(planar):
     assert np.degrees(heading_of(motion.final.attitude)) == pytest.approx(298.7, abs=0.06)
 
 
+@pytest.mark.slow
 def test_published_ranges_of_example_1(planar):
     """Printed: at A [0, 63] and [161, 360] degrees, as one range across zero, S > 0.
 
