@@ -160,7 +160,6 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
 
     The servos are computed-torque controllers on MuJoCo's own mass matrix. Attitude and position
     of the spacecraft are not controlled: their deviations at the end are the result.
-
     """
     first, last = _known(motion)
     wanted_steps = max(
