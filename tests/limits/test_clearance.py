@@ -74,7 +74,7 @@ def test_shapes_on_held_joints_count():
 
 
 MOTIONS = [
-    ("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0], 2),
+    pytest.param("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0], 2, marks=pytest.mark.slow),
     ("panda_servicer/line", [0.0, 0.0, 0.0, 1.0], 1),
     ("spatial_6dof/line", [0.46008, 0.09337, 0.73519, -0.48898], 2),
     ("planar_3dof/parabola", list(heading_quaternion(np.deg2rad(200))), 0),

@@ -105,7 +105,7 @@ def first_motion(problem: Problem, **options: object) -> Motion:
 @pytest.mark.parametrize(
     ("kind", "count"),
     [("spatial", 21), *(pytest.param(*values, marks=pytest.mark.slow) for values in
-     [("spatial, quaternions", 201), ("planar", 201), ("planar, quaternions", 61), ("noise", 60)])],
+     [("spatial, quaternions", 101), ("planar", 101), ("planar, quaternions", 61), ("noise", 60)])],
 )  # fmt: skip
 def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: int) -> None:
     motion = first_motion(scenario_of(kind, count).problem())
