@@ -17,7 +17,7 @@ from freefloat.cli.console import (
     percentage,
     short_label,
     table,
-)  # fmt: skip
+)
 from freefloat.cli.options import (
     Json,
     Plots,

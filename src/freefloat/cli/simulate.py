@@ -20,7 +20,7 @@ from freefloat.cli.console import (
     motion_lines,
     short_label,
     table,
-)  # fmt: skip
+)
 from freefloat.cli.options import (
     Json,
     Page,
