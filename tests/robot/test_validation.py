@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import ModelError
+from freefloat.robot.description import Severity
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import example_robots, models_folder
-from freefloat.robot.urdf import Severity
 from freefloat.robot.validation import examine, read_urdf
 from tests.broken_robots import BROKEN, HAND, UPPER, VALID, WRIST, Broken, Fault, joint, link
 from tests.robots import Robot, inertial_text, joint_text, link_text, robots

@@ -20,9 +20,9 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     from freefloat.dynamics.measures import Extremes, SingularityMeasure
     from freefloat.dynamics.momentum import Task
+    from freefloat.robot.description import UrdfDiagnostic
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.rigid_bodies import Body
-    from freefloat.robot.urdf import UrdfDiagnostic
 
 _EXAMPLES = "example-robot-data:"
 
@@ -112,7 +112,7 @@ class RobotSummary:
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat info``."""
         from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-        from freefloat.robot.urdf import Severity
+        from freefloat.robot.description import Severity
 
         model, measure, virtual = self.model, self.measure, VirtualManipulator.of(self.model)
         return {
@@ -165,7 +165,7 @@ def _require_no_error(
     console: Console, diagnostics: Sequence[UrdfDiagnostic]
 ) -> Sequence[UrdfDiagnostic]:
     """Return diagnostics; if one is an error, print all of them and exit instead."""
-    from freefloat.robot.urdf import Severity
+    from freefloat.robot.description import Severity
 
     errors = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
     if not errors:

@@ -13,10 +13,10 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from freefloat.errors import ModelError
+from freefloat.robot.description import Box, Cylinder, LinkShape, MeshFile, Sphere, corners
 from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.robot.urdf import Box, Cylinder, LinkShape, MeshFile, Sphere, corners
 from freefloat.so3 import Array, IntArray, Pose
 
 _MOST = 6

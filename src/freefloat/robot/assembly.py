@@ -16,10 +16,10 @@ import pinocchio as pin
 from lxml import etree
 
 from freefloat.errors import InputError, ModelError, did_you_mean, require_type
+from freefloat.robot.description import RobotDescription, rpy_rotation
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.robot.parsing import MOMENTS, Element, decode
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.robot.urdf import RobotDescription, rpy_rotation
+from freefloat.robot.urdf import MOMENTS, Element, decode
 from freefloat.robot.validation import read_urdf
 from freefloat.so3 import Array, Pose
 

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
+from freefloat.robot.description import Colour
 from freefloat.robot.names import MeshFileError
-from freefloat.robot.urdf import Colour
 from freefloat.so3 import Array, IntArray, frozen
 
 _FORMATS = (".dae", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb")

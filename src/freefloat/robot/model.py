@@ -15,11 +15,11 @@ import pinocchio as pin
 
 from freefloat.errors import InputError, ModelError, finite_vector
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
+from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.robot.names import find_robot
-from freefloat.robot.parsing import is_text, require_urdf
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
-from freefloat.robot.urdf import Joint, RobotDescription, UrdfDiagnostic
+from freefloat.robot.urdf import is_text, require_urdf
 from freefloat.so3 import Array, Pose
 
 

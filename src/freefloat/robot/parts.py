@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.errors import InputError, finite_vector, require_type
+from freefloat.robot.description import rpy_rotation
 from freefloat.robot.names import is_file
-from freefloat.robot.parsing import require_urdf
 from freefloat.robot.plausibility import breaks_triangle
-from freefloat.robot.urdf import rpy_rotation
+from freefloat.robot.urdf import require_urdf
 from freefloat.so3 import Array, Pose, frozen
 
 INERTIA = (

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.robot.description import Link, MeshFile, RigidGroup, RobotDescription, corners
 from freefloat.robot.names import MeshFileError, find_mesh
-from freefloat.robot.urdf import Link, MeshFile, RigidGroup, RobotDescription, corners
 from freefloat.so3 import Array
 
 LONG = 0.2

@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from freefloat.errors import ModelError, did_you_mean
-from freefloat.robot.parsing import UNLIMITED
-from freefloat.robot.urdf import IDENTITY, Joint, RobotDescription
+from freefloat.robot.description import IDENTITY, Joint, RobotDescription
+from freefloat.robot.urdf import UNLIMITED
 from freefloat.so3 import Array, Pose, frozen
 
 _ALIGNED = {

@@ -1,298 +1,254 @@
-"""The parsed URDF: links, joints and shapes as records, from which everything else is built."""
+"""URDF text to records: every attribute is decoded here, and errors in it are collected."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from enum import StrEnum
-from functools import cached_property
-from typing import Literal
+import math
+import os
+import re
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from lxml import etree
 
-from freefloat.errors import ModelError
-from freefloat.so3 import Array, Pose, frozen
+from freefloat.errors import ModelError, require_type
+from freefloat.robot.description import (
+    IDENTITY,
+    Box,
+    Colour,
+    Cylinder,
+    Inertial,
+    Joint,
+    Link,
+    LinkShape,
+    MeshFile,
+    RobotDescription,
+    Severity,
+    Sphere,
+    UrdfDiagnostic,
+    rpy_rotation,
+)
+from freefloat.so3 import Array, Pose
 
-MOVING = ("revolute", "continuous", "prismatic")
-"""Types of joints that move."""
-IDENTITY = Pose(np.zeros(3), np.eye(3))
-Colour = tuple[float, float, float, float]
-"""Red, green, blue and opacity, each from 0 to 1."""
+Element = Any
+"""An lxml element."""
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+UNLIMITED = 1e9
+"""Limits of this magnitude [rad, m, N, ...] stand for none."""
+MAGNITUDE = 1e12
+"""Largest accepted number: squares of larger ones overflow."""
+_LARGEST = 20_000_000
+"""Size limit of a file [bytes]."""
+_MOST = 1000
+"""Number of links and joints that a robot may have."""
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
-class Severity(StrEnum):
-    """How severe a diagnostic is."""
-
-    ERROR = "error"
-    """The model cannot be loaded."""
-    WARNING = "warning"
-    """The model loads, but the URDF probably does not say what was meant."""
+def is_text(urdf: str | Path) -> bool:
+    """Whether an argument is XML text and not the name of a file."""
+    return isinstance(urdf, str) and urdf.lstrip().startswith("<")
 
 
-@dataclass(frozen=True)
-class UrdfDiagnostic:
-    """An error or a warning about one element of a URDF.
+def require_urdf(urdf: object) -> None:
+    """Raise an InputError unless the argument is text or a path."""
+    if not isinstance(urdf, os.PathLike):
+        require_type("urdf", urdf, str, "a file, XML text, or a name such as spatial_6dof")
 
-    Attributes:
-        severity: Whether the model can be loaded.
-        file: The file, or ``"URDF text"``.
-        line: Line on which the element begins, counted from 1.
-        element: The link or joint concerned, as in ``"joint elbow"``.
-        problem: What is wrong, with its numbers.
-        remedy: What to write instead.
+
+def parse_urdf(urdf: str | Path) -> RobotDescription:
+    """Decode a file or XML text; diagnostics are those of single attributes.
+
+    Raises:
+        ModelError: If the file cannot be read, is not the XML of a robot, or has too many links.
     """
-
-    severity: Severity
-    file: str
-    line: int
-    element: str
-    problem: str
-    remedy: str
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.element}: {self.problem}; {self.remedy}"
-
-    def exception(self) -> ModelError:
-        """The diagnostic as an exception."""
-        return ModelError(self.element, self.problem, self.remedy, self.file, self.line)
-
-
-@dataclass(frozen=True, eq=False)
-class Box:
-    """A box centred on the origin; edges along x, y, z [m], shape (3,)."""
-
-    size: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "size", frozen(self.size))
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """A cylinder about the z axis, centred on the origin; lengths in metres."""
-
-    radius: float
-    length: float
+    source = "URDF text" if is_text(urdf) else str(Path(urdf))
+    text = str(urdf) if is_text(urdf) else _read(Path(urdf))
+    declaration = text.find("<!DOCTYPE")
+    if declaration >= 0:  # entities can expand without bound
+        line = text.count("\n", 0, declaration) + 1
+        raise ModelError("urdf", "it declares a DTD", "XML without <!DOCTYPE>", source, line)
+    parser = etree.XMLParser(
+        encoding="utf-8", no_network=True, resolve_entities=False, remove_comments=True,
+        remove_pis=True,
+    )  # fmt: skip
+    try:
+        robot = etree.fromstring(text.encode(), parser)
+    except etree.XMLSyntaxError as error:
+        problem = f"not well-formed XML ({error.msg})"
+        raise ModelError("urdf", problem, "a URDF file", source, error.lineno) from None
+    lines = text.split("\n")
+    for element in robot.iter():  # lxml has the line on which the start tag ends
+        while element.sourceline > 1 and f"<{element.tag}" not in lines[element.sourceline - 1]:
+            element.sourceline -= 1
+    if robot.tag != "robot":
+        problem = f"its root element is <{robot.tag}>"
+        raise ModelError("urdf", problem, "<robot>", source, robot.sourceline)
+    return decode(robot, source)
 
 
-@dataclass(frozen=True)
-class Sphere:
-    """A sphere about the origin; radius in metres."""
-
-    radius: float
-
-
-@dataclass(frozen=True)
-class MeshFile:
-    """A mesh file as the URDF names it, and its scale along x, y, z."""
-
-    filename: str
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+def _read(path: Path) -> str:
+    try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # devices never end
+            raise ModelError("urdf", f"{path} is not a regular file", "a readable URDF file")
+        if path.stat().st_size > _LARGEST:
+            raise ModelError("urdf", f"{path} is too large", f"at most {_LARGEST:,} bytes")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ModelError("urdf", f"{path}: {error.strerror}", "a readable URDF file") from None
+    except UnicodeDecodeError:
+        raise ModelError("urdf", f"{path} is not UTF-8 text", "a URDF file") from None
 
 
-@dataclass(frozen=True, eq=False)
-class LinkShape:
-    """A ``<visual>`` or ``<collision>`` of a link.
-
-    Attributes:
-        kind: Which of the two.
-        origin: Frame of the geometry in the link's frame.
-        geometry: None where the URDF describes no known geometry of positive size.
-        colour: Of a visual, where the URDF has one.
-        line: Line of its geometry.
-    """
-
-    kind: Literal["visual", "collision"]
-    origin: Pose
-    geometry: Box | Cylinder | Sphere | MeshFile | None
-    colour: Colour | None
-    line: int
-
-
-@dataclass(frozen=True, eq=False)
-class Inertial:
-    """Mass properties of a link.
-
-    Attributes:
-        mass: [kg].
-        origin: Frame of the inertia in the link's frame; its origin is the centre of mass.
-        inertia: About the centre of mass, axes of ``origin`` [kg m²], shape (3, 3).
-    """
-
-    mass: float
-    origin: Pose
-    inertia: Array
+def decode(robot: Element, source: str) -> RobotDescription:
+    """The records of a ``<robot>`` element."""
+    links, joints = robot.findall("link"), robot.findall("joint")
+    if len(links) + len(joints) > _MOST:
+        problem = f"it has {len(links):,} links and {len(joints):,} joints"
+        raise ModelError("robot", problem, f"at most {_MOST:,} in all", source, robot.sourceline)
+    materials = [*robot.iterfind("link/visual/material"), *robot.findall("material")]
+    palette = {material.get("name", ""): colour
+               for material in materials if (colour := _rgba(material)) is not None}  # fmt: skip
+    decoder = _Decoder(source, palette)
+    return RobotDescription(
+        name=robot.get("name", ""),
+        links=tuple(decoder.link(link) for link in links),
+        joints=tuple(decoder.joint(joint) for joint in joints),
+        text=etree.tostring(robot, encoding="unicode"),
+        source=source,
+        diagnostics=tuple(decoder.diagnostics),
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class Link:
-    """A link: mass properties if it has any, shapes, and the lines of its elements by tag."""
+class _Decoder:
+    """Decodes links and joints; collects what is wrong with their attributes."""
 
-    name: str
-    inertial: Inertial | None
-    shapes: tuple[LinkShape, ...]
-    lines: Mapping[str, int] = field(repr=False)
-    tag = "link"
+    def __init__(self, source: str, palette: dict[str, Colour]) -> None:
+        self.diagnostics: list[UrdfDiagnostic] = []
+        self._source, self._palette = source, palette
 
-    @property
-    def mass(self) -> float:
-        """Mass [kg]; zero without an inertial."""
-        return 0.0 if self.inertial is None else self.inertial.mass
+    def link(self, element: Element) -> Link:
+        inertial = element.find("inertial")
+        return Link(
+            name=element.get("name", ""),
+            inertial=None if inertial is None else self._inertial(inertial),
+            shapes=tuple(map(self._shape, element.xpath("visual | collision"))),
+            lines=_lines([] if inertial is None else [inertial, *inertial], element),
+        )
 
-    @property
-    def visuals(self) -> tuple[LinkShape, ...]:
-        """What is drawn of the link."""
-        return tuple(shape for shape in self.shapes if shape.kind == "visual")
-
-    @property
-    def collisions(self) -> tuple[LinkShape, ...]:
-        """What other bodies may collide with."""
-        return tuple(shape for shape in self.shapes if shape.kind == "collision")
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """A joint.
-
-    Attributes:
-        name: Name of the joint.
-        type: ``revolute``, ``continuous``, ``prismatic`` or ``fixed`` in a valid URDF.
-        parent: Name of the parent link.
-        child: Name of the child link.
-        origin: The joint's frame in the parent link's frame.
-        axis: Direction in the joint's frame, of the length that the URDF has, shape (3,).
-        lower: Lower end of the range [rad or m]; minus infinity where there is none.
-        upper: Upper end of the range [rad or m]; infinity where there is none.
-        velocity: Rated speed [rad/s or m/s]; None where the URDF has none.
-        effort: Rated torque or force [N m or N]; None where the URDF has none.
-        mimic: Name of the joint that it mimics, if any.
-        lines: Line of the ``joint`` and of the elements in it, by tag.
-    """
-
-    name: str
-    type: str
-    parent: str
-    child: str
-    origin: Pose
-    axis: Array
-    lower: float
-    upper: float
-    velocity: float | None
-    effort: float | None
-    mimic: str | None
-    lines: Mapping[str, int] = field(repr=False)
-    tag = "joint"
-
-    @property
-    def moving(self) -> bool:
-        """Whether it is not fixed."""
-        return self.type in MOVING
-
-
-@dataclass(frozen=True, eq=False)
-class RigidGroup:
-    """Links that fixed joints connect.
-
-    Attributes:
-        links: Pose of every link in the frame of the first one, by name. The first is the root
-            link or the child of a moving joint.
-        joints: Origins of the moving joints that leave the group, in that frame [m], by child link.
-    """
-
-    links: Mapping[str, Pose]
-    joints: Mapping[str, Array]
-
-
-@dataclass(frozen=True, eq=False)
-class RobotDescription:
-    """A parsed URDF.
-
-    Attributes:
-        name: Name of the robot.
-        links: In the order of the URDF.
-        joints: In the order of the URDF.
-        text: The URDF as XML.
-        source: The file that it came from, or ``"URDF text"``; mesh files are relative to it.
-        diagnostics: Errors, then warnings by line.
-    """
-
-    name: str
-    links: tuple[Link, ...] = field(repr=False)
-    joints: tuple[Joint, ...] = field(repr=False)
-    text: str = field(repr=False)
-    source: str
-    diagnostics: tuple[UrdfDiagnostic, ...] = field(default=(), repr=False)
-    tag = "robot"
-
-    @property
-    def warnings(self) -> tuple[UrdfDiagnostic, ...]:
-        """Diagnostics about what is probably not meant."""
-        return tuple(entry for entry in self.diagnostics if entry.severity is Severity.WARNING)
-
-    @cached_property
-    def link(self) -> Mapping[str, Link]:
-        """Links by name; the first of a name counts."""
-        return dict(reversed({link.name: link for link in reversed(self.links)}.items()))
-
-    @cached_property
-    def children(self) -> Mapping[str, tuple[Joint, ...]]:
-        """Joints that leave a link, by the link's name."""
-        children: dict[str, tuple[Joint, ...]] = {}
-        for joint in self.joints:
-            children[joint.parent] = (*children.get(joint.parent, ()), joint)
-        return children
-
-    @cached_property
-    def parent_joint(self) -> Mapping[str, Joint]:
-        """The joint that carries a link, by the link's name."""
-        return {joint.child: joint for joint in reversed(self.joints)}
-
-    @cached_property
-    def roots(self) -> tuple[str, ...]:
-        """Links that no joint carries; a valid robot has one."""
-        names = dict.fromkeys(link.name for link in self.links)
-        return tuple(name for name in names if name not in self.parent_joint)
-
-    @cached_property
-    def leaves(self) -> tuple[str, ...]:
-        """Links that no joint leaves."""
-        return tuple(link.name for link in self.links if link.name not in self.children)
-
-    @cached_property
-    def rigid_groups(self) -> Mapping[str, RigidGroup]:
-        """Links that fixed joints connect, by their first link, those of the roots first."""
-        moved = [joint.child for joint in self.joints if joint.moving]
-        return {
-            name: self._rigid_group(name) for name in (*self.roots, *moved) if name in self.link
+    def joint(self, element: Element) -> Joint:
+        limit, mimic = element.find("limit"), element.find("mimic")
+        lower, upper = self.number(limit, "lower"), self.number(limit, "upper")
+        endless = element.get("type") == "continuous"
+        rated = {
+            key: self.number(limit, key) if limit is not None and key in limit.attrib else None
+            for key in ("velocity", "effort")
         }
+        return Joint(
+            name=element.get("name", ""),
+            type=element.get("type", "None"),
+            parent=str(element.xpath("string(parent/@link)")) or "None",
+            child=str(element.xpath("string(child/@link)")) or "None",
+            origin=self._origin(element),
+            axis=self.numbers(element.find("axis"), "xyz", "1 0 0"),
+            lower=-math.inf if endless or lower <= -UNLIMITED else lower,
+            upper=math.inf if endless or upper >= UNLIMITED else upper,
+            **rated,
+            mimic=None if mimic is None else mimic.get("joint", ""),
+            lines=_lines(element, element),
+        )
 
-    def _rigid_group(self, first: str) -> RigidGroup:
-        links, joints, queue = {first: IDENTITY}, {}, [first]
-        for link in queue:
-            for joint in self.children.get(link, ()):
-                pose = links[link] @ joint.origin
-                if joint.moving:
-                    joints[joint.child] = pose.position
-                elif joint.child in self.link and joint.child not in links:
-                    links[joint.child] = pose
-                    queue.append(joint.child)
-        return RigidGroup(links, joints)
+    def _inertial(self, element: Element) -> Inertial:
+        mass, inertia = element.find("mass"), element.find("inertia")
+        for tag, part, keys in (("mass", mass, ("value",)), ("inertia", inertia, MOMENTS)):
+            missing = [key for key in keys if part is None or key not in part.attrib]
+            if missing:
+                problem = f"its <inertial> lacks {', '.join(missing)} of <{tag}>"
+                attributes = " ".join(f'{key}=".."' for key in keys)
+                remedy = f"<{tag} {attributes}/> with all numbers [kg, m]"
+                self.report(Severity.ERROR, element if part is None else part, problem, remedy)
+        xx, xy, xz, yy, yz, zz = (self.number(inertia, key) for key in MOMENTS)
+        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return Inertial(self.number(mass, "value"), self._origin(element), matrix)
+
+    def _shape(self, element: Element) -> LinkShape:
+        body = next(element.iterfind("geometry/*"), None)
+        material = element.find("material")
+        colour = None if material is None else _rgba(material)
+        if colour is None and material is not None:
+            colour = self._palette.get(material.get("name", ""))
+        line = (element if body is None else body).sourceline or 0
+        return LinkShape(element.tag, self._origin(element), self._geometry(body), colour, line)
+
+    def _geometry(self, element: Element) -> Box | Cylinder | Sphere | MeshFile | None:
+        match None if element is None else element.tag:
+            case "mesh":
+                x, y, z = self.numbers(element, "scale", "1 1 1").tolist()
+                return MeshFile(element.get("filename", ""), (x, y, z))
+            case "box":
+                size = self.numbers(element, "size", "0 0 0")
+                return Box(size) if size.min() > 0.0 else None
+            case "cylinder":
+                radius, length = self.number(element, "radius"), self.number(element, "length")
+                return Cylinder(radius, length) if min(radius, length) > 0.0 else None
+            case "sphere":
+                radius = self.number(element, "radius")
+                return Sphere(radius) if radius > 0.0 else None
+        return None
+
+    def _origin(self, owner: Element) -> Pose:
+        origin = owner.find("origin")
+        if origin is None:
+            return IDENTITY
+        xyz, rpy = (self.numbers(origin, key, "0 0 0") for key in ("xyz", "rpy"))
+        if np.abs(rpy).max() > 2.0 * np.pi:
+            radians = " ".join(f"{angle:.9g}" for angle in np.radians(rpy) + 0.0)
+            problem = f'<origin rpy="{origin.get("rpy")}"> exceeds one revolution'
+            remedy = f'angles in radians; if these are degrees, rpy="{radians}"'
+            self.report(Severity.WARNING, origin, problem, remedy)
+        rotated = np.isfinite(rpy).all() and rpy.any()
+        return Pose(np.nan_to_num(xyz), rpy_rotation(rpy) if rotated else np.eye(3))
+
+    def number(self, element: Element, key: str) -> float:
+        """The number of an attribute; zero where it is missing, NaN where it is wrong."""
+        return float(self.numbers(element, key, "0")[0])
+
+    def numbers(self, element: Element, key: str, default: str) -> Array:
+        """The numbers of an attribute, as many as the default has; NaN where they are wrong."""
+        text = default if element is None else element.get(key, default)
+        words, count = text.split(), len(default.split())
+        accepted = "a finite number" if count == 1 else f"{count} finite numbers"
+        if len(words) == count and all(map(_is_number, words)):
+            values = np.array([float(word) for word in words])
+            if np.abs(values).max() <= MAGNITUDE or element.tag == "limit":
+                return values
+            accepted += f" of at most {MAGNITUDE:g}"
+        problem = f'<{element.tag} {key}="{text}"> is not {accepted}'
+        remedy = f"{accepted}; expressions are not evaluated"
+        self.report(Severity.ERROR, element, problem, remedy)
+        return np.full(count, np.nan)
+
+    def report(self, severity: Severity, element: Element, problem: str, remedy: str) -> None:
+        """Collect a diagnostic about the link or joint that an element belongs to."""
+        owner = element
+        while owner.getparent().tag != "robot":
+            owner = owner.getparent()
+        name = f"{owner.tag} {owner.get('name', '')}".strip()
+        line = element.sourceline or 0
+        self.diagnostics.append(UrdfDiagnostic(severity, self._source, line, name, problem, remedy))
 
 
-def corners(shape: Box | Cylinder | Sphere) -> Array:
-    """Corners of the box around a shape in its frame [m], shape (8, 3); z changes fastest."""
-    match shape:
-        case Box(size=size):
-            half = size / 2.0
-        case Cylinder(radius=radius, length=length):
-            half = np.array([radius, radius, length / 2.0])
-        case Sphere(radius=radius):
-            half = np.full(3, radius)
-    return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
+def _lines(parts: Element, owner: Element) -> dict[str, int]:
+    """Lines of a link or joint and of parts of it, by tag."""
+    return {part.tag: part.sourceline or 0 for part in (*parts, owner)}
 
 
-def rpy_rotation(rpy: Array) -> Array:
-    """The rotation (3, 3) of roll, pitch, yaw about the fixed x, y, z axes in this order [rad]."""
-    return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
+def _rgba(material: Element) -> Colour | None:
+    words = str(material.xpath("string(color/@rgba)")).split()
+    if len(words) != 4 or not all(map(_is_number, words)):
+        return None
+    red, green, blue, opacity = np.clip([float(word) for word in words], 0.0, 1.0).tolist()
+    return red, green, blue, opacity
+
+
+def _is_number(word: str) -> bool:
+    return bool(_NUMBER.fullmatch(word)) and math.isfinite(float(word))

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from freefloat.errors import ModelError
-from freefloat.robot.parsing import parse_urdf
+from freefloat.robot.description import MOVING, RobotDescription, Severity, UrdfDiagnostic
 from freefloat.robot.plausibility import WARNINGS, Faults, missing_meshes, root_masses
-from freefloat.robot.urdf import MOVING, RobotDescription, Severity, UrdfDiagnostic
+from freefloat.robot.urdf import parse_urdf
 
 _TREE = "one root link, every other link the child of exactly one joint, unique names"
 _LIMIT = '<limit lower=".." upper=".." effort=".." velocity=".."/>'

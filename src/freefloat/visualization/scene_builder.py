@@ -19,7 +19,7 @@ from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
 from freefloat.motion.problem import Margin
-from freefloat.robot.urdf import Box, Cylinder, Sphere
+from freefloat.robot.description import Box, Cylinder, Sphere
 from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.visuals import Visual
 

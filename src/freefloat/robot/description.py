@@ -1,0 +1,298 @@
+"""The parsed URDF: links, joints and shapes as records, from which everything else is built."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.errors import ModelError
+from freefloat.so3 import Array, Pose, frozen
+
+MOVING = ("revolute", "continuous", "prismatic")
+"""Types of joints that move."""
+IDENTITY = Pose(np.zeros(3), np.eye(3))
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each from 0 to 1."""
+
+
+class Severity(StrEnum):
+    """How severe a diagnostic is."""
+
+    ERROR = "error"
+    """The model cannot be loaded."""
+    WARNING = "warning"
+    """The model loads, but the URDF probably does not say what was meant."""
+
+
+@dataclass(frozen=True)
+class UrdfDiagnostic:
+    """An error or a warning about one element of a URDF.
+
+    Attributes:
+        severity: Whether the model can be loaded.
+        file: The file, or ``"URDF text"``.
+        line: Line on which the element begins, counted from 1.
+        element: The link or joint concerned, as in ``"joint elbow"``.
+        problem: What is wrong, with its numbers.
+        remedy: What to write instead.
+    """
+
+    severity: Severity
+    file: str
+    line: int
+    element: str
+    problem: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.element}: {self.problem}; {self.remedy}"
+
+    def exception(self) -> ModelError:
+        """The diagnostic as an exception."""
+        return ModelError(self.element, self.problem, self.remedy, self.file, self.line)
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A box centred on the origin; edges along x, y, z [m], shape (3,)."""
+
+    size: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "size", frozen(self.size))
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder about the z axis, centred on the origin; lengths in metres."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere about the origin; radius in metres."""
+
+    radius: float
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh file as the URDF names it, and its scale along x, y, z."""
+
+    filename: str
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class LinkShape:
+    """A ``<visual>`` or ``<collision>`` of a link.
+
+    Attributes:
+        kind: Which of the two.
+        origin: Frame of the geometry in the link's frame.
+        geometry: None where the URDF describes no known geometry of positive size.
+        colour: Of a visual, where the URDF has one.
+        line: Line of its geometry.
+    """
+
+    kind: Literal["visual", "collision"]
+    origin: Pose
+    geometry: Box | Cylinder | Sphere | MeshFile | None
+    colour: Colour | None
+    line: int
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """Mass properties of a link.
+
+    Attributes:
+        mass: [kg].
+        origin: Frame of the inertia in the link's frame; its origin is the centre of mass.
+        inertia: About the centre of mass, axes of ``origin`` [kg m²], shape (3, 3).
+    """
+
+    mass: float
+    origin: Pose
+    inertia: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A link: mass properties if it has any, shapes, and the lines of its elements by tag."""
+
+    name: str
+    inertial: Inertial | None
+    shapes: tuple[LinkShape, ...]
+    lines: Mapping[str, int] = field(repr=False)
+    tag = "link"
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]; zero without an inertial."""
+        return 0.0 if self.inertial is None else self.inertial.mass
+
+    @property
+    def visuals(self) -> tuple[LinkShape, ...]:
+        """What is drawn of the link."""
+        return tuple(shape for shape in self.shapes if shape.kind == "visual")
+
+    @property
+    def collisions(self) -> tuple[LinkShape, ...]:
+        """What other bodies may collide with."""
+        return tuple(shape for shape in self.shapes if shape.kind == "collision")
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint.
+
+    Attributes:
+        name: Name of the joint.
+        type: ``revolute``, ``continuous``, ``prismatic`` or ``fixed`` in a valid URDF.
+        parent: Name of the parent link.
+        child: Name of the child link.
+        origin: The joint's frame in the parent link's frame.
+        axis: Direction in the joint's frame, of the length that the URDF has, shape (3,).
+        lower: Lower end of the range [rad or m]; minus infinity where there is none.
+        upper: Upper end of the range [rad or m]; infinity where there is none.
+        velocity: Rated speed [rad/s or m/s]; None where the URDF has none.
+        effort: Rated torque or force [N m or N]; None where the URDF has none.
+        mimic: Name of the joint that it mimics, if any.
+        lines: Line of the ``joint`` and of the elements in it, by tag.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    origin: Pose
+    axis: Array
+    lower: float
+    upper: float
+    velocity: float | None
+    effort: float | None
+    mimic: str | None
+    lines: Mapping[str, int] = field(repr=False)
+    tag = "joint"
+
+    @property
+    def moving(self) -> bool:
+        """Whether it is not fixed."""
+        return self.type in MOVING
+
+
+@dataclass(frozen=True, eq=False)
+class RigidGroup:
+    """Links that fixed joints connect.
+
+    Attributes:
+        links: Pose of every link in the frame of the first one, by name. The first is the root
+            link or the child of a moving joint.
+        joints: Origins of the moving joints that leave the group, in that frame [m], by child link.
+    """
+
+    links: Mapping[str, Pose]
+    joints: Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class RobotDescription:
+    """A parsed URDF.
+
+    Attributes:
+        name: Name of the robot.
+        links: In the order of the URDF.
+        joints: In the order of the URDF.
+        text: The URDF as XML.
+        source: The file that it came from, or ``"URDF text"``; mesh files are relative to it.
+        diagnostics: Errors, then warnings by line.
+    """
+
+    name: str
+    links: tuple[Link, ...] = field(repr=False)
+    joints: tuple[Joint, ...] = field(repr=False)
+    text: str = field(repr=False)
+    source: str
+    diagnostics: tuple[UrdfDiagnostic, ...] = field(default=(), repr=False)
+    tag = "robot"
+
+    @property
+    def warnings(self) -> tuple[UrdfDiagnostic, ...]:
+        """Diagnostics about what is probably not meant."""
+        return tuple(entry for entry in self.diagnostics if entry.severity is Severity.WARNING)
+
+    @cached_property
+    def link(self) -> Mapping[str, Link]:
+        """Links by name; the first of a name counts."""
+        return dict(reversed({link.name: link for link in reversed(self.links)}.items()))
+
+    @cached_property
+    def children(self) -> Mapping[str, tuple[Joint, ...]]:
+        """Joints that leave a link, by the link's name."""
+        children: dict[str, tuple[Joint, ...]] = {}
+        for joint in self.joints:
+            children[joint.parent] = (*children.get(joint.parent, ()), joint)
+        return children
+
+    @cached_property
+    def parent_joint(self) -> Mapping[str, Joint]:
+        """The joint that carries a link, by the link's name."""
+        return {joint.child: joint for joint in reversed(self.joints)}
+
+    @cached_property
+    def roots(self) -> tuple[str, ...]:
+        """Links that no joint carries; a valid robot has one."""
+        names = dict.fromkeys(link.name for link in self.links)
+        return tuple(name for name in names if name not in self.parent_joint)
+
+    @cached_property
+    def leaves(self) -> tuple[str, ...]:
+        """Links that no joint leaves."""
+        return tuple(link.name for link in self.links if link.name not in self.children)
+
+    @cached_property
+    def rigid_groups(self) -> Mapping[str, RigidGroup]:
+        """Links that fixed joints connect, by their first link, those of the roots first."""
+        moved = [joint.child for joint in self.joints if joint.moving]
+        return {
+            name: self._rigid_group(name) for name in (*self.roots, *moved) if name in self.link
+        }
+
+    def _rigid_group(self, first: str) -> RigidGroup:
+        links, joints, queue = {first: IDENTITY}, {}, [first]
+        for link in queue:
+            for joint in self.children.get(link, ()):
+                pose = links[link] @ joint.origin
+                if joint.moving:
+                    joints[joint.child] = pose.position
+                elif joint.child in self.link and joint.child not in links:
+                    links[joint.child] = pose
+                    queue.append(joint.child)
+        return RigidGroup(links, joints)
+
+
+def corners(shape: Box | Cylinder | Sphere) -> Array:
+    """Corners of the box around a shape in its frame [m], shape (8, 3); z changes fastest."""
+    match shape:
+        case Box(size=size):
+            half = size / 2.0
+        case Cylinder(radius=radius, length=length):
+            half = np.array([radius, radius, length / 2.0])
+        case Sphere(radius=radius):
+            half = np.full(3, radius)
+    return np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
+
+
+def rpy_rotation(rpy: Array) -> Array:
+    """The rotation (3, 3) of roll, pitch, yaw about the fixed x, y, z axes in this order [rad]."""
+    return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
