@@ -146,7 +146,7 @@ def _local_client(workers: int) -> Iterator[Client]:
         with _interrupts_deferred():
             cluster = LocalCluster(
                 n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address=None,
-                silence_logs=logging.CRITICAL,
+                silence_logs=logging.CRITICAL, scheduler_kwargs={"dashboard_address": ":0"},
             )  # fmt: skip
             stack.enter_context(cluster)
             client = stack.enter_context(Client(cluster, set_as_default=False))
