@@ -24,7 +24,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.mapping import sample_attitudes, tangent_boundary
 from freefloat.planning.plan import Objective, Search

@@ -22,7 +22,8 @@ import freefloat as ff
 from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation
 from freefloat.planning.planar_ranges import BranchRanges, find_range_limits, heading_ranges

@@ -15,8 +15,9 @@ from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath

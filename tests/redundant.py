@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.resolved_rates import Metric, Redundancy, Toward
-from freefloat.motion.problem import Margin, Problem
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import SlerpOrientation
 from freefloat.paths.path import EndEffectorPath

@@ -11,7 +11,8 @@ import numpy as np
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath

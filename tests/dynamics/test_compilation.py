@@ -14,8 +14,9 @@ from freefloat.dynamics.kernels.compilation import compiled
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.integration import arc_flow
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.planning.simulation import simulate
 

@@ -34,7 +34,8 @@ from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels.steps import measure_at
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freefloat.dynamics.kernels.right_side import flow
-from freefloat.dynamics.resolved_rates import Redundancy
+from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels.integration import COMPLETED, make_buffers
 from freefloat.so3 import angle_between

@@ -320,3 +320,23 @@ def test_returned_matrices_are_copies(spatial_6dof: FreeFloatingModel) -> None:
     for array, again, copy in zip(first, everything(*here), copies, strict=True):
         np.testing.assert_array_equal(array, copy)
         np.testing.assert_array_equal(again, copy)
+
+
+def test_planar_jacobian_is_part_of_the_spatial_one(planar_3dof: FreeFloatingModel) -> None:
+    """A planar arm's S* is the x, y and rotation rows of its spatial one, the others vanish."""
+    q = np.array([0.5, -1.2, 0.7])
+    spatial = generalized_jacobian(planar_3dof, q)
+    planar = generalized_jacobian(planar_3dof, q, Task.PLANAR_POSE)
+    assert relative(spatial[[0, 1, 5]], planar) < 1e-13
+    assert np.abs(spatial[[2, 3, 4]]).max() < 1e-14
+
+
+def test_planar_determinants_need_no_jacobian(planar_3dof: FreeFloatingModel) -> None:
+    """In the plane, too, and on both sides of the singular curve."""
+    signs = set()
+    for q in ([0.5, -1.2, 0.7], [0.5, 1.2, 0.7], [-2.0, 0.01, 3.0]):
+        S = np.linalg.det(generalized_jacobian(planar_3dof, q, Task.PLANAR_POSE))
+        value = generalized_determinant(planar_3dof, q, Task.PLANAR_POSE)
+        assert value == pytest.approx(S, rel=1e-11)
+        signs.add(np.sign(value))
+    assert signs == {-1.0, 1.0}

@@ -13,13 +13,8 @@ from freefloat.dynamics.momentum import (
     generalized_jacobian,
     momentum_map,
 )
-from freefloat.dynamics.resolved_rates import (
-    Metric,
-    Redundancy,
-    ResolvedRateSolver,
-    Toward,
-    range_centres,
-)
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward, range_centres
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario
 from freefloat.io.trajectory import Trajectory
@@ -28,7 +23,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between
-from freefloat.verification.mujoco_engine import Engine
+from freefloat.verification.mujoco_model import Engine
 from tests.motions import differentiated
 from tests.redundant import ARMS, choices, redundant
 from tests.robots import planar_robot

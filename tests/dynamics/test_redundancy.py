@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freefloat.dynamics.resolved_rates import Metric, Redundancy, Toward
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.errors import InputError
 from freefloat.io.scenario import load_scenario, parse_scenario
 from freefloat.robot.names import models_folder

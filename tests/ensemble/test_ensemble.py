@@ -17,8 +17,9 @@ from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach, first_crossing
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.margin import Margin, is_kept
 from freefloat.motion.motion import Ending
-from freefloat.motion.problem import Margin, Problem, is_kept
+from freefloat.motion.problem import Problem
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import (
     DirectedOrientation,

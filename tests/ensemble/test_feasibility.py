@@ -17,7 +17,8 @@ from freefloat.ensemble.feasibility import (
 )
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
 from freefloat.errors import UnreachableError
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder

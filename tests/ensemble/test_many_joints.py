@@ -14,15 +14,15 @@ import pytest
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.resolved_rates import Metric, Redundancy, Toward
+from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.ensemble import ensemble
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR, make_buffers
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending
-from freefloat.motion.problem import Margin
 from freefloat.paths.timing import Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between

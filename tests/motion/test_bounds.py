@@ -8,10 +8,11 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.motion.bounds import lower_bounds
 from freefloat.motion.extrema import closest_approach
+from freefloat.motion.margin import Margin
 from freefloat.motion.matrix_bounds import ScaledSystem
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath

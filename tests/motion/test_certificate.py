@@ -7,15 +7,15 @@ from functools import partial
 import numpy as np
 import pytest
 
-from freefloat.dynamics.resolved_rates import Redundancy
+from freefloat.dynamics.redundancy import Redundancy
 from freefloat.io.scenario import load_scenario, parse_scenario
 from freefloat.motion.certificate import certify, integrate_again
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import DEGREE, Ending
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.verification.mujoco_engine import Engine
-from freefloat.verification.mujoco_runs import forward_run, inverse_run
+from freefloat.verification.mujoco import forward_run, inverse_run
+from freefloat.verification.mujoco_model import Engine
 from tests.motions import GOOD, bundled, followed, heading
 from tests.robots import random_robot
 from tests.sliding import sliding_motion, sliding_robot

@@ -18,8 +18,8 @@ from freefloat.motion.extrema import (
     unwrapped,
 )
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending
-from freefloat.motion.problem import Margin
 from freefloat.robot.model import FreeFloatingModel
 from tests.motions import BAD, GOOD, bundled, followed, heading
 from tests.sliding import RELATIVE, sliding_motion, sliding_robot

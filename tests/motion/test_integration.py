@@ -11,8 +11,8 @@ from freefloat.dynamics.measures import joint_space_extremes, singularity_measur
 from freefloat.dynamics.momentum import Task, generalized_jacobian
 from freefloat.errors import InputError
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending
-from freefloat.motion.problem import Margin
 from freefloat.paths.curves import ArcCurve, PolynomialCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath

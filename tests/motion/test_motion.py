@@ -310,3 +310,24 @@ def test_a_late_node_shows_in_position_and_momentum(motion):
     assert result.momentum > 1e-4
     fixed = replace(motion, attitudes=np.tile(motion.attitudes[0], (len(motion.times), 1)))
     assert fixed.residuals().momentum > 0.1
+
+
+def test_a_spatial_arm_that_starts_stretched_is_singular(spatial):
+    """All joints at zero: elbow and wrist straight."""
+    pose = spatial.model.end_effector_pose([0, 0, 0, 1], np.zeros(6))
+    line = PolynomialCurve.line(pose.position, pose.position - [0.3, 0.0, 0.0])
+    path = EndEffectorPath(line, FixedOrientation(pose.rotation))
+    problem = replace(spatial, path=TimedPath(path, Timing(20.0)))
+    ended = integrate_motion(problem, [0, 0, 0, 1], np.zeros(6))
+    assert (ended.ending, ended.panels) == (Ending.SINGULAR, 0)
+
+
+def test_a_shifted_wrist_roll_shows_in_the_attitude_alone(motion):
+    result = tampered(motion, "joints", 100, [0, 0, 0, 0, 0, 1e-3]).residuals()
+    assert result.end_effector_position < 1e-8
+    assert result.end_effector_attitude == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_a_fixed_spacecraft_violates_the_momentum(motion):
+    fixed = replace(motion, attitudes=np.tile(motion.attitudes[0], (len(motion.times), 1)))
+    assert fixed.residuals().momentum > 0.1

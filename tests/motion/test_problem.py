@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
-from freefloat.motion.problem import Margin
+from freefloat.motion.margin import Margin
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath

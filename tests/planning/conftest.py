@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.mapping import sample_attitudes
 from tests.motions import bundled

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
 from freefloat.errors import InputError
-from freefloat.motion.problem import Margin, Problem, is_kept
+from freefloat.motion.margin import Margin, is_kept
+from freefloat.motion.problem import Problem
 from freefloat.planning import mapping
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.mapping import boundary_points, sample_attitudes, tangent_boundary

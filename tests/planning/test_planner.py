@@ -8,7 +8,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import InputError
-from freefloat.motion.problem import is_kept
+from freefloat.motion.margin import is_kept
 from freefloat.planning.heading_map import attitudes_at, evaluator_for, sample_headings
 from freefloat.planning.plan import Objective
 from freefloat.planning.planar_planner import _headings, searched_ranges

@@ -12,8 +12,8 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError, UnreachableError
 from freefloat.motion.extrema import closest_approach, joint_extents
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending
-from freefloat.motion.problem import Margin
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath

@@ -15,7 +15,8 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.errors import InputError
-from freefloat.motion.problem import Margin, Problem, is_kept
+from freefloat.motion.margin import Margin, is_kept
+from freefloat.motion.problem import Problem
 from freefloat.planning import planner, robustness, tolerance
 from freefloat.planning import search as attitude_search
 from freefloat.planning.mapping import sample_attitudes

@@ -12,7 +12,8 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.paths.timing import TimedPath
 from freefloat.planning.simulation import simulate
 from freefloat.planning.tolerance import Tolerance, tolerance

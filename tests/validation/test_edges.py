@@ -20,16 +20,16 @@ from freefloat.motion import integration
 from freefloat.motion.certificate import certify
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.margin import Margin, is_kept
 from freefloat.motion.motion import Ending
-from freefloat.motion.problem import Margin, is_kept
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
 from freefloat.planning.robustness import safe_radius
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import angle_between, attitude_grid, heading_of
-from freefloat.verification.mujoco_engine import Engine
-from freefloat.verification.mujoco_runs import forward_run, inverse_run
+from freefloat.verification.mujoco import forward_run, inverse_run
+from freefloat.verification.mujoco_model import Engine
 from tests.motions import GOOD, along, bundled, followed, heading, lasting, rolled
 from tests.result_files import altered, replaced
 from tests.robots import in_units, planar_robot

@@ -1,6 +1,6 @@
 """MuJoCo as a second opinion: its dynamics, its kinematics, our motions.
 
-How the robot reaches MuJoCo and what MuJoCo's free joint means is told in `mujoco_engine`.
+How the robot reaches MuJoCo and what MuJoCo's free joint means is told in `mujoco_model`.
 """
 
 from dataclasses import replace
@@ -20,8 +20,8 @@ from freefloat.io.scenario import load_scenario
 from freefloat.limits.torques import InverseDynamics
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
-from freefloat.verification.mujoco_engine import Engine, wxyz
-from freefloat.verification.mujoco_runs import forward_run
+from freefloat.verification.mujoco import forward_run
+from freefloat.verification.mujoco_model import Engine, wxyz
 from tests.motions import (
     GOOD,
     differentiated,

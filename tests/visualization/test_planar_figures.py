@@ -8,8 +8,9 @@ from matplotlib.colors import to_hex
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.io.scenario import load_scenario
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Problem
 from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.planar_ranges import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.planning.simulation import simulate

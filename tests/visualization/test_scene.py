@@ -17,8 +17,9 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import InputError
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.playback import Playback, playback

@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 import freefloat as ff
 from freefloat.cli.app import app
 from freefloat.dynamics.measures import singularity_measure
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.workspace.regions import exact_workspace, workspace_regions
 
 

@@ -9,7 +9,8 @@ import freefloat as ff
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.workspace.planar import PlanarArm, margin_curves, point_3, two_angles
 from freefloat.workspace.regions import _sampled_workspace, exact_workspace, workspace_regions

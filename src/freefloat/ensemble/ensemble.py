@@ -20,7 +20,7 @@ from freefloat.dynamics.kernels.equation import LEVEL, METRIC, MIDDLE, WEIGHT
 from freefloat.dynamics.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
 from freefloat.dynamics.kernels.right_side import Robot, robot_facts, robot_rows
 from freefloat.dynamics.measures import NAMES, plane_axes
-from freefloat.dynamics.resolved_rates import Metric, Toward, joint_weights, range_centres
+from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
 from freefloat.ensemble.kernels.integration import (
     COMPLETED,
     UNREACHED,
@@ -29,7 +29,8 @@ from freefloat.ensemble.kernels.integration import (
 )
 from freefloat.ensemble.kernels.steps import TABLEAU
 from freefloat.errors import whole_number
-from freefloat.motion.problem import Problem, is_kept
+from freefloat.motion.margin import is_kept
+from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
 from freefloat.so3 import Array, IntArray
 

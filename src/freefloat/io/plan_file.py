@@ -15,9 +15,10 @@ from freefloat.io.scenario import Scenario
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, Comparison, Proven, Worst
 from freefloat.motion.extrema import closest_approach
+from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan, Segment
 from freefloat.planning.planar_ranges import (
     TURN,

@@ -12,14 +12,15 @@ import numpy as np
 import yaml
 
 from freefloat.dynamics.measures import largest_magnitude, singularity_measure
-from freefloat.dynamics.resolved_rates import Redundancy, Toward
+from freefloat.dynamics.redundancy import Redundancy, Toward
 from freefloat.errors import InputError, did_you_mean
 from freefloat.io.path_section import path_of, section_of
 from freefloat.io.robot_section import RobotFile
 from freefloat.io.schema import JointLimits, ScenarioFile
 from freefloat.io.yaml import error_context, parse_yaml, read_text, validated
 from freefloat.limits.limits import Limits
-from freefloat.motion.problem import Margin, Problem
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
 from freefloat.paths.timing import Stop, TimedPath, Timing
 from freefloat.planning.plan import Search

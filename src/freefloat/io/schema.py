@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.resolved_rates import Metric, Toward
+from freefloat.dynamics.redundancy import Metric, Toward
 from freefloat.io.field_types import (
     Coefficients,
     Factor,

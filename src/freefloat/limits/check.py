@@ -20,9 +20,10 @@ from freefloat.motion.extrema import (
     joint_ranges,
     maximum,
 )
+from freefloat.motion.margin import TOLERANCE
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import NODES
-from freefloat.motion.problem import TOLERANCE, Problem
+from freefloat.motion.problem import Problem
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import overload
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.dynamics.momentum import Task, momentum_map
-from freefloat.dynamics.resolved_rates import Redundancy, ResolvedRateSolver
+from freefloat.dynamics.redundancy import Redundancy
+from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.errors import InputError, finite_number, finite_vector, require_type
+from freefloat.errors import InputError, finite_vector, require_type
 from freefloat.ik.branches import (
     ArmBranch,
     BranchSets,
@@ -22,66 +21,14 @@ from freefloat.ik.branches import (
     many_arm_branches,
     nearest_configuration,
 )
+from freefloat.motion.margin import Margin
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen, low_discrepancy, rotation_matrix, unit_quaternion
 
-TOLERANCE = 1e-6
-"""Relative deviation from a threshold or limit that is attributed to rounding."""
 _NEAR = 0.05
 """Largest difference of joint values from those of a branch [rad, m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Margin:
-    """Required distance from dynamic singularities.
-
-    Attributes:
-        measure: The singularity measure.
-        threshold: The measure must keep its initial sign and at least this magnitude.
-    """
-
-    measure: SingularityMeasure
-    threshold: float
-
-    def __post_init__(self) -> None:
-        accepted = "a measure, such as singularity_measure(model, Task.POSE, 'gjm')"
-        require_type("margin.measure", self.measure, SingularityMeasure, accepted)
-        accepted = "a magnitude, 0 or more"
-        threshold = finite_number("margin.value", self.threshold, accepted)
-        object.__setattr__(self, "threshold", threshold)
-        if threshold < 0.0:
-            raise InputError("margin.value", f"{threshold} was given", accepted)
-
-    @overload
-    def is_kept(self, values: float) -> bool: ...
-
-    @overload
-    def is_kept(self, values: Array) -> npt.NDArray[np.bool_]: ...
-
-    def is_kept(self, values: float | Array) -> bool | npt.NDArray[np.bool_]:
-        """Whether motions keep the margin, from their smallest magnitudes of the measure.
-
-        They do where the value is not zero and at least the threshold, less a millionth of it for
-        rounding. The result has the shape of ``values``.
-        """
-        return is_kept(values, self.threshold)
-
-
-@overload
-def is_kept(values: float, threshold: float) -> bool: ...
-
-
-@overload
-def is_kept(values: Array, threshold: float) -> npt.NDArray[np.bool_]: ...
-
-
-def is_kept(values: float | Array, threshold: float) -> bool | npt.NDArray[np.bool_]:
-    """The rule of :meth:`Margin.is_kept` for any threshold."""
-    if isinstance(values, np.ndarray):
-        return np.asarray((values > 0.0) & (values >= threshold * (1.0 - TOLERANCE)))
-    return bool(values > 0.0 and values >= threshold * (1.0 - TOLERANCE))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches, is_regular
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
-from freefloat.motion.problem import Problem, is_kept
+from freefloat.motion.margin import is_kept
+from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
 from freefloat.planning.regions import Region
 from freefloat.so3 import Array

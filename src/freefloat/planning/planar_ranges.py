@@ -18,8 +18,9 @@ from freefloat.dynamics.measures import largest_magnitude
 from freefloat.errors import IntegrationError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
+from freefloat.motion.margin import is_kept
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem, is_kept
+from freefloat.motion.problem import Problem
 from freefloat.planning.planar_tangency import TangencyPoint, tangency_points
 from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, point_3_on_path

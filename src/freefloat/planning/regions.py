@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from freefloat.motion.problem import is_kept
+from freefloat.motion.margin import is_kept
 from freefloat.so3 import Array, IntArray, frozen, grid_spacing
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.problem import is_kept
+from freefloat.motion.margin import is_kept
 from freefloat.planning.attitude_map import AttitudeMap, Candidate
 from freefloat.planning.regions import nearest_among
 from freefloat.so3 import (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.resolved_rates import Redundancy
+from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker

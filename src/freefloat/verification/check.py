@@ -27,7 +27,7 @@ from freefloat.verification.checks import (
 )
 
 if TYPE_CHECKING:
-    from freefloat.verification.mujoco_runs import ForwardRun, InverseRun
+    from freefloat.verification.mujoco import ForwardRun, InverseRun
 
 PINOCCHIO, MUJOCO = ENGINES = ("pinocchio", "mujoco")
 _WRENCH, _DRIFT = 1e-4, 1e-3
@@ -106,7 +106,7 @@ def check(result: Plan | Simulation, engine: str = PINOCCHIO) -> CheckReport:
     if engine not in ENGINES:
         raise InputError("engine", f"{engine!r} was given", ", ".join(ENGINES))
     if engine == MUJOCO:
-        from freefloat.verification.mujoco_engine import engine_module
+        from freefloat.verification.mujoco_model import engine_module
 
         engine_module()
     kind = "plan" if isinstance(result, Plan) else "motion"
@@ -140,8 +140,8 @@ def _verify(
         checks += _completed("certificate", _same_certificate, result.certificate, certificate)
         checks += _completed("robustness", robustness_checks, result, chosen)
     if engine == MUJOCO:
-        from freefloat.verification.mujoco_engine import Engine
-        from freefloat.verification.mujoco_runs import forward_run, inverse_run
+        from freefloat.verification.mujoco import forward_run, inverse_run
+        from freefloat.verification.mujoco_model import Engine
 
         robot = Engine(motion.problem.model)
         inverse, forward = inverse_run(motion, robot), forward_run(motion, robot)

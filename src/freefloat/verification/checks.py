@@ -11,8 +11,8 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.certificate import Certificate, Proven
+from freefloat.motion.margin import is_kept
 from freefloat.motion.motion import Ending, Motion
-from freefloat.motion.problem import is_kept
 from freefloat.so3 import angle_between
 
 _ON_PATH = 1e-7

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Patch
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
-from freefloat.motion.problem import is_kept
+from freefloat.motion.margin import is_kept
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (

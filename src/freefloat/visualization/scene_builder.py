@@ -18,7 +18,7 @@ from meshcat import geometry as g
 from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
-from freefloat.motion.problem import Margin
+from freefloat.motion.margin import Margin
 from freefloat.robot.description import Box, Cylinder, Sphere
 from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.visuals import Visual

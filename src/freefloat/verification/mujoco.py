@@ -12,7 +12,7 @@ from freefloat.dynamics.momentum import momentum_map
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import Array, angle_between, rotation_matrix
-from freefloat.verification.mujoco_engine import Engine
+from freefloat.verification.mujoco_model import Engine
 
 _INSTANTS = 61
 _SAMPLES, _DEGREE = 15, 6

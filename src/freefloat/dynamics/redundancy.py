@@ -1,0 +1,128 @@
+"""Settings of redundant arms: metric of the joint rates and objective of the null-space motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from freefloat.dynamics.momentum import Task
+from freefloat.errors import InputError, did_you_mean
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array
+
+_LARGEST_WEIGHT = 1e6
+
+
+class Metric(StrEnum):
+    """Norm of the joint rates that is minimized.
+
+    ``JOINTS``: the Euclidean norm [rad/s, m/s]. ``ENERGY``: the kinetic energy of the free-floating
+    system, apart from the momentum's constant contribution.
+    """
+
+    JOINTS = "joints"
+    ENERGY = "energy"
+
+
+class Toward(StrEnum):
+    """Objective of the null-space motion.
+
+    ``SIGMA``: manipulability, the product of the singular values of S*. ``MIDDLE``: the centres of
+    the joint ranges.
+    """
+
+    NONE = "none"
+    SIGMA = "sigma"
+    MIDDLE = "middle"
+
+
+@dataclass(frozen=True, eq=False)
+class Redundancy:
+    """Null-space motion of a redundant arm, see :mod:`freefloat.dynamics.resolved_rates`.
+
+    Attributes:
+        metric: Norm of the joint rates that is minimized; a map from joint to weight for the sum of
+            weight times rate squared, in which the other joints have weight 1.
+        toward: Objective of the null-space motion.
+        gain: Gain of the attraction over the path, dimensionless.
+        bound: Smooth upper bound of the length of the null-space motion over the path [rad, m].
+    """
+
+    metric: Metric | Mapping[str, float] = Metric.JOINTS
+    toward: Toward = Toward.NONE
+    gain: float = 1.0
+    bound: float = 3.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "metric", _checked_metric(self.metric))
+        if self.toward not in tuple(Toward):
+            raise InputError("redundancy.toward", f"{self.toward!r} was given", ", ".join(Toward))
+        object.__setattr__(self, "toward", Toward(self.toward))
+        if not 0.0 <= self.gain < np.inf:
+            raise InputError("redundancy.gain", f"{self.gain} was given", "0 or more, per path")
+        if not 0.0 < self.bound < np.inf:
+            raise InputError("redundancy.bound", f"{self.bound} was given", "more than 0, per path")
+
+    @property
+    def minimum_norm(self) -> bool:
+        """Whether the joint rates are those of minimum Euclidean norm."""
+        return self.metric is Metric.JOINTS and self.toward is Toward.NONE
+
+    @property
+    def weights(self) -> Mapping[str, float]:
+        """Weights by joint, apart from those that are 1."""
+        return {} if isinstance(self.metric, Metric) else self.metric
+
+    def require_applicable(self, model: FreeFloatingModel, task: Task) -> None:
+        """Raise an InputError if the settings do not apply to an arm and a task."""
+        if model.dof <= len(task.rows):
+            raise InputError(
+                "redundancy",
+                f"the task prescribes {len(task.rows)} rates and the arm has {model.dof} joints: "
+                "not redundant",
+                "no such key, or a task that prescribes less",
+            )
+        for joint in self.weights:
+            if joint not in model.joint_names:
+                raise InputError(
+                    f"redundancy.metric.{joint}",
+                    f"there is no such moving joint{did_you_mean(joint, model.joint_names)}",
+                    ", ".join(model.joint_names),
+                )
+        if self.toward is Toward.MIDDLE and not np.isfinite(range_centres(model)).any():
+            raise InputError(
+                "redundancy.toward", "middle, but no joint of this arm has a range", "none or sigma"
+            )
+
+
+def _checked_metric(metric: Any) -> Metric | Mapping[str, float]:
+    if isinstance(metric, str):
+        if metric in tuple(Metric):
+            return Metric(metric)
+        accepted = "joints, energy, or a map from joint to weight"
+        raise InputError("redundancy.metric", f"{metric!r} was given", accepted)
+    weights = {str(joint): float(weight) for joint, weight in dict(metric).items()}
+    for joint, weight in weights.items():
+        if not 1.0 / _LARGEST_WEIGHT <= weight <= _LARGEST_WEIGHT:
+            raise InputError(
+                f"redundancy.metric.{joint}", f"{weight} was given", "from 1e-06 to 1e+06"
+            )
+    return weights
+
+
+def range_centres(model: FreeFloatingModel) -> Array:
+    """Centres of the joint ranges [rad, m], NaN for unlimited joints, shape (n,)."""
+    lower, upper = np.array([(body.lower, body.upper) for body in model.bodies[1:]]).T
+    with np.errstate(invalid="ignore"):
+        centres = (lower + upper) / 2.0
+    return np.where(np.isfinite(centres), centres, np.nan)
+
+
+def joint_weights(model: FreeFloatingModel, redundancy: Redundancy) -> Array:
+    """Weights of the squared joint rates, divided by their mean, shape (n,)."""
+    weights = np.array([redundancy.weights.get(joint, 1.0) for joint in model.joint_names])
+    return np.asarray(weights / weights.mean())

@@ -1,0 +1,67 @@
+"""Margins: the required distance from dynamic singularities, and the rule that decides it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.dynamics.measures import SingularityMeasure
+from freefloat.errors import InputError, finite_number, require_type
+from freefloat.so3 import Array
+
+TOLERANCE = 1e-6
+"""Relative deviation from a threshold or limit that is attributed to rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Margin:
+    """Required distance from dynamic singularities.
+
+    Attributes:
+        measure: The singularity measure.
+        threshold: The measure must keep its initial sign and at least this magnitude.
+    """
+
+    measure: SingularityMeasure
+    threshold: float
+
+    def __post_init__(self) -> None:
+        accepted = "a measure, such as singularity_measure(model, Task.POSE, 'gjm')"
+        require_type("margin.measure", self.measure, SingularityMeasure, accepted)
+        accepted = "a magnitude, 0 or more"
+        threshold = finite_number("margin.value", self.threshold, accepted)
+        object.__setattr__(self, "threshold", threshold)
+        if threshold < 0.0:
+            raise InputError("margin.value", f"{threshold} was given", accepted)
+
+    @overload
+    def is_kept(self, values: float) -> bool: ...
+
+    @overload
+    def is_kept(self, values: Array) -> npt.NDArray[np.bool_]: ...
+
+    def is_kept(self, values: float | Array) -> bool | npt.NDArray[np.bool_]:
+        """Whether motions keep the margin, from their smallest magnitudes of the measure.
+
+        They do where the value is not zero and at least the threshold, less a millionth of it for
+        rounding. The result has the shape of ``values``.
+        """
+        return is_kept(values, self.threshold)
+
+
+@overload
+def is_kept(values: float, threshold: float) -> bool: ...
+
+
+@overload
+def is_kept(values: Array, threshold: float) -> npt.NDArray[np.bool_]: ...
+
+
+def is_kept(values: float | Array, threshold: float) -> bool | npt.NDArray[np.bool_]:
+    """The rule of :meth:`Margin.is_kept` for any threshold."""
+    if isinstance(values, np.ndarray):
+        return np.asarray((values > 0.0) & (values >= threshold * (1.0 - TOLERANCE)))
+    return bool(values > 0.0 and values >= threshold * (1.0 - TOLERANCE))
