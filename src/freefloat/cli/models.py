@@ -56,7 +56,7 @@ def schema(as_json: Json = False, quiet: Quiet = False) -> None:
     Example: freefloat schema > freefloat.schema.json
     """
     from freefloat.io.schema import ScenarioFile
-    from freefloat.studies.schema import StudyFile
+    from freefloat.studies.study import StudyFile
 
     schemas = {
         "scenario": ScenarioFile.model_json_schema(),

@@ -27,8 +27,7 @@ from freefloat.planning.simulation import SimulatedBranch, Simulation, simulate
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.studies.results import ERROR, FEASIBLE, INFEASIBLE, Files, Row
-from freefloat.studies.schema import Command
-from freefloat.studies.study import Study, scenario_from
+from freefloat.studies.study import Command, Study, scenario_from
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
     from freefloat.planning.attitude_map import AttitudeMap

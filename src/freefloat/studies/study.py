@@ -6,26 +6,71 @@ import itertools
 import math
 from copy import deepcopy
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import yaml
+from pydantic import Field
 
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
+from freefloat.io.field_types import Name, Number, Quaternion, Section
 from freefloat.io.scenario import Scenario
 from freefloat.io.schema import ScenarioFile
 from freefloat.io.yaml import parse_yaml, read_text, validated
 from freefloat.paths.path import samples_text
 from freefloat.robot.names import find_scenario, find_study, is_file
 from freefloat.so3 import unit_quaternion
-from freefloat.studies.schema import MAX_RUNS, Combine, Command, StudyFile
+from freefloat.studies.sampling import MAX_RUNS, Count, ValuesSection
 
 START_KEYS = ("attitude", "heading_deg")
 """Keys that may vary but belong to the command simulate, not to the scenario."""
 _MAX_VALUES = 5 * MAX_RUNS
 _VALIDATED_RUNS = 1000
+
+
+class Command(StrEnum):
+    """The command that each run executes."""
+
+    PLAN = "plan"
+    MAP = "map"
+    SIMULATE = "simulate"
+
+
+class Combine(StrEnum):
+    """How the listed values of several keys are combined."""
+
+    CROSSED = "crossed"
+    ZIPPED = "zipped"
+
+
+class StudyFile(Section):
+    """A study: a base scenario, the command to run, and the keys that vary between runs."""
+
+    base: Name
+    """A scenario file, relative to the study file, or the name of a bundled scenario."""
+    command: Command
+    """The command that each run executes."""
+    vary: Annotated[dict[Name, ValuesSection], Field(min_length=1, max_length=100)]
+    """Scenario keys by their dotted paths, such as momentum or timing.duration (entries of lists
+    by their index from 0: momentum.2); with command simulate also attitude and heading_deg."""
+    combine: Combine = Combine.CROSSED
+    """Listed values of several keys: crossed (every combination) or zipped (the first of each,
+    the second of each, and so on)."""
+    cases: Count | None = None
+    """Number of random draws; where keys have listed values too, per combination of these."""
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    """Seed of all random values."""
+    files: Annotated[bool, Field(strict=True)] = True
+    """Whether to keep the result file of each run, as the commands write it with -o."""
+    attitude: Quaternion | None = None
+    """Command simulate: initial attitude of the spacecraft, quaternion x, y, z, w."""
+    heading_deg: Number | None = None
+    """Command simulate, planar tasks: initial heading [degrees]."""
+    branch: Annotated[int, Field(strict=True, ge=0)] | None = None
+    """Command simulate: arm branch to follow; default is the one with the largest margin."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from freefloat.studies.schema import ValuesSection
+from freefloat.studies.sampling import ValuesSection
 
 COUNT = 2000
 UNIFORM = 0.3680156217372059

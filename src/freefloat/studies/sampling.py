@@ -1,10 +1,9 @@
-"""Schema of study files, and the values of their varied keys."""
+"""Values of the keys that a study varies: lists, ranges, grids and random draws."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from enum import StrEnum
 from hashlib import sha256
 from typing import Annotated, Any, TypeVar
 
@@ -12,7 +11,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 from scipy.spatial.transform import Rotation
 
-from freefloat.io.field_types import Name, NotNegative, Number, Quaternion, Section
+from freefloat.io.field_types import NotNegative, Number, Section
 from freefloat.so3 import Array
 
 MAX_RUNS = 1_000_000
@@ -43,21 +42,6 @@ Count = Annotated[int, Field(strict=True, ge=1, le=MAX_RUNS)]
 def _length(point: object) -> int | None:
     """Number of components; None for a plain number."""
     return len(point) if isinstance(point, list) else None
-
-
-class Command(StrEnum):
-    """The command that each run executes."""
-
-    PLAN = "plan"
-    MAP = "map"
-    SIMULATE = "simulate"
-
-
-class Combine(StrEnum):
-    """How the listed values of several keys are combined."""
-
-    CROSSED = "crossed"
-    ZIPPED = "zipped"
 
 
 class GridSection(Section):
@@ -231,30 +215,3 @@ def _rounded(values: list[float]) -> list[float]:
 def _integers(values: list[float]) -> list[Any]:
     """Return integers if all values are whole: some keys accept nothing else."""
     return list(map(int, values)) if all(value.is_integer() for value in values) else values
-
-
-class StudyFile(Section):
-    """A study: a base scenario, the command to run, and the keys that vary between runs."""
-
-    base: Name
-    """A scenario file, relative to the study file, or the name of a bundled scenario."""
-    command: Command
-    """The command that each run executes."""
-    vary: Annotated[dict[Name, ValuesSection], Field(min_length=1, max_length=100)]
-    """Scenario keys by their dotted paths, such as momentum or timing.duration (entries of lists
-    by their index from 0: momentum.2); with command simulate also attitude and heading_deg."""
-    combine: Combine = Combine.CROSSED
-    """Listed values of several keys: crossed (every combination) or zipped (the first of each,
-    the second of each, and so on)."""
-    cases: Count | None = None
-    """Number of random draws; where keys have listed values too, per combination of these."""
-    seed: Annotated[int, Field(strict=True, ge=0)] = 0
-    """Seed of all random values."""
-    files: Annotated[bool, Field(strict=True)] = True
-    """Whether to keep the result file of each run, as the commands write it with -o."""
-    attitude: Quaternion | None = None
-    """Command simulate: initial attitude of the spacecraft, quaternion x, y, z, w."""
-    heading_deg: Number | None = None
-    """Command simulate, planar tasks: initial heading [degrees]."""
-    branch: Annotated[int, Field(strict=True, ge=0)] | None = None
-    """Command simulate: arm branch to follow; default is the one with the largest margin."""
