@@ -27,7 +27,15 @@ _SHORTEST_PART, _LONGEST_NAME = 3, 100
 
 
 class FreeFloatError(Exception):
-    """Base class of all errors of freefloat."""
+    """Base class of all errors of freefloat.
+
+    Example:
+        >>> try:
+        ...     ff.load_scenario("no such scenario")
+        ... except ff.FreeFloatError as error:
+        ...     print(type(error).__name__)
+        InputError
+    """
 
     def _render_traceback_(self) -> list[str]:
         """The traceback in IPython and notebooks: the user's frames, and the message."""
@@ -50,6 +58,13 @@ class InputError(FreeFloatError):
         accepted: What is accepted instead.
         source: The file that contains it, if any.
         line: The line in that file, if known.
+
+    Example:
+        >>> try:
+        ...     ff.Timing(-1.0)
+        ... except ff.InputError as error:
+        ...     print(error.key)
+        timing.duration
     """
 
     def __init__(

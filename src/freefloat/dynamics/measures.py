@@ -66,6 +66,12 @@ def singularity_measure(
 
     Raises:
         InputError: If there is no such task or measure, or the arm has no factor ``arm``.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> measure = ff.singularity_measure(model, "planar-position", "gjm")
+        >>> round(measure(np.array([0.5, 1.0])), 4)
+        0.2759
     """
     task = Task.of(task)
     m, n = len(task.rows), model.dof

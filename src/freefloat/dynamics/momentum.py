@@ -28,6 +28,10 @@ class Task(StrEnum):
 
     The planar tasks belong to arms that move in the x-y plane of the inertial frame, with the
     spacecraft rotating about z.
+
+    Example:
+        >>> ff.Task("planar-position").rows
+        [0, 1]
     """
 
     POSE = "pose"
@@ -179,6 +183,12 @@ def generalized_jacobian(
 
     Raises:
         InputError: If there is no such task, or the joints are not those of the robot.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> ff.generalized_jacobian(model, [0.5, 1.0], "planar-position").round(4)
+        array([[-0.772 , -0.8337],
+               [ 0.2823, -0.0525]])
     """
     try:
         if task is not Task.POSE:

@@ -50,6 +50,10 @@ class Redundancy:
         toward: Objective of the null-space motion.
         gain: Gain of the attraction over the path, dimensionless.
         bound: Smooth upper bound of the length of the null-space motion over the path [rad, m].
+
+    Example:
+        >>> ff.Redundancy(metric="energy", toward="middle").gain
+        1.0
     """
 
     metric: Metric | Mapping[str, float] = Metric.JOINTS

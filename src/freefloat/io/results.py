@@ -68,6 +68,10 @@ def save(
     Raises:
         InputError: If the file cannot be written, or scenario files cannot describe the path of
             the problem.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> ff.save(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]), "motion.h5")
     """
     if not str(path):
         raise InputError("output", "an empty name was given", "the name of a file")
@@ -129,6 +133,12 @@ def load(path: str | Path) -> Plan | Simulation | AttitudeMap | HeadingMap:
         InputError: If it is no result file, or one of another format.
         AlteredFileError: If it is not as it was saved: its digest is not that of its content, or
             its parts contradict each other.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> ff.save(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]), "motion.h5")
+        >>> ff.load("motion.h5").feasible
+        True
     """
     path = Path(path)
     try:

@@ -156,6 +156,11 @@ def load_scenario(name: str | Path) -> Scenario:
 
     Raises:
         InputError: If it is invalid: file, line, key, value given and values accepted.
+
+    Example:
+        >>> scenario = ff.load_scenario("spatial_6dof/line")
+        >>> scenario.problem().path.duration
+        100.0
     """
     source = find_scenario(str(name))
     return parse_scenario(read_text(source), source)

@@ -41,6 +41,13 @@ def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
     Raises:
         InputError: If there are not as many limits as joints.
         ModelError: If a clearance is required and the robot's shapes cannot be used.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> motion = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]).chosen.motion
+        >>> for result in ff.check_limits(motion, ff.Limits(joint_rate=np.array([0.2, 0.01]))):
+        ...     print(result.limit, result.kept)
+        joint_rate False
     """
     return LimitChecker(motion.problem, limits).results(motion)
 

@@ -36,6 +36,15 @@ class Limits:
 
     Raises:
         InputError: If a limit is not positive, or the clearance is negative.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> limits = ff.Limits(joint_rate=np.array([0.2, 0.2]), base_rate=0.01)
+        >>> simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], limits=limits)
+        >>> for result in simulation.limit_results:
+        ...     print(result.limit, result.kept)
+        joint_rate True
+        base_rate False
     """
 
     joint_rate: Array | None = None

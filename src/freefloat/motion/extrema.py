@@ -183,6 +183,13 @@ def closest_approach(motion: Motion, measure: SingularityMeasure) -> ClosestAppr
 
     Raises:
         InputError: If an argument is of another type.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_3dof/parabola").problem()
+        >>> motion = ff.simulate(problem, [0.0, 0.0, 1.0, 0.0]).chosen.motion
+        >>> closest = ff.closest_approach(motion, problem.margin.measure)
+        >>> print(f"{closest.value:.3f} at {closest.time:.2f} s")
+        39.050 at 49.25 s
     """
     require_type("motion", motion, Motion, "a Motion, such as simulate(...).chosen.motion")
     accepted = "singularity_measure(model, task, name), or margin.measure"

@@ -1,8 +1,7 @@
 """Integration of (8) along its own arc length.
 
-Near a dynamic singularity the rates grow without bound as functions of time, yet the curve that
-the state draws through (time, attitude, joints) stays smooth: there its time reverses. Along its
-arc length it is an ordinary curve, and the singularity is the point of its largest time.
+Near a dynamic singularity the rates by time grow without bound, yet the curve of (time, attitude,
+joints) stays smooth; the singularity is the point of its largest time.
 """
 
 from __future__ import annotations
@@ -28,8 +27,7 @@ from freefloat.so3 import Array, cross
 _TIME_UNITS = 10.0
 """Arc length of the duration, along with the joints' radians and metres."""
 _STALLED = 5e-5
-"""Pace of time per arc length below which time stands still: a redundant arm may move along a
-singularity instead of reversing time there."""
+"""Pace of time per arc length below which a redundant arm moves along a singularity."""
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
 _OVERSHOOT, _SLOWEST = 1.1, 1e-3
@@ -72,6 +70,12 @@ def integrate_motion(
         InputError: If the end-effector is not on the path at ``start``, or a time or the tolerance
             is not accepted.
         IntegrationError: If the integrator fails for a reason other than a singularity.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> joints = problem.branches([0.0, 0.0, 0.0, 1.0])[0].joints
+        >>> ff.integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints).completed
+        True
     """
     require_problem(problem)
     accepted = f"a number from {_FINEST:g} to {_ROUGHEST:g}"

@@ -23,6 +23,12 @@ class Margin:
     Attributes:
         measure: The singularity measure.
         threshold: The measure must keep its initial sign and at least this magnitude.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_3dof", "end_effector")
+        >>> margin = ff.Margin(ff.singularity_measure(model, "planar-pose", "system"), 5.0)
+        >>> margin.is_kept(4.9)
+        False
     """
 
     measure: SingularityMeasure

@@ -43,6 +43,15 @@ class Problem:
         margin: Required distance from dynamic singularities.
         redundancy: Null-space motion of a redundant arm; by default the joint rates have the
             smallest Euclidean norm.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> line = ff.paths.PolynomialCurve.line([0.9, 0.2, 0.0], [0.6, 0.7, 0.0])
+        >>> path = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(20.0))
+        >>> margin = ff.Margin(ff.singularity_measure(model, "planar-position", "gjm"), 0.05)
+        >>> problem = ff.Problem(model, path, "planar-position", [0.0, 0.0, 0.1], margin)
+        >>> problem.redundant
+        False
     """
 
     model: FreeFloatingModel = field(repr=False)

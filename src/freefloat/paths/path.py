@@ -37,6 +37,12 @@ class EndEffectorPath:
     Attributes:
         curve: Position.
         orientation: Orientation; may be left out for position tasks.
+
+    Example:
+        >>> line = ff.paths.PolynomialCurve.line([1.6, 0.4, 0.0], [1.2, 0.9, 0.0])
+        >>> path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(np.eye(3)))
+        >>> path.pose(0.5).position
+        array([1.4 , 0.65, 0.  ])
     """
 
     curve: Curve

@@ -102,6 +102,11 @@ class Timing:
         duration: Duration of the path [s].
         law: Law between every two rests.
         stops: Stops in order.
+
+    Example:
+        >>> timing = ff.Timing(100.0, "quintic", stops=[ff.paths.Stop(0.5, 40.0)])
+        >>> float(timing.s(40.0))
+        0.5
     """
 
     duration: float
@@ -183,6 +188,12 @@ class TimedPath:
     Attributes:
         path: The path by s.
         timing: s by time.
+
+    Example:
+        >>> line = ff.paths.PolynomialCurve.line([1.6, 0.4, 0.0], [1.2, 0.9, 0.0])
+        >>> path = ff.TimedPath(ff.EndEffectorPath(line), ff.Timing(20.0))
+        >>> path.pose(20.0).position
+        array([1.2, 0.9, 0. ])
     """
 
     path: EndEffectorPath

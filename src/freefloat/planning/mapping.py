@@ -83,6 +83,12 @@ def attitude_map(
     Raises:
         InputError: If an argument is not usable, the task is planar and attitudes are to be
             searched for, or the arm or the margin has no tangency points.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> headings = ff.attitude_map(problem, 24)
+        >>> round(headings.feasible_fraction, 2)
+        0.42
     """
     require_problem(problem)
     start = time.perf_counter()

@@ -50,6 +50,11 @@ class Search:
         samples: Number of attitudes; when left out 360 headings for planar tasks (where no closed
             form is known), 4,096 attitudes for spatial ones.
         seed: Rotates the grid of attitudes of spatial tasks.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> ff.plan(problem, ff.Search("robust")).reason
+        'the middle of the widest range, 151.3 degrees wide'
     """
 
     objective: Objective = Objective.MARGIN

@@ -62,6 +62,11 @@ def plan(
     Raises:
         InputError: If an argument is of another type, or ``search.from_attitude`` does not suit the
             problem.
+
+    Example:
+        >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
+        >>> plan.reason
+        'the largest margin, system 6.12505'
     """
     require_problem(problem)
     search = Search() if search is None else search

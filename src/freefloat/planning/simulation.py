@@ -170,6 +170,14 @@ def simulate(
         InputError: If there is no such branch, or the limits are not those of the robot's joints.
         ModelError: If a clearance is required and the robot's shapes cannot be used.
         UnreachableError: If no arm configuration reaches the start of the path.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_3dof/parabola").problem()
+        >>> simulation = ff.simulate(problem, [0.0, 0.0, 0.94, 0.342])  # heading 140 degrees
+        >>> for branch in simulation.branches:
+        ...     print(branch.branch.label, branch.motion.completed)
+        elbow+ False
+        elbow- True
     """
     require_problem(problem)
     attitude = problem.attitude("attitude", attitude)

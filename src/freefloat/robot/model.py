@@ -38,6 +38,13 @@ class FreeFloatingModel:
 
     Raises:
         ModelError: If the robot has no such end-effector, or no joint moves it.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_3dof", "end_effector")
+        >>> model.joint_names
+        ('q1', 'q2', 'q3')
+        >>> model.total_mass
+        471.0
     """
 
     description: RobotDescription

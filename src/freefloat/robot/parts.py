@@ -66,6 +66,13 @@ class Spacecraft:
 
     Raises:
         InputError: If no rigid body has these values, or the mesh file does not exist.
+
+    Example:
+        >>> spacecraft = ff.Spacecraft(mass=200.0, inertia=np.diag([35.0, 35.0, 35.0]))
+        >>> ur5 = "example-robot-data:ur5"
+        >>> model = ff.FreeFloatingModel.from_urdf(ur5, "tool0", spacecraft=spacecraft)
+        >>> round(model.total_mass, 2)
+        220.99
     """
 
     mass: float
@@ -94,6 +101,12 @@ class Payload:
 
     Raises:
         InputError: If no rigid body has these values, or the mesh file does not exist.
+
+    Example:
+        >>> payload = ff.Payload(mass=20.0, inertia=np.diag([0.5, 0.5, 0.5]))
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_3dof", "end_effector", payload=payload)
+        >>> model.total_mass
+        491.0
     """
 
     mass: float

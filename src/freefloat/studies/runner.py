@@ -65,6 +65,11 @@ def run_study(
     Raises:
         InputError: If the study cannot be run, the folder cannot be written to, holds another
             study or is in use, or the scheduler does not answer.
+
+    Example:
+        >>> result = ff.run_study(ff.load_study("planar_3dof/grid"), "results", workers=2)
+        >>> result.feasible_fraction
+        1.0
     """
     from freefloat.studies.report import save_summary, save_tables  # PyArrow is slow to import
 

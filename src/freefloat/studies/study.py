@@ -182,6 +182,11 @@ def load_study(name: str | Path) -> Study:
 
     Raises:
         InputError: If a key or value is not accepted, or no run is valid.
+
+    Example:
+        >>> study = ff.load_study("planar_3dof/grid")
+        >>> study.count
+        15
     """
     source = find_study(str(name))
     text = read_text(source)

@@ -99,6 +99,12 @@ def check(result: Plan | Simulation, engine: str = PINOCCHIO) -> CheckReport:
 
     Raises:
         InputError: If the result is a map, or the engine is unknown or not installed.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> report = ff.check(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]))
+        >>> report.passed
+        True
     """
     if not isinstance(result, Plan | Simulation):
         problem = f"a {type(result).__name__} was given"

@@ -52,6 +52,11 @@ def figures(
 
     Raises:
         InputError: If the result is of another class.
+
+    Example:
+        >>> plan = ff.plan(ff.load_scenario("planar_2dof/line").problem())
+        >>> sorted(ff.figures(plan))
+        ['headings', 'joint_space', 'margin', 'momentum', 'motion', 'snapshots', 'workspace']
     """
     if isinstance(result, Simulation):
         result = result.chosen.motion

@@ -155,7 +155,11 @@ def _licences() -> str:
 
 
 def show(result: Any, title: str = "freefloat", *, height: int = 600) -> None:
-    """Show a result in a notebook cell or a browser; see :func:`playback`."""
+    """Show a result in a notebook cell or a browser; see :func:`playback`.
+
+    Example:
+        >>> ff.show(ff.plan(ff.load_scenario("planar_2dof/line").problem()))
+    """
     playback(result, title).show(height)
 
 
@@ -172,6 +176,12 @@ def playback(
 
     Raises:
         InputError: If the result is of another class, or a plan without a motion.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> playback = ff.playback(ff.simulate(problem, [0.0, 0.0, 0.0, 1.0]))
+        >>> playback.titles
+        ('branch 0 elbow+', 'branch 1 elbow-')
     """
     if isinstance(result, Motion | Plan | Simulation | Mapping):
         return Playback(motion_scene(_named_motions(result), title))

@@ -76,6 +76,12 @@ def workspace_regions(problem: Problem) -> Workspace:
 
     Raises:
         InputError: If a prismatic joint has no limits.
+
+    Example:
+        >>> regions = ff.workspace_regions(ff.load_scenario("planar_2dof/line").problem())
+        >>> np.round(regions.path_dependent, 3)
+        array([[0.351, 0.554],
+               [1.436, 2.287]])
     """
     workspace = exact_workspace(problem) or _sampled_workspace(problem)
     return replace(workspace, path=_path_areas(problem, workspace))
