@@ -61,6 +61,8 @@ def assemble(
     require_type("payload", payload, Payload | None, "Payload(mass, inertia, com)")
     accepted = "a list of parts, such as [Attachment(urdf, link)]"
     require_type("attached", attached, Sequence, accepted)
+    for index, attachment in enumerate(attached):
+        require_type(f"attached.{index}", attachment, Attachment, accepted)
     arm = read_urdf(urdf, mounted=spacecraft is not None)
     robot, root = etree.fromstring(arm.text), arm.roots[0]
     if spacecraft is not None:
@@ -68,7 +70,6 @@ def assemble(
         _mount_root(robot, root, carrier, spacecraft.mount, _free_name(robot, "spacecraft_mount"))
         root = carrier
     for index, attachment in enumerate(attached):
-        require_type(f"attached.{index}", attachment, Attachment, accepted)
         try:
             _attach(robot, attachment, root, arm.source)
         except InputError as error:
