@@ -301,6 +301,15 @@ def test_rates_are_infinite_where_the_arm_is_singular():
     assert not np.isfinite(rates).all()
 
 
+@pytest.mark.parametrize("limits", ["", 'lower="0" upper="0"', 'lower="-1e30" upper="1"'])
+def test_a_joint_without_two_limits_has_no_centre(limits):
+    text = planar_robot([50, 5, 4, 3], [8, 1, 0.5, 0.3], [0.4] * 3, [0.5] * 4)
+    text = text.replace('"q2" type="continuous"', '"q2" type="revolute"')
+    child = '<child link="link_2"/>'
+    text = text.replace(child, f'{child}<limit {limits} effort="9" velocity="9"/>')
+    assert np.isnan(range_centres(FreeFloatingModel.from_urdf(text))).all()
+
+
 def test_toward_middle_without_joint_ranges_raises():
     """Continuous joints have no range centre."""
     text = planar_robot([50, 5, 4, 3], [8, 1, 0.5, 0.3], [0.4] * 3, [0.5] * 4)

@@ -13,7 +13,6 @@ from freefloat.motion.extrema import (
     closest_approach,
     first_crossing,
     joint_extents,
-    joint_ranges,
     maximum,
     unwrapped,
 )
@@ -297,7 +296,7 @@ def test_extents_of_a_prismatic_joint(straight):
 
 def test_revolute_joints_are_unwrapped_into_their_ranges(ranged, rng):
     assert unwrapped(ranged) is ranged
-    low, high = joint_ranges(ranged.problem.model)
+    low, high = ranged.problem.model.joint_ranges
     for _ in range(20):
         shift = REVOLUTION * rng.integers(-3, 4, 6)
         back = unwrapped(replace(ranged, joints=ranged.joints + shift))
@@ -332,5 +331,5 @@ def test_revolutions_of_an_unwrapped_joint(low, high, lower, upper, shift):
 
 def test_ranges_out_of_order_are_ignored():
     model = FreeFloatingModel.from_urdf(sliding_robot(limits=(0.0, 0.0)), "hand")
-    lower, upper = joint_ranges(model)
+    lower, upper = model.joint_ranges
     assert (lower[0], upper[0], upper[1]) == (-np.inf, np.inf, 4.0)

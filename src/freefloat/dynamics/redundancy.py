@@ -119,8 +119,8 @@ def _checked_metric(metric: Any) -> Metric | Mapping[str, float]:
 
 
 def range_centres(model: FreeFloatingModel) -> Array:
-    """Centres of the joint ranges [rad, m], NaN for unlimited joints, shape (n,)."""
-    lower, upper = np.array([(body.lower, body.upper) for body in model.bodies[1:]]).T
+    """Centres of the joint ranges [rad, m], NaN for joints without two limits, shape (n,)."""
+    lower, upper = model.joint_ranges
     with np.errstate(invalid="ignore"):
         centres = (lower + upper) / 2.0
     return np.where(np.isfinite(centres), centres, np.nan)

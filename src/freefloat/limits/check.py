@@ -17,7 +17,6 @@ from freefloat.motion.extrema import (
     Function,
     at_nodes,
     joint_extents,
-    joint_ranges,
     maximum,
 )
 from freefloat.motion.margin import TOLERANCE
@@ -97,7 +96,7 @@ class LimitChecker:
 
     def _applicable(self) -> list[LimitKind]:
         limits = [limit for limit in LimitKind if getattr(self._limits, limit, None) is not None]
-        ranges = np.isfinite(joint_ranges(self._problem.model)).any()
+        ranges = np.isfinite(self._problem.model.joint_ranges).any()
         return [LimitKind.JOINT_RANGE, *limits] if ranges else limits
 
     def _check(self, limit: LimitKind, motion: Motion, decide_only: bool = False) -> LimitResult:
@@ -114,7 +113,7 @@ class LimitChecker:
 
     def _joint_range(self, motion: Motion) -> LimitResult:
         """The joint that is farthest out of its range, or nearest to an end of it."""
-        extents, (lower, upper) = joint_extents(motion), joint_ranges(self._problem.model)
+        extents, (lower, upper) = joint_extents(motion), self._problem.model.joint_ranges
         bounded = np.isfinite(lower) & np.isfinite(upper)
         half = np.where(bounded, (upper - lower) / 2.0, 1.0)
         below, above = (lower - extents.low) / half + 1.0, (extents.high - upper) / half + 1.0

@@ -20,7 +20,6 @@ from scipy.optimize import minimize_scalar
 
 from freefloat.errors import ModelError
 from freefloat.limits.collision import CollisionShape, collision_shapes
-from freefloat.motion.extrema import joint_ranges
 from freefloat.motion.motion import Motion
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, low_discrepancy
@@ -124,7 +123,7 @@ class CollisionPairs:
     def _always_near(self, pairs: IntArray, clearance: float) -> npt.NDArray[np.bool_]:
         """Which pairs are at most the clearance apart in all sampled configurations."""
         geometry, near = self._geometry_model(pairs), np.arange(len(pairs))
-        lower, upper = joint_ranges(self._model)
+        lower, upper = self._model.joint_ranges
         low = np.where(np.isfinite(lower), lower, -np.pi)
         high = np.where(np.isfinite(upper), upper, np.pi)
         for fraction in low_discrepancy(_CONFIGURATIONS, self._model.dof):

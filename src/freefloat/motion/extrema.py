@@ -18,7 +18,6 @@ from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import require_type
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import DEGREE, NODES, TO_COEFFICIENTS
-from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 _GRID = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)
@@ -264,15 +263,6 @@ def joint_extents(motion: Motion) -> JointExtents:
     return JointExtents(*values, *places)
 
 
-def joint_ranges(model: FreeFloatingModel) -> tuple[Array, Array]:
-    """Lower and upper ends of the joints' ranges [rad or m], infinite where there are none.
-
-    A range whose ends are not in order is ignored; the URDF's warnings name it.
-    """
-    lower, upper = np.array([(body.lower, body.upper) for body in model.bodies[1:]]).T
-    return np.where(lower < upper, lower, -np.inf), np.where(lower < upper, upper, np.inf)
-
-
 def unwrapped(motion: Motion) -> Motion:
     """The same motion with revolute joints shifted by multiples of 2 pi into their ranges.
 
@@ -280,7 +270,7 @@ def unwrapped(motion: Motion) -> Motion:
     do, by those that leave the smallest excess. Nothing else of the motion changes.
     """
     extents, model = joint_extents(motion), motion.problem.model
-    joints = zip(model.bodies[1:], extents.low, extents.high, *joint_ranges(model), strict=True)
+    joints = zip(model.bodies[1:], extents.low, extents.high, *model.joint_ranges, strict=True)
     shifts = [0 if body.prismatic else _revolutions(*values) for body, *values in joints]
     if not any(shifts):
         return motion

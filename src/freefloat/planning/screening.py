@@ -17,7 +17,6 @@ import numpy.typing as npt
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.limits.clearance import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
-from freefloat.motion.extrema import joint_ranges
 from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Objective, Search
 from freefloat.planning.regions import depths
@@ -115,7 +114,7 @@ def _out_of_range(
 ) -> npt.NDArray[np.bool_]:
     """Where no multiple of a full rotation puts a joint's values inside its range, shape (K,)."""
     low, high = results.motions.lower[entries], results.motions.upper[entries]
-    lower, upper = joint_ranges(problem.model)
+    lower, upper = problem.model.joint_ranges
     revolute = np.array([not body.prismatic for body in problem.model.bodies[1:]])
     with np.errstate(invalid="ignore"):
         fewest = np.ceil((lower - _SLACK - low) / (2.0 * np.pi))

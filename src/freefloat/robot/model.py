@@ -20,7 +20,7 @@ from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
 from freefloat.robot.urdf import is_text, require_urdf
-from freefloat.so3 import Array, Pose
+from freefloat.so3 import Array, Pose, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +162,16 @@ class FreeFloatingModel:
         """The spacecraft and the bodies moved by each joint, in order."""
         joints = (None, *self.moving_joints)
         return tuple(body_of(self.pin_model, k + 1, joint) for k, joint in enumerate(joints))
+
+    @cached_property
+    def joint_ranges(self) -> tuple[Array, Array]:
+        """Lower and upper ends of the joints' ranges [rad or m], infinite where there are none.
+
+        A range whose ends are not in order is ignored; the URDF's warnings name it.
+        """
+        lower, upper = np.array([(body.lower, body.upper) for body in self.bodies[1:]]).T
+        ordered = lower < upper
+        return frozen(np.where(ordered, lower, -np.inf)), frozen(np.where(ordered, upper, np.inf))
 
     @cached_property
     def tool(self) -> Pose:
