@@ -127,6 +127,13 @@ def test_the_end_effector_waits_before_and_after(law):
     assert [timing.s(t, 1) for t in (-1.0, 6.0)] == pytest.approx([0.0, 0.0], abs=1e-14)
 
 
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("t", "place"), [(-5.0, 0.0), (15.0, 1.0)])
+def test_the_path_rests_outside_its_duration(law, t, place):
+    timing = Timing(10.0, law)
+    assert [timing.s(t, order) for order in range(3)] == [pytest.approx(place), 0.0, 0.0]
+
+
 def test_segments_continue_beyond_their_ends():
     timing = Timing(10.0, stops=(Stop(0.5, 4.0),))
     tau = 4.2 / 4.0

@@ -159,7 +159,7 @@ class Timing:
         return min(bisect_right(self.ends, t), len(self.ends) - 1)
 
     def s(self, t: float, order: int = 0, segment: int | None = None) -> float:
-        """S or its derivative of order 1 or 2 by time.
+        """The path parameter s(t), or its first or second time derivative.
 
         Args:
             t: Time [s]; without ``segment``, at rest before 0 and after the end.
@@ -167,6 +167,8 @@ class Timing:
             segment: Use this segment of the law, also a little beyond its ends.
         """
         if segment is None:
+            if order and not 0.0 <= t <= self.duration:
+                return 0.0
             t = min(max(t, 0.0), self.duration)
             segment = self.segment_at(t)
         return self.segments[segment](t, order)
