@@ -1,6 +1,7 @@
-"""Singularity measures: distances of a configuration from a dynamic singularity, and extremes.
+"""Singularity measures: scalar functions of the joints whose zeros are dynamic singularities.
 
-They depend on the joints alone, not on the spacecraft's attitude or the momentum.
+They do not depend on the spacecraft's attitude or the momentum. ``arm`` vanishes at the
+singularities of its own factor only.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _REFINED = 8
 
 @dataclass(frozen=True, eq=False)
 class SingularityMeasure:
-    """A scalar function of the joints that vanishes at dynamic singularities.
+    """A scalar function of the joints whose zeros are dynamic singularities.
 
     Attributes:
         name: One of ``gjm``, ``system``, ``arm``, ``sigma``.
@@ -240,8 +241,8 @@ def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
     error = InputError(
         "margin.measure",
         "this arm's system (5) has no in-plane factor",
-        "gjm, system or sigma; arm wants six joints, the second and third parallel and normal to "
-        "the first, the last three meeting in a point, and a spacecraft symmetric about the first",
+        "gjm, system or sigma; arm requires six joints, the second and third parallel and normal "
+        "to the first, the last three meeting in a point, a spacecraft symmetric about the first",
     )
     virtual = VirtualManipulator.of(model)
     if task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:

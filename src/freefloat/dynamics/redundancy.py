@@ -49,7 +49,8 @@ class Redundancy:
             weight times rate squared, in which the other joints have weight 1.
         toward: Objective of the null-space motion.
         gain: Gain of the attraction over the path, dimensionless.
-        bound: Smooth upper bound of the length of the null-space motion over the path [rad, m].
+        bound: Smooth upper bound of the length, over the path, of the motion due to the attraction;
+            motion due to ``metric`` is not bounded [rad, m].
 
     Example:
         >>> ff.Redundancy(metric="energy", toward="middle").gain

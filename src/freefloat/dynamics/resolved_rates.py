@@ -8,11 +8,12 @@ With as many joints as task rows the solution is unique. The joint rates of a re
 by motions in the null space of the generalized Jacobian S*, which neither move the end-effector nor
 change the momentum. Among them the rates ``u`` are taken that minimize
 
-    u^T W u / 2 - gain ds/dt (u . g)
+    u^T W u / 2 - c ds/dt (u . g),  c = gain / sqrt(1 + (|a| / bound)^2)
 
-where W is the metric, divided by its mean diagonal element, and g the gradient of the objective:
-the rates of minimum norm, and with an objective a null-space motion, projected in the same metric,
-along which the objective does not decrease.
+where W is the metric, divided by its mean diagonal element, g the gradient of the objective, and a
+the unsaturated attraction per unit of s, which the objective would add with c = gain: the rates of
+minimum norm, and with an objective a null-space motion, projected in the same metric, along which
+the objective does not decrease.
 
 The attraction is proportional to the path speed ds/dt, so it vanishes where the path stops, and
 without momentum joints and attitude depend on the path parameter alone: a longer duration gives the

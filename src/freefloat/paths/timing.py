@@ -159,7 +159,7 @@ class Timing:
         return min(bisect_right(self.ends, t), len(self.ends) - 1)
 
     def s(self, t: float, order: int = 0, segment: int | None = None) -> float:
-        """The path parameter s(t), or its first or second time derivative.
+        """The path parameter s at time t, or its first or second time derivative.
 
         Args:
             t: Time [s]; without ``segment``, at rest before 0 and after the end.
@@ -167,7 +167,7 @@ class Timing:
             segment: Use this segment of the law, also a little beyond its ends.
         """
         if segment is None:
-            if order and not 0.0 <= t <= self.duration:
+            if order and (t < 0.0 or t > self.duration):
                 return 0.0
             t = min(max(t, 0.0), self.duration)
             segment = self.segment_at(t)

@@ -157,11 +157,12 @@ def _composites(
             w[k, JAC + 3], w[k, JAC + 4], w[k, JAC + 5] = 0.0, 0.0, 0.0
             continue
         x, y, z = w[k, POINT] - cx, w[k, POINT + 1] - cy, w[k, POINT + 2] - cz
+        # velocity that the joint's rotation would give a point at the centre of mass
         e0, e1, e2 = (
             y * a2 - z * a1,
             z * a0 - x * a2,
             x * a1 - y * a0,
-        )  # velocity of the centre of mass
+        )
         w[k, DQ] = xx * a0 + xy * a1 + xz * a2 + uy * e2 - uz * e1
         w[k, DQ + 1] = xy * a0 + yy * a1 + yz * a2 + uz * e0 - ux * e2
         w[k, DQ + 2] = xz * a0 + yz * a1 + zz * a2 + ux * e1 - uy * e0

@@ -5,7 +5,7 @@ The null-space rates z follow from the optimality conditions with Lagrange multi
     [ W  S^T ] [ z ]   [ -W u ]      [ g ]
     [ S   0  ] [ . ] = [  0   ]  and [ 0 ],
 
-where u are the rates of minimum Euclidean norm. So z moves neither the end-effector nor changes the
+where u are the rates of minimum Euclidean norm. So z neither moves the end-effector nor changes the
 momentum, and W may be singular.
 """
 
@@ -150,11 +150,12 @@ def _kinetic_energy(bodies: Array, facts: Array, w: Array, n: int, W: Array) -> 
             w[i + 1, POINT + 1] - w[0, CENTRE_OF + 1],
             w[i + 1, POINT + 2] - w[0, CENTRE_OF + 2],
         )
+        # velocity that the joint's rotation would give a point at the centre of mass
         e0, e1, e2 = (
             y * a2 - z * a1,
             z * a0 - x * a2,
             x * a1 - y * a0,
-        )  # velocity of the centre of mass
+        )
         if prismatic:
             e0, e1, e2 = a0, a1, a2
         e0 -= inverse_mass * w[i + 1, MOMENTUM]
