@@ -20,6 +20,7 @@ from freefloat.io.results import differences
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
 from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.plan import Objective, Plan
+from freefloat.planning.planar_ranges import RangeLimitCause
 from freefloat.planning.regions import Region
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.names import find_robot
@@ -63,15 +64,23 @@ def saved(plan, tmp_path_factory):
     return path
 
 
+def causes(entries):
+    return [part.causes for entry in entries for part in entry.ranges]
+
+
 def test_a_plan_comes_back_as_it_was(plan, saved):
     loaded = ff.load(saved)
     assert isinstance(loaded, Plan)
     same(loaded.to_dict(), plan.to_dict())
     same_motion(loaded.chosen.motion, plan.chosen.motion)
-    for segment, other in zip(loaded.segments, plan.segments, strict=True):
-        for limit, wanted in zip(segment.limits, other.limits, strict=True):
+    for loaded_segment, segment in zip(loaded.segments, plan.segments, strict=True):
+        for limit, wanted in zip(loaded_segment.limits, segment.limits, strict=True):
             same_motion(limit.backward, wanted.backward)
             same_motion(limit.forward, wanted.forward)
+        for name in ("at_start", "at_end", "joined_at_end"):
+            assert causes(getattr(loaded_segment, name)) == causes(getattr(segment, name))
+    stored = {cause for s in loaded.segments for pair in causes(s.at_end) for cause in pair}
+    assert RangeLimitCause.REACH in stored
     assert [entry.ranges for entry in loaded.ranges] == [entry.ranges for entry in plan.ranges]
     assert (loaded.search.objective, loaded.stretch) == (plan.search.objective, 1.0)
     assert loaded.certificate == plan.certificate

@@ -7,7 +7,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.planning import planar_tangency
-from freefloat.planning.planar_tangency import TangencyKind, tangency_points
+from freefloat.planning.planar_tangency import TangencyKind, planar_tangency_points
 from freefloat.so3 import heading_quaternion
 from tests.motions import bundled
 
@@ -19,7 +19,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def points(problem):
-    return tangency_points(problem, 5.0, (0.0, 100.0))
+    return planar_tangency_points(problem, 5.0, (0.0, 100.0))
 
 
 def test_tangency_points_are_on_the_path_with_s_equal_s0(problem, points):
@@ -56,18 +56,18 @@ def test_without_momentum_tangency_does_not_depend_on_the_time_law(problem):
     still = replace(problem, momentum=[0, 0, 0])
     timing = ff.Timing(250.0, law=bundled("planar_3dof/parabola").path.timing.law)
     slow = replace(still, path=ff.TimedPath(problem.path.path, timing))
-    s = sorted(point.s for point in tangency_points(still, 5.0, (0.0, 100.0)))
+    s = sorted(point.s for point in planar_tangency_points(still, 5.0, (0.0, 100.0)))
     assert s == pytest.approx(
-        sorted(point.s for point in tangency_points(slow, 5.0, (0.0, 250.0))), abs=1e-8
+        sorted(point.s for point in planar_tangency_points(slow, 5.0, (0.0, 250.0))), abs=1e-8
     )
 
 
 def test_ten_times_as_many_instants_find_the_same_points(problem, points, monkeypatch):
     monkeypatch.setattr(planar_tangency, "_TIMES", 10 * planar_tangency._TIMES)
-    fine = tangency_points(problem, 5.0, (0.0, 100.0))
+    fine = planar_tangency_points(problem, 5.0, (0.0, 100.0))
     times = sorted(point.time for point in points)
     assert sorted(point.time for point in fine) == pytest.approx(times, abs=1e-7)
 
 
 def test_a_level_beyond_s_max_has_no_tangency_point(problem):
-    assert tangency_points(problem, 200.0, (0.0, 100.0)) == ()
+    assert planar_tangency_points(problem, 200.0, (0.0, 100.0)) == ()

@@ -80,6 +80,11 @@ class VirtualManipulator:
         """Lengths of the barycentric vectors [m], shape (n + 1,)."""
         return np.asarray(np.linalg.norm(self.links, axis=1))
 
+    @property
+    def last_link(self) -> Array:
+        """The last barycentric vector in the end-effector frame [m], shape (3,)."""
+        return np.asarray(self.tool.T @ self.links[-1])
+
     def kinematics(self, joints: npt.ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Forward kinematics for K joint vectors.
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -27,7 +29,7 @@ from freefloat.planning.planar_ranges import (
     RangeLimit,
     RangeLimitCause,
 )
-from freefloat.planning.planar_tangency import TangencyKind, TangencyPoint
+from freefloat.planning.planar_tangency import PlanarTangencyPoint, TangencyKind
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import Array, without_jumps
 
@@ -36,7 +38,14 @@ _MAX = 1e12
 _ROUNDING = 1e-9
 """Deviation of the length of a stored quaternion from 1, and of the centre of mass [m]."""
 _WORST = ("end_effector_position", "end_effector_attitude", "momentum", "centre_of_mass", "rates")
-_ENDS = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
+_CAUSES_BEFORE_0_2 = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
+"""Causes of the ends of a range in files without causes, which freefloat 0.1.0 wrote."""
+_SEGMENT_RANGES = {
+    "ranges_at_start_deg": "at_start",
+    "ranges_at_end_deg": "at_end",
+    "joined_at_end_deg": "joined_at_end",
+}
+"""Ranges of a segment: keys of its document, which are also those of their causes in its group."""
 
 
 def write_simulation(file: Any, simulation: Simulation, _: Document) -> None:
@@ -73,13 +82,14 @@ def write_plan(file: Any, plan: Plan, _: Document) -> None:
         values = np.reshape([(heading.low, heading.high) for heading in entry.ranges], (-1, 2))
         ranges = file.create_dataset(f"ranges/branch_{entry.branch}", data=values)
         ranges.attrs["label"], ranges.attrs["unit"] = entry.label, "rad"
-        causes = [str(cause) for heading in entry.ranges for cause in heading.causes]
-        if causes:
-            ranges.attrs["causes"] = np.array(causes, dtype=TEXT)
+        _write_causes(ranges, "causes", (entry,))
     for number, segment in enumerate(plan.segments):
+        group = file.create_group(f"segments/{number}")
+        for key, name in _SEGMENT_RANGES.items():
+            _write_causes(group, f"{key}_causes", getattr(segment, name))
         for index, limit in enumerate(segment.limits):
-            _write_motion(file, f"segments/{number}/{index}/backward", limit.backward)
-            _write_motion(file, f"segments/{number}/{index}/forward", limit.forward)
+            _write_motion(group, f"{index}/backward", limit.backward)
+            _write_motion(group, f"{index}/forward", limit.forward)
     if plan.chosen is not None:
         _write_branch(file, "motion", plan.chosen)
     if plan.map is not None:
@@ -118,20 +128,25 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
     )
 
 
+def _write_causes(item: Any, name: str, entries: Iterable[BranchRanges]) -> None:
+    """Write the causes of the ends of ranges as an attribute: two of each but full circles."""
+    causes = [str(cause) for e in entries for part in e.ranges for cause in part.causes]
+    if causes:
+        item.attrs[name] = np.array(causes, dtype=TEXT)
+
+
+def _read_causes(item: Any, name: str) -> Iterator[RangeLimitCause]:
+    """The causes of an attribute; none in files without."""
+    return (RangeLimitCause(str(cause)) for cause in item.attrs.get(name, ()))
+
+
 def _read_ranges(group: Any, documents: list[Document]) -> tuple[BranchRanges, ...]:
     entries = {}
     for document in documents:
         name = f"branch_{document['branch']}"
         (values,) = read_numbers(group, name)
-        causes = [RangeLimitCause(str(cause)) for cause in group[name].attrs.get("causes", ())]
-        ranges = []
-        for low, high in values.tolist():
-            if high - low >= TURN - 1e-9:
-                ranges.append(HeadingRange(low, high, ()))
-            else:
-                ranges.append(HeadingRange(low, high, tuple(causes[:2]) or _ENDS))
-                causes = causes[2:]
-        entries[name] = _branch_ranges(document, tuple(ranges))
+        causes = _read_causes(group[name], "causes")
+        entries[name] = _branch_ranges(document, _with_causes(values.tolist(), causes))
     if entries.keys() != set(group):
         raise ValueError("its ranges are not of the branches in its document")
     return tuple(entries.values())
@@ -150,26 +165,39 @@ def _segment(document: Document, group: Any, problem: Problem) -> Segment:
             margin = Margin(problem.margin.measure, abs(entry["level"]))
             tangent = replace(problem, margin=margin)
             ways = (group[f"{index}/{way}"] for way in ("backward", "forward"))
-            point = TangencyPoint(
+            point = PlanarTangencyPoint(
                 TangencyKind(entry["kind"]), entry["time"], entry["s"], entry["level"],
                 entry["heading"], np.array(entry["joints"]),
             )  # fmt: skip
             limits.append(RangeLimit(point, *(_read_motion(way, tangent) for way in ways)))
-    starts, ends, joined = (
-        tuple(_branch_ranges(entry, _heading_ranges(entry["ranges"])) for entry in document[key])
-        for key in ("ranges_at_start_deg", "ranges_at_end_deg", "joined_at_end_deg")
-    )
-    return Segment((document["from"], document["to"]), tuple(limits), starts, ends, joined)
+    ranges = {}
+    for key, name in _SEGMENT_RANGES.items():
+        causes = _read_causes(group, f"{key}_causes") if group else iter(())
+        ranges[name] = tuple(
+            _branch_ranges(entry, _with_causes(_spans(entry["ranges"]), causes))
+            for entry in document[key]
+        )
+    return Segment((document["from"], document["to"]), tuple(limits), **ranges)
 
 
-def _heading_ranges(degrees: list[list[float]]) -> tuple[HeadingRange, ...]:
-    """Ranges of headings of a document, those across zero joined again."""
+def _spans(degrees: list[list[float]]) -> list[tuple[float, float]]:
+    """First and last headings [rad] of the ranges of a document, those across zero joined again."""
     parts = [(float(low), float(high)) for low, high in np.radians(degrees).reshape(-1, 2)]
     if len(parts) > 1 and parts[0][0] == 0.0 and parts[-1][1] == TURN:
         parts = [*parts[1:-1], (parts[-1][0], TURN + parts[0][1])]
-    return tuple(
-        HeadingRange(low, high, () if high - low >= TURN - 1e-9 else _ENDS) for low, high in parts
-    )
+    return parts
+
+
+def _with_causes(
+    spans: Iterable[Sequence[float]], causes: Iterator[RangeLimitCause]
+) -> tuple[HeadingRange, ...]:
+    """Ranges between headings [rad]; each but full circles takes the next two causes."""
+    ranges = []
+    for low, high in spans:
+        full = high - low >= TURN - 1e-9
+        ends = () if full else tuple(islice(causes, 2)) or _CAUSES_BEFORE_0_2
+        ranges.append(HeadingRange(low, high, ends))
+    return tuple(ranges)
 
 
 def _read_limits(

@@ -21,7 +21,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import is_kept
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
-from freefloat.planning.planar_tangency import TangencyPoint, tangency_points
+from freefloat.planning.planar_tangency import PlanarTangencyPoint, planar_tangency_points
 from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, point_3_on_path
 
@@ -54,7 +54,7 @@ class RangeLimit:
         forward: From the tangency point to the end of the span.
     """
 
-    tangency: TangencyPoint
+    tangency: PlanarTangencyPoint
     backward: Motion = field(repr=False)
     forward: Motion = field(repr=False)
 
@@ -152,7 +152,7 @@ def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
     S of the planar problem is ``system`` and depends on two joint angles.
     """
     limits, level = [], _level(problem)
-    for point in tangency_points(problem, level, span):
+    for point in planar_tangency_points(problem, level, span):
         motions = _feasible_motions(problem, point.heading, point.joints, point.time, span, level)
         if motions is not None:
             limits.append(RangeLimit(point, *motions))

@@ -49,7 +49,7 @@ class TangencyKind(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class TangencyPoint:
+class PlanarTangencyPoint:
     """A state at which a motion may have S = S0 as its smallest magnitude.
 
     Attributes:
@@ -69,9 +69,9 @@ class TangencyPoint:
     joints: Array
 
 
-def tangency_points(
+def planar_tangency_points(
     problem: Problem, level: float, span: tuple[float, float]
-) -> tuple[TangencyPoint, ...]:
+) -> tuple[PlanarTangencyPoint, ...]:
     """Every state that satisfies the conditions of Case I or Case II.
 
     Minima of the magnitude are kept, maxima left out by the second derivative. Whether a motion
@@ -83,7 +83,7 @@ def tangency_points(
         span: First and last time of the motion [s].
     """
     candidates = _Candidates(problem, span)
-    points: list[TangencyPoint] = []
+    points: list[PlanarTangencyPoint] = []
     for curve in margin_curves(candidates.arm, level, -level):
         points += _at_ends(candidates, curve)
         points += _along_path(candidates, curve)
@@ -144,7 +144,7 @@ class _Candidates:
         position, velocity = complex(*pose.position[:2]), complex(*tangent[:2])
         angle, rate = 0.0, 0.0
         if self._problem.task.prescribes_orientation:
-            link = pose.rotation @ self._virtual.tool.T @ self._virtual.links[-1]
+            link = pose.rotation @ self._virtual.last_link
             angle, rate = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0])), tangent[5]
             position -= complex(*link[:2])
             velocity -= 1j * rate * complex(*link[:2])
@@ -193,12 +193,12 @@ class _Candidates:
         distance = abs(complex(point_3(self.arm, q))) - abs(complex(path.position))
         return [(S - level) / abs(level), distance]
 
-    def point(self, kind: TangencyKind, q: Array, t: float, level: float) -> TangencyPoint:
+    def point(self, kind: TangencyKind, q: Array, t: float, level: float) -> PlanarTangencyPoint:
         """The state of a candidate."""
         angles = self.angles(q, self.path_at(t))
         joints = (self.arm.signs * np.diff(angles) + np.pi) % (2.0 * np.pi) - np.pi
         heading = float(angles[0] % (2.0 * np.pi))
-        return TangencyPoint(kind, t, self._timing.s(t), level, heading, frozen(joints))
+        return PlanarTangencyPoint(kind, t, self._timing.s(t), level, heading, frozen(joints))
 
 
 def _instants(ends: tuple[float, ...], span: tuple[float, float]) -> Array:
@@ -209,7 +209,7 @@ def _instants(ends: tuple[float, ...], span: tuple[float, float]) -> Array:
     return np.unique(np.concatenate([*inner, edges]))
 
 
-def _at_ends(candidates: _Candidates, curve: MarginCurve) -> Iterator[TangencyPoint]:
+def _at_ends(candidates: _Candidates, curve: MarginCurve) -> Iterator[PlanarTangencyPoint]:
     """Case II: the margin curve crossed with the distance curve of an end of the path."""
     for kind, t in zip((TangencyKind.START, TangencyKind.END), candidates.span, strict=True):
         path = candidates.path_at(t)
@@ -221,7 +221,7 @@ def _at_ends(candidates: _Candidates, curve: MarginCurve) -> Iterator[TangencyPo
                 yield candidates.point(kind, solution.x, t, curve.level)
 
 
-def _along_path(candidates: _Candidates, curve: MarginCurve) -> Iterator[TangencyPoint]:
+def _along_path(candidates: _Candidates, curve: MarginCurve) -> Iterator[PlanarTangencyPoint]:
     """Case I: along the candidates over (margin curve, time), where dS/dt changes sign."""
     places, instants = np.arange(len(curve.radii)), np.arange(len(candidates.times))
     off = curve.radii[None, :] - np.abs(candidates.path.position)[:, None]
@@ -247,7 +247,9 @@ def roots_between(values: Array) -> list[int]:
     return [int(i) for i in np.flatnonzero(near)]
 
 
-def _refined(candidates: _Candidates, level: float, q: Array, t: float) -> TangencyPoint | None:
+def _refined(
+    candidates: _Candidates, level: float, q: Array, t: float
+) -> PlanarTangencyPoint | None:
     """Solve S = S0, (28) and dS/dt = 0 to rounding; None where there is no minimum nearby."""
     first, span = candidates.span[0], candidates.span[1] - candidates.span[0]
     steepness = max(abs(float(candidates.slope(q, candidates.path_at(t)))), abs(level) / span)
@@ -267,7 +269,7 @@ def _refined(candidates: _Candidates, level: float, q: Array, t: float) -> Tange
     return candidates.point(TangencyKind.TANGENT, q, time, level)
 
 
-def _same(point: TangencyPoint, other: TangencyPoint) -> bool:
+def _same(point: PlanarTangencyPoint, other: PlanarTangencyPoint) -> bool:
     angles = np.append(point.joints - other.joints, point.heading - other.heading)
     return bool(
         point.kind is other.kind

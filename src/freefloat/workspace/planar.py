@@ -211,7 +211,7 @@ def point_3_on_path(problem: Problem, s: float) -> complex:
     if problem.task is not Task.PLANAR_POSE:
         return _flat(pose.position)
     virtual = VirtualManipulator.of(problem.model)
-    return _flat(pose.position - pose.rotation @ virtual.tool.T @ virtual.links[-1])
+    return _flat(pose.position - pose.rotation @ virtual.last_link)
 
 
 def most_singular_place(problem: Problem) -> tuple[float, float]:

@@ -103,7 +103,7 @@ def exact_workspace(problem: Problem) -> Workspace | None:
     if has_two_angle_form(problem.model, problem.task):
         arm, point = PlanarArm.of(problem.model), "end-effector"
         if problem.task is Task.PLANAR_POSE:
-            point, tip = "last joint", -virtual.tool.T @ virtual.links[-1]
+            point, tip = "last joint", -virtual.last_link
     elif problem.task is Task.POSE:
         try:
             arm, name, point = elbow_arm(problem.model), "arm", "wrist centre"
