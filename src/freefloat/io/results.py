@@ -43,11 +43,8 @@ _KINDS: dict[str, tuple[str, Any, Any]] = {
 _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
-_INVALID = (
-    InputError, OSError, KeyError, ValueError, TypeError, AttributeError, IndexError, RuntimeError,
-    MemoryError, OverflowError, ZeroDivisionError, np.linalg.LinAlgError,
-)  # fmt: skip
-"""Errors of reading a file whose content does not fit together."""
+_INVALID = (InputError, KeyError, ValueError, IndexError, TypeError, OSError)
+"""Errors of reading a file whose content does not fit together; HDF5 raises OSError."""
 _RELATIVE, _ABSOLUTE = 1e-6, 1e-9
 """Deviation of a number in a document from the same number of its record: rounding."""
 
@@ -143,20 +140,20 @@ def load(path: str | Path) -> Plan | Simulation | AttitudeMap | HeadingMap:
     path = Path(path)
     try:
         with open_hdf5(path, _ACCEPTED) as file:
-            read = _reader(file, path)
+            reader = _reader_for(file, path)
             try:
-                return _read(file, read)
+                return _load_record(file, reader)
             except _INVALID as error:
                 key, problem = "file", str(error).splitlines()[0] or type(error).__name__
                 if isinstance(error, InputError):
                     key, problem = error.key, error.problem
                 raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
-    except (KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+    except (KeyError, ValueError, TypeError, RuntimeError) as error:
         problem = f"it cannot be read ({error})"
         raise InputError("file", problem, _ACCEPTED, str(path)) from None
 
 
-def _reader(file: Any, path: Path) -> Any:
+def _reader_for(file: Any, path: Path) -> Any:
     """The function that reads a kind of file."""
     name, number = file.attrs.get("format"), file.attrs.get("version")
     problem = "it is an HDF5 file of another kind"
@@ -168,9 +165,9 @@ def _reader(file: Any, path: Path) -> Any:
     raise InputError("file", problem, _ACCEPTED, str(path))
 
 
-def _read(file: Any, read: Any) -> Plan | Simulation | AttitudeMap | HeadingMap:
+def _load_record(file: Any, reader: Any) -> Plan | Simulation | AttitudeMap | HeadingMap:
     document = json.loads(read_text(file, "document"))
-    result: Plan | Simulation | AttitudeMap | HeadingMap = read(
+    result: Plan | Simulation | AttitudeMap | HeadingMap = reader(
         file, _read_scenario(file), document
     )
     for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
