@@ -24,8 +24,12 @@ from freefloat.so3 import (
 
 _CLOUD = 40
 """Attitudes in a cloud."""
-_CLIMBS, _FINISHED, _ROUNDS = 16, 4, 60
-"""Samples to climb from, how many of them to the top, and clouds on the way."""
+_CLIMBS = 16
+"""Samples to climb from."""
+_FINISHED = 4
+"""How many of them climb to the top."""
+_ROUNDS = 60
+"""Clouds on the way, at most."""
 _FINE = 2e-5
 """Clouds smaller than this end a climb [rad]."""
 _SMALL = 2e-3
@@ -33,8 +37,10 @@ _SMALL = 2e-3
 _CERTAIN = 5e-4
 """A compiled motion is certain to keep a margin that it exceeds by this fraction."""
 _PARTS = 8
-ROUGH, EXACT = 3, 6
-"""Rounds of bisection: to 0.2 percent of the distance, to 4e-6."""
+ROUGH = 3
+"""Rounds of bisection to 0.2 percent of the distance."""
+EXACT = 6
+"""Rounds of bisection to 4e-6 of the distance."""
 
 Flags = npt.NDArray[np.bool_]
 Inside = Callable[[Array], Flags]

@@ -30,15 +30,19 @@ if TYPE_CHECKING:
     from freefloat.verification.mujoco import ForwardRun, InverseRun
 
 PINOCCHIO, MUJOCO = ENGINES = ("pinocchio", "mujoco")
-_WRENCH, _DRIFT = 1e-4, 1e-3
-"""Wrench on the base as a fraction of the largest torque; final attitude of a simulation [rad]."""
+_WRENCH = 1e-4
+"""Allowed wrench on the base as a fraction of the largest torque."""
 _ROUNDING = 1e-9
-"""And fraction of the moment that would rotate the system by one radian in the duration, which is
-rounding where an arm hardly moves."""
+"""Wrench added to what is allowed, as a fraction of I / T² (I: trace of the system's inertia, T:
+duration): rounding, for arms that hardly move."""
+_DRIFT = 1e-3
+"""Allowed deviation of the final attitude of a simulation [rad]."""
 _CLEARANCE = 2e-4
 """Accuracy of distances [m]."""
-_RELATIVE, _ABSOLUTE = 1e-4, 1e-9
-"""Deviation of extrema, which are found by search."""
+_RELATIVE = 1e-4
+"""Relative deviation of extrema, which are found by search."""
+_ABSOLUTE = 1e-9
+"""Absolute deviation of all numbers: rounding."""
 _EXACT = 1e-6
 """Relative deviation of all other numbers: rounding."""
 _NEAR = 1e-6
@@ -50,7 +54,7 @@ class CheckReport:
     """Result of verifying a plan or a simulation.
 
     Attributes:
-        kind: ``"plan"`` or ``"motion"``.
+        kind: ``"plan"``, ``"motion"``, or ``"file"`` for a file that was altered.
         checks: Everything that was checked, in order.
         certificate: Recomputed certificate of the motion; None without a motion.
         limits: Recomputed limits of the motion.

@@ -77,9 +77,6 @@ class Check:
         }
 
 
-_KEYS = ("name", "passed", "told", "stated", "found", "allowed", "unit", "time")
-
-
 def error_check(
     name: str, error: float, allowed: float, unit: str, time: float | None, detail: str = ""
 ) -> Check:

@@ -15,17 +15,28 @@ from freefloat.so3 import Array, angle_between, rotation_matrix
 from freefloat.verification.mujoco_model import Engine
 
 _INSTANTS = 61
-_SAMPLES, _DEGREE = 15, 6
-"""Samples around an instant, and the degree of the polynomials fitted to them."""
-_WINDOW, _WINDOW_ANGLE = 5e-3, 0.1
-"""Half the time over which a motion is differentiated: as a fraction of its duration, and as the
-largest displacement in it [rad, m]."""
-_WITHIN, _SHORTEST = 0.49, 0.02
-"""Its largest fraction of a smooth segment; its fraction that suffices for derivatives."""
+_SAMPLES = 15
+"""Samples around an instant."""
+_DEGREE = 6
+"""Degree of the polynomials fitted to them."""
+_WINDOW = 5e-3
+"""Half the time over which a motion is differentiated, as a fraction of its duration."""
+_WINDOW_ANGLE = 0.1
+"""Largest displacement in that time [rad, m]."""
+_WITHIN = 0.49
+"""That time's largest fraction of a smooth segment."""
+_SHORTEST = 0.02
+"""Fraction of that time that suffices for derivatives."""
 _BEFORE_SINGULAR = 0.9
 """Fraction of a motion that is used if its end is singular."""
-_STEPS, _STEPS_PER_RADIAN, _STEPS_PER_SEGMENT, _MAX_STEPS = 4000, 150, 40, 40_000
-"""Number of steps: smallest, per radian or metre of motion, per smooth segment, largest."""
+_STEPS = 4000
+"""Smallest number of steps."""
+_STEPS_PER_RADIAN = 150
+"""Steps per radian or metre of motion."""
+_STEPS_PER_SEGMENT = 40
+"""Steps per smooth segment."""
+_MAX_STEPS = 40_000
+"""Largest number of steps."""
 _SPLINE = 0.3
 """Knots per step of the splines that the servos follow."""
 _STIFFNESS = 0.2
