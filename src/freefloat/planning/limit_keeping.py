@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -52,13 +52,13 @@ def keep_limits(
     if plan.chosen is None:
         return plan
     trials = _Trials(plan.problem, limits)
-    results = trials.check(plan.chosen)
+    results = trials.try_motion(plan.chosen)
     if results is not None:
         return replace(plan, limit_results=results)
-    for candidate in _trial_order(evaluator, plan, limits, trials, progress):
-        passed = trials.check_candidate(candidate)
-        if passed is not None:
-            return _with_candidate(plan, trials, passed)
+    passed = _first_passing(evaluator, plan, limits, trials, progress)
+    if passed is not None:
+        return _with_candidate(plan, trials, passed)
+    _examine_nearest(trials)
     results = trials.nearest_results()
     stretch = float(trials.stretch) if np.isfinite(trials.stretch) else None
     return replace(
@@ -82,6 +82,7 @@ class _Trials:
         violations: How many candidates violate which limit first.
         count: Number of precise motions.
         stretch: Smallest factor on the duration with which one of them would keep the limits.
+        screened_out: Candidates that violate a limit without a precise motion.
     """
 
     def __init__(self, problem: Problem, limits: Limits) -> None:
@@ -90,20 +91,34 @@ class _Trials:
         self.violations: Counter[str] = Counter()
         self.count = 0
         self.stretch = np.inf
+        self.screened_out: list[ScreenedCandidate] = []
         self._nearest: tuple[tuple[float, float], Motion] | None = None
 
-    def check_candidate(
+    def screen_out(self, candidate: ScreenedCandidate, violation: str) -> None:
+        """Record a candidate that violates a limit without a precise motion."""
+        self.violations[violation] += 1
+        self.screened_out.append(candidate)
+
+    def try_candidate(
         self, candidate: ScreenedCandidate, *, counted: bool = True
     ) -> _Passed | None:
-        """The precise motion of a candidate with its limits; None where it violates one."""
+        """Try the precise motion of a candidate.
+
+        Returns:
+            The motion and every limit result, or None if it violates the margin or a limit.
+        """
         simulated = integrate_branch(self.problem, candidate.attitude, candidate.branch)
-        results = self.check(simulated, counted=counted)
+        results = self.try_motion(simulated, counted=counted)
         return None if results is None else (simulated, results)
 
-    def check(
+    def try_motion(
         self, simulated: SimulatedBranch, *, counted: bool = True
     ) -> tuple[LimitResult, ...] | None:
-        """Limits along a motion that keeps them and the margin; None where it violates one."""
+        """Check a motion and record what it violates.
+
+        Returns:
+            Every limit result, or None if it violates the margin or a limit.
+        """
         self.count += 1
         if not simulated.feasible:
             if counted:
@@ -139,14 +154,14 @@ def _excess(results: list[LimitResult]) -> tuple[float, float]:
     return max(result.ratio for result in results), max(depths, default=0.0)
 
 
-def _trial_order(
+def _first_passing(
     evaluator: FeasibilityEvaluator,
     plan: Plan,
     limits: Limits,
     trials: _Trials,
     progress: Progress | None,
-) -> Iterator[ScreenedCandidate]:
-    """Candidates to integrate precisely; the next one where those before violate a limit."""
+) -> _Passed | None:
+    """The best candidate that keeps margin and limits; None where none of those tried does."""
     if plan.map is not None:
         attitudes, margins = plan.map.attitudes, plan.map.margins
         spacing = grid_spacing(len(attitudes))
@@ -155,28 +170,35 @@ def _trial_order(
         margins = evaluator.evaluate(attitudes).margins
     total = int(plan.problem.margin.is_kept(margins).sum())
     pairs = None if limits.clearance is None else trials.checker.pairs
-    refused, skipped, screened_out = [list[ScreenedCandidate]() for _ in range(3)]
+    refused, skipped = list[ScreenedCandidate](), list[ScreenedCandidate]()
     candidates = screen(evaluator, attitudes, margins, plan.search, limits, pairs)
     for number, candidate in enumerate(candidates, 1):
         if progress is not None:
             progress(max(trials.count / _MOST, number / total))
         if candidate.violation is not None:
-            trials.violations[candidate.violation] += 1
-            screened_out.append(candidate)
+            trials.screen_out(candidate, candidate.violation)
         elif _is_near(candidate, refused, spacing):
             skipped.append(candidate)
         else:
-            yield candidate
+            passed = trials.try_candidate(candidate)
+            if passed is not None:
+                return passed
             refused.append(candidate)
             if trials.count >= _MOST:
                 break
-    if limits.joint_rate is not None:
-        yield from _slowest(skipped)
-    fast = [entry for entry in screened_out if entry.violation is LimitKind.JOINT_RATE]
-    near = [entry for entry in screened_out if entry.violation is LimitKind.CLEARANCE]
+    again = () if limits.joint_rate is None else _slowest(skipped)
+    tried = (trials.try_candidate(candidate) for candidate in again)
+    return next((passed for passed in tried if passed is not None), None)
+
+
+def _examine_nearest(trials: _Trials) -> None:
+    """Try the screened-out candidates nearest to passing, for the reason and the stretch."""
+    out = trials.screened_out
+    fast = [entry for entry in out if entry.violation is LimitKind.JOINT_RATE]
+    near = [entry for entry in out if entry.violation is LimitKind.CLEARANCE]
     near.sort(key=lambda entry: entry.clearance_deficit)
-    for candidate in (*_slowest(fast), *near[:_NEAREST]):  # for the reason and the stretch
-        trials.check_candidate(candidate, counted=False)
+    for candidate in (*_slowest(fast), *near[:_NEAREST]):
+        trials.try_candidate(candidate, counted=False)
 
 
 def _slowest(candidates: Iterable[ScreenedCandidate]) -> list[ScreenedCandidate]:
@@ -226,7 +248,7 @@ def _moved_nearer(trials: _Trials, present: Array, passed: _Passed) -> _Passed:
         attitude = between(middle).as_quat()
         nearer = None
         if any(entry.index == branch for entry in problem.branches(attitude)):
-            nearer = trials.check_candidate(ScreenedCandidate(attitude, branch))
+            nearer = trials.try_candidate(ScreenedCandidate(attitude, branch))
         if nearer is None:
             high = middle
         else:
