@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,20 +24,50 @@ from freefloat.so3 import (
     grid_spacing,
 )
 
-_WIDE, _DIRECTIONS, _LIMITS = 512, 8, 64
-"""Attitudes that search for the outside, how many are moved closest, and how many are kept."""
+_WIDE = 512
+"""Attitudes that search for the outside."""
+_DIRECTIONS = 8
+"""How many of those found outside are moved closest."""
+_KEPT = 64
+"""Attitudes found outside a ball that are moved to the boundary, at most."""
 _COARSE = 8e-3
 """Clouds smaller than this end the search for the closest attitude outside [rad]."""
-_SMALLEST, _CONFIRMING, _CAUTION = 2e-5, 4096, 0.99
-"""Smallest radius of a ball [rad], attitudes that confirm one, fraction of its radius reported."""
-_ROUNDS, _SETTLED = 60, 0.985
-"""Balls examined at most, and the fraction of the largest possible radius that is enough."""
+_SMALLEST = 2e-5
+"""Smallest radius of a ball [rad]."""
+_CONFIRMING = 4096
+"""Attitudes that confirm a ball."""
+_CAUTION = 0.99
+"""Fraction of its radius that is reported."""
+_ROUNDS = 60
+"""Balls examined, at most."""
+_SETTLED = 0.985
+"""Fraction of the largest possible radius that is enough."""
 _PROMISING = 0.25
 """A branch is examined when its deepest sample exceeds the best radius by this many spacings."""
 _EDGE = 400
 """Points of the boundary that a search for the deepest attitude begins with."""
-_CENTERS, _STARTS, _FINEST = 20_000, 4, 2e-3
-"""Centres considered, those refined, and to what [rad]."""
+_CENTERS = 20_000
+"""Centres considered."""
+_STARTS = 4
+"""How many of them are refined."""
+_FINEST = 2e-3
+"""Accuracy of refined centres [rad]."""
+
+
+class _Start(NamedTuple):
+    """Where the search for the largest ball of an arm branch begins.
+
+    Attributes:
+        depth: Distance of the branch's deepest sample from the nearest infeasible one [rad].
+        branch: Number of the branch; None for the best branch of a redundant arm.
+        inside: Which samples are feasible and clear of all singularities, shape (N,).
+        attitude: The deepest sample.
+    """
+
+    depth: float
+    branch: int | None
+    inside: Flags
+    attitude: Array
 
 
 def safe_radius(
@@ -62,22 +93,22 @@ def deepest(
     Returns:
         None where no sample is feasible and clear of all singularities.
     """
-    spacing, starts = grid_spacing(samples.samples), []
+    spacing, starts = grid_spacing(samples.samples), list[_Start]()
     for branch, _ in samples.branch_margins():
         if (inside := samples.regular(branch)).any():
             depth = depths(samples.attitudes, inside)
-            starts.append((float(depth.max()), branch, inside, int(np.argmax(depth))))
+            attitude = samples.attitudes[int(np.argmax(depth))]
+            starts.append(_Start(float(depth.max()), branch, inside, attitude))
     best: Candidate | None = None
-    for depth_, branch, inside, sample in sorted(starts, key=lambda start: -start[0]):
-        radius = 0.0 if best is None else best.score
-        if best is not None and depth_ < radius + _PROMISING * spacing:
+    for start in sorted(starts, key=lambda start: -start.depth):
+        branch, radius = start.branch, 0.0 if best is None else best.score
+        if best is not None and start.depth < radius + _PROMISING * spacing:
             break
         regular = partial(evaluator.regular, branch=branch)
-        limits = edge(regular, samples.attitudes, inside, _EDGE, ROUGH)
+        boundary = edge(regular, samples.attitudes, start.inside, _EDGE, ROUGH)
         tangent = [point.attitude for point in known if point.branch == branch]
-        outside = np.vstack([samples.attitudes[~inside], limits, *tangent])
-        start = samples.attitudes[sample]
-        ball = _largest_ball(evaluator, start, branch, outside, spacing, radius)
+        outside = np.vstack([samples.attitudes[~start.inside], boundary, *tangent])
+        ball = _largest_ball(evaluator, start.attitude, branch, outside, spacing, radius)
         if best is None or ball.score > best.score:
             best = ball
     return _confirmed(evaluator, best) if best is not None and best.score > 0.0 else None
@@ -95,18 +126,18 @@ def _outside_nearby(
     They are searched for within ``reach`` first, and farther only where there are none.
     """
 
-    def outside(attitudes: Array) -> Flags:
+    def is_outside(attitudes: Array) -> Flags:
         return ~evaluator.regular(attitudes, branch)
 
-    radius, limits = reach, np.empty((0, 4))
-    while not len(limits) and radius < 2.0 * np.pi:
+    radius, outside = reach, np.empty((0, 4))
+    while not len(outside) and radius < 2.0 * np.pi:
         cloud = attitudes_within(attitude, min(radius, np.pi), _WIDE // evaluator.sample_reduction)
-        limits, radius = cloud[outside(cloud)], 2.0 * radius
-    if not len(limits):
-        return float(np.pi), limits
-    limits = limits[np.argsort(angle_between(limits, attitude))]
-    spread = _spread(limits, _DIRECTIONS // evaluator.sample_reduction)
-    nearest = closest(outside, attitude, spread, spacing / 2.0, _COARSE)
+        outside, radius = cloud[is_outside(cloud)], 2.0 * radius
+    if not len(outside):
+        return float(np.pi), outside
+    outside = outside[np.argsort(angle_between(outside, attitude))]
+    spread = _spread(outside, _DIRECTIONS // evaluator.sample_reduction)
+    nearest = closest(is_outside, attitude, spread, spacing / 2.0, _COARSE)
     return float(angle_between(nearest, attitude).min()), nearest
 
 
@@ -140,12 +171,12 @@ def _largest_ball(
             outside = np.vstack([outside, center])
             continue
         reach = spacing if number == 0 else 1.1 * largest
-        radius, limits = _outside_nearby(evaluator, center, branch, spacing, reach)
-        outside = np.vstack([outside, limits])
+        radius, found = _outside_nearby(evaluator, center, branch, spacing, reach)
+        outside = np.vstack([outside, found])
         if radius > best.score:
-            limits = _outside_within(evaluator, center, branch, radius)
-            outside = np.vstack([outside, limits])
-            radius = float(angle_between(limits, center).min(initial=radius))
+            found = _outside_within(evaluator, center, branch, radius)
+            outside = np.vstack([outside, found])
+            radius = float(angle_between(found, center).min(initial=radius))
         if radius > best.score:
             best = Candidate(center, branch, radius)
     return best
@@ -156,12 +187,12 @@ def _outside_within(
 ) -> Array:
     """Attitudes outside among many spread in a ball, each moved to the boundary, shape (K, 4)."""
     cloud = attitudes_within(center, radius, _CONFIRMING // evaluator.sample_reduction)
-    limits = cloud[~evaluator.regular(cloud, branch)]
-    limits = limits[np.argsort(angle_between(limits, center))[:_LIMITS]]
-    if not len(limits):
-        return limits
-    centers = np.broadcast_to(center, limits.shape)
-    return bisect(lambda attitudes: ~evaluator.regular(attitudes, branch), limits, centers, ROUGH)
+    outside = cloud[~evaluator.regular(cloud, branch)]
+    outside = outside[np.argsort(angle_between(outside, center))[:_KEPT]]
+    if not len(outside):
+        return outside
+    centers = np.broadcast_to(center, outside.shape)
+    return bisect(lambda attitudes: ~evaluator.regular(attitudes, branch), outside, centers, ROUGH)
 
 
 def _farthest(centers: Array, outside: Array) -> tuple[Array, float]:
