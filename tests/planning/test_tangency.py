@@ -15,7 +15,7 @@ from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.planning.tangency import (
     boundary_attitude,
-    tangency_family,
+    sample_tangency_points,
     tangency_points,
 )
 from freefloat.robot.names import models_folder
@@ -370,8 +370,11 @@ def test_minimum_of_a_boundary_motion_is_that_of_its_tangency_point(problem):
 
 def test_a_family_is_spread_and_repeatable(problem):
     """The requested number, from several pairs (q1, q2), equal for equal seeds."""
-    family = tangency_family(problem, 12, seed=1)
-    again, other = tangency_family(problem, 12, seed=1), tangency_family(problem, 12, seed=2)
+    family = sample_tangency_points(problem, 12, seed=1)
+    again, other = (
+        sample_tangency_points(problem, 12, seed=1),
+        sample_tangency_points(problem, 12, seed=2),
+    )
     assert len(family) == 12
     assert [t.time for t in family] == [t.time for t in again]
     assert [t.time for t in family] != [t.time for t in other]

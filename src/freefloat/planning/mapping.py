@@ -26,7 +26,7 @@ from freefloat.planning.search import EXACT, bisect, edge, largest_margins, near
 from freefloat.planning.tangency import (
     boundary_attitude,
     require_tangency_points,
-    tangency_family,
+    sample_tangency_points,
 )
 from freefloat.so3 import (
     Array,
@@ -218,7 +218,9 @@ def tangent_boundary(
     """
     problem, points = evaluator.problem, list[BoundaryPoint]()
     for batch in range(_BATCHES):
-        for tangency in tangency_family(problem, _SPARE * (count - len(points)), seed + batch):
+        for tangency in sample_tangency_points(
+            problem, _SPARE * (count - len(points)), seed + batch
+        ):
             start = boundary_attitude(problem, tangency)
             if start is None:
                 continue

@@ -54,7 +54,7 @@ def plan(
             checked when left out.
         stretch: Whether the duration may grow until rates and torques keep their limits.
         threads: Number of cores to use; all available ones when left out.
-        progress: Called with the fraction done, in [0, 1].
+        progress: Called with the fraction of the current step done; restarts with every step.
 
     Returns:
         The plan; an infeasible one has the reason.

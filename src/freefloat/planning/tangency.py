@@ -110,7 +110,9 @@ def tangency_points(
     return distinct(points, same)
 
 
-def tangency_family(problem: Problem, count: int, seed: int = 0) -> tuple[TangencyPoint, ...]:
+def sample_tangency_points(
+    problem: Problem, count: int, seed: int = 0
+) -> tuple[TangencyPoint, ...]:
     """Tangency points of both signs at evenly spread first two joint angles.
 
     There are fewer than ``count`` where 50 times as many pairs (q1, q2) have no more; the seed
