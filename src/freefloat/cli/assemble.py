@@ -34,7 +34,7 @@ _Centre = Annotated[
     typer.Option(metavar="X Y Z", help="Its centre of mass in its frame, m; default the origin."),
 ]
 _Size = Annotated[
-    Vector | None, typer.Option(metavar="X Y Z", help="Edges of the box that shows it, m.")
+    Vector | None, typer.Option(metavar="X Y Z", help="Edges of the box drawn for this body [m].")
 ]
 _Mesh = Annotated[
     Path | None, typer.Option(metavar="FILE", help="A mesh that shows it instead, in its frame.")

@@ -77,7 +77,9 @@ Page = Annotated[
 Plots = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Write figures to this folder, as PDF and PNG.")
 ]
-Threads = Annotated[int | None, typer.Option(min=1, metavar="T", help="Number of cores; all.")]
+Threads = Annotated[
+    int | None, typer.Option(min=1, metavar="T", help="Number of cores; default all.")
+]
 Quaternion = tuple[float, float, float, float]
 
 

@@ -116,9 +116,9 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
             ranges.add_row(number, _ranges(entry))
         yield ranges
     else:
-        fraction, samples = plan.map.feasible_fraction, plan.map.samples
-        share = percentage(fraction, plan.map.feasible_fraction_error, samples)
-        yield f"{name}: {share} of {samples:,} initial attitudes are feasible"
+        samples, error = plan.map.samples, plan.map.feasible_fraction_error
+        feasible = percentage(plan.map.feasible_fraction, error, samples)
+        yield f"{name}: {feasible} of {samples:,} initial attitudes are feasible"
     for sentence in plan.disagreements:
         yield Text(f"not confirmed: {sentence}", "yellow")
     if plan.chosen is None:

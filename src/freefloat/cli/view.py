@@ -26,7 +26,13 @@ def view(
         typer.Argument(metavar="FILE", help="Files of plan, simulate or map; shown on one page."),
     ],
     port: Annotated[
-        int, typer.Option(min=0, max=65535, metavar="P", help="When taken, the next free one.")
+        int,
+        typer.Option(
+            min=0,
+            max=65535,
+            metavar="P",
+            help="Port of the page; if it is in use, the next free one.",
+        ),
     ] = 7007,
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Open no browser; implied by --json.")
@@ -48,7 +54,7 @@ def view(
         Path | None, typer.Option(metavar="FILE", help="Write a .gif, or a .mp4 (needs ffmpeg).")
     ] = None,
     fps: Annotated[
-        float | None, typer.Option(metavar="F", help="Frames per second of the video; 20.")
+        float | None, typer.Option(metavar="F", help="Frames per second of the video; default 20.")
     ] = None,
     speed: Annotated[
         float | None,
