@@ -32,21 +32,22 @@ _SAMPLES = {
     "largest_rates": "rad/s or m/s", "joint_lower": "rad or m", "joint_upper": "rad or m",
 }  # fmt: skip
 """Units of the arrays of samples, other than that of the measure."""
-_COMPLETED, _SINGULAR, _UNREACHED = 0, 1, -1
 
 
 def write_heading_map(file: Any, heading_map: HeadingMap, _: Document) -> None:
     """Write a map over headings: a row for each arm branch, a column for each heading."""
+    from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
+
     _write_margin(file, heading_map.problem)
     margins, ended_at = heading_map.minimum_margins, heading_map.ended_at
     early = ended_at < heading_map.problem.path.duration * (1.0 - 1e-9)
-    endings = np.where(early, _SINGULAR, _COMPLETED)
+    endings = np.where(early, SINGULAR, COMPLETED)
     write_arrays(file, {
         "heading": (heading_map.headings, "rad"),
         "branch": (heading_map.branches, "1"),
         "least": (margins, heading_map.problem.margin.measure.unit),
         "ended_at": (ended_at, "s"),
-        "ending": (np.where(np.isnan(margins), _UNREACHED, endings).astype(np.int8), _ENDINGS),
+        "ending": (np.where(np.isnan(margins), UNREACHED, endings).astype(np.int8), _ENDINGS),
     })  # fmt: skip
 
 
