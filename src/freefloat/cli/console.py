@@ -149,7 +149,7 @@ def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
     start = f"from joints {decimals(initial.joints, 3)}"
     name = start if problem.redundant else f"branch {chosen.branch.index}"
     yield f"Motion of {name}{mark}: {motion.ending.value}"
-    verdict = "keeps" if keeps_margin(chosen) else "violates"
+    verdict = "keeps" if chosen.feasible else "violates"
     yield (
         f"  minimum margin |{closest.measure}| {closest.value:.6g} at t = {closest.time:.4f} s, "
         f"{verdict} the margin {problem.margin.threshold:g}"
@@ -169,12 +169,6 @@ def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
         + (f" and {angle:.1e} rad" if angle is not None else "")
         + f", momentum {residuals.momentum:.1e} N m s"
     )
-
-
-def keeps_margin(branch: SimulatedBranch) -> bool:
-    """Whether a motion completes and keeps the margin."""
-    margin = branch.motion.problem.margin
-    return branch.motion.completed and margin.is_kept(branch.closest_approach.value)
 
 
 def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:

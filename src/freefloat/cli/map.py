@@ -109,17 +109,15 @@ def map_(
             threads=threads,
             progress=progress,
         )
-    document, planar = result.to_dict(), isinstance(result, HeadingMap)
-    tables: Any = _heading_tables if planar else _attitude_tables
+    document = result.to_dict()
+    tables: Any = _heading_tables if isinstance(result, HeadingMap) else _attitude_tables
     console.tables(tables(scenario, result))
     if output is not None:
         save(result, output, loaded)
     if plots is not None:
         document["plots"] = draw(console, plots, result, threads)
     console.json(document)
-    # a spatial map may find a feasible attitude between infeasible samples
-    between = not planar and result.best is not None
-    raise typer.Exit(DONE if result.feasible_fraction > 0.0 or between else NO)
+    raise typer.Exit(DONE if result.feasible_found else NO)
 
 
 def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:

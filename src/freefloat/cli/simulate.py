@@ -15,7 +15,6 @@ from freefloat.cli.console import (
     NO,
     Console,
     decimals,
-    keeps_margin,
     limit_tables,
     motion_lines,
     short_label,
@@ -149,6 +148,6 @@ def _verdict(entry: SimulatedBranch) -> Text:
         return Text(f"singular at {motion.final.time:.4f} s", "red")
     if not motion.completed:
         return Text(f"reaches the margin at {motion.final.time:.4f} s", "yellow")
-    if not keeps_margin(entry):
+    if not entry.feasible:
         return Text(f"completes, below {motion.problem.margin.threshold:g}", "yellow")
     return Text("keeps the margin", "green")

@@ -136,6 +136,11 @@ class AttitudeMap:
         return float(self.feasible.any(axis=1).mean())
 
     @property
+    def feasible_found(self) -> bool:
+        """Whether a feasible attitude was found, among the samples or between them."""
+        return self.feasible_fraction > 0.0 or self.best is not None
+
+    @property
     def feasible_fraction_error(self) -> float:
         """Standard error of :attr:`feasible_fraction` had the samples been drawn at random.
 

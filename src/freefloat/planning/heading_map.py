@@ -95,6 +95,11 @@ class HeadingMap:
         return float(self.feasible.any(axis=0).mean()) if self.branches else 0.0
 
     @property
+    def feasible_found(self) -> bool:
+        """Whether a feasible heading was found."""
+        return self.feasible_fraction > 0.0
+
+    @property
     def motions(self) -> int:
         """Number of motions."""
         return int(np.isfinite(self.minimum_margins).sum())
