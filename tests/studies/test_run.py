@@ -47,6 +47,26 @@ def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -
     assert simulated[1].row.reason == "The arm became dynamically singular."
 
 
+def test_a_run_in_space_has_no_heading(tmp_path: Path) -> None:
+    """Not even from an attitude that is a rotation about z."""
+    base = {
+        "robot": {"urdf": "spatial_6dof", "end_effector": "end_effector"},
+        "task": "pose",
+        "momentum": [0.5, 0.3, 0.1],
+        "path": {
+            "line": {"from": [1, 0, 0], "to": [-0.5, 0.8, 0.33]},
+            "attitude": {"fixed": {"axes": {"x": [0.4683, 1.1683, -0.7], "z": [1.5, -0.8, -0.33]}}},
+        },
+        "timing": {"law": "quintic"},
+        "margin": {"measure": "arm", "value": 5},
+    }
+    keys = {"base": base, "heading_deg": None, "attitude": [0.0, 0.0, 0.0, 1.0]}
+    (row,) = rows(tmp_path, {"timing.duration": {"list": [100]}}, **keys)
+    assert row.completed
+    assert row.attitude == [0.0, 0.0, 0.0, 1.0]
+    assert row.heading_deg is None
+
+
 @pytest.mark.slow
 def test_a_plan_has_the_results_of_plan(tmp_path: Path) -> None:
     keys = {"command": "plan", "heading_deg": None}

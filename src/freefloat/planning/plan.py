@@ -174,8 +174,8 @@ class Plan:
             "reason": self.reason,
             "objective": str(self.search.objective),
             "attitude_ranges_deg": [entry.to_dict() for entry in self.ranges],
-            "deviation_deg": _degrees(self.deviation),
-            "robust_radius_deg": _degrees(self.robust_radius),
+            "deviation_deg": degrees(self.deviation),
+            "robust_radius_deg": degrees(self.robust_radius),
             "segments": [segment.to_dict() for segment in self.segments],
             "tolerance": self.tolerance and self.tolerance.to_dict(),
             "disagreements": list(self.disagreements),
@@ -190,10 +190,11 @@ class Plan:
         return {
             **document,
             **self.chosen.to_dict(),
-            "heading_deg": _degrees(self.heading),
+            "heading_deg": degrees(self.heading),
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
         }
 
 
-def _degrees(angle: float | None) -> float | None:
+def degrees(angle: float | None) -> float | None:
+    """An angle [rad] in degrees; None for None."""
     return None if angle is None else float(np.degrees(angle))

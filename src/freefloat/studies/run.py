@@ -15,14 +15,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.results import save
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
-from freefloat.planning.plan import Plan
+from freefloat.planning.plan import Plan, degrees
 from freefloat.planning.simulation import SimulatedBranch, Simulation, simulate
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
 from freefloat.so3 import heading_of, heading_quaternion
@@ -182,24 +180,30 @@ def _plan_values(plan: Plan) -> dict[str, Any]:
         "reason": plan.reason,
         **motion,
         **_limit_values(plan.limit_results),
-        "robust_radius_deg": _degrees(plan.robust_radius),
-        "deviation_deg": _degrees(plan.deviation),
+        "robust_radius_deg": degrees(plan.robust_radius),
+        "deviation_deg": degrees(plan.deviation),
         "feasible_fraction": None if plan.map is None else plan.map.feasible_fraction,
     }
     if plan.ranges:
         ranges = {str(entry.branch): entry.degrees for entry in plan.ranges}
-        values["attitude_ranges_deg"], fraction, covered = ranges, 0.0, 0.0
-        for low, high in sorted(span for spans in ranges.values() for span in spans):
-            fraction += max(0.0, high - max(low, covered)) / 360.0
-            covered = max(covered, high)
-        values["feasible_fraction"] = fraction  # of headings in a range of any branch
+        values["attitude_ranges_deg"] = ranges
+        values["feasible_fraction"] = _covered_fraction(ranges)
     return values
+
+
+def _covered_fraction(ranges: dict[str, list[list[float]]]) -> float:
+    """Fraction of all headings in a range of any arm branch, from ranges in degrees."""
+    fraction, covered = 0.0, 0.0
+    for low, high in sorted(span for spans in ranges.values() for span in spans):
+        fraction += max(0.0, high - max(low, covered)) / 360.0
+        covered = max(covered, high)
+    return fraction
 
 
 def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
     document, problem = result.to_dict(), result.problem
     best, robust = document["best"] or {}, document["robust"] or {}
-    feasible = result.feasible_fraction > 0.0 or bool(best and not problem.task.planar)
+    feasible = result.feasible_found
     return {
         "verdict": FEASIBLE if feasible else INFEASIBLE,
         "reason": "" if feasible else "no attitude tried keeps the margin",
@@ -215,8 +219,7 @@ def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
 
 def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
     motion, margin = chosen.motion, chosen.closest_approach
-    attitude = motion.initial.attitude.tolist()
-    in_plane = attitude[:2] == [0.0, 0.0]
+    attitude, planar = motion.initial.attitude.tolist(), motion.problem.task.planar
     return {
         "completed": motion.completed,
         "measure": margin.measure,
@@ -226,7 +229,7 @@ def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
         "singular_time": motion.final.time if motion.ending is Ending.SINGULAR else None,
         "branch": chosen.branch.index,
         "attitude": attitude,
-        "heading_deg": math.degrees(heading_of(attitude)) if in_plane else None,
+        "heading_deg": math.degrees(heading_of(attitude)) if planar else None,
         "joints": motion.initial.joints.tolist(),
         "residuals": asdict(motion.residuals()),
     }
@@ -237,10 +240,6 @@ def _limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
         "limits_kept": all(result.kept for result in limits) if limits else None,
         "limits": {str(result.limit): result.ratio for result in limits},
     }
-
-
-def _degrees(angle: float | None) -> float | None:
-    return None if angle is None else float(np.degrees(angle))
 
 
 def finite(value: Any) -> Any:
