@@ -15,7 +15,7 @@ from freefloat.io.hdf5 import TEXT, read_numbers, write_arrays
 from freefloat.io.map_file import QUATERNION, Document, read_samples, write_samples
 from freefloat.io.scenario import Scenario
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
-from freefloat.motion.certificate import Certificate, Comparison, Proven, Worst
+from freefloat.motion.certificate import Certificate, CertifiedMinimum, Comparison, Worst
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending, Motion
@@ -221,7 +221,7 @@ def _certificate(document: Document | None) -> Certificate | None:
     return Certificate(**{
         **document,
         **worst,
-        "least": tuple(Proven(**entry) for entry in document["least"]),
+        "least": tuple(CertifiedMinimum(**entry) for entry in document["least"]),
         "integration": Comparison(**document["integration"]),
     })  # fmt: skip
 

@@ -28,7 +28,7 @@ _BEFORE_SINGULAR = 2
 
 
 @dataclass(frozen=True)
-class Proven:
+class CertifiedMinimum:
     """The smallest magnitude of a measure along a motion, and a proven lower bound.
 
     Attributes:
@@ -95,16 +95,18 @@ class Certificate:
         end_effector_position: Distance from the path [m].
         end_effector_attitude: Angle from the path's orientation [rad]; None where the task leaves
             the orientation free.
-        momentum: Deviation of the angular momentum from the prescribed one [N m s].
+        momentum: Deviation of the angular momentum from the prescribed one [N m s]; not evaluated
+            where time nearly stands still, or in panels without motion.
         momentum_scale: Scale of that deviation [N m s]: the largest angular momentum of the arm
             relative to the spacecraft, or the prescribed one if larger.
         centre_of_mass: Its distance from the inertial origin [m].
-        rates: Recorded joint rates minus those of (4), relative to the largest rate.
+        rates: Joint rates differentiated from the panels' polynomials, minus those of (4), relative
+            to the largest rate; not evaluated where time nearly stands still.
         integration: Comparison with a second integrator.
         integrator: Name of that integrator.
     """
 
-    least: tuple[Proven, ...]
+    least: tuple[CertifiedMinimum, ...]
     method: str
     intervals: int
     end_effector_position: Worst
@@ -118,7 +120,7 @@ class Certificate:
 
     def to_dict(self) -> dict[str, Any]:
         """The certificate as a JSON document."""
-        return {**asdict(self), "least": [asdict(proven) for proven in self.least]}
+        return {**asdict(self), "least": [asdict(minimum) for minimum in self.least]}
 
 
 def certify(motion: Motion, base_positions: Array | None = None) -> Certificate:
@@ -137,10 +139,9 @@ def certify(motion: Motion, base_positions: Array | None = None) -> Certificate:
     exact = motion.problem.model.base_position  # with the centre of mass at the origin
     states = zip(recorded, motion.attitudes, motion.joints, strict=True)
     drift = [np.linalg.norm(position - exact(*state)) for position, *state in states]
-    rates, scale = _rate_errors(motion)
-    proven, intervals = _proven(motion)
+    minima, intervals = _certified_minima(motion)
     return Certificate(
-        least=proven,
+        least=minima,
         method=METHOD,
         intervals=intervals,
         end_effector_position=_worst(poses[:, 0], times),
@@ -148,25 +149,24 @@ def certify(motion: Motion, base_positions: Array | None = None) -> Certificate:
         if motion.problem.task.prescribes_orientation
         else None,
         momentum=_worst(motion.momentum_errors(u), times),
-        momentum_scale=scale,
+        momentum_scale=_momentum_scale(motion),
         centre_of_mass=_worst(np.array(drift), motion.times),
-        rates=rates,
+        rates=_rate_errors(motion),
         integration=integrate_again(motion),
     )
 
 
 def _worst(errors: Array, times: Array) -> Worst:
-    """The largest of errors (K,), nan excluded."""
+    """The largest of errors (K,); nan, where an error was not evaluated, is skipped."""
     known = np.where(np.isnan(errors), 0.0, errors)
     index = int(known.argmax())
     return Worst(float(known[index]), float(times[index]))
 
 
-def _rate_errors(motion: Motion) -> tuple[Worst, float]:
-    """Relative errors of recorded joint rates by (4), and the scale of the momentum [N m s]."""
+def _rate_errors(motion: Motion) -> Worst:
+    """The largest of :attr:`Certificate.rates`."""
     problem, errors, times = motion.problem, [], []
     equation, fastest = problem.resolved_rate_solver(), 0.0
-    scale = float(np.linalg.norm(problem.momentum))
     for panel in range(motion.panels):
         segment = motion.timing_segment(panel)
         for _, state, slope in with_slopes(motion.coefficients[panel], NODES):
@@ -174,16 +174,24 @@ def _rate_errors(motion: Motion) -> tuple[Worst, float]:
             task = problem.path.twist_and_speed(float(state[0]), segment)
             exact = equation.rates(attitude, joints, *task)[1]
             fastest = max(fastest, float(np.abs(rates).max()))
-            _, Dq = inertia_matrices(problem.model, joints)
-            scale = max(scale, float(np.linalg.norm(Dq @ rates)))
             errors.append(float(np.abs(rates - exact).max()))
             times.append(float(state[0]))
     if not fastest:
-        return Worst(0.0, float(motion.times[0])), scale
-    return _worst(np.array(errors) / fastest, np.array(times)), scale
+        return Worst(0.0, float(motion.times[0]))
+    return _worst(np.array(errors) / fastest, np.array(times))
 
 
-def _proven(motion: Motion) -> tuple[tuple[Proven, ...], int]:
+def _momentum_scale(motion: Motion) -> float:
+    """See :attr:`Certificate.momentum_scale`."""
+    n, scale = motion.problem.model.dof, float(np.linalg.norm(motion.problem.momentum))
+    for coefficients in motion.coefficients:
+        for _, state, slope in with_slopes(coefficients, NODES):
+            _, Dq = inertia_matrices(motion.problem.model, state[-n:])
+            scale = max(scale, float(np.linalg.norm(Dq @ slope[-n:])))
+    return scale
+
+
+def _certified_minima(motion: Motion) -> tuple[tuple[CertifiedMinimum, ...], int]:
     """Smallest magnitudes of the measures with their bounds, and the number of intervals."""
     problem = motion.problem
     names = dict.fromkeys(("gjm", "sigma", problem.margin.measure.name))
@@ -196,7 +204,9 @@ def _proven(motion: Motion) -> tuple[tuple[Proven, ...], int]:
     if motion.ending is not Ending.SINGULAR and min(values.values()):
         bounds = lower_bounds(motion, values)
     return tuple(
-        Proven(approach.measure, approach.value, approach.time, bounds.bounds[approach.measure])
+        CertifiedMinimum(
+            approach.measure, approach.value, approach.time, bounds.bounds[approach.measure]
+        )
         for approach in approaches
     ), bounds.intervals
 

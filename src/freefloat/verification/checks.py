@@ -10,7 +10,7 @@ import numpy as np
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.certificate import Certificate, Proven
+from freefloat.motion.certificate import Certificate, CertifiedMinimum
 from freefloat.motion.margin import is_kept
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import angle_between
@@ -145,7 +145,7 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
                     max(_SECOND, 8.0 * again.halving_joints), "rad or m", again.joints_time),
         error_check("step halving", halving, _HALVING, "rad or m", again.until),
     ]  # fmt: skip
-    checks += [_margin_check(proven, motion, feasible) for proven in certificate.least]
+    checks += [_margin_check(minimum, motion, feasible) for minimum in certificate.least]
     if motion.ending is Ending.SINGULAR:
         checks.append(_singular_end(motion))
     if feasible and not motion.completed:
@@ -153,22 +153,22 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
     return checks
 
 
-def _margin_check(proven: Proven, motion: Motion, feasible: bool) -> Check:
+def _margin_check(minimum: CertifiedMinimum, motion: Motion, feasible: bool) -> Check:
     """Check that a measure does not vanish, and that the margin's measure keeps the margin."""
     problem = motion.problem
-    unit = singularity_measure(problem.model, problem.task, proven.measure).unit
-    name = "|det S*|" if proven.measure == "gjm" else proven.measure
+    unit = singularity_measure(problem.model, problem.task, minimum.measure).unit
+    name = "|det S*|" if minimum.measure == "gjm" else minimum.measure
     required = None
-    if feasible and proven.measure == problem.margin.measure.name:
+    if feasible and minimum.measure == problem.margin.measure.name:
         required = problem.margin.threshold
-    detail, passed = f"lower bound between the nodes: {proven.bound:.4g}", True
-    if feasible and not is_kept(proven.value, required or 0.0):
-        detail, passed = f"{proven.value:.6g} is below the margin {required or 0.0:.6g}", False
-    elif not proven.bound and motion.completed:
+    detail, passed = f"lower bound between the nodes: {minimum.bound:.4g}", True
+    if feasible and not is_kept(minimum.value, required or 0.0):
+        detail, passed = f"{minimum.value:.6g} is below the margin {required or 0.0:.6g}", False
+    elif not minimum.bound and motion.completed:
         detail, passed = "nothing is proven between the nodes", not feasible
-    elif not proven.bound:
+    elif not minimum.bound:
         detail = "the motion ends where it vanishes"
-    return Check(name, passed, detail, None, proven.value, required, unit, proven.time)
+    return Check(name, passed, detail, None, minimum.value, required, unit, minimum.time)
 
 
 def _singular_end(motion: Motion) -> Check:
