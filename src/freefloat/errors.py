@@ -173,7 +173,7 @@ def finite_number(key: str, value: object, accepted: str) -> float:
 
 
 def whole_number(key: str, value: object, minimum: int) -> int:
-    """The value as an integer of at least ``minimum``, else an InputError; floats are none."""
+    """The value as an integer of at least ``minimum``, else an InputError; floats are rejected."""
     import numpy as np
 
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < minimum:

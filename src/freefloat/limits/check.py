@@ -82,7 +82,8 @@ class LimitChecker:
     def in_turn(self, motion: Motion) -> Iterator[LimitResult]:
         """The results one by one, the cheapest first.
 
-        A clearance is not the smallest, but decides whether the limit is kept; see :meth:`settled`.
+        The value of a clearance decides whether the limit is kept, but need not be the smallest
+        distance along the motion; see :meth:`settled`.
         """
         return (self._check(limit, motion, decide_only=True) for limit in self._applicable())
 

@@ -69,7 +69,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class LimitResult:
-    """A limit along a motion, at the instant at which it is most used up.
+    """A limit along a motion, at the instant closest to, or farthest beyond, its bound.
 
     Attributes:
         limit: The kind of limit.

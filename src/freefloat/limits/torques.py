@@ -67,7 +67,7 @@ class InverseDynamics:
             segment: Segment of the time law, see :meth:`freefloat.paths.timing.Timing.s`.
 
         Returns:
-            NaN where the arm is exactly singular.
+            The rates, accelerations and forces; all NaN where the arm is exactly singular.
         """
         path = self._problem.path
         twist, speed = path.twist_and_speed(t, segment)

@@ -25,7 +25,7 @@ from freefloat.paths.timing import Leg
 from freefloat.so3 import Array, cross
 
 _TIME_UNITS = 10.0
-"""Arc length of the duration, along with the joints' radians and metres."""
+"""Length of the time axis, comparable with radians and metres."""
 _STALLED = 5e-5
 """Pace of time per arc length below which a redundant arm moves along a singularity."""
 _LONGEST_STEP = 1.0
@@ -53,16 +53,16 @@ def integrate_motion(
     """Integrate the motion along the path from an attitude and an arm configuration.
 
     The motion ends where the path does, or exactly where the arm becomes dynamically singular:
-    where det S* changes sign or the rates by time grow beyond all bounds.
+    where det S* changes sign or the rates by time grow beyond all bounds. That of a redundant arm
+    also ends at the first step in which time practically stands still.
 
     Args:
         problem: Robot, path and momentum.
         attitude: Of the spacecraft at ``start``, quaternion x, y, z, w.
         joints: Joint values at ``start``, shape (n,); the end-effector must be on the path.
         start: Time at which to begin [s].
-        end: Time at which to stop [s]; the duration when left out. An ``end`` before ``start``
-            retraces the motion that leads to ``start``: the paper's reverse motion with -h
-            (Appendix A).
+        end: Time at which to stop [s], by default the duration. One before ``start`` retraces the
+            motion that leads to ``start``: the paper's reverse motion with -h (Appendix A).
         stop_at_margin: End where the measure falls below the margin.
         tolerance: Relative and absolute, of the integrator, per step; from 1e-13 to 1e-2.
 
@@ -132,9 +132,9 @@ def _integrate(
     stepper = _Stepper(flow, tolerance, reference, bool(len(problem.path.path.breaks)))
     for leg_start, leg_end in pairwise(times):
         leg = problem.path.leg(leg_start, leg_end)
-        for panel, reversed_time in stepper.panels(panels[-1][-1], leg, leg_end):
+        for panel, singular in stepper.panels(panels[-1][-1], leg, leg_end):
             panels.append(panel[1:])
-            if reversed_time:
+            if singular:
                 return np.vstack(panels), Ending.SINGULAR
         panels[-1][-1, 0] = leg_end
     return np.vstack(panels), Ending.COMPLETED
@@ -155,7 +155,7 @@ class _Stepper:
         self._steps_left = _MAX_STEPS
 
     def panels(self, row: Array, leg: Leg, end: float) -> Iterator[tuple[Array, bool]]:
-        """Panels up to a time [s], each with whether time reverses at its end."""
+        """Panels up to a time [s], each with whether the arm is singular at its end."""
         unit, sign = self._flow.unit, self._direction
         goal = end / unit
         y = np.concatenate([[row[0] / unit], row[1:]])
@@ -181,7 +181,7 @@ class _Stepper:
             if solver.status == "failed":
                 raise IntegrationError(float(solver.y[0] * unit), str(message))
             dense, stop = solver.dense_output(), solver.t
-            reversed_time = bool(sign * solver.f[0] <= self._flow.stalled)
+            singular = bool(sign * solver.f[0] <= self._flow.stalled)
             if sign * solver.f[0] < 0.0:
                 stop = brentq(
                     lambda r, d=dense: tangent(r, d(r))[0], solver.t_old, stop, xtol=1e-14
@@ -191,8 +191,8 @@ class _Stepper:
                 yield _nodes(unit, dense, solver.t_old, stop), False
                 self._proposed = solver.h_abs if self._breaks else None
                 return
-            yield _nodes(unit, dense, solver.t_old, stop), reversed_time
-            if reversed_time:
+            yield _nodes(unit, dense, solver.t_old, stop), singular
+            if singular:
                 return
             self._reference = solver.f
         raise IntegrationError(

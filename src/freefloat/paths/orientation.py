@@ -31,7 +31,7 @@ _GAP = 1e-6
 _NEGLIGIBLE = 1e-8
 """Rotation by jumps of derivatives [rad] that is ignored."""
 _SMALL = 1e-3
-"""Rotation vectors shorter than this [rad] are exponentiated by a series."""
+"""Angle [rad] below which the coefficients of the left Jacobian are replaced by their limits."""
 
 
 @runtime_checkable

@@ -139,7 +139,7 @@ class FreeFloatingModel:
 
     @property
     def warnings(self) -> tuple[UrdfDiagnostic, ...]:
-        """What the URDF probably does not mean."""
+        """Diagnostics of severity WARNING."""
         return self.description.warnings
 
     @cached_property

@@ -127,12 +127,8 @@ def _joints(robot: RobotDescription) -> Faults:
         missing = [key for key, value in rated.items() if value is None]
         if joint.type != "continuous" and missing:
             problem = f"a {joint.type} joint without {' and '.join(missing)} in its <limit>"
-            yield (
-                joint,
-                "limit",
-                problem,
-                (_LIMIT + ', or type="continuous"' * (joint.type == "revolute")),
-            )
+            alternative = ', or type="continuous"' if joint.type == "revolute" else ""
+            yield joint, "limit", problem, _LIMIT + alternative
         for key, value in rated.items():
             if value is not None and value < 0.0:
                 yield joint, "limit", f'its <limit {key}="{value:g}"> is negative', "zero or more"

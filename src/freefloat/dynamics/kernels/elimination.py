@@ -14,7 +14,7 @@ def eliminate(S: Array, L: Array) -> float:
 
     Args:
         S: Shape (m, n).
-        L: Shape (m, m + 1); the right-hand side in the last column is transformed, too.
+        L: At least (m, m + 1); column m holds the right-hand side, which is transformed, too.
 
     Returns:
         det S, or sqrt(det(S S^T)).
