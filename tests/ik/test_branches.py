@@ -16,7 +16,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import (
     ArmBranch,
     arm_branches,
-    nearest_configuration,
+    newton_configuration,
     search_arm_branches,
 )
 from freefloat.robot.model import FreeFloatingModel
@@ -468,18 +468,19 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
         np.testing.assert_array_equal(branch.joints, other.joints)
 
 
-def test_nearest_configuration_stays_near(planar_3dof: FreeFloatingModel) -> None:
+def test_newton_configuration_stays_near(planar_3dof: FreeFloatingModel) -> None:
     """From joints that nearly hit to the ones that do; where there are none, no branch."""
     virtual = VirtualManipulator.of(planar_3dof)
     q = np.array([0.4, 1.0, -0.6])
     target = virtual.pose(q)
-    (nearest,) = nearest_configuration(planar_3dof, target, Task.PLANAR_POSITION, q + 0.01)
+    nearest = newton_configuration(planar_3dof, target, Task.PLANAR_POSITION, q + 0.01)
+    assert nearest is not None
     assert np.abs(virtual.pose(nearest.joints).position - target.position).max() < 1e-9
     assert np.abs(nearest.joints - q).max() < 0.05
     assert nearest.label == "given"
     assert nearest.index == 16  # none of those that arm_branches numbers
     far = Pose([0, 30, 0], np.eye(3))
-    assert nearest_configuration(planar_3dof, far, Task.PLANAR_POSITION, q) == []
+    assert newton_configuration(planar_3dof, far, Task.PLANAR_POSITION, q) is None
 
 
 # ---------------------------------------------------------------------------------- joint ranges

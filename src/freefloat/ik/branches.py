@@ -179,10 +179,10 @@ def search_arm_branches(
     return BranchSets(joints, names, labels)
 
 
-def nearest_configuration(
+def newton_configuration(
     model: FreeFloatingModel, target: Pose, task: Task, joints: Array
-) -> list[ArmBranch]:
-    """The configuration to which Newton's method converges from joints (n,), if it does.
+) -> ArmBranch | None:
+    """The configuration to which Newton's method converges from joints (n,), None if it does not.
 
     For redundant arms, whose configurations at a pose form a continuum.
     """
@@ -192,8 +192,8 @@ def nearest_configuration(
     (position,), (rotation,) = _poses(target.position[None], target.rotation[None])
     q = np.array(joints, dtype=float)
     if kernels.solve_nearby(chain, np.array(task.rows), position, rotation, q):
-        return [ArmBranch(kernels.MAX_BRANCHES, "given", frozen(q))]
-    return []
+        return ArmBranch(kernels.MAX_BRANCHES, "given", frozen(q))
+    return None
 
 
 def _chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:

@@ -19,7 +19,7 @@ from freefloat.ik.branches import (
     BranchSets,
     arm_branches,
     many_arm_branches,
-    nearest_configuration,
+    newton_configuration,
 )
 from freefloat.motion.margin import Margin
 from freefloat.paths.orientation import FreeOrientation
@@ -186,7 +186,8 @@ class Problem:
         candidates = list(branches)
         if self.redundant:
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
-            candidates += nearest_configuration(self.model, target, self.task, values)
+            configuration = newton_configuration(self.model, target, self.task, values)
+            candidates += [] if configuration is None else [configuration]
         for branch in candidates:
             if self.model.joint_distance(branch.joints, values) <= _NEAR:
                 return branch
