@@ -2,10 +2,9 @@
 
 ``curve(s, order)`` is the position for order 0, its derivatives by s for orders 1 and 2.
 
-A curve or orientation law of segments, at whose ends high derivatives jump, also has ``breaks``,
-the values of s, rising, inside (0, 1), of the jumps, and ``within(low, high)``: the same function
-from low to high, continued beyond by its outermost segments. Integrators whose steps end at the
-breaks keep their order; those that step across lose it.
+Curves and orientation laws may be made of segments, at whose ends high derivatives jump, see
+:class:`Segmented`. Integrators whose steps end at the breaks keep their order; those that step
+across lose it.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, TypeVar, cast, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +26,6 @@ _NEGLIGIBLE = 1e-8
 _ROUNDING = 1e-12
 """Overlap in s below which a segment is ignored."""
 
-T = TypeVar("T")
-
 
 @runtime_checkable
 class Curve(Protocol):
@@ -38,8 +35,25 @@ class Curve(Protocol):
         """Position, or its derivative of order 1 or 2 by s, shape (3,), inertial frame."""
 
 
+@runtime_checkable
+class Segmented(Protocol):
+    """A curve or orientation law of segments; by default of a single one.
+
+    Functions of s without ``breaks`` and ``within`` are taken for a single segment, too.
+    """
+
+    @cached_property
+    def breaks(self) -> Array:
+        """Values of s, rising, inside (0, 1), at which high derivatives jump."""
+        return frozen([])
+
+    def within(self, low: float, high: float) -> Self:
+        """The function from low to high, continued beyond by its outermost segments."""
+        return self
+
+
 @dataclass(frozen=True, eq=False)
-class PolynomialCurve:
+class PolynomialCurve(Segmented):
     """A polynomial in s; straight lines are its simplest case.
 
     Attributes:
@@ -74,7 +88,7 @@ class PolynomialCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class ArcCurve:
+class ArcCurve(Segmented):
     """A circular arc, its angle proportional to s.
 
     Attributes:
@@ -109,7 +123,7 @@ class ArcCurve:
         return np.asarray(self.angle**order * rotated + (self.centre if order == 0 else 0.0))
 
 
-class SplineCurve:
+class SplineCurve(Segmented):
     """A twice continuously differentiable cubic spline through points.
 
     Attributes:
@@ -151,21 +165,11 @@ class SplineCurve:
         """See :class:`Curve`."""
         return np.asarray(self._spline(s, order))
 
-    def within(self, low: float, high: float) -> SplineCurve:
-        """The curve from low to high, continued beyond by its outermost segments."""
+    def within(self, low: float, high: float) -> Self:
+        """See :class:`Segmented`."""
         part = copy(self)
         part._spline = segments_within(self._spline, low, high)
         return part
-
-
-def breaks_of(function: object) -> Array:
-    """Values of s, rising, at which high derivatives of a function jump; mostly none."""
-    return cast(Array, getattr(function, "breaks", frozen([])))
-
-
-def within(function: T, low: float, high: float) -> T:
-    """A function from low to high, continued as smoothly as it is there."""
-    return cast(T, function.within(low, high)) if hasattr(function, "within") else function
 
 
 def segments_within(spline: PPoly, low: float, high: float) -> PPoly:

@@ -11,7 +11,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from freefloat.errors import InputError, finite_vector
-from freefloat.paths.curves import Curve, breaks_of, segments_within, significant_breaks, within
+from freefloat.paths.curves import Curve, Segmented, segments_within, significant_breaks
 from freefloat.so3 import Array, attitude_axes, axes_rotation, cross, frozen, unit_vector
 
 _SAMPLES = np.linspace(0.0, 1.0, 201)
@@ -46,7 +46,7 @@ class OrientationLaw(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class FixedOrientation:
+class FixedOrientation(Segmented):
     """A constant orientation.
 
     Attributes:
@@ -80,7 +80,7 @@ class FreeOrientation(FixedOrientation):
 
 
 @dataclass(frozen=True, eq=False)
-class SlerpOrientation:
+class SlerpOrientation(Segmented):
     """The shortest rotation between two orientations, at a constant rate.
 
     Attributes:
@@ -109,7 +109,7 @@ class SlerpOrientation:
 
 
 @dataclass(frozen=True, eq=False)
-class DirectedOrientation:
+class DirectedOrientation(Segmented):
     """One end-effector axis along a moving direction, a second as near as possible to a fixed one.
 
     Attributes:
@@ -204,14 +204,16 @@ class DirectedOrientation:
         c = cross(a, self.reference)
         return cross(a, a1) - (self.reference @ a) * (a1 @ c) / (c @ c) * a
 
-    @property
+    @cached_property
     def breaks(self) -> Array:
         """Values of s at which high derivatives of the curve jump."""
-        return breaks_of(self.curve)
+        return self.curve.breaks if isinstance(self.curve, Segmented) else frozen([])
 
-    def within(self, low: float, high: float) -> DirectedOrientation:
-        """The law from low to high, continued beyond as smoothly as there."""
-        return replace(self, curve=within(self.curve, low, high))
+    def within(self, low: float, high: float) -> Self:
+        """See :class:`~freefloat.paths.curves.Segmented`."""
+        if not isinstance(self.curve, Segmented):
+            return self
+        return replace(self, curve=self.curve.within(low, high))
 
     def _require_defined(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""
@@ -242,7 +244,7 @@ def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
     return min(best)
 
 
-class OrientationSpline:
+class OrientationSpline(Segmented):
     """A rotation spline with continuous angular acceleration, as SciPy's ``RotationSpline``.
 
     On each segment it is the first rotation times the exponential of a cubic rotation vector. Here
@@ -263,8 +265,8 @@ class OrientationSpline:
         seconds /= (np.diff(self._knots)[:, None] / 2.0) ** 2
         self.breaks = significant_breaks(self._knots, seconds, _NEGLIGIBLE)
 
-    def within(self, low: float, high: float) -> OrientationSpline:
-        """The law from low to high, continued beyond by its outermost segments."""
+    def within(self, low: float, high: float) -> Self:
+        """See :class:`~freefloat.paths.curves.Segmented`."""
         part = copy(self)
         part._vectors = segments_within(self._vectors, low, high)
         return part
