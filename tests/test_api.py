@@ -52,6 +52,7 @@ def test_the_version_is_the_installed_one() -> None:
         _ = ff.__verson__
 
 
+@pytest.mark.slow
 def test_help_begins_with_ten_lines_that_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -54,6 +54,7 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", with_blocks("```python"))
 def test_python_prints_what_is_shown(
     page: str, in_folder: Path, capsys: pytest.CaptureFixture[str], kernels: None
@@ -65,6 +66,7 @@ def test_python_prints_what_is_shown(
     assert "<html" in (in_folder / "motion.html").read_text("utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", with_blocks(r"```\n\$ freefloat"))
 def test_commands_print_what_is_shown(page: str, in_folder: Path, kernels: None) -> None:
     for words, block in re.findall(r"```\n\$ freefloat ([^\n]*)\n(.*?)```", PAGES[page], re.DOTALL):

@@ -39,6 +39,7 @@ def test_there_are_eight_short_scripts() -> None:
         assert f"python scripts/{script.name}" in "\n".join(lines[:6])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_a_script_ends_in_its_number(script: Path, tmp_path: Path) -> None:
     done = subprocess.run(
