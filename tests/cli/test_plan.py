@@ -14,6 +14,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.results import load
 from freefloat.robot import validation
 from freefloat.robot.model import FreeFloatingModel
+from freefloat.robot.names import models_folder
 from tests.commands import document, run
 from tests.scenarios import EASY, PARABOLA
 
@@ -105,11 +106,11 @@ def test_a_plan_parses_one_urdf_and_builds_one_model_and_one_evaluator(
 
 @pytest.mark.slow
 def test_limits_are_printed_with_a_stretched_duration(folder: Path) -> None:
-    fast = PARABOLA.replace("duration: 100", "duration: 20") + "limits: {base_rate: 0.02}\n"
-    (folder / "fast.yaml").write_text(fast.replace("momentum: [0, 0, 0.5]", "momentum: [0, 0, 0]"))
-    assert document("plan", "fast.yaml", code=1)["stretched_duration"] > 20.0
+    line = (models_folder() / "planar_2dof" / "line.yaml").read_text("utf-8")
+    (folder / "fast.yaml").write_text(line.replace("joint_rate: 0.25", "joint_rate: 0.05"))
+    assert document("plan", "fast.yaml", code=1)["stretched_duration"] > 30.0
     plan = document("plan", "fast.yaml", "--stretch", "-o", "plan.h5")
-    assert plan["duration"] > 20.0
+    assert plan["duration"] > 30.0
     assert all(entry["kept"] for entry in plan["limits"])
     assert load("plan.h5").problem.path.duration == pytest.approx(plan["duration"])
 

@@ -55,20 +55,3 @@ def test_a_star_import_has_every_public_name(tmp_path: Path) -> None:
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError):
         _ = freefloat.no_such_name
-
-
-@pytest.mark.slow
-def test_every_module_imports_alone(tmp_path: Path) -> None:
-    code = (
-        "import importlib, json, pkgutil, sys\n"
-        "import numpy, pinocchio, pydantic, scipy.integrate, scipy.optimize, typer\n"  # paid once
-        "import freefloat\n"
-        "names = [m.name for m in pkgutil.walk_packages(freefloat.__path__, 'freefloat.')]\n"
-        "for name in names:\n"
-        "    for loaded in [m for m in sys.modules if m.split('.')[0] == 'freefloat']:\n"
-        "        del sys.modules[loaded]\n"
-        "    if name != 'freefloat.__main__':\n"
-        "        importlib.import_module(name)\n"
-        "print(json.dumps(names))"
-    )
-    assert "freefloat.cli.app" in json.loads(python(code, tmp_path))
