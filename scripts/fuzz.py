@@ -1,10 +1,10 @@
-"""Read many mutated files of every kind and tell what came of them.
+"""Read many mutated files of every kind and count the outcomes.
 
 Usage: python scripts/fuzz.py [--inputs N] [--seed S] [--kinds KIND...] [--keep FOLDER]
 
 Two processes read them, one input after the other, each in at most 10 s and 1.5 GB. A file may be
-read, or refused with one message; everything else is a failure, told with the input's number and
-kept in a folder. Exit code 1 when there is one.
+read, or refused with one message; everything else is a failure, printed with the input's number
+and saved in a folder. Exit code 1 when there is one.
 """
 
 import argparse
@@ -31,24 +31,23 @@ from tests.hostile import KINDS, MEMORY, OUTCOMES, READ, REFUSED, Watch, outcome
 
 PROCESSES = 2
 FIRST, SECONDS, PATIENCE = 3, 10, 60
-"""Processor seconds for one input, at first and once more, and seconds on the clock, as others may
-be at work, too."""
+"""Processor seconds for one input, at first and once more, and seconds on the clock."""
 MOST_MEMORY = 1_500_000_000
 """Bytes more than at the start."""
 LARGEST_FILE = 200_000_000
 SHOWN = 25
-"""Failures that are told in words, one of each sort."""
+"""Failures that are printed in full, one of each sort."""
 
 Job = tuple[str, int]
-Found = tuple[Job, str, str]
+Report = tuple[Job, str, str]
 
 
 @dataclass
 class Worker:
-    """A process, what it was given and has not answered yet, and where its answers come from."""
+    """A process, the inputs that it has not reported yet, and the pipe of its reports."""
 
     process: int
-    answers: int
+    pipe: int
     left: list[Job]
     again: bool
     buffer: bytes = b""
@@ -59,7 +58,7 @@ def seed_of(seed: int, job: Job) -> str:
 
 
 def start(jobs: list[Job], seed: int, again: bool = False) -> Worker:
-    """Fork a process that works on jobs and writes what came of each into a pipe."""
+    """Fork a process that works on jobs and writes a report of each into a pipe."""
     reading, writing = os.pipe()
     process = os.fork()
     if process:
@@ -92,37 +91,37 @@ def work(jobs: list[Job], seed: int, writing: int, again: bool) -> None:
                 signal.ITIMER_PROF, SECONDS if again else FIRST
             )  # both end the process
             signal.setitimer(signal.ITIMER_REAL, PATIENCE)
-            result, told = outcome(KINDS[job[0]], content, watch)
+            result, message = outcome(KINDS[job[0]], content, watch)
             signal.setitimer(signal.ITIMER_PROF, 0)
             signal.setitimer(signal.ITIMER_REAL, 0)
             if result in (READ, REFUSED):
-                told = ""
-            answer = pickle.dumps((job, result, told[-6000:]))
-            os.write(writing, len(answer).to_bytes(4, "little") + answer)
+                message = ""
+            report = pickle.dumps((job, result, message[-6000:]))
+            os.write(writing, len(report).to_bytes(4, "little") + report)
         watch.close()
 
 
-def answers(workers: list[Worker]) -> Iterator[tuple[Worker, Found | None]]:
-    """What comes in, or None for a process that has ended; then from the others."""
+def reports(workers: list[Worker]) -> Iterator[tuple[Worker, Report | None]]:
+    """Reports as they arrive; None for a process that has ended."""
     while workers:
-        ready, _, _ = select.select([worker.answers for worker in workers], [], [])
-        for worker in [one for one in workers if one.answers in ready]:
-            data = os.read(worker.answers, 1 << 16)
+        ready, _, _ = select.select([worker.pipe for worker in workers], [], [])
+        for worker in [entry for entry in workers if entry.pipe in ready]:
+            data = os.read(worker.pipe, 1 << 16)
             worker.buffer += data
             while len(worker.buffer) >= 4:
                 size = 4 + int.from_bytes(worker.buffer[:4], "little")
                 if len(worker.buffer) < size:
                     break
-                found, worker.buffer = pickle.loads(worker.buffer[4:size]), worker.buffer[size:]
+                report, worker.buffer = pickle.loads(worker.buffer[4:size]), worker.buffer[size:]
                 worker.left.pop(0)
-                yield worker, found
+                yield worker, report
             if not data:
                 yield worker, None
 
 
 def ended(worker: Worker) -> tuple[str, str]:
-    """How a process ended before it had answered."""
-    os.close(worker.answers)
+    """How a process ended before its report."""
+    os.close(worker.pipe)
     _, status = os.waitpid(worker.process, 0)
     if os.WIFSIGNALED(status):
         name = signal.Signals(os.WTERMSIG(status)).name
@@ -130,33 +129,33 @@ def ended(worker: Worker) -> tuple[str, str]:
     return "crash", f"exit code {os.WEXITSTATUS(status)}"
 
 
-def read_all(jobs: list[Job], seed: int) -> Iterator[Found]:
-    """What came of every job; a process that dies is replaced."""
+def read_all(jobs: list[Job], seed: int) -> Iterator[Report]:
+    """A report of every job; a process that dies is replaced."""
     workers = [start(jobs[number::PROCESSES], seed) for number in range(PROCESSES)]
-    for worker, found in answers(workers):
-        if found is not None:
-            job, result, _ = found
+    for worker, report in reports(workers):
+        if report is not None:
+            job, result, _ = report
             if result == MEMORY and not worker.again:
                 workers.append(start([job], seed, again=True))
             else:
-                yield found
+                yield report
             continue
-        result, told = ended(worker)
+        result, message = ended(worker)
         workers.remove(worker)
         if not worker.left:
             continue
         first, *others = worker.left
         if worker.again:
-            yield first, result, told
+            yield first, result, message
         else:
             workers.append(start([first], seed, again=True))
         if others:
             workers.append(start(others, seed))
 
 
-def sort_of(result: str, told: str) -> str:
-    """Failures with the same sort are told once: the outcome, the error and its last places."""
-    lines = [line.strip() for line in told.strip().splitlines()] or [""]
+def sort_of(result: str, message: str) -> str:
+    """Failures of one sort are printed once: the outcome, the error and its last places."""
+    lines = [line.strip() for line in message.strip().splitlines()] or [""]
     places = [line.partition(", in ")[2] + " " + line.split(", ")[1] for line in lines
               if line.startswith("File ")]  # fmt: skip
     error = lines[-1].split(":")[0] if result == "traceback" else lines[-1][:60]
@@ -184,20 +183,20 @@ def main() -> int:
     table: dict[str, Counter[str]] = {kind: Counter() for kind in options.kinds}
     sorts: dict[str, list[tuple[Job, str]]] = defaultdict(list)
     begin = time.perf_counter()
-    for done, (job, result, told) in enumerate(read_all(jobs, options.seed), 1):
+    for done, (job, result, message) in enumerate(read_all(jobs, options.seed), 1):
         table[job[0]][result] += 1
         if result not in (READ, REFUSED):
-            sorts[f"{job[0]} | {sort_of(result, told)}"].append((job, told))
+            sorts[f"{job[0]} | {sort_of(result, message)}"].append((job, message))
             options.keep.mkdir(parents=True, exist_ok=True)
             file = options.keep / f"{job[0]}-{options.seed}-{job[1]}-{result}"
             file.write_bytes(KINDS[job[0]].input(seed_of(options.seed, job)))
         if done % 2000 == 0:
             print(f"{done} inputs, {time.perf_counter() - begin:.0f} s", file=sys.stderr)
-    print("kind".ljust(10) + "inputs".rjust(9) + "".join(one.rjust(11) for one in OUTCOMES))
+    print("kind".ljust(10) + "inputs".rjust(9) + "".join(name.rjust(11) for name in OUTCOMES))
     total: Counter[str] = Counter()
     for kind, counts in [*table.items(), ("all", total)]:
         total += counts if kind != "all" else Counter()
-        numbers_ = "".join(f"{counts[one]:11,}" for one in OUTCOMES)
+        numbers_ = "".join(f"{counts[name]:11,}" for name in OUTCOMES)
         print(f"{kind:10}{counts.total():9,}{numbers_}")
     print(f"seed {options.seed}, {time.perf_counter() - begin:.0f} s")
     for sort, cases in sorted(sorts.items(), key=lambda item: -len(item[1]))[:SHOWN]:

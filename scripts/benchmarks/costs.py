@@ -15,21 +15,21 @@ import freefloat as ff
 problem = ff.load_scenario("spatial_6dof/line").problem()
 ff.attitude_map(problem, 64)
 before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
-found = ff.attitude_map(problem, {samples})
+result = ff.attitude_map(problem, {samples})
 seconds = time.perf_counter() - start
 after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(seconds, before / 1024, after / 1024, found.motions)
+print(seconds, before / 1024, after / 1024, result.motions)
 """
 
 
 def large_map(quick: bool) -> list[Result]:
     """The default map of the command, in a process of its own that has done nothing else."""
     samples = 64 if quick else 36_864
-    told = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-c", _MAP.format(samples=samples)],
         check=True, capture_output=True, text=True,
     ).stdout.split()  # fmt: skip
-    seconds, before, after, motions = map(float, told)
+    seconds, before, after, motions = map(float, output)
     remark = f"{motions:,.0f} motions; {after - before:.0f} MiB of memory beside {before:.0f}"
     return [Result(f"map of Example 2, {samples:,} attitudes", seconds, limit=40.0, remark=remark)]
 

@@ -23,7 +23,7 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_quaternion
-from tests.sliding import sliding_motion, sliding_robot
+from tests.prismatic import prismatic_motion, prismatic_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -91,7 +91,7 @@ def test_csv_holds_every_number_under_a_name_with_its_unit(motions, trajectory):
 
 
 def test_prismatic_joints_have_other_units():
-    motion = sliding_motion(sliding_robot())
+    motion = prismatic_motion(prismatic_robot())
     sampled = Trajectory.of(motion, [0.0, 1.0])
     header = csv_text(sampled).splitlines()[0].split(",")
     for name in ("x position [m]", "x velocity [m/s]", "x acceleration [m/s^2]", "x torque [N]"):

@@ -13,7 +13,7 @@ from freefloat.io.trajectory import MAX_SAMPLES, Trajectory, even_times, times_a
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending
 from freefloat.so3 import heading_quaternion
-from tests.sliding import DURATION, HAND, RELATIVE, sliding_motion, sliding_robot
+from tests.prismatic import DURATION, RELATIVE, TOOL, prismatic_motion, prismatic_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -94,7 +94,7 @@ def test_states_are_those_of_the_motion(motion):
 
 def test_force_of_a_prismatic_joint_in_closed_form():
     """The end-effector's mass times its acceleration; the spacecraft recoils."""
-    motion = sliding_motion(sliding_robot())
+    motion = prismatic_motion(prismatic_robot())
     tau = np.linspace(0.0, 1.0, 9)
     trajectory = Trajectory.of(motion, tau * DURATION)
     speed = (30 * tau**2 - 60 * tau**3 + 30 * tau**4) / DURATION
@@ -102,7 +102,7 @@ def test_force_of_a_prismatic_joint_in_closed_form():
     assert_close(trajectory.joint_rates[:, 0], RELATIVE * speed, atol=1e-9)
     assert_close(trajectory.joint_accelerations[:, 0], RELATIVE * acceleration, atol=1e-9)
     inertial = RELATIVE * 90.0 / 100.0 * acceleration  # inertial acceleration
-    assert_close(trajectory.joint_torques[:, 0], HAND * inertial, atol=1e-8)
+    assert_close(trajectory.joint_torques[:, 0], TOOL * inertial, atol=1e-8)
     assert_close(trajectory.base_velocities[:, 0], -0.1 * RELATIVE * speed, atol=1e-9)
 
 

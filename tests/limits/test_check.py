@@ -15,15 +15,15 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 from freefloat.so3 import heading_quaternion
-from tests.sliding import (
+from tests.prismatic import (
     DURATION,
-    HAND,
     LENGTH,
     RELATIVE,
+    TOOL,
+    prismatic_motion,
+    prismatic_problem,
+    prismatic_robot,
     shape_text,
-    sliding_motion,
-    sliding_problem,
-    sliding_robot,
 )
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -45,7 +45,7 @@ def finding(motion, limits, kind):
     ],
 )
 def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
-    result = finding(sliding_motion(sliding_robot(), law=law),
+    result = finding(prismatic_motion(prismatic_robot(), law=law),
                     Limits(joint_rate=np.full(3, 0.05)), LimitKind.JOINT_RATE)  # fmt: skip
     assert_close(result.worst, peak * RELATIVE / DURATION, atol=1e-9)
     assert_close(result.ratio, result.worst / 0.05, atol=1e-12)
@@ -65,9 +65,9 @@ def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
 )
 def test_the_largest_force_is_that_of_the_time_law(law, peak, places):
     """Also where accelerations jump: inside the ramps of the trapezoid, at rest in the cubic."""
-    motion = sliding_motion(sliding_robot(), law=law)
+    motion = prismatic_motion(prismatic_robot(), law=law)
     result = finding(motion, Limits(joint_torque=np.array([0.2, 1, 1])), LimitKind.JOINT_TORQUE)
-    assert_close(abs(result.worst), HAND * LENGTH * peak / DURATION**2, atol=1e-9)
+    assert_close(abs(result.worst), TOOL * LENGTH * peak / DURATION**2, atol=1e-9)
     assert result.where == "x"
     assert result.base_wrench < 1e-9
     if places is not None:
@@ -77,18 +77,18 @@ def test_the_largest_force_is_that_of_the_time_law(law, peak, places):
 def test_the_largest_force_just_before_it_jumps_is_found():
     """Cubic to a stop, and from there on slowly: the end-effector brakes hardest as it arrives."""
     start, half = 0.9, LENGTH / 2.0
-    problem = sliding_problem(sliding_robot(), start)
+    problem = prismatic_problem(prismatic_robot(), start)
     timing = Timing(DURATION, TimeLaw.CUBIC, (Stop(0.5, 5.0),))
     problem = replace(problem, path=TimedPath(problem.path.path, timing))
     joints = [(start + half / 2.0) * RELATIVE / LENGTH, 0.0, 0.0]
     motion = integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints, start=2.5)
     result = finding(motion, Limits(joint_torque=np.ones(3)), LimitKind.JOINT_TORQUE)
-    assert_close(result.worst, -6.0 * HAND * half / 25.0, atol=1e-9)
+    assert_close(result.worst, -6.0 * TOOL * half / 25.0, atol=1e-9)
     assert_close(result.time, 5.0, atol=1e-9)
 
 
 def test_joint_ranges_count_without_being_asked_for():
-    motion = sliding_motion(sliding_robot(limits=(0.5, 1.5)))
+    motion = prismatic_motion(prismatic_robot(limits=(0.5, 1.5)))
     (result,) = check_limits(motion, Limits())
     assert (result.limit, result.where, result.allowed) == (LimitKind.JOINT_RANGE, "x", 1.5)
     assert_close([result.worst, result.time], [2.0, DURATION], atol=1e-9)
@@ -178,7 +178,7 @@ def test_each_limit_violated_in_turn():
 
 def test_contact_is_violated_even_where_no_distance_is_asked_for():
     ball = shape_text('<sphere radius="0.6"/>')
-    motion = sliding_motion(sliding_robot(shape_text('<box size="1 1 1"/>'), ball))
+    motion = prismatic_motion(prismatic_robot(shape_text('<box size="1 1 1"/>'), ball))
     result = finding(motion, Limits(clearance=0.0), LimitKind.CLEARANCE)
     assert_close(result.worst, -0.1, atol=1e-6)
     assert result.where == "bus - hand"

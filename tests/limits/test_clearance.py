@@ -13,8 +13,8 @@ from freefloat.limits.collision import collision_shapes
 from freefloat.motion.integration import integrate_motion
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
+from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot, shape_text
 from tests.robots import joint_text, random_robot
-from tests.sliding import RELATIVE, shape_text, sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 CUBE = shape_text('<box size="1 1 1"/>')
@@ -28,12 +28,12 @@ def mast(x, z, size=0.02, kind="F"):
     return joint + f'<link name="mast">{shape}</link>'
 
 
-def sliding(bus=CUBE, hand=BALL, more=""):
-    return sliding_motion(sliding_robot(bus, hand, more))
+def prismatic(bus=CUBE, hand=BALL, more=""):
+    return prismatic_motion(prismatic_robot(bus, hand, more))
 
 
 def test_the_distance_at_an_end_is_exact():
-    motion = sliding()
+    motion = prismatic()
     nearest = clearance(motion, CollisionPairs(motion.problem.model))
     assert_close(nearest.distance, 1.0 - 0.5 - 0.1, atol=1e-9)
     assert_close(nearest.time, 0.0, atol=1e-12)
@@ -42,7 +42,7 @@ def test_the_distance_at_an_end_is_exact():
 @pytest.mark.parametrize("share", [0.123, 0.5, 0.8317])
 def test_the_distance_of_a_passing_hand_is_exact(share):
     """The hand passes under a mast somewhere on its way, between the nodes of the motion."""
-    motion = sliding(more=mast(1.0 + share * RELATIVE, 0.5))
+    motion = prismatic(more=mast(1.0 + share * RELATIVE, 0.5))
     pairs = CollisionPairs(motion.problem.model)
     nearest = clearance(motion, pairs)
     if nearest.distance < 0.39:
@@ -56,7 +56,7 @@ def test_a_contact_thinner_than_any_sampling_is_found():
     """The hand, a ball of 1 mm, touches a needle for a two-thousandth of its way."""
     hand = shape_text('<sphere radius="0.001"/>')
     for x in (1.2345, 1.54321, 1.8888):
-        motion = sliding(hand=hand, more=mast(x, 0.00099, size=0.001))
+        motion = prismatic(hand=hand, more=mast(x, 0.00099, size=0.001))
         pairs = CollisionPairs(motion.problem.model)
         nearest = clearance(motion, pairs)
         assert pairs.name(nearest.pair) == "mast - hand"
@@ -66,7 +66,7 @@ def test_a_contact_thinner_than_any_sampling_is_found():
 
 def test_shapes_on_held_joints_count():
     """A joint off the chain is held at zero; its shape stands where the hand passes."""
-    motion = sliding(more=mast(1.4, 0.3, kind="R"))
+    motion = prismatic(more=mast(1.4, 0.3, kind="R"))
     pairs = CollisionPairs(motion.problem.model)
     nearest = clearance(motion, pairs)
     assert pairs.name(nearest.pair) == "mast - hand"
@@ -116,7 +116,7 @@ def test_distances_change_no_faster_than_the_levers_say(seed):
 
 
 def test_deciding_only_agrees():
-    motion = sliding(more=mast(1.4, 0.3))
+    motion = prismatic(more=mast(1.4, 0.3))
     pairs = CollisionPairs(motion.problem.model)
     distance = clearance(motion, pairs).distance
     assert clearance(motion, pairs, distance + TOLERANCE).distance < distance + TOLERANCE
@@ -125,7 +125,7 @@ def test_deciding_only_agrees():
 
 def test_links_that_a_joint_connects_are_left_out():
     """Bus and first link overlap at the joint between them; the ball beyond does not."""
-    text = sliding_robot(CUBE, BALL).replace('<link name="a">', f'<link name="a">{BALL}')
+    text = prismatic_robot(CUBE, BALL).replace('<link name="a">', f'<link name="a">{BALL}')
     pairs = CollisionPairs(FreeFloatingModel.from_urdf(text, "hand"))
     names = {pairs.name(pair) for pair in range(len(pairs.pairs))}
     assert "bus - hand" in names
@@ -136,7 +136,7 @@ def test_links_that_a_joint_connects_are_left_out():
 def test_pairs_that_always_overlap_are_left_out_and_named():
     """A ring of a shape around all that the hand can reach."""
     shell = shape_text('<sphere radius="50"/>')
-    motion = sliding(CUBE, BALL, f'<link name="shell">{shell}</link>'
+    motion = prismatic(CUBE, BALL, f'<link name="shell">{shell}</link>'
                      + joint_text("shell_joint", "F", "bus", "shell"))  # fmt: skip
     pairs = CollisionPairs(motion.problem.model)
     assert pairs.left_out == ("shell - hand: always too near",)
@@ -145,19 +145,19 @@ def test_pairs_that_always_overlap_are_left_out_and_named():
 
 def test_robots_without_shapes_are_refused():
     with pytest.raises(ModelError):
-        CollisionPairs(FreeFloatingModel.from_urdf(sliding_robot(), "hand"))
+        CollisionPairs(FreeFloatingModel.from_urdf(prismatic_robot(), "hand"))
 
 
 def test_a_clearance_that_no_pair_can_have_is_refused():
     with pytest.raises(ModelError):
-        CollisionPairs(FreeFloatingModel.from_urdf(sliding_robot(CUBE, BALL), "hand"), 100.0)
+        CollisionPairs(FreeFloatingModel.from_urdf(prismatic_robot(CUBE, BALL), "hand"), 100.0)
 
 
 def test_visuals_stand_in_for_missing_collision_shapes():
     """Bus by its visual, hand by its collision shape although it has a visual, too."""
     looks = CUBE.replace("collision", "visual")
     fat = shape_text('<sphere radius="0.45"/>').replace("collision", "visual")
-    motion = sliding(looks, BALL + fat)
+    motion = prismatic(looks, BALL + fat)
     assert_close(clearance(motion, CollisionPairs(motion.problem.model)).distance, 0.4, atol=1e-9)
 
 
@@ -177,8 +177,8 @@ def test_every_kind_of_shape_has_its_size(tmp_path):
     }
     for geometry, towards in shapes.items():
         file = tmp_path / "robot.urdf"
-        file.write_text(sliding_robot(CUBE, shape_text(geometry)))
-        motion = sliding_motion(file)
+        file.write_text(prismatic_robot(CUBE, shape_text(geometry)))
+        motion = prismatic_motion(file)
         nearest = clearance(motion, CollisionPairs(motion.problem.model))
         assert_close(nearest.distance, 0.5 - towards, atol=1e-6), geometry
 
@@ -187,7 +187,7 @@ def test_every_kind_of_shape_has_its_size(tmp_path):
     "geometry", ['<mesh filename="none.stl"/>', '<box size="1 0 1"/>', "<capsule/>", ""]
 )
 def test_shapes_that_cannot_be_read_are_refused(geometry):
-    model = FreeFloatingModel.from_urdf(sliding_robot(CUBE, shape_text(geometry)), "hand")
+    model = FreeFloatingModel.from_urdf(prismatic_robot(CUBE, shape_text(geometry)), "hand")
     with pytest.raises(ModelError):
         collision_shapes(model)
 

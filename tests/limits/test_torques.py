@@ -11,7 +11,7 @@ from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.integration import integrate_motion
 from freefloat.paths.timing import TimeLaw
 from freefloat.so3 import heading_quaternion
-from tests.sliding import DURATION, HAND, LENGTH, RELATIVE, sliding_motion, sliding_robot
+from tests.prismatic import DURATION, LENGTH, RELATIVE, TOOL, prismatic_motion, prismatic_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 NAMES = ["spatial_6dof/line", "planar_3dof/parabola", "ur5_servicer/arc", "panda_servicer/line"]
@@ -83,20 +83,20 @@ def test_the_joints_power_is_the_growth_of_kinetic_energy(motion):
 
 @pytest.mark.parametrize("law", list(TimeLaw))
 def test_forces_of_a_sliding_hand_are_mass_times_acceleration(law):
-    motion = sliding_motion(sliding_robot(), law=law)
+    motion = prismatic_motion(prismatic_robot(), law=law)
     fractions = np.array([0.1, 0.4, 0.9])
     for fraction, effort in zip(fractions, efforts(motion, DURATION * fractions), strict=True):
         s = motion.problem.path.timing.s
         rate, growth = (s(fraction * DURATION, order) for order in (1, 2))
         assert_close(effort.rates[6:], [RELATIVE * rate, 0.0, 0.0], atol=1e-9)
         assert_close(effort.accelerations[6:], [RELATIVE * growth, 0.0, 0.0], atol=1e-9)
-        assert_close(effort.joint_torques, [HAND * LENGTH * growth, 0.0, 0.0], atol=1e-9)
+        assert_close(effort.joint_torques, [TOOL * LENGTH * growth, 0.0, 0.0], atol=1e-9)
         assert_close(effort.base_wrench, 0.0, atol=1e-9)
 
 
 def test_nothing_is_known_where_the_arm_is_singular():
     """At a state without rates there are no torques either, rather than made-up ones."""
-    motion = sliding_motion(sliding_robot())
+    motion = prismatic_motion(prismatic_robot())
     dynamics = InverseDynamics(motion.problem)
     dynamics._equation.rates = lambda *_: (np.full(3, np.inf), np.full(3, np.inf))
     effort = dynamics.effort(1.0, motion.attitudes[0], motion.joints[0])

@@ -17,8 +17,8 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.verification.mujoco import forward_run, inverse_run
 from freefloat.verification.mujoco_model import Engine
 from tests.motions import GOOD, bundled, followed, heading
+from tests.prismatic import prismatic_motion, prismatic_robot
 from tests.robots import random_robot
-from tests.sliding import sliding_motion, sliding_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -107,7 +107,7 @@ def test_second_integration_ends_before_a_singularity(singular):
 
 
 def test_certificates_of_a_prismatic_arm_and_of_no_duration():
-    motion = sliding_motion(sliding_robot())
+    motion = prismatic_motion(prismatic_robot())
     result = certify(motion)
     assert result.integration.attitude < 1e-12
     assert result.integration.joints < 1e-6

@@ -21,7 +21,7 @@ from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending
 from freefloat.robot.model import FreeFloatingModel
 from tests.motions import BAD, GOOD, bundled, followed, heading
-from tests.sliding import RELATIVE, sliding_motion, sliding_robot
+from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 REVOLUTION = 2.0 * np.pi
@@ -54,7 +54,7 @@ def largest(motion, f):
 
 @pytest.fixture(scope="module")
 def straight():
-    return sliding_motion(sliding_robot())
+    return prismatic_motion(prismatic_robot())
 
 
 @pytest.mark.parametrize("peak", [0.3, 1.0, 1.77, 2.45])
@@ -308,7 +308,7 @@ def test_revolute_joints_are_unwrapped_into_their_ranges(ranged, rng):
 
 
 def test_prismatic_joints_are_not_unwrapped():
-    motion = sliding_motion(sliding_robot(limits=(5.0, 9.0)))
+    motion = prismatic_motion(prismatic_robot(limits=(5.0, 9.0)))
     assert unwrapped(motion) is motion
 
 
@@ -330,6 +330,6 @@ def test_revolutions_of_an_unwrapped_joint(low, high, lower, upper, shift):
 
 
 def test_ranges_out_of_order_are_ignored():
-    model = FreeFloatingModel.from_urdf(sliding_robot(limits=(0.0, 0.0)), "hand")
+    model = FreeFloatingModel.from_urdf(prismatic_robot(limits=(0.0, 0.0)), "hand")
     lower, upper = model.joint_ranges
     assert (lower[0], upper[0], upper[1]) == (-np.inf, np.inf, 4.0)

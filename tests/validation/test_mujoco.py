@@ -1,6 +1,6 @@
 """MuJoCo as a second opinion: its dynamics, its kinematics, our motions.
 
-How the robot reaches MuJoCo and what MuJoCo's free joint means is told in `mujoco_model`.
+`mujoco_model` describes how the robot reaches MuJoCo and what MuJoCo's free joint means.
 """
 
 from dataclasses import replace

@@ -78,7 +78,7 @@ def deviation(motion, reference, times):
     return worst
 
 
-def sliding(momentum):
+def prismatic(momentum):
     model = FreeFloatingModel.from_urdf(SLIDING, "tool")
     attitude = Rotation.from_rotvec([-0.2, 0.5, 0.3]).as_quat()
     joints = np.array([0.4, 0.7, 0.6])
@@ -115,8 +115,8 @@ CASES = {
     "seven joints, pose": lambda: seven(Task.POSE, [0.4, -0.2, 0.3]),
     "seven joints, no momentum": lambda: seven(Task.POSE, [0, 0, 0]),
     "seven joints, position": lambda: seven(Task.POSITION, [0.4, -0.2, 0.3]),
-    "prismatic joint": lambda: sliding([0.2, 0.1, -0.3]),
-    "prismatic joint, no momentum": lambda: sliding([0, 0, 0]),
+    "prismatic joint": lambda: prismatic([0.2, 0.1, -0.3]),
+    "prismatic joint, no momentum": lambda: prismatic([0, 0, 0]),
 }
 
 

@@ -20,11 +20,11 @@ from freefloat.paths.timing import TimedPath, TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from tests.robots import inertial_text, joint_text, link_text
 
-BUS, HAND = 90.0, 10.0
+BUS, TOOL = 90.0, 10.0
 """Masses [kg]."""
 LENGTH, DURATION = 0.9, 20.0
 """Length of the end-effector's path [m], and its duration [s]."""
-RELATIVE = LENGTH * (BUS + HAND) / BUS
+RELATIVE = LENGTH * (BUS + TOOL) / BUS
 """Displacement of the prismatic joint [m]: the spacecraft recoils."""
 
 
@@ -33,7 +33,7 @@ def shape_text(geometry, xyz="0 0 0"):
     return f'<collision><origin xyz="{xyz}"/><geometry>{geometry}</geometry></collision>'
 
 
-def sliding_robot(bus="", hand="", more="", limits=(-4.0, 4.0)):
+def prismatic_robot(bus="", hand="", more="", limits=(-4.0, 4.0)):
     """URDF text; collision shapes of both bodies, and further links, may be added."""
     parts = [
         link_text("bus", inertial_text(BUS, 10.0 * np.eye(3)) + bus),
@@ -42,13 +42,13 @@ def sliding_robot(bus="", hand="", more="", limits=(-4.0, 4.0)):
         joint_text("y", "P", "a", "b", axis="0 1 0"),
         link_text("b"),
         joint_text("z", "P", "b", "hand"),
-        link_text("hand", inertial_text(HAND, np.eye(3)) + hand),
+        link_text("hand", inertial_text(TOOL, np.eye(3)) + hand),
         more,
     ]
-    return f'<robot name="sliding">{"".join(parts)}</robot>'
+    return f'<robot name="prismatic">{"".join(parts)}</robot>'
 
 
-def sliding_problem(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
+def prismatic_problem(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
     """A path of one length from a point on the x axis [m from the centre of mass]."""
     model = FreeFloatingModel.from_urdf(text, "hand")
     curve = PolynomialCurve.line((start, 0.0, 0.0), (start + LENGTH, 0.0, 0.0))
@@ -59,8 +59,8 @@ def sliding_problem(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
     )
 
 
-def sliding_motion(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
-    """The motion of :func:`sliding_problem`."""
-    problem = sliding_problem(text, start, law, duration)
-    joints = [start * (BUS + HAND) / BUS, 0.0, 0.0]
+def prismatic_motion(text, start=0.9, law=TimeLaw.QUINTIC, duration=DURATION):
+    """The motion of :func:`prismatic_problem`."""
+    problem = prismatic_problem(text, start, law, duration)
+    joints = [start * (BUS + TOOL) / BUS, 0.0, 0.0]
     return integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints)
