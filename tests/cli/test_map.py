@@ -113,9 +113,9 @@ def test_bad_options_are_errors(words: tuple[str, ...], key: str) -> None:
 def test_a_full_disk_is_one_error_and_leaves_nothing(folder: Path) -> None:
     before = sorted(folder.iterdir())
     done = subprocess.run(
-        [sys.executable, "-m", "freefloat", "map", "easy.yaml", "--samples", "2048", "-qo", "m.h5"],
+        [sys.executable, "-m", "freefloat", "map", "easy.yaml", "--samples", "64", "-qo", "m.h5"],
         capture_output=True, text=True, check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (2, ""), done.stderr
     assert done.stderr.count("\n") == 1

@@ -103,7 +103,6 @@ CASES = [
     ("arm", 5.0, STILL, (-1.0, 1.2)),
     ("arm", 5.0, (-2.0, 1.0, 3.0), (2.0, -2.3)),
     pytest.param(("gjm", 0.004, MOMENTUM, (0.4, 1.7)), marks=pytest.mark.slow),
-    pytest.param(("gjm", 0.004, STILL, (0.4, 1.7)), marks=pytest.mark.slow),
 ]
 
 

@@ -53,7 +53,7 @@ class InverseRun:
         torque: Largest joint torque [N m or N].
         momentum: Largest deviation of the angular momentum [N m s].
         end_effector: Largest distance of the end-effector from its path [m].
-        instants: Number of instants.
+        looks: Number of instants.
     """
 
     wrench: float
@@ -61,7 +61,7 @@ class InverseRun:
     torque: float
     momentum: float
     end_effector: float
-    instants: int
+    looks: int
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
         torque=float(np.max(torques)),
         momentum=float(np.max(momenta)),
         end_effector=float(np.max(distances)),
-        instants=len(times),
+        looks=len(times),
     )
 
 
