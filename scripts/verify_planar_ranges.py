@@ -52,9 +52,8 @@ def planar_urdf(lengths: np.ndarray, masses: np.ndarray, moments: np.ndarray) ->
                 f'<child link="l{i}"/><origin xyz="{lengths[i - 1]} 0 0"/><axis xyz="0 0 1"/>'
                 "</joint>"
             )
-    last = len(masses) - 1
     text.append(
-        f'<link name="tip"/><joint name="tool" type="fixed"><parent link="l{last}"/>'
+        f'<link name="tip"/><joint name="tool" type="fixed"><parent link="l{len(masses) - 1}"/>'
         f'<child link="tip"/><origin xyz="{lengths[-1]} 0 0"/></joint></robot>'
     )
     return "".join(text)

@@ -108,7 +108,7 @@ def json_text(trajectory: Trajectory) -> str:
     groups, arrays = _groups(trajectory), {}
     for group in groups:
         values = group.values[:, 0] if group.key in ("time", "measure") else group.values
-        arrays[group.key] = np.where(np.isnan(values), None, values).tolist()  # type: ignore[call-overload]
+        arrays[group.key] = np.where(np.isnan(values), np.array(None), values).tolist()
     units = {group.key: group.unit for group in groups}
     document = {**_head(trajectory.motion), "units": units, "trajectory": arrays}
     return json.dumps(document, allow_nan=False) + "\n"

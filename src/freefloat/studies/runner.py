@@ -140,7 +140,7 @@ def _result(run: Run, future: Any) -> RunResult:
         raise
     except KilledWorker:
         return error_result(run, f"worker died, also in {_REPETITIONS} repetitions")
-    except Exception as error:
+    except Exception as error:  # whatever the run raised is its result
         return error_result(run, error)
     return result
 

@@ -66,6 +66,7 @@ class GridSection(Section):
         """The numbers or points of the grid."""
         if not isinstance(self.count, list):
             return _integers(_rounded(np.linspace(self.start, self.end, self.count).tolist()))
+        # start and end are lists, too, as the validator of this section requires
         axes = [
             _rounded(np.linspace(*ends).tolist())
             for ends in zip(self.start, self.end, self.count, strict=True)  # type: ignore[arg-type]

@@ -68,7 +68,7 @@ class Check:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
-        keys = {"detail": "told", "recomputed": "found"}
+        keys = {"detail": "told", "recomputed": "found"}  # the document's keys since 0.1.0
         return {
             keys.get(key, key): None
             if isinstance(value, float) and not np.isfinite(value)
