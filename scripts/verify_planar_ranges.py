@@ -12,6 +12,7 @@ import argparse
 import sys
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -31,32 +32,13 @@ from freefloat.so3 import heading_quaternion
 from freefloat.workspace.planar import PlanarArm, point_3_on_path
 from freefloat.workspace.regions import workspace_regions
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.robots import planar_robot
+
 SPACING = 0.25
 AGREEMENT = 0.05
 PRECISION = 0.01
-
-
-def planar_urdf(lengths: np.ndarray, masses: np.ndarray, moments: np.ndarray) -> str:
-    """A planar arm; ``lengths[0]`` is the mount's distance from the spacecraft's centre."""
-    text = ['<robot name="random">']
-    for i, (mass, moment) in enumerate(zip(masses, moments, strict=True)):
-        centre = lengths[i] / 2 if i else 0.0
-        text.append(
-            f'<link name="l{i}"><inertial><origin xyz="{centre} 0 0"/><mass value="{mass}"/>'
-            f'<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/>'
-            "</inertial></link>"
-        )
-        if i:
-            text.append(
-                f'<joint name="q{i}" type="continuous"><parent link="l{i - 1}"/>'
-                f'<child link="l{i}"/><origin xyz="{lengths[i - 1]} 0 0"/><axis xyz="0 0 1"/>'
-                "</joint>"
-            )
-    text.append(
-        f'<link name="tip"/><joint name="tool" type="fixed"><parent link="l{len(masses) - 1}"/>'
-        f'<child link="tip"/><origin xyz="{lengths[-1]} 0 0"/></joint></robot>'
-    )
-    return "".join(text)
 
 
 def random_problem(rng: np.random.Generator) -> Problem:
@@ -67,7 +49,9 @@ def random_problem(rng: np.random.Generator) -> Problem:
     if joints == 3:
         lengths[3], masses[3] = rng.uniform(0.2, 0.5), rng.uniform(0.5, 5.0)
     moments = masses * np.maximum(lengths, 0.3) ** 2 * rng.uniform(0.08, 0.3, joints + 1)
-    model = ff.FreeFloatingModel.from_urdf(planar_urdf(lengths, masses, moments), "tip")
+    half = 0.5 * lengths[1:]
+    urdf = planar_robot(masses, moments, before=half, after=[lengths[0], *half])
+    model = ff.FreeFloatingModel.from_urdf(urdf)
     task = ff.Task.PLANAR_POSE if joints == 3 else ff.Task.PLANAR_POSITION
     measure = singularity_measure(model, task, "system")
     S0 = rng.uniform(0.02, 0.12) * joint_space_extremes(model, measure).magnitude

@@ -14,29 +14,13 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
 from freefloat.workspace.regions import exact_workspace, workspace_regions
+from tests.robots import planar_robot
 
 
 def collinear(masses, moments, mount, centres, lengths):
     """A planar arm from its table: distance of the mount, joint to centre of mass, link lengths."""
-    text, at = ['<robot name="arm">'], [mount, *lengths]
-    for i, (mass, moment) in enumerate(zip(masses, moments, strict=True)):
-        centre = centres[i - 1] if i else 0.0
-        text.append(
-            f'<link name="l{i}"><inertial><origin xyz="{centre} 0 0"/><mass value="{mass}"/>'
-            f'<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/>'
-            "</inertial></link>"
-        )
-        if i:
-            text.append(
-                f'<joint name="q{i}" type="continuous"><parent link="l{i - 1}"/>'
-                f'<child link="l{i}"/><origin xyz="{at[i - 1]} 0 0"/><axis xyz="0 0 1"/></joint>'
-            )
-    n = len(masses) - 1
-    text.append(
-        f'<link name="tip"/><joint name="t" type="fixed"><parent link="l{n}"/><child link="tip"/>'
-        f'<origin xyz="{at[n]} 0 0"/></joint></robot>'
-    )
-    return ff.FreeFloatingModel.from_urdf("".join(text), "tip")
+    after = [mount, *(length - centre for length, centre in zip(lengths, centres, strict=True))]
+    return ff.FreeFloatingModel.from_urdf(planar_robot(masses, moments, centres, after))
 
 
 def problem_of(model):
