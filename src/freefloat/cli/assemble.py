@@ -20,6 +20,19 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 Placement = tuple[float, float, float, float, float, float]
+_Robot = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="An arm: a URDF, a bundled name or example-robot-data:NAME. Or a scenario, or a "
+        "YAML file with its robot section alone, which has all parts.",
+        autocompletion=robot_names,
+    ),
+]
+_Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The URDF to write.")]
+_EndEffector = Annotated[
+    str | None, typer.Option(metavar="LINK", help="The end-effector; default the only last link.")
+]
 _Mass = Annotated[float | None, typer.Option(metavar="KG", help="Mass of the spacecraft.")]
 _Inertia = Annotated[
     str | None,
@@ -67,25 +80,19 @@ _Placed = Annotated[
     Placement | None,
     typer.Option(metavar="X Y Z R P Y", help="Pose of its root link, m, rad."),
 ]
+_CopyMeshes = Annotated[
+    bool,
+    typer.Option(
+        "--copy-meshes",
+        help="Copy mesh files to a folder next to the URDF; default: absolute paths.",
+    ),
+]
 
 
 def assemble(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT",
-            help="An arm: a URDF, a bundled name or example-robot-data:NAME. Or a scenario, or a "
-            "YAML file with its robot section alone, which has all parts.",
-            autocompletion=robot_names,
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="The URDF to write.")
-    ],
-    end_effector: Annotated[
-        str | None,
-        typer.Option(metavar="LINK", help="The end-effector; default the only last link."),
-    ] = None,
+    robot: _Robot,
+    output: _Output,
+    end_effector: _EndEffector = None,
     mass: _Mass = None,
     inertia: _Inertia = None,
     com: _Centre = None,
@@ -101,13 +108,7 @@ def assemble(
     tool_mount: _Placed = None,
     second_arm: _SecondArm = None,
     second_mount: _Placed = None,
-    copy_meshes: Annotated[
-        bool,
-        typer.Option(
-            "--copy-meshes",
-            help="Copy mesh files to a folder next to the URDF; default: absolute paths.",
-        ),
-    ] = False,
+    copy_meshes: _CopyMeshes = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -122,20 +123,14 @@ def assemble(
     from freefloat.io.urdf_file import write_urdf
     from freefloat.robot.names import bundled_scenarios
 
-    spacecraft = {"mass": mass, "inertia": inertia, "com": com, "size": size, "mesh": mesh}
-    payload = {"mass": payload_mass, "inertia": payload_inertia, "com": payload_com,
-               "size": payload_size, "mesh": payload_mesh}  # fmt: skip
-    options: dict[str, dict[str, Any]] = {
-        "spacecraft": {**spacecraft, "mount": mount},
-        "payload": payload,
-        "tool": {"urdf": tool, "mount": tool_mount},
-        "second_arm": {"urdf": second_arm, "mount": second_mount},
-    }
-    parts = {
-        name: {key: value for key, value in values.items() if value is not None}
-        for name, values in options.items()
-        if any(value is not None for value in values.values())
-    }
+    parts = _given(
+        spacecraft={"mass": mass, "inertia": inertia, "com": com, "size": size, "mesh": mesh,
+                    "mount": mount},
+        payload={"mass": payload_mass, "inertia": payload_inertia, "com": payload_com,
+                 "size": payload_size, "mesh": payload_mesh},
+        tool={"urdf": tool, "mount": tool_mount},
+        second_arm={"urdf": second_arm, "mount": second_mount},
+    )  # fmt: skip
     if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
         if parts or end_effector is not None:
             accepted = "-o, --copy-meshes and --json"
@@ -148,6 +143,15 @@ def assemble(
     console = Console(as_json, quiet)
     console.json(document)
     console.tables(_tables(document))
+
+
+def _given(**parts: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the options of each part that have a value; parts without any are omitted."""
+    options = {
+        name: {key: value for key, value in values.items() if value is not None}
+        for name, values in parts.items()
+    }
+    return {name: values for name, values in options.items() if values}
 
 
 def _assembled(

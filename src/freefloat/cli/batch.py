@@ -23,39 +23,38 @@ _MAX_ROWS = 20
 """Runs listed by a dry run; --json lists all."""
 
 
+_Study = Annotated[
+    str,
+    typer.Argument(metavar="STUDY", help="A file or a bundled name: spatial_6dof/montecarlo",
+                   autocompletion=study_names),
+]  # fmt: skip
+_Folder = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="DIR",
+                 help="Folder of the results; a folder of the same study is continued."),
+]  # fmt: skip
+_Workers = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Number of processes; default one per core.")
+]
+_Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Use the workers of a Dask scheduler: tcp://host:8786"),
+]
+_DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="List the runs and estimate the time; time two runs.")
+]
+_Report = Annotated[
+    bool, typer.Option("--report", help="Write report.html, a page with figure and runs.")
+]
+
+
 def batch(
-    study: Annotated[
-        str,
-        typer.Argument(
-            metavar="STUDY",
-            help="A file or a bundled name: spatial_6dof/montecarlo",
-            autocompletion=study_names,
-        ),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            *("--output", "-o"),
-            metavar="DIR",
-            help="Folder of the results; a folder of the same study is continued.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Number of processes; default one per core."),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="Use the workers of a Dask scheduler: tcp://host:8786"
-        ),
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="List the runs and estimate the time; time two runs.")
-    ] = False,
-    report: Annotated[
-        bool, typer.Option("--report", help="Write report.html, a page with figure and runs.")
-    ] = False,
+    study: _Study,
+    output: _Folder = None,
+    workers: _Workers = None,
+    scheduler: _Scheduler = None,
+    dry_run: _DryRun = False,
+    report: _Report = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:

@@ -17,21 +17,19 @@ from freefloat.errors import InputError
 if TYPE_CHECKING:
     from freefloat.verification.check import CheckReport
 
+_Plan = Annotated[
+    Path, typer.Argument(metavar="PLAN", help="A plan or motion file, see -o of plan.")
+]
+_Engine = Annotated[
+    str | None,
+    typer.Option(
+        metavar="mujoco",
+        help="Repeat the motion with MuJoCo, too; pip install 'freefloat[mujoco]'.",
+    ),
+]
 
-def check(
-    plan: Annotated[
-        Path, typer.Argument(metavar="PLAN", help="A plan or motion file, see -o of plan.")
-    ],
-    engine: Annotated[
-        str | None,
-        typer.Option(
-            metavar="mujoco",
-            help="Repeat the motion with MuJoCo, too; pip install 'freefloat[mujoco]'.",
-        ),
-    ] = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+
+def check(plan: _Plan, engine: _Engine = None, as_json: Json = False, quiet: Quiet = False) -> None:
     """Verify a saved plan or motion from its file alone.
 
     The recorded motion is compared with the equations, the path and the robot, it is integrated

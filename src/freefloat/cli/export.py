@@ -18,31 +18,33 @@ if TYPE_CHECKING:
 _TIMES = 501
 _STDOUT = "-"
 
+_File = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A plan or motion file, see -o of plan.")
+]
+_Format = Annotated[
+    str | None,
+    typer.Option("--format", metavar="csv|mat|json|ros2",
+                 help="Default: by the name of -o; without -o csv."),
+]  # fmt: skip
+_Output = Annotated[
+    str | None,
+    typer.Option(
+        *("--output", "-o"), metavar="OUT",
+        help="Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml).",
+    ),
+]  # fmt: skip
+_Rate = Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second.")]
+_Times = Annotated[
+    int | None, typer.Option(metavar="N", help="Number of samples, evenly spaced; 501.")
+]
+
 
 def export(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A plan or motion file, see -o of plan.")
-    ],
-    format_: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            metavar="csv|mat|json|ros2",
-            help="Default: by the name of -o; without -o csv.",
-        ),
-    ] = None,
-    output: Annotated[
-        str | None,
-        typer.Option(
-            *("--output", "-o"),
-            metavar="OUT",
-            help="Output file, - for stdout. Default: NAME_trajectory.csv (.mat, .json, .yaml).",
-        ),
-    ] = None,
-    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second.")] = None,
-    times: Annotated[
-        int | None, typer.Option(metavar="N", help="Number of samples, evenly spaced; 501.")
-    ] = None,
+    file: _File,
+    format_: _Format = None,
+    output: _Output = None,
+    rate: _Rate = None,
+    times: _Times = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:

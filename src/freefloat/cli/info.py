@@ -26,19 +26,22 @@ if TYPE_CHECKING:
 
 _EXAMPLES = "example-robot-data:"
 
+_Robot = Annotated[
+    str,
+    typer.Argument(
+        metavar="MODEL_OR_SCENARIO",
+        help="A URDF, a scenario file, a bundled name of either, or example-robot-data:NAME",
+        autocompletion=robot_names,
+    ),
+]
+_EndEffector = Annotated[
+    str | None, typer.Option(help="For a URDF with several last links: which one.")
+]
+
 
 def info(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="MODEL_OR_SCENARIO",
-            help="A URDF, a scenario file, a bundled name of either, or example-robot-data:NAME",
-            autocompletion=robot_names,
-        ),
-    ],
-    end_effector: Annotated[
-        str | None, typer.Option(help="For a URDF with several last links: which one.")
-    ] = None,
+    robot: _Robot,
+    end_effector: _EndEffector = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:

@@ -37,45 +37,46 @@ if TYPE_CHECKING:
 _MAX_REGIONS = 12
 """Regions listed in the table; --json lists all."""
 
+_Samples = Annotated[
+    int | None,
+    typer.Option(
+        min=8, max=100_000_000, metavar="N",
+        help="Number of attitudes; default search.samples of the scenario, else 36,864 "
+        "(planar tasks: 360 headings).",
+    ),
+]  # fmt: skip
+_Seed = Annotated[
+    int | None, typer.Option(min=0, help="Rotates the grid of attitudes; default search.seed.")
+]
+_Nearest = Annotated[
+    Quaternion | None,
+    typer.Option(metavar="X Y Z W", help="Find the feasible attitude nearest to this one."),
+]
+_Boundary = Annotated[
+    int | None,
+    typer.Option(
+        min=1, metavar="N",
+        help="Find N attitudes of each arm branch on the boundary of the feasible set.",
+    ),
+]  # fmt: skip
+_Touch = Annotated[
+    int | None,
+    typer.Option(
+        min=1, metavar="N",
+        help="For arms with an elbow and a spherical wrist: compute N attitudes of the "
+        "boundary from tangency points (the paper's touch points, Section VI) and compare.",
+    ),
+]  # fmt: skip
+
 
 def map_(
     scenario: ScenarioName,
-    samples: Annotated[
-        int | None,
-        typer.Option(
-            min=8,
-            max=100_000_000,
-            metavar="N",
-            help="Number of attitudes; default search.samples of the scenario, else 36,864 "
-            "(planar tasks: 360 headings).",
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, help="Rotates the grid of attitudes; default search.seed."),
-    ] = None,
+    samples: _Samples = None,
+    seed: _Seed = None,
     threads: Threads = None,
-    nearest: Annotated[
-        Quaternion | None,
-        typer.Option(metavar="X Y Z W", help="Find the feasible attitude nearest to this one."),
-    ] = None,
-    boundary: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Find N attitudes of each arm branch on the boundary of the feasible set.",
-        ),
-    ] = None,
-    touch: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="For arms with an elbow and a spherical wrist: compute N attitudes of the "
-            "boundary from tangency points (the paper's touch points, Section VI) and compare.",
-        ),
-    ] = None,
+    nearest: _Nearest = None,
+    boundary: _Boundary = None,
+    touch: _Touch = None,
     output: ResultFile = None,
     plots: Plots = None,
     as_json: Json = False,
@@ -100,15 +101,10 @@ def map_(
     prepare_outputs(loaded.source, output=output, folder=plots)
     with loaded.error_context(), console.progress("integrating motions") as progress:
         result = attitude_map(
-            problem,
-            samples or search.samples,
-            seed=search.seed if seed is None else seed,
-            nearest=nearest,
-            boundary=boundary or 0,
-            tangency=touch or 0,
-            threads=threads,
+            problem, samples or search.samples, seed=search.seed if seed is None else seed,
+            nearest=nearest, boundary=boundary or 0, tangency=touch or 0, threads=threads,
             progress=progress,
-        )
+        )  # fmt: skip
     document = result.to_dict()
     tables: Any = _heading_tables if isinstance(result, HeadingMap) else _attitude_tables
     console.tables(tables(scenario, result))

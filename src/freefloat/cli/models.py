@@ -15,19 +15,17 @@ from freefloat.cli.console import Console, print_json, table
 from freefloat.cli.options import Json, Quiet, file_names
 from freefloat.errors import InputError, did_you_mean
 
+_Name = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[NAME]",
+        help="Print this file instead: a URDF, or the YAML of a scenario or study.",
+        autocompletion=file_names,
+    ),
+]
 
-def models(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[NAME]",
-            help="Print this file instead: a URDF, or the YAML of a scenario or study.",
-            autocompletion=file_names,
-        ),
-    ] = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+
+def models(name: _Name = None, as_json: Json = False, quiet: Quiet = False) -> None:
     """List the bundled robots, scenarios and studies, or print the file of one.
 
     Robots are arguments of info and assemble, scenarios of simulate, plan and map, studies of

@@ -39,15 +39,17 @@ if TYPE_CHECKING:
     from freefloat.planning.plan import Plan
     from freefloat.planning.planar_ranges import BranchRanges
 
+_Stretch = Annotated[
+    bool, typer.Option("--stretch", help="Increase the duration until rates and torques fit.")
+]
+
 
 def plan(
     scenario: ScenarioName,
     output: ResultFile = None,
     html: Page = None,
     plots: Plots = None,
-    stretch: Annotated[
-        bool, typer.Option("--stretch", help="Increase the duration until rates and torques fit.")
-    ] = False,
+    stretch: _Stretch = False,
     threads: Threads = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -35,26 +35,32 @@ if TYPE_CHECKING:
     from freefloat.motion.problem import Problem
     from freefloat.planning.simulation import SimulatedBranch, Simulation
 
+_Attitude = Annotated[
+    Quaternion | None,
+    typer.Option(metavar="X Y Z W", help="Initial spacecraft attitude, a quaternion."),
+]
+_Heading = Annotated[
+    float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
+]
+_Joints = Annotated[
+    str | None,
+    typer.Option(metavar="Q1,Q2,...", help="Choose the arm branch near these joints, rad."),
+]
+_Branch = Annotated[
+    int | None, typer.Option(metavar="K", help="Choose the arm branch with this number.")
+]
+_StopAtMargin = Annotated[
+    bool, typer.Option("--stop-at-margin", help="End motions where they reach the margin.")
+]
+
 
 def simulate(
     scenario: ScenarioName,
-    attitude: Annotated[
-        Quaternion | None,
-        typer.Option(metavar="X Y Z W", help="Initial spacecraft attitude, a quaternion."),
-    ] = None,
-    heading: Annotated[
-        float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
-    ] = None,
-    joints: Annotated[
-        str | None,
-        typer.Option(metavar="Q1,Q2,...", help="Choose the arm branch near these joints, rad."),
-    ] = None,
-    branch: Annotated[
-        int | None, typer.Option(metavar="K", help="Choose the arm branch with this number.")
-    ] = None,
-    stop_at_margin: Annotated[
-        bool, typer.Option("--stop-at-margin", help="End motions where they reach the margin.")
-    ] = False,
+    attitude: _Attitude = None,
+    heading: _Heading = None,
+    joints: _Joints = None,
+    branch: _Branch = None,
+    stop_at_margin: _StopAtMargin = False,
     output: ResultFile = None,
     html: Page = None,
     as_json: Json = False,

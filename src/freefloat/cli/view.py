@@ -20,62 +20,66 @@ if TYPE_CHECKING:
 _ACCEPTED = "plans and motions, several together, or one attitude map (others: map --plots)"
 
 
+_Files = Annotated[
+    list[Path],
+    typer.Argument(metavar="FILE", help="Files of plan, simulate or map; shown on one page."),
+]
+_Port = Annotated[
+    int,
+    typer.Option(min=0, max=65535, metavar="P",
+                 help="Port of the page; if it is in use, the next free one."),
+]  # fmt: skip
+_NoOpen = Annotated[bool, typer.Option("--no-open", help="Open no browser; implied by --json.")]
+_Snapshots = Annotated[
+    int | None,
+    typer.Option(min=1, max=1000, metavar="N", help="Take N pictures from start to end."),
+]
+_Folder = Annotated[
+    Path | None,
+    typer.Option(
+        *("--output", "-o"), metavar="DIR",
+        help="Folder of the pictures; default NAME_snapshots, NAME being that of the file.",
+    ),
+]  # fmt: skip
+_Video = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Write a .gif, or a .mp4 (needs ffmpeg).")
+]
+_Fps = Annotated[
+    float | None, typer.Option(metavar="F", help="Frames per second of the video; default 20.")
+]
+_Speed = Annotated[
+    float | None,
+    typer.Option(
+        metavar="X",
+        help="Speed of the video; default 1. Longer motions are sped up; the factor is printed.",
+    ),
+]
+_Size = Annotated[
+    str | None,
+    typer.Option(metavar="WxH", help="Of pictures and video; default 1280x720, GIF 800x450."),
+]
+_Scene = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Of several, the one that the page opens and that pictures and video show: the "
+        'name of a file, the arm branch of a map, or "side by side".',
+    ),
+]
+
+
 def view(
-    files: Annotated[
-        list[Path],
-        typer.Argument(metavar="FILE", help="Files of plan, simulate or map; shown on one page."),
-    ],
-    port: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            max=65535,
-            metavar="P",
-            help="Port of the page; if it is in use, the next free one.",
-        ),
-    ] = 7007,
-    no_open: Annotated[
-        bool, typer.Option("--no-open", help="Open no browser; implied by --json.")
-    ] = False,
+    files: _Files,
+    port: _Port = 7007,
+    no_open: _NoOpen = False,
     html: Page = None,
-    snapshots: Annotated[
-        int | None,
-        typer.Option(min=1, max=1000, metavar="N", help="Take N pictures from start to end."),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            *("--output", "-o"),
-            metavar="DIR",
-            help="Folder of the pictures; default NAME_snapshots, NAME being that of the file.",
-        ),
-    ] = None,
-    video: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a .gif, or a .mp4 (needs ffmpeg).")
-    ] = None,
-    fps: Annotated[
-        float | None, typer.Option(metavar="F", help="Frames per second of the video; default 20.")
-    ] = None,
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            metavar="X",
-            help="Speed of the video; default 1. Longer motions are sped up; the factor is "
-            "printed.",
-        ),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option(metavar="WxH", help="Of pictures and video; default 1280x720, GIF 800x450."),
-    ] = None,
-    scene: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Of several, the one that the page opens and that pictures and video show: the "
-            'name of a file, the arm branch of a map, or "side by side".',
-        ),
-    ] = None,
+    snapshots: _Snapshots = None,
+    output: _Folder = None,
+    video: _Video = None,
+    fps: _Fps = None,
+    speed: _Speed = None,
+    size: _Size = None,
+    scene: _Scene = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -88,7 +92,6 @@ def view(
 
     Example: freefloat view good.h5 bad.h5 --html both.html --video bad.gif --scene bad
     """
-    from freefloat.visualization.server import open_browser, serve
     from freefloat.visualization.video import save_snapshots, save_video
 
     _require_outputs(
@@ -98,43 +101,53 @@ def view(
         size=(size, {"--snapshots": snapshots, "--video": video}),
         scene=(scene, {"--html": html, "--snapshots": snapshots, "--video": video}),
     )
-    pixels, console, playback = _pixels(size), Console(as_json, quiet), _playback(files)
-    document: dict[str, Any] = {
-        "address": None, "html": None, "snapshots": [], "video": None,
-        "scenes": list(playback.titles), "remarks": list(playback.remarks),
-    }  # fmt: skip
-
-    def print_results(address: str | None = None) -> None:
-        console.json({**document, "address": address})
-        console.tables(_lines({**document, "address": address}))
-        if address is not None and not (no_open or as_json):
-            open_browser(address)
-
+    console, playback = Console(as_json, quiet), _playback(files)
+    shown: dict[str, Any] = {"size": _pixels(size), "scene": scene}
     if html is None and snapshots is None and video is None:
-        serve(playback.html(), port, print_results)
+        _serve(console, playback, port, open_page=not (no_open or as_json))
         return
     if playback.scene_duration(scene) == 0.0 and (video or (snapshots or 1) > 1):
         key = "snapshots" if video is None else "video"
         raise InputError(key, "nothing moves there", "--snapshots 1 or --html")
     prepare_outputs(*files, html=html, video=video)
+    document = _document(playback)
     if snapshots is not None:
         name = scene if scene and len(files) > 1 else files[0].stem
         folder = output or Path(re.sub(r"[^\w.+-]+", "_", name) + "_snapshots")
         make_folder("output", folder)
         with console.progress(f"taking {snapshots} pictures") as progress:
-            pictures = save_snapshots(
-                playback, snapshots, folder, name, size=pixels, scene=scene, progress=progress
-            )
+            pictures = save_snapshots(playback, snapshots, folder, name, **shown, progress=progress)
         document["snapshots"] = [str(file) for file in pictures]
     if video is not None:
         with console.progress("taking the pictures of the video") as progress:
-            frames = save_video(
-                playback, video, rate=fps, speed=speed, size=pixels, scene=scene, progress=progress
-            )
+            frames = save_video(playback, video, rate=fps, speed=speed, **shown, progress=progress)
         document["video"] = {"file": str(video), **frames.to_dict()}
     if html is not None:
         document["html"] = str(playback.save(html, scene))
-    print_results()
+    console.json(document)
+    console.tables(_lines(document))
+
+
+def _serve(console: Console, playback: Playback, port: int, open_page: bool) -> None:
+    """Serve the page until Ctrl-C; print its address and open it in a browser."""
+    from freefloat.visualization.server import open_browser, serve
+
+    def ready(address: str) -> None:
+        document = _document(playback) | {"address": address}
+        console.json(document)
+        console.tables(_lines(document))
+        if open_page:
+            open_browser(address)
+
+    serve(playback.html(), port, ready)
+
+
+def _document(playback: Playback) -> dict[str, Any]:
+    """Return the JSON document before anything is written."""
+    return {
+        "address": None, "html": None, "snapshots": [], "video": None,
+        "scenes": list(playback.titles), "remarks": list(playback.remarks),
+    }  # fmt: skip
 
 
 def _require_outputs(**options: tuple[Any, dict[str, Any]]) -> None:
