@@ -19,12 +19,13 @@ from freefloat.io.hdf5 import AlteredFileError
 from freefloat.io.results import differences
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
 from freefloat.planning.heading_map import HeadingMap
-from freefloat.planning.plan import Objective, Plan
+from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import RangeLimitCause
 from freefloat.planning.regions import Region
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.names import find_robot
 from freefloat.so3 import attitude_grid, heading_quaternion
+from tests.plans import planar_plan, spatial_plan
 from tests.result_files import altered, replaced, with_digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -53,8 +54,7 @@ def same_motion(motion, other):
 
 @pytest.fixture(scope="module")
 def plan():
-    scenario = ff.load_scenario("planar_3dof/parabola")
-    return ff.plan(scenario.problem(), ff.Search(Objective.ROBUST), scenario.limits())
+    return planar_plan()
 
 
 @pytest.fixture(scope="module")
@@ -90,8 +90,7 @@ def test_a_plan_comes_back_as_it_was(plan, saved):
 
 @pytest.mark.slow
 def test_a_plan_in_space_comes_back_with_its_map(tmp_path):
-    problem = ff.load_scenario("spatial_6dof/line").problem()
-    plan = ff.plan(problem, ff.Search(samples=64))
+    plan = spatial_plan()
     ff.save(plan, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
     same(loaded.to_dict(), plan.to_dict())

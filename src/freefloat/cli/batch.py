@@ -114,10 +114,10 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
         workers = "one worker" if estimate.workers in (None, 1) else f"{estimate.workers} workers"
         yield (
             f"{estimate.missing:,} to run, about {_duration(estimate.run_seconds)} each "
-            f"({estimate.timed}): {_duration(estimate.seconds)} on {workers}"
+            f"({estimate.basis}): {_duration(estimate.seconds)} on {workers}"
         )
     elif estimate.missing:
-        yield f"{estimate.missing:,} to run; no estimate: {estimate.timed}"
+        yield f"{estimate.missing:,} to run; no estimate: {estimate.basis}"
 
 
 def _result_lines(result: StudyResult) -> Iterator[str]:

@@ -131,7 +131,7 @@ def _scenario(name: str, file: Path) -> BundledFile:
 
 def _study(name: str, file: Path) -> BundledFile:
     description, content = _read(file)
-    details = {"base": content["base"], "task": content["command"]}
+    details = {"base": content["base"], "command": content["command"]}
     return BundledFile(name, description, details, file)
 
 

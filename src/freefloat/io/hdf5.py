@@ -20,8 +20,12 @@ import numpy.typing as npt
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
 
+Document = dict[str, Any]
+"""JSON document of a record."""
 TEXT = h5py.string_dtype()
 """Type of texts."""
+QUATERNION = "1, quaternion x y z w"
+"""Unit of attitudes."""
 _BLOCK = 512
 """Bytes of the user block."""
 _MARK = b"freefloat SHA-256 "
@@ -78,8 +82,8 @@ def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
         with h5py.File(path, "r") as file:
             _require_plain(file)
             yield file
-    except OSError as error:
-        problem = f"it cannot be read ({str(error).splitlines()[0]})"
+    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:  # of HDF5
+        problem = f"it cannot be read ({' '.join(str(error).split())})"
         raise InputError("file", problem, accepted, str(path)) from None
 
 

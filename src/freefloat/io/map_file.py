@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.io.hdf5 import TEXT, read_numbers, write_arrays
+from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
+from freefloat.io.hdf5 import QUATERNION, TEXT, Document, read_numbers, write_arrays
 from freefloat.io.scenario import Scenario
 from freefloat.motion.problem import Problem
+from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
+from freefloat.planning.heading_map import HeadingMap
+from freefloat.planning.regions import Region
 from freefloat.so3 import frozen
 
-if TYPE_CHECKING:  # compiled kernels take half a second to import
-    from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
-    from freefloat.planning.heading_map import HeadingMap
-
-Document = dict[str, Any]
-QUATERNION = "1, quaternion x y z w"
-"""Unit of attitudes."""
 _ENDINGS = "code: 0 completed, 1 singular, 3 given up, -1 no such branch"
 _UNITS = {
     "attitude": QUATERNION, "centre": QUATERNION, "volume_rad3": "rad^3",
@@ -36,8 +33,6 @@ _SAMPLES = {
 
 def write_heading_map(file: Any, heading_map: HeadingMap, _: Document) -> None:
     """Write a map over headings: a row for each arm branch, a column for each heading."""
-    from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
-
     _write_margin(file, heading_map.problem)
     margins, ended_at = heading_map.minimum_margins, heading_map.ended_at
     early = ended_at < heading_map.problem.path.duration * (1.0 - 1e-9)
@@ -53,8 +48,6 @@ def write_heading_map(file: Any, heading_map: HeadingMap, _: Document) -> None:
 
 def read_heading_map(file: Any, scenario: Scenario, document: Document) -> HeadingMap:
     """Map over headings of a file."""
-    from freefloat.planning.heading_map import HeadingMap
-
     names = ("heading", "least", "ended_at", "branch")
     headings, margins, ended_at, branches = (
         values.astype(float) for values in read_numbers(file, *names)
@@ -96,13 +89,10 @@ def write_samples(file: Any, attitude_map: AttitudeMap) -> None:
 
 def read_samples(file: Any, problem: Problem) -> AttitudeMap:
     """Map of a file or group with its samples alone."""
-    from freefloat.planning.attitude_map import AttitudeMap
-
     main = ("attitude", "ending", "least", "clearance")
     attitudes, endings, margins, ratios = read_numbers(file, *main)
-    if attitudes.shape != (len(margins), 4) or margins.ndim != 2:
-        raise ValueError("its arrays are not those of a map")
-    if not endings.shape == margins.shape == ratios.shape:
+    alike = endings.shape == margins.shape == ratios.shape and margins.ndim == 2
+    if not alike or attitudes.shape != (len(margins), 4):
         raise ValueError("its arrays are not those of a map")
     names = [name for name in _SAMPLES if name in file and name not in main]
     details = dict(zip(names, read_numbers(file, *names), strict=True))
@@ -114,8 +104,6 @@ def read_samples(file: Any, problem: Problem) -> AttitudeMap:
 
 def read_attitude_map(file: Any, scenario: Scenario, document: Document) -> AttitudeMap:
     """Map over SO(3) of a file."""
-    from freefloat.planning.regions import Region
-
     points, tangency = document.get("boundary"), document.get("touch", {}).get("points")
     return replace(
         read_samples(file, scenario.problem()),
@@ -135,8 +123,6 @@ def read_attitude_map(file: Any, scenario: Scenario, document: Document) -> Atti
 
 
 def _candidate(document: Document | None, key: str) -> Candidate | None:
-    from freefloat.planning.attitude_map import Candidate
-
     if document is None:
         return None
     score = np.radians(document[key]) if key.endswith("_deg") else document[key]
@@ -144,8 +130,6 @@ def _candidate(document: Document | None, key: str) -> Candidate | None:
 
 
 def _boundary_point(document: Document) -> BoundaryPoint:
-    from freefloat.planning.attitude_map import BoundaryPoint
-
     gap = float(np.radians(document["gap_deg"])) if "gap_deg" in document else None
     return BoundaryPoint(frozen(document["attitude"]), document["branch"], gap)
 

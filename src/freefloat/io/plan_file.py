@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.ik.branches import ArmBranch
-from freefloat.io.hdf5 import TEXT, read_numbers, write_arrays
-from freefloat.io.map_file import QUATERNION, Document, read_samples, write_samples
+from freefloat.io.hdf5 import QUATERNION, TEXT, Document, read_numbers, write_arrays
 from freefloat.io.scenario import Scenario
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, CertifiedMinimum, Comparison, Worst
@@ -93,14 +92,20 @@ def write_plan(file: Any, plan: Plan, _: Document) -> None:
     if plan.chosen is not None:
         _write_branch(file, "motion", plan.chosen)
     if plan.map is not None:
+        from freefloat.io.map_file import write_samples  # compiled kernels are slow to import
+
         write_samples(file.create_group("map"), plan.map)
 
 
 def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
     """Plan of a file; those of version 0.1.0 lack its map and its tangent motions."""
-    from freefloat.planning.tolerance import Tolerance  # compiled kernels take half a second
+    problem, tolerance, samples = scenario.problem(), document.get("tolerance"), None
+    if tolerance is not None or "map" in file:
+        from freefloat.io.map_file import read_samples  # compiled kernels are slow to import
+        from freefloat.planning.tolerance import Tolerance
 
-    problem, tolerance = scenario.problem(), document.get("tolerance")
+        samples = read_samples(file["map"], problem) if "map" in file else None
+        tolerance = tolerance and Tolerance(**tolerance)
     limits, results = _read_limits(file, scenario, document)
     stretched, radius = document["stretched_duration"], document["robust_radius_deg"]
     motion = file.get("motion")
@@ -116,8 +121,8 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
         ),
         chosen=None if motion is None else _read_branch(motion, problem, document["branch"]),
         robust_radius=None if radius is None else float(np.radians(radius)),
-        map=read_samples(file["map"], problem) if "map" in file else None,
-        tolerance=None if tolerance is None else Tolerance(**tolerance),
+        map=samples,
+        tolerance=tolerance,
         disagreements=tuple(document["disagreements"]),
         limits=limits,
         limit_results=results,

@@ -10,7 +10,7 @@ import json
 import math
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -19,8 +19,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from freefloat.errors import InputError
-from freefloat.io import map_file, plan_file
-from freefloat.io.hdf5 import TEXT, AlteredFileError, open_hdf5, read_text, write_hdf5
+from freefloat.io import plan_file
+from freefloat.io.hdf5 import (
+    TEXT,
+    AlteredFileError,
+    Document,
+    open_hdf5,
+    read_text,
+    write_hdf5,
+)
 from freefloat.io.scenario import Scenario, parse_scenario, scenario_of
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
@@ -28,18 +35,17 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
 from freefloat.verification.checks import magnitude_range
 
-if TYPE_CHECKING:  # compiled kernels take half a second to import
+if TYPE_CHECKING:  # compiled kernels are slow to import
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
 
+    Result = Plan | Simulation | AttitudeMap | HeadingMap
+
 FORMAT_VERSION = 2
-_KINDS: dict[str, tuple[str, Any, Any]] = {
-    "Plan": ("plan", plan_file.write_plan, plan_file.read_plan),
-    "Simulation": ("motion", plan_file.write_simulation, plan_file.read_simulation),
-    "HeadingMap": ("map", map_file.write_heading_map, map_file.read_heading_map),
-    "AttitudeMap": ("attitude map", map_file.write_attitude_map, map_file.read_attitude_map),
-}
-"""Kind of file, its writer and its reader, by the class of the record."""
+_KINDS = {
+    "Plan": "plan", "Simulation": "motion", "HeadingMap": "map", "AttitudeMap": "attitude map",
+}  # fmt: skip
+"""Kinds of files by the class of the record."""
 _PREFIX = "freefloat "
 _SOFTWARE = ("freefloat", "pin", "numpy", "scipy")
 _ACCEPTED = f"a plan, motion or map file of freefloat (-o), format {FORMAT_VERSION}"
@@ -49,11 +55,20 @@ _RELATIVE, _ABSOLUTE = 1e-6, 1e-9
 """Deviation of a number in a document from the same number of its record: rounding."""
 
 
-def save(
-    result: Plan | Simulation | AttitudeMap | HeadingMap,
-    path: str | Path,
-    scenario: Scenario | None = None,
-) -> None:
+def _functions(kind: str) -> tuple[Callable[..., None], Callable[..., Result]]:
+    """Writer and reader of a kind of file."""
+    if kind == "plan":
+        return plan_file.write_plan, plan_file.read_plan
+    if kind == "motion":
+        return plan_file.write_simulation, plan_file.read_simulation
+    from freefloat.io import map_file  # compiled kernels are slow to import
+
+    if kind == "map":
+        return map_file.write_heading_map, map_file.read_heading_map
+    return map_file.write_attitude_map, map_file.read_attitude_map
+
+
+def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> None:
     """Write a result to a file: whole, or not at all.
 
     Args:
@@ -75,7 +90,7 @@ def save(
     if type(result).__name__ not in _KINDS:
         problem = f"a {type(result).__name__} was given"
         raise InputError("result", problem, "a Plan, Simulation, AttitudeMap or HeadingMap")
-    kind, write, _ = _KINDS[type(result).__name__]
+    kind = _KINDS[type(result).__name__]
     described, document = _describe(result, scenario), result.to_dict()
 
     def build(file: Any) -> None:
@@ -83,7 +98,7 @@ def save(
         _write_origin(file, described)
         text = json.dumps(document, allow_nan=False)
         file.create_dataset("document", data=text, dtype=TEXT)
-        write(file, result, document)
+        _functions(kind)[0](file, result, document)
 
     write_hdf5(Path(path), build)
 
@@ -123,7 +138,7 @@ def _write_origin(file: Any, scenario: Scenario) -> None:
             file.create_dataset(name, data=text, dtype=TEXT)
 
 
-def load(path: str | Path) -> Plan | Simulation | AttitudeMap | HeadingMap:
+def load(path: str | Path) -> Result:
     """Result of a file: a record of the class that was saved.
 
     Raises:
@@ -138,38 +153,32 @@ def load(path: str | Path) -> Plan | Simulation | AttitudeMap | HeadingMap:
         True
     """
     path = Path(path)
-    try:
-        with open_hdf5(path, _ACCEPTED) as file:
-            reader = _reader_for(file, path)
-            try:
-                return _load_record(file, reader)
-            except _INVALID as error:
-                key, problem = "file", str(error).splitlines()[0] or type(error).__name__
-                if isinstance(error, InputError):
-                    key, problem = error.key, error.problem
-                raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
-    except (KeyError, ValueError, TypeError, RuntimeError) as error:
-        problem = f"it cannot be read ({error})"
-        raise InputError("file", problem, _ACCEPTED, str(path)) from None
+    with open_hdf5(path, _ACCEPTED) as file:
+        kind = _kind_of(file, path)
+        try:
+            return _load_record(file, _functions(kind)[1])
+        except _INVALID as error:
+            key, problem = "file", str(error).splitlines()[0] or type(error).__name__
+            if isinstance(error, InputError):
+                key, problem = error.key, error.problem
+            raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
 
 
-def _reader_for(file: Any, path: Path) -> Any:
-    """The function that reads a kind of file."""
+def _kind_of(file: Any, path: Path) -> str:
+    """The kind of a file."""
     name, number = file.attrs.get("format"), file.attrs.get("version")
     problem = "it is an HDF5 file of another kind"
     if isinstance(name, str) and name.startswith(_PREFIX):
-        for kind, _, read in _KINDS.values():
-            if (name, number) == (_PREFIX + kind, FORMAT_VERSION):
-                return read
+        kind = name.removeprefix(_PREFIX)
+        if kind in _KINDS.values() and number == FORMAT_VERSION:
+            return kind
         problem = f"it is a {name} file, format {number}"
     raise InputError("file", problem, _ACCEPTED, str(path))
 
 
-def _load_record(file: Any, reader: Any) -> Plan | Simulation | AttitudeMap | HeadingMap:
-    document = json.loads(read_text(file, "document"))
-    result: Plan | Simulation | AttitudeMap | HeadingMap = reader(
-        file, _read_scenario(file), document
-    )
+def _load_record(file: Any, read: Callable[..., Result]) -> Result:
+    document: Document = json.loads(read_text(file, "document"))
+    result = read(file, _read_scenario(file), document)
     for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
         problem = f"its document states {stated}, but it is {recomputed}"
         raise InputError(key, problem, _ACCEPTED)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from freefloat.errors import InputError
 from freefloat.io.field_types import (
     Factor,
     Inertia,
@@ -87,6 +86,12 @@ class AttachedSection(Section):
     prefix: str = ""
     """Prefix of the names of its links and joints."""
 
+    def to_attachment(self, scenario: Path, key: str) -> Attachment:
+        """The attachment; errors name the scenario file and begin with a key."""
+        with error_context(scenario, key):
+            urdf = find_robot(self.urdf, scenario.parent)
+        return Attachment(urdf, self.link, self.mount.to_mount(), self.prefix)
+
 
 class RobotSection(Section):
     """The robot."""
@@ -127,18 +132,10 @@ class RobotSection(Section):
                 spacecraft=None if craft is None else Spacecraft(**craft.values(folder)),
                 payload=None if payload is None else Payload(**payload.values(folder)),
                 attached=[
-                    _attachment(part, folder, index) for index, part in enumerate(self.attached)
+                    part.to_attachment(scenario, f"robot.attached.{index}.")
+                    for index, part in enumerate(self.attached)
                 ],
             )
-
-
-def _attachment(part: AttachedSection, folder: Path, index: int) -> Attachment:
-    try:
-        urdf = find_robot(part.urdf, folder)
-    except InputError as error:
-        key = f"attached.{index}.{error.key}"
-        raise type(error)(key, error.problem, error.accepted, error.source) from None
-    return Attachment(urdf, part.link, part.mount.to_mount(), part.prefix)
 
 
 class RobotFile(Section):

@@ -15,8 +15,6 @@ from freefloat.so3 import Array, frozen, without_jumps
 
 MAX_SAMPLES = 1_000_000
 """More samples would fill gigabytes of text."""
-_DIGITS, _NOISE = 9, 8.0
-"""Times are rounded to nanoseconds if that changes only their last bits."""
 _ROUNDING = 1e-9
 """Fraction of a step by which the last sample may miss the end."""
 
@@ -118,7 +116,9 @@ def even_times(motion: Motion, count: int) -> Array:
     if not 2 <= count <= MAX_SAMPLES:
         raise InputError("times", f"{count} was given", f"2 to {MAX_SAMPLES:,}")
     first, last = _span(motion)
-    return _without_noise(np.linspace(first, last, count if last > first else 1))
+    steps = count - 1 if last > first else 0
+    times = first + np.arange(steps + 1) * (last - first) / max(1, steps)  # 99.8, not 99.80...01
+    return np.append(times[:-1], last)
 
 
 def times_at_rate(motion: Motion, rate: float) -> Array:
@@ -133,16 +133,7 @@ def times_at_rate(motion: Motion, rate: float) -> Array:
         accepted = f"above 0 Hz, and {MAX_SAMPLES:,} times at most in {last - first:g} s"
         raise InputError("rate", f"{rate:g} Hz was given", accepted)
     steps = np.ceil(whole * (1.0 - _ROUNDING))
-    return _without_noise(np.append(first + np.arange(steps) / rate, last))
-
-
-def _without_noise(times: Array) -> Array:
-    """Times without rounding noise, 99.8 for 99.80000000000001, but for the first and the last."""
-    rounded = np.round(times, _DIGITS)
-    noise = _NOISE * np.spacing(np.abs(times).max())
-    clean = np.where(np.abs(rounded - times) <= noise, rounded, times)
-    clean[[0, -1]] = times[[0, -1]]
-    return np.asarray(clean)
+    return np.append(first + np.arange(steps) / rate, last)
 
 
 def _span(motion: Motion) -> tuple[float, float]:

@@ -276,7 +276,7 @@ class StudyResult:
         return {
             "study": self.study.source,
             "base": str(self.study.base_source),
-            "task": str(self.study.content.command),
+            "command": str(self.study.content.command),
             "cases": self.study.count,
             "done": len(self.rows),
             "verdicts": self.verdicts,

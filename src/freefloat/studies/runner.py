@@ -209,14 +209,14 @@ class StudyEstimate:
         finished: Numbers of the finished runs.
         workers: Number of workers; None for those of a scheduler.
         run_seconds: Expected duration of a run [s]; None if no run could be timed.
-        timed: Which runs were timed, or why none was.
+        basis: What this is based on, such as ``"finished runs"``, or why there is no estimate.
     """
 
     study: Study
     finished: frozenset[int] = field(repr=False)
     workers: int | None
     run_seconds: float | None
-    timed: str | None
+    basis: str | None
 
     @property
     def missing(self) -> int:
@@ -241,13 +241,13 @@ class StudyEstimate:
         return {
             "study": self.study.source,
             "base": str(self.study.base_source),
-            "task": str(self.study.content.command),
+            "command": str(self.study.content.command),
             "count": self.study.count,
             "done": len(self.finished),
             "workers": self.workers,
             "seconds_each": self.run_seconds,
             "start_up_seconds": self.start_seconds,
-            "timed": self.timed,
+            "timed": self.basis,
             "seconds": self.seconds,
             "cases": [
                 {"case": number, "done": number in self.finished,
@@ -280,12 +280,12 @@ def estimate_study(
             rows = database.rows
     seconds = [row.seconds for row in rows.values() if row.seconds is not None]
     missing = [number for number in range(study.count) if number not in rows]
-    each, timed = (sum(seconds) / len(seconds), "finished runs") if seconds else (None, None)
+    each, basis = (sum(seconds) / len(seconds), "finished runs") if seconds else (None, None)
     if each is None and missing:
         first, second = (execute(Run.of(study, missing[k])).row for k in (0, len(missing) // 2))
         row = first if second.verdict == ERROR else second
-        each, timed = row.seconds, f"run {row.number}"
+        each, basis = row.seconds, f"run {row.number}"
         if row.verdict == ERROR:
-            each, timed = None, f"no run could be timed, run {row.number}: {row.error}"
+            each, basis = None, f"no run could be timed, run {row.number}: {row.error}"
     count = _processes(workers) if scheduler is None else None
-    return StudyEstimate(study, frozenset(rows), count, each, timed)
+    return StudyEstimate(study, frozenset(rows), count, each, basis)

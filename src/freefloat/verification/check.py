@@ -23,6 +23,7 @@ from freefloat.verification.checks import (
     comparison_check,
     error_check,
     magnitude_range,
+    path_tolerances,
     span_check,
 )
 
@@ -35,6 +36,8 @@ _WRENCH = 1e-4
 _ROUNDING = 1e-9
 """Wrench added to what is allowed, as a fraction of I / T² (I: trace of the system's inertia, T:
 duration): rounding, for arms that hardly move."""
+_MOMENTUM = 1e-6
+"""Allowed deviation of MuJoCo's momentum, as a fraction of |h| + I / T."""
 _DRIFT = 1e-3
 """Allowed deviation of the final attitude of a simulation [rad]."""
 _CLEARANCE = 2e-4
@@ -58,7 +61,7 @@ class CheckReport:
         checks: Everything that was checked, in order.
         certificate: Recomputed certificate of the motion; None without a motion.
         limits: Recomputed limits of the motion.
-        engine: What another engine found; None if there was none.
+        engine: Results of MuJoCo; None if it was not used.
     """
 
     kind: str
@@ -99,7 +102,8 @@ def check(result: Plan | Simulation, engine: str = PINOCCHIO) -> CheckReport:
 
     Args:
         result: The record, computed or loaded from a file.
-        engine: ``"mujoco"`` also repeats the motion with MuJoCo's dynamics.
+        engine: Everything is always recomputed with freefloat's own dynamics, on Pinocchio;
+            ``"mujoco"`` repeats the motion with MuJoCo's kinematics and dynamics in addition.
 
     Raises:
         InputError: If the result is a map, or the engine is unknown or not installed.
@@ -259,11 +263,15 @@ def _error_comparison(key: str, stated: float | None, recomputed: float | None) 
 
 
 def _engine_checks(motion: Motion, inverse: InverseRun, forward: ForwardRun) -> list[Check]:
-    inertia = float(np.trace(inertia_matrices(motion.problem.model, motion.initial.joints)[0]))
-    rounding = _ROUNDING * inertia / motion.problem.path.duration**2
-    allowed = _WRENCH * inverse.torque + rounding
+    problem, duration = motion.problem, motion.problem.path.duration
+    inertia = float(np.trace(inertia_matrices(problem.model, motion.initial.joints)[0]))
+    momentum = _MOMENTUM * (float(np.linalg.norm(problem.momentum)) + inertia / duration)
+    wrench = _WRENCH * inverse.torque + _ROUNDING * inertia / duration**2
     return [
-        error_check("mujoco: wrench on the base", inverse.wrench, allowed, "N m",
+        error_check("mujoco: end-effector position", inverse.end_effector,
+                    path_tolerances(motion)[0], "m", None),
+        error_check("mujoco: angular momentum", inverse.momentum, momentum, "N m s", None),
+        error_check("mujoco: wrench on the base", inverse.wrench, wrench, "N m",
                     inverse.wrench_time, "inverse dynamics has a wrench on the free base"),
         error_check("mujoco: final attitude", forward.attitude, _DRIFT, "rad", forward.until,
                     "with joint servos the spacecraft ends elsewhere"),

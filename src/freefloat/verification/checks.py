@@ -116,20 +116,30 @@ def span_check(motion: Motion) -> Check:
     return Check("whole motion", passed, detail, duration, last, _ENDS * duration, "s")
 
 
+def path_tolerances(motion: Motion) -> tuple[float, float]:
+    """Allowed distance [m] and angle [rad] of the end-effector from the path of a motion."""
+    rotation = float(angle_between(motion.attitudes[1:], motion.attitudes[:-1]).sum())
+    angle = _ON_PATH * max(1.0, rotation / (2.0 * np.pi))
+    return angle * _reach(motion), angle
+
+
+def _reach(motion: Motion) -> float:
+    """Reach of the arm, or one metre if that is more."""
+    return max(1.0, VirtualManipulator.of(motion.problem.model).reach)
+
+
 def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool) -> list[Check]:
     """Check the errors and bounds of a certificate."""
     model, duration = motion.problem.model, motion.problem.path.duration
-    reach = max(1.0, VirtualManipulator.of(model).reach)
+    distance, angle = path_tolerances(motion)
     inertia = float(np.trace(inertia_matrices(model, motion.initial.joints)[0]))
-    rotation = float(angle_between(motion.attitudes[1:], motion.attitudes[:-1]).sum())
-    on_path = _ON_PATH * max(1.0, rotation / (2.0 * np.pi))
     momentum = _MOMENTUM * certificate.momentum_scale + _ROUNDING * inertia / duration
     again = certificate.integration
     halving = max(again.halving_attitude, again.halving_joints)
     errors = [
-        ("end-effector position", certificate.end_effector_position, on_path * reach, "m"),
-        ("end-effector attitude", certificate.end_effector_attitude, on_path, "rad"),
-        ("centre of mass", certificate.centre_of_mass, _CENTRE * reach, "m"),
+        ("end-effector position", certificate.end_effector_position, distance, "m"),
+        ("end-effector attitude", certificate.end_effector_attitude, angle, "rad"),
+        ("centre of mass", certificate.centre_of_mass, _CENTRE * _reach(motion), "m"),
         ("angular momentum", certificate.momentum, momentum, "N m s"),
         ("joint rates", certificate.rates, _RATES, "of the largest"),
     ]

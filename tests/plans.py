@@ -1,0 +1,28 @@
+"""Plans that several tests look at, computed once."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from freefloat.io.scenario import load_scenario
+from freefloat.limits.limits import Limits
+from freefloat.planning.plan import Objective, Plan, Search
+from freefloat.planning.planner import plan
+
+IDENTITY = [0.0, 0.0, 0.0, 1.0]
+
+
+@cache
+def planar_plan() -> Plan:
+    """The paper's Example 1 with limits, deepest inside its feasible headings."""
+    limits = Limits(joint_rate=np.full(3, 0.5), base_rate=0.2)
+    problem = load_scenario("planar_3dof/parabola").problem()
+    return plan(problem, Search(Objective.ROBUST, np.array(IDENTITY)), limits)
+
+
+@cache
+def spatial_plan() -> Plan:
+    """The paper's Example 2, without limits."""
+    return plan(load_scenario("spatial_6dof/line").problem(), Search(samples=64))
