@@ -28,7 +28,7 @@ settings.register_profile(
     "freefloat",
     derandomize=True,  # the same examples on every machine and every day
     deadline=None,
-    max_examples=40,
+    max_examples=25,
     database=None,
     suppress_health_check=[HealthCheck.too_slow],
 )

@@ -18,8 +18,6 @@ import freefloat as ff
 from freefloat.planning.plan import Plan
 from freefloat.robot.names import models_folder
 
-pytestmark = pytest.mark.usefixtures("kernels")
-
 
 @pytest.mark.parametrize("name", ff.__all__)
 def test_every_public_name_is_documented_and_typed(name: str) -> None:
@@ -32,7 +30,14 @@ def test_every_public_name_is_documented_and_typed(name: str) -> None:
         assert all(parameter.annotation is not parameter.empty for parameter in parameters)
 
 
-@pytest.mark.parametrize("name", sorted({*ff.__all__} - {"paths", "run_study", "show"}))
+SLOW = {"Search", "attitude_map", "check", "figures", "plan", "playback", "workspace_regions"}
+"""Names whose examples plan, draw or sample."""
+
+
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=pytest.mark.slow if name in SLOW else ())
+    for name in sorted({*ff.__all__} - {"paths", "run_study", "show"})
+])  # fmt: skip
 def test_the_example_of_a_docstring_prints_what_is_shown(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -66,7 +71,7 @@ def test_help_begins_with_ten_lines_that_run(
     shown: list[Plan] = []
     monkeypatch.setattr(ff, "show", shown.append)
     assert code.count("samples=1024") == 1
-    exec(code.replace("samples=1024", "samples=64"), {})
+    exec(code.replace("samples=1024", "samples=16"), {})
     assert [plan.feasible for plan in shown] == [True]
     assert capsys.readouterr().out.startswith("the largest margin, gjm 0.09")
 

@@ -31,7 +31,7 @@ GOOD = [0.46008, 0.09337, 0.73519, -0.48898]
 WIDE = 1e3
 
 
-def finding(motion, limits, kind):
+def result_of(motion, limits, kind):
     (result,) = [result for result in check_limits(motion, limits) if result.limit is kind]
     return result
 
@@ -45,7 +45,7 @@ def finding(motion, limits, kind):
     ],
 )
 def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
-    result = finding(prismatic_motion(prismatic_robot(), law=law),
+    result = result_of(prismatic_motion(prismatic_robot(), law=law),
                     Limits(joint_rate=np.full(3, 0.05)), LimitKind.JOINT_RATE)  # fmt: skip
     assert_close(result.worst, peak * RELATIVE / DURATION, atol=1e-9)
     assert_close(result.ratio, result.worst / 0.05, atol=1e-12)
@@ -66,7 +66,7 @@ def test_the_fastest_rate_is_that_of_the_time_law(law, peak, where):
 def test_the_largest_force_is_that_of_the_time_law(law, peak, places):
     """Also where accelerations jump: inside the ramps of the trapezoid, at rest in the cubic."""
     motion = prismatic_motion(prismatic_robot(), law=law)
-    result = finding(motion, Limits(joint_torque=np.array([0.2, 1, 1])), LimitKind.JOINT_TORQUE)
+    result = result_of(motion, Limits(joint_torque=np.array([0.2, 1, 1])), LimitKind.JOINT_TORQUE)
     assert_close(abs(result.worst), TOOL * LENGTH * peak / DURATION**2, atol=1e-9)
     assert result.where == "x"
     assert result.base_wrench < 1e-9
@@ -82,7 +82,7 @@ def test_the_largest_force_just_before_it_jumps_is_found():
     problem = replace(problem, path=TimedPath(problem.path.path, timing))
     joints = [(start + half / 2.0) * RELATIVE / LENGTH, 0.0, 0.0]
     motion = integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], joints, start=2.5)
-    result = finding(motion, Limits(joint_torque=np.ones(3)), LimitKind.JOINT_TORQUE)
+    result = result_of(motion, Limits(joint_torque=np.ones(3)), LimitKind.JOINT_TORQUE)
     assert_close(result.worst, -6.0 * TOOL * half / 25.0, atol=1e-9)
     assert_close(result.time, 5.0, atol=1e-9)
 
@@ -121,8 +121,8 @@ def spatial():
 def test_rates_are_the_largest_of_fine_sampling(spatial):
     n = spatial.problem.model.dof
     limits = Limits(joint_rate=np.full(n, WIDE), base_rate=WIDE)
-    joint = finding(spatial, limits, LimitKind.JOINT_RATE)
-    base = finding(spatial, limits, LimitKind.BASE_RATE)
+    joint = result_of(spatial, limits, LimitKind.JOINT_RATE)
+    base = result_of(spatial, limits, LimitKind.BASE_RATE)
     near = [np.linspace(peak - 0.1, peak + 0.1, 41) for peak in (joint.time, base.time)]
     series = Trajectory.of(spatial, np.unique([*np.linspace(0.0, 100.0, 501), *np.ravel(near)]))
     rates = np.abs(series.joint_rates)
@@ -138,15 +138,15 @@ def test_rates_are_the_largest_of_fine_sampling(spatial):
 
 def test_every_joint_has_its_own_limit(spatial):
     """The joint named is the one that uses up most of its own limit, not the fastest."""
-    free = finding(spatial, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
+    free = result_of(spatial, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
     tight = np.where(np.array(spatial.problem.model.joint_names) == free.where, np.inf, 1.0)
-    other = finding(spatial, Limits(joint_rate=tight), LimitKind.JOINT_RATE)
+    other = result_of(spatial, Limits(joint_rate=tight), LimitKind.JOINT_RATE)
     assert other.where != free.where
     assert other.ratio < free.ratio
 
 
 def all_limits(motion):
-    """Limits that a motion just keeps, from findings with wide ones."""
+    """Limits that a motion just keeps, from results with wide ones."""
     n = motion.problem.model.dof
     wide = Limits(np.full(n, WIDE), np.full(n, WIDE), WIDE, 0.0)
     result = {result.limit: abs(result.worst) for result in check_limits(motion, wide)}
@@ -179,7 +179,7 @@ def test_each_limit_violated_in_turn():
 def test_contact_is_violated_even_where_no_distance_is_asked_for():
     ball = shape_text('<sphere radius="0.6"/>')
     motion = prismatic_motion(prismatic_robot(shape_text('<box size="1 1 1"/>'), ball))
-    result = finding(motion, Limits(clearance=0.0), LimitKind.CLEARANCE)
+    result = result_of(motion, Limits(clearance=0.0), LimitKind.CLEARANCE)
     assert_close(result.worst, -0.1, atol=1e-6)
     assert result.where == "bus - hand"
     assert not result.kept
@@ -188,7 +188,7 @@ def test_contact_is_violated_even_where_no_distance_is_asked_for():
 
 @pytest.mark.parametrize("name", ["joint_rate", "base_rate", "joint_torque"])
 def test_the_stretched_motion_just_keeps_the_limit(name):
-    """Without momentum: followed again with the longer duration, the limit is used up to 1e-6."""
+    """Without momentum: integrated again with the longer duration, the limit is used up to 1e-6."""
     problem = replace(load_scenario("planar_3dof/parabola").problem(), momentum=np.zeros(3))
     problem = replace(problem, path=TimedPath(problem.path.path, Timing(100.0)))
     motion = planar_motion(problem)
@@ -207,11 +207,11 @@ def test_stretch_is_that_of_the_tightest_limit():
     def used(limit, ratio):
         return LimitResult(limit, 1.0, 1.0, 0.0, "", ratio <= 1.0, ratio)
 
-    findings = [used(LimitKind.JOINT_RATE, 2.0), used(LimitKind.JOINT_TORQUE, 9.0),
+    results = [used(LimitKind.JOINT_RATE, 2.0), used(LimitKind.JOINT_TORQUE, 9.0),
                 used(LimitKind.CLEARANCE, 50.0), used(LimitKind.JOINT_RANGE, 50.0)]  # fmt: skip
-    assert needed_stretch(findings) == 3.0
-    assert needed_stretch(findings[:1]) == 2.0
-    assert needed_stretch(findings[2:]) == 1.0
+    assert needed_stretch(results) == 3.0
+    assert needed_stretch(results[:1]) == 2.0
+    assert needed_stretch(results[2:]) == 1.0
     assert needed_stretch([]) == 1.0
 
 
@@ -222,7 +222,7 @@ def test_rates_towards_a_singularity_have_no_bound():
         integrate_motion(problem, attitude, result.joints) for result in problem.branches(attitude)
     )
     motion = next(result for result in motions if result.ending is Ending.SINGULAR)
-    result = finding(motion, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
+    result = result_of(motion, Limits(joint_rate=np.full(6, 1.0)), LimitKind.JOINT_RATE)
     assert result.ratio > 1e3
     assert_close(result.time, motion.final.time, atol=1e-6)
     assert not result.kept
@@ -239,7 +239,7 @@ def test_a_motion_that_ends_where_it_begins_keeps_no_rate():
         assert not result[kind].kept
 
 
-def test_findings_are_those_of_the_reversed_motion(spatial):
+def test_results_are_those_of_the_reversed_motion(spatial):
     problem, final = spatial.problem, spatial.final
     back = integrate_motion(problem, final.attitude, final.joints, start=100.0, end=0.0)
     limits = Limits(np.full(6, 1.0), np.full(6, 1.0), 1.0, 0.0)

@@ -14,7 +14,12 @@ from freefloat.so3 import heading_quaternion
 from tests.prismatic import DURATION, LENGTH, RELATIVE, TOOL, prismatic_motion, prismatic_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
-NAMES = ["spatial_6dof/line", "planar_3dof/parabola", "ur5_servicer/arc", "panda_servicer/line"]
+NAMES = [
+    "spatial_6dof/line",
+    "planar_3dof/parabola",
+    pytest.param("ur5_servicer/arc", marks=pytest.mark.slow),
+    pytest.param("panda_servicer/line", marks=pytest.mark.slow),
+]
 STARTS = {
     "spatial_6dof/line": [0.46008, 0.09337, 0.73519, -0.48898],
     "planar_3dof/parabola": list(heading_quaternion(np.deg2rad(200))),
@@ -82,7 +87,7 @@ def test_the_joints_power_is_the_growth_of_kinetic_energy(motion):
 
 
 @pytest.mark.parametrize("law", list(TimeLaw))
-def test_forces_of_a_sliding_hand_are_mass_times_acceleration(law):
+def test_forces_of_prismatic_joints_are_mass_times_acceleration(law):
     motion = prismatic_motion(prismatic_robot(), law=law)
     fractions = np.array([0.1, 0.4, 0.9])
     for fraction, effort in zip(fractions, efforts(motion, DURATION * fractions), strict=True):

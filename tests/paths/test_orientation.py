@@ -135,7 +135,7 @@ def test_point_at_settles_roll_by_the_axis_farthest_from_all_sights(axis, second
         assert_close(result, near / np.linalg.norm(near), atol=1e-14)
 
 
-def turning_back(s_back):
+def reversing_path(s_back):
     """A path that stops at a place and goes back the way it came."""
     return PolynomialCurve(np.outer([s_back**2, -2.0 * s_back, 1.0], [1.0, 0.5, 0.0]))
 
@@ -143,7 +143,7 @@ def turning_back(s_back):
 @pytest.mark.parametrize("place", [0.0, 0.5, 0.123456])
 def test_a_path_that_stands_still_has_no_direction_to_follow(place):
     with pytest.raises(InputError, match="no direction of travel"):
-        DirectedOrientation.follow(turning_back(place), "x", [0.0, 0.0, 1.0])
+        DirectedOrientation.follow(reversing_path(place), "x", [0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("place", [0.0, 0.5, 0.123456])

@@ -46,9 +46,11 @@ def test_the_tangent_is_the_twist_of_the_pose(s):
     curve = ArcCurve([0, 0, 0], [1, 0, 0], [0.0, 0.6, 0.8], 2.0)
     path, h = EndEffectorPath(curve, DirectedOrientation.follow(curve, "y", [0.1, 0.6, 0.8])), 1e-6
     before, after = path.pose(s - h), path.pose(s + h)
-    moved = (after.position - before.position) / (2 * h)
-    turned = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec() / (2 * h)
-    assert_close(path.tangent(s), [*moved, *turned], atol=1e-8)
+    velocity = (after.position - before.position) / (2 * h)
+    angular_velocity = Rotation.from_matrix(after.rotation @ before.rotation.T).as_rotvec() / (
+        2 * h
+    )
+    assert_close(path.tangent(s), [*velocity, *angular_velocity], atol=1e-8)
 
 
 @pytest.mark.parametrize("s", [0.0, 1e-4, 0.2, 0.55, 1.0])

@@ -175,7 +175,7 @@ def test_the_example_robots_need_no_environment() -> None:
 @pytest.mark.parametrize(
     "name", ["http://a.b/c.stl", "gone.stl", "file:///gone.stl", "a\0b", "x" * 9999]
 )
-def test_what_is_not_there_is_told(name: str) -> None:
+def test_missing_mesh_files_are_refused(name: str) -> None:
     """Nothing is fetched from the net, no name is too odd."""
     with pytest.raises(MeshFileError):
         find_mesh(name, "/nowhere/arm.urdf")

@@ -156,9 +156,9 @@ def test_held_joints_are_as_if_glued() -> None:
     """The mast held at 0.7 rad is the mast mounted at 0.7 rad."""
     held = FreeFloatingModel.from_urdf(ELBOW, "fore", held={"hinge": 0.7})
     glue = joint_text("hinge", "F", "bus", "mast", "-0.5 0 0", "0 0.7 0")
-    turning = joint_text("hinge", "R", "bus", "mast", "-0.5 0 0", axis="0 1 0")
-    assert turning in ELBOW
-    glued = FreeFloatingModel.from_urdf(ELBOW.replace(turning, glue), "fore")
+    revolute = joint_text("hinge", "R", "bus", "mast", "-0.5 0 0", axis="0 1 0")
+    assert revolute in ELBOW
+    glued = FreeFloatingModel.from_urdf(ELBOW.replace(revolute, glue), "fore")
     q = [0.2, -1.0]
     np.testing.assert_allclose(momentum_map(held, q), momentum_map(glued, q), atol=1e-12)
     straight = FreeFloatingModel.from_urdf(ELBOW, "fore")

@@ -9,9 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import (
-    Task,
-)
+from freefloat.dynamics.momentum import Task
 from freefloat.motion.integration import integrate_motion
 from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
@@ -48,23 +46,23 @@ def plain(problem, attitude, joints, times, twist=None):
         G = np.vstack([M, J])
         W = np.diag([0.0] * 6 + [1.0] * n)
         K = np.block([[W, G.T], [G, np.zeros((len(G), len(G)))]])
-        wanted = [*np.zeros(6 + n + 3), *R.inv().apply(np.array(problem.momentum)), *twist(t)[rows]]
-        v = np.linalg.solve(K, wanted)[: 6 + n]
+        right = [*np.zeros(6 + n + 3), *R.inv().apply(np.array(problem.momentum)), *twist(t)[rows]]
+        v = np.linalg.solve(K, right)[: 6 + n]
         x, w = q[3:6], q[6]
-        turned = [*(w * v[3:6] + np.cross(x, v[3:6])) / 2.0, -x @ v[3:6] / 2.0]
-        return np.concatenate([R.apply(v[:3]), turned, v[6:]])
+        quaternion_rate = [*(w * v[3:6] + np.cross(x, v[3:6])) / 2.0, -x @ v[3:6] / 2.0]
+        return np.concatenate([R.apply(v[:3]), quaternion_rate, v[6:]])
 
     start = problem.model.configuration(attitude, joints)
     breaks = [times[0], *(e for e in problem.path.timing.ends if times[0] < e < times[-1])]
     result, y = [], start
     for low, high in zip(breaks, [*breaks[1:], times[-1]], strict=True):
         inside = [t for t in times if low <= t < high or t == high == times[-1]]
-        answer = solve_ivp(
+        solution = solve_ivp(
             rates, (low, high), y, "DOP853", dense_output=True, rtol=1e-11, atol=1e-12
         )
-        assert answer.success
-        result += [answer.sol(t) for t in inside]
-        y = answer.y[:, -1]
+        assert solution.success
+        result += [solution.sol(t) for t in inside]
+        y = solution.y[:, -1]
     return np.array(result)
 
 
@@ -72,9 +70,9 @@ def deviation(motion, reference, times):
     """Largest difference of joints, base positions and attitudes."""
     worst = 0.0
     for state, y in zip(motion.sample(times), reference, strict=True):
-        turn = Rotation.from_quat(state.attitude).inv() * Rotation.from_quat(y[3:7])
-        off = *(state.joints - y[7:]), *(state.base_position - y[:3]), turn.magnitude()
-        worst = max(worst, np.abs(off).max())
+        rotation = Rotation.from_quat(state.attitude).inv() * Rotation.from_quat(y[3:7])
+        errors = *(state.joints - y[7:]), *(state.base_position - y[:3]), rotation.magnitude()
+        worst = max(worst, np.abs(errors).max())
     return worst
 
 
@@ -120,7 +118,12 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+FAST = {"planar pose with a stop", "seven joints, no momentum", "prismatic joint"}
+
+
+@pytest.mark.parametrize("case", [
+    pytest.param(case, marks=() if case in FAST else pytest.mark.slow) for case in CASES
+])  # fmt: skip
 def test_a_plain_integration_agrees(case):
     """In time, from the mass matrix, redundant rates by a KKT system: the same to 1e-7."""
     problem, attitude, joints = CASES[case]()

@@ -117,8 +117,8 @@ def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> 
     A = system_matrix(model, q, planar_task(n))
     D_model, Dq = inertia_matrices(model, q)
     rates = np.append(D_model[2, 2], Dq[2])
-    off = abs(np.linalg.det(A) - S) / size
-    agrees("test_planar_determinant_equals_the_closed_form", off)
+    error = abs(np.linalg.det(A) - S) / size
+    agrees("test_planar_determinant_equals_the_closed_form", error)
     assert D_model[2, 2] * np.linalg.det(
         generalized_jacobian(model, q, planar_task(n))
     ) == pytest.approx(S, abs=1e-9 * size)

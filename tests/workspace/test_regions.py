@@ -47,17 +47,26 @@ CBK_3R = (
     [
         (PAPADOPOULOS_2R, [(0.35106, 0.55368), (1.43617, 2.28723)]),
         (CEPHEUS_3R, [(0.11500, 0.22771), (0.28868, 0.63139)]),
-        (CBK_3R, [(0.31491, 0.38111), (0.51403, 1.17883)]),
+        pytest.param(CBK_3R, [(0.31491, 0.38111), (0.51403, 1.17883)], marks=pytest.mark.slow),
     ],
 )
 def test_path_dependent_areas_have_the_published_radii(table, areas):
     """Annuli that S = 0 sweeps, computed elsewhere from the authors' own closed form."""
     workspace = workspace_regions(problem_of(collinear(*table)))
     assert np.array(workspace.path_dependent) == pytest.approx(np.array(areas), abs=2e-5)
+    if table is PAPADOPOULOS_2R:  # an inner disc can be path-independent
+        assert workspace.reach[0] == 0.0
+        assert workspace.path_independent[0] == pytest.approx((0.0, 0.35106), abs=2e-5)
 
 
-def test_areas_and_reach_are_complements(planar):
-    workspace = workspace_regions(planar)
+@pytest.fixture(scope="module")
+def areas_of_example_1(planar):
+    """Reach and areas of Example 1."""
+    return workspace_regions(planar)
+
+
+def test_areas_and_reach_are_complements(areas_of_example_1):
+    workspace = areas_of_example_1
     areas = sorted([*workspace.path_dependent, *workspace.path_independent])
     assert areas[0][0] == pytest.approx(workspace.reach[0], abs=1e-6)
     assert areas[-1][1] == pytest.approx(workspace.reach[1], abs=1e-6)
@@ -66,15 +75,9 @@ def test_areas_and_reach_are_complements(planar):
     assert workspace.largest_s == pytest.approx(148.6277, abs=1e-3)
 
 
-def test_an_inner_disc_can_be_path_independent():
-    workspace = workspace_regions(problem_of(collinear(*PAPADOPOULOS_2R)))
-    assert workspace.reach[0] == 0.0
-    assert workspace.path_independent[0] == pytest.approx((0.0, 0.35106), abs=2e-5)
-
-
-def test_the_path_of_example_1_crosses_both_areas(planar):
+def test_the_path_of_example_1_crosses_both_areas(areas_of_example_1):
     """Point 3 passes the inner area once and the outer one at the end; F lies in neither."""
-    parts = workspace_regions(planar).path
+    parts = areas_of_example_1.path
     assert [inside for _, inside in parts] == [False, True, False, True]
     assert parts[2][0][0] < 0.8333 < parts[2][0][1]
 
@@ -85,6 +88,7 @@ def workspace_command(*arguments):
     return json.loads(result.stdout)
 
 
+@pytest.mark.slow
 def test_the_workspace_command_has_reach_and_areas():
     document = workspace_command("planar_3dof/parabola", "--json")
     assert document["reach"] == pytest.approx([0.39278, 3.17410], abs=1e-5)
@@ -144,14 +148,14 @@ def test_singular_configurations_fill_the_path_dependent_shells(
     line, shells, rng: np.random.Generator
 ):
     """All those of random lines are inside, and they leave no gap there."""
-    radii = np.sort(distances(line, shells, singular_joints(line, "arm", rng, 300)))
-    assert len(radii) > 400
+    radii = np.sort(distances(line, shells, singular_joints(line, "arm", rng, 200)))
+    assert len(radii) > 250
     assert shells.path_dependent is not None
     for low, high in shells.path_dependent:
-        mine = radii[(radii > low - 1e-5) & (radii < high + 1e-5)]
-        filled = np.concatenate([[low], mine, [high]])
+        inside = radii[(radii > low - 1e-5) & (radii < high + 1e-5)]
+        filled = np.concatenate([[low], inside, [high]])
         assert np.diff(filled).max() < 0.1 * (high - low)
-        radii = np.setdiff1d(radii, mine)
+        radii = np.setdiff1d(radii, inside)
     assert len(radii) == 0
 
 
@@ -159,13 +163,13 @@ def test_nowhere_in_the_path_independent_shells_the_arm_factor_vanishes(
     line, shells, rng: np.random.Generator
 ):
     """In a shell |S| keeps away from zero at all of very many configurations."""
-    joints = rng.uniform(-np.pi, np.pi, (20_000, 6))
+    joints = rng.uniform(-np.pi, np.pi, (10_000, 6))
     radii = distances(line, shells, joints)
     measure = singularity_measure(line.model, line.task, "arm")
     for low, high in shells.path_independent or ():
         middle, half = (low + high) / 2.0, 0.4 * (high - low)
         inside = joints[np.abs(radii - middle) < half]
-        assert len(inside) > 30
+        assert len(inside) > 15
         assert min(abs(measure(q)) for q in inside) > 0.05 * shells.largest_s
 
 
@@ -191,6 +195,7 @@ def test_the_path_of_example_2_crosses_one_path_dependent_area(line, shells):
     assert low < s < high
 
 
+@pytest.mark.slow
 def test_arms_with_other_structures_have_no_exact_areas():
     """No spherical wrist; more joints than the task has rows."""
     for name in ("ur5_servicer/arc", "panda_servicer/line"):

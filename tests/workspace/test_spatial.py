@@ -139,6 +139,7 @@ def test_the_arm_is_singular_at_both_ends_of_its_reach() -> None:
     assert (workspace.point, workspace.measure, workspace.exact) == ("end-effector", "gjm", False)
 
 
+@pytest.mark.slow
 def test_areas_of_redundant_arms_are_unknown() -> None:
     """Their measure has no sign; the reach follows from the lengths."""
     model = FreeFloatingModel.from_urdf(
@@ -164,6 +165,7 @@ def prismatic(limits: tuple[float, float]) -> Problem:
     return problem_of(FreeFloatingModel.from_urdf(text), ff.Task.PLANAR_POSITION)
 
 
+@pytest.mark.slow
 def test_a_prismatic_joint_keeps_its_range() -> None:
     problem = prismatic((1.0, 2.0))
     workspace = workspace_regions(problem)

@@ -147,16 +147,16 @@ class Extremes:
 
 
 def joint_space_extremes(
-    model: FreeFloatingModel, measure: SingularityMeasure, samples: int = 4096
+    model: FreeFloatingModel, function: Callable[[Array], float], samples: int = 4096
 ) -> Extremes:
-    """The extremes of a measure over the joint space, see :func:`joint_box`.
+    """The extremes of a function of the joints over the joint space, see :func:`joint_box`.
 
     The best of ``samples`` points of a low-discrepancy sequence are refined by a quasi-Newton
     method.
     """
-    points, _ = _sorted_samples(model, measure, samples)
-    smallest, smallest_at = _minimized(model, measure, points[:_REFINED])
-    largest, largest_at = _minimized(model, lambda q: -measure(q), points[-_REFINED:])
+    points, _ = _sorted_samples(model, function, samples)
+    smallest, smallest_at = _minimized(model, function, points[:_REFINED])
+    largest, largest_at = _minimized(model, lambda q: -function(q), points[-_REFINED:])
     return Extremes(-largest, frozen(largest_at), smallest, frozen(smallest_at))
 
 
@@ -188,12 +188,12 @@ def joint_box(model: FreeFloatingModel) -> tuple[Array, Array]:
 
 
 def _sorted_samples(
-    model: FreeFloatingModel, measure: SingularityMeasure, samples: int
+    model: FreeFloatingModel, function: Callable[[Array], float], samples: int
 ) -> tuple[Array, Array]:
-    """Points of the joint space (K, n) and the measure there (K,), in ascending order."""
+    """Points of the joint space (K, n) and the function there (K,), in ascending order."""
     lower, upper = joint_box(model)
     points = lower + (upper - lower) * low_discrepancy(samples, model.dof)
-    values = np.array([measure(point) for point in points])
+    values = np.array([function(point) for point in points])
     order = np.argsort(values)
     return points[order], values[order]
 

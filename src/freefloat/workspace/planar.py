@@ -93,22 +93,22 @@ class PlanarArm:
         It concerns the motion of the end of the third barycentric vector, the paper's point 3.
         """
         D, v = self.momentum_coefficients(angles), self.vectors(angles)
-        v0, v1, v2 = v[..., 0], v[..., 1], v[..., 2]
-        S = D[..., 0] * _cross(v1, v2) - D[..., 1] * _cross(v0, v2) + D[..., 2] * _cross(v0, v1)
-        return np.asarray(np.prod(self.signs) * S)
+        return np.asarray(np.prod(self.signs) * _triple_product(D, v, v))
 
     def determinant_rate(self, angles: Array, rates: Array) -> Array:
         """dS/dt of :meth:`determinant` for absolute rates [rad/s], shape (..., n + 1)."""
         unit = np.exp(1j * angles)
-        D, v = self.momentum_coefficients(angles), self.vectors(angles)
-        lagging = (rates * unit).conj() @ self.inertia
-        D_rate = np.imag(unit * lagging - rates * unit * (unit.conj() @ self.inertia))
-        total = np.zeros(np.shape(angles)[:-1])
-        for k, (i, j), sign in ((0, (1, 2), 1.0), (1, (0, 2), -1.0), (2, (0, 1), 1.0)):
-            area = _cross(v[..., i], v[..., j])
-            growth = (rates[..., j] - rates[..., i]) * np.real(v[..., i].conj() * v[..., j])
-            total = total + sign * (D_rate[..., k] * area + D[..., k] * growth)
-        return np.asarray(np.prod(self.signs) * total)
+        unit_rate = 1j * rates * unit
+        D, v, v_rate = self.momentum_coefficients(angles), self.links * unit, self.links * unit_rate
+        D_rate = np.real(
+            unit_rate * (unit.conj() @ self.inertia) + unit * (unit_rate.conj() @ self.inertia)
+        )
+        S_rate = (
+            _triple_product(D_rate, v, v)
+            + _triple_product(D, v_rate, v)
+            + _triple_product(D, v, v_rate)
+        )
+        return np.asarray(np.prod(self.signs) * S_rate)
 
     def rates(self, angles: Array, momentum: float, velocity: Complex, last_rate: Array) -> Array:
         """Solve (24): absolute rates that keep the momentum and move point 3.
@@ -232,8 +232,9 @@ def most_singular_place(problem: Problem) -> tuple[float, float]:
     return float(s[worst]), float(attainable[worst])
 
 
-def _cross(u: Complex, v: Complex) -> Array:
-    return np.asarray(np.imag(u.conj() * v))
+def _triple_product(D: Array, u: Complex, v: Complex) -> Array:
+    """The determinant with the rows D, x of u and y of v, of the first three columns each."""
+    return np.asarray((D[..., :3] * np.cross(u[..., :3].real, v[..., :3].imag)).sum(axis=-1))
 
 
 def _flat(vector: Array) -> complex:

@@ -106,8 +106,7 @@ def sampled_reach(problem: Problem) -> Interval:
     Raises:
         InputError: If a prismatic joint has no limits.
     """
-    squared = SingularityMeasure("reach", "", "m^2", lambda joints: _distance(problem, joints) ** 2)
-    extremes = joint_space_extremes(problem.model, squared)
+    extremes = joint_space_extremes(problem.model, lambda joints: _distance(problem, joints) ** 2)
     return float(np.sqrt(max(extremes.smallest, 0.0))), float(np.sqrt(extremes.largest))
 
 
