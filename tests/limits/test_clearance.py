@@ -192,6 +192,7 @@ def test_shapes_that_cannot_be_read_are_refused(geometry):
         collision_shapes(model)
 
 
+@pytest.mark.slow
 def test_contact_with_a_mesh_is_a_contact_with_its_hull(ur5):
     """Shapes of a stock arm: every link has one, each inside its vertices."""
     shapes = collision_shapes(ur5)

@@ -39,9 +39,9 @@ def test_the_parts_hold_all_of_the_mesh(rng):
     knot = trimesh.creation.torus(major_radius=1.0, minor_radius=0.2)
     for triangles in (ANGLED, knot.triangles):
         parts = [Delaunay(part.points) for part in convex_parts(triangles)]
-        shares = rng.dirichlet([1.0, 1.0, 1.0], 4000)
+        weights = rng.dirichlet([1.0, 1.0, 1.0], 4000)
         chosen = triangles[rng.integers(len(triangles), size=4000)]
-        points = np.einsum("kc,kcx->kx", shares, chosen)
+        points = np.einsum("kc,kcx->kx", weights, chosen)
         centre = triangles.mean(axis=(0, 1))
         inside = [part.find_simplex(points + 1e-9 * (centre - points), tol=1e-6) >= 0
                   for part in parts]  # fmt: skip

@@ -54,10 +54,10 @@ def test_every_bundled_robot_loads(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", bundled_scenarios())
-def test_every_bundled_scenario_builds(name: str) -> None:
+def test_every_bundled_scenario_loads(name: str) -> None:
     scenario = load_scenario(name)
     assert scenario.source == models_folder() / f"{name}.yaml"
-    assert scenario.problem().margin.threshold > 0.0
+    assert scenario.model().dof > 0
 
 
 def test_a_scenario_is_found_by_its_path_before_its_name(

@@ -96,7 +96,7 @@ def test_largest_s_at_the_worst_place_of_the_path_is_that_of_a_fine_search(plana
     """No configuration with point 3 at that distance has a larger |S|."""
     s, largest = most_singular_place(planar)
     arm = PlanarArm.of(planar.model)
-    q = rng.uniform(-np.pi, np.pi, (400_000, 2))
+    q = rng.uniform(-np.pi, np.pi, (100_000, 2))
     angles = arm.angles(np.zeros(len(q)), np.column_stack([q, np.zeros(len(q))]))
     near = np.abs(np.abs(point_3(arm, q)) - abs(point_3_on_path(planar, s))) < 0.005
     assert largest == pytest.approx(np.abs(arm.determinant(angles[near])).max(), rel=0.05)

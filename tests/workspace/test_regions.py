@@ -159,23 +159,24 @@ def test_singular_configurations_fill_the_path_dependent_shells(
     assert len(radii) == 0
 
 
+@pytest.mark.slow
 def test_nowhere_in_the_path_independent_shells_the_arm_factor_vanishes(
     line, shells, rng: np.random.Generator
 ):
     """In a shell |S| keeps away from zero at all of very many configurations."""
-    joints = rng.uniform(-np.pi, np.pi, (10_000, 6))
+    joints = rng.uniform(-np.pi, np.pi, (20_000, 6))
     radii = distances(line, shells, joints)
     measure = singularity_measure(line.model, line.task, "arm")
     for low, high in shells.path_independent or ():
         middle, half = (low + high) / 2.0, 0.4 * (high - low)
         inside = joints[np.abs(radii - middle) < half]
-        assert len(inside) > 15
+        assert len(inside) > 30
         assert min(abs(measure(q)) for q in inside) > 0.05 * shells.largest_s
 
 
 def test_shoulder_and_wrist_are_singular_at_any_radius(line, shells, rng: np.random.Generator):
     """So the areas are about the arm factor: det S* vanishes in path-independent shells, too."""
-    joints = singular_joints(line, "gjm", rng, 100)
+    joints = singular_joints(line, "gjm", rng, 50)
     radii = distances(line, shells, joints)
     measure = singularity_measure(line.model, line.task, "arm")
     for low, high in shells.path_independent or ():

@@ -61,8 +61,10 @@ class CollisionPairs:
             for (i, a), (j, b) in itertools.combinations(enumerate(self._shapes), 2)
             if a.body != b.body and frozenset((a.link, b.link)) not in connected
         ], dtype=np.int64).reshape(-1, 2)  # fmt: skip
-        near = self._always_near(candidates, clearance)
+        self._geometry = self._geometry_model(candidates)
+        near = self._always_near(len(candidates), clearance)
         self.pairs: IntArray = candidates[~near]
+        self._numbers = np.flatnonzero(~near)
         names = set(map(self._links, self.pairs))
         self.left_out = tuple(sorted({
             f"{name}: {'parts are ' if name in names else ''}always too near"
@@ -76,7 +78,6 @@ class CollisionPairs:
                 accepted = "a smaller distance"
             source = model.description.source
             raise ModelError("limits.clearance", problem, accepted, source)
-        self._geometry = self._geometry_model(self.pairs)
 
     def name(self, pair: int) -> str:
         """Links of a pair, ``"a - b"``."""
@@ -95,21 +96,18 @@ class CollisionPairs:
         Returns:
             [m], shape (K,); of shapes that overlap, minus the penetration depth.
         """
-        return self._measure(self._geometry, joints, pairs)
+        return self._distances(joints, self._numbers[pairs])
 
-    def _measure(
-        self, geometry: tuple[Any, Any], joints: npt.ArrayLike, pairs: npt.ArrayLike
-    ) -> Array:
-        model, (shapes, data) = self._model, geometry
+    def _distances(self, joints: npt.ArrayLike, candidates: IntArray) -> Array:
+        """Distances of candidate pairs [m], shape (K,)."""
+        model, (shapes, data) = self._model, self._geometry
         q = np.concatenate([_BASE, np.asarray(joints)])
         pin.updateGeometryPlacements(model.pin_model, model.scratch, shapes, data, q)
-        return np.array([
-            pin.computeDistance(shapes, data, pair).min_distance
-            for pair in np.asarray(pairs).tolist()
-        ])  # fmt: skip
+        pairs = candidates.tolist()
+        return np.array([pin.computeDistance(shapes, data, pair).min_distance for pair in pairs])
 
     def _geometry_model(self, pairs: IntArray) -> tuple[Any, Any]:
-        """Pinocchio's geometry model of some pairs, and its data."""
+        """Pinocchio's geometry model with collision pairs, and its data."""
         geometry = pin.GeometryModel()
         for number, shape in enumerate(self._shapes):
             pose = pin.SE3(shape.placement.rotation, shape.placement.position)
@@ -120,17 +118,17 @@ class CollisionPairs:
             geometry.addCollisionPair(pin.CollisionPair(first, second))
         return geometry, geometry.createData()
 
-    def _always_near(self, pairs: IntArray, clearance: float) -> npt.NDArray[np.bool_]:
-        """Which pairs are at most the clearance apart in all sampled configurations."""
-        geometry, near = self._geometry_model(pairs), np.arange(len(pairs))
+    def _always_near(self, count: int, clearance: float) -> npt.NDArray[np.bool_]:
+        """Which candidates are at most the clearance apart in all sampled configurations."""
+        near = np.arange(count)
         lower, upper = self._model.joint_ranges
         low = np.where(np.isfinite(lower), lower, -np.pi)
         high = np.where(np.isfinite(upper), upper, np.pi)
         for fraction in low_discrepancy(_CONFIGURATIONS, self._model.dof):
             if not len(near):
                 break
-            near = near[self._measure(geometry, low + fraction * (high - low), near) <= clearance]
-        return np.isin(np.arange(len(pairs)), near)
+            near = near[self._distances(low + fraction * (high - low), near) <= clearance]
+        return np.isin(np.arange(count), near)
 
     def levers(self, strokes: Array) -> Array:
         """Bounds of the derivatives of the distances by the joint values.

@@ -12,7 +12,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, Self, runtime_checkable
+from typing import Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from freefloat.errors import InputError, finite_number, finite_vector
 from freefloat.so3 import Array, frozen, unit_vector
 
+_Function = TypeVar("_Function")
 _NEGLIGIBLE = 1e-8
 """Displacement by jumps of derivatives, as a fraction of a spline's size, that is ignored."""
 _ROUNDING = 1e-12
@@ -50,6 +51,16 @@ class Segmented(Protocol):
     def within(self, low: float, high: float) -> Self:
         """The function from low to high, continued beyond by its outermost segments."""
         return self
+
+
+def breaks_of(function: object) -> Array:
+    """The breaks of a curve or orientation law, none where it has no segments."""
+    return function.breaks if isinstance(function, Segmented) else frozen([])
+
+
+def part_of(function: _Function, low: float, high: float) -> _Function:
+    """A curve or orientation law from low to high, see :meth:`Segmented.within`."""
+    return function.within(low, high) if isinstance(function, Segmented) else function
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,23 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from freefloat.errors import InputError, finite_vector
-from freefloat.paths.curves import Curve, Segmented, segments_within, significant_breaks
-from freefloat.so3 import Array, attitude_axes, axes_rotation, cross, frozen, unit_vector
+from freefloat.paths.curves import (
+    Curve,
+    Segmented,
+    breaks_of,
+    part_of,
+    segments_within,
+    significant_breaks,
+)
+from freefloat.so3 import (
+    Array,
+    attitude_axes,
+    axes_rotation,
+    cross,
+    frozen,
+    rotation_vector_between,
+    unit_vector,
+)
 
 _SAMPLES = np.linspace(0.0, 1.0, 201)
 """Values of s at which a moving direction is checked."""
@@ -97,7 +112,7 @@ class SlerpOrientation(Segmented):
 
     @cached_property
     def _rotation_vector(self) -> Array:
-        return frozen(Rotation.from_matrix(self.end @ self.start.T).as_rotvec())
+        return frozen(rotation_vector_between(self.start, self.end))
 
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
@@ -207,13 +222,11 @@ class DirectedOrientation(Segmented):
     @cached_property
     def breaks(self) -> Array:
         """Values of s at which high derivatives of the curve jump."""
-        return self.curve.breaks if isinstance(self.curve, Segmented) else frozen([])
+        return breaks_of(self.curve)
 
     def within(self, low: float, high: float) -> Self:
         """See :class:`~freefloat.paths.curves.Segmented`."""
-        if not isinstance(self.curve, Segmented):
-            return self
-        return replace(self, curve=self.curve.within(low, high))
+        return replace(self, curve=part_of(self.curve, low, high))
 
     def _require_defined(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""

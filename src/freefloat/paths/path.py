@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from freefloat.errors import InputError, require_type
-from freefloat.paths.curves import Curve, Segmented, SplineCurve
+from freefloat.paths.curves import Curve, SplineCurve, breaks_of, part_of
 from freefloat.paths.orientation import FreeOrientation, OrientationLaw, OrientationSpline
 from freefloat.so3 import Array, Pose, frozen, unit_quaternion
 
@@ -71,17 +71,13 @@ class EndEffectorPath:
     @cached_property
     def breaks(self) -> Array:
         """Values of s, rising, inside (0, 1), at which high derivatives jump."""
-        functions = (self.curve, self.orientation)
-        breaks = [function.breaks for function in functions if isinstance(function, Segmented)]
-        return frozen(np.unique(np.concatenate([[], *breaks])))
+        both = np.concatenate([breaks_of(self.curve), breaks_of(self.orientation)])
+        return frozen(np.unique(both))
 
     def tangent_within(self, low: float, high: float) -> Callable[[float], Array]:
         """The tangent between two values of s; beyond them it continues as smoothly as there."""
-        curve, orientation = self.curve, self.orientation
-        if isinstance(curve, Segmented):
-            curve = curve.within(low, high)
-        if isinstance(orientation, Segmented):
-            orientation = orientation.within(low, high)
+        curve = part_of(self.curve, low, high)
+        orientation = part_of(self.orientation, low, high)
         return lambda s: np.concatenate([curve(s, 1), orientation.rate(s)])
 
     def second_derivative(self, s: float) -> Array:
