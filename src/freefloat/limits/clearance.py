@@ -86,7 +86,7 @@ class CollisionPairs:
     def _links(self, pair: Sequence[int] | IntArray) -> str:
         return " - ".join(self._shapes[index].link for index in pair)
 
-    def distances(self, joints: npt.ArrayLike, pairs: npt.ArrayLike) -> Array:
+    def distances(self, joints: npt.ArrayLike, pairs: IntArray) -> Array:
         """Distances of pairs in a configuration.
 
         Args:
