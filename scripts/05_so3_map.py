@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import freefloat as ff
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.regions import find_regions
 from freefloat.visualization.figure_style import save_figures
 from freefloat.visualization.map_figures import histogram_figure
@@ -16,7 +18,8 @@ from freefloat.visualization.map_figures import histogram_figure
 SAMPLES = 512  # attitudes, evenly spread; 36,864 make a fine map
 
 problem = ff.load_scenario("spatial_6dof/line").problem()
-result = ff.attitude_map(problem, SAMPLES)
+# ff.attitude_map(problem, SAMPLES) also refines the best and most robust ones between the samples.
+result = sample_attitudes(FeasibilityEvaluator(problem), SAMPLES)
 print(f"{result.motions:,} motions integrated")
 
 # Connected regions of feasible attitudes of each arm branch, and the attitude deepest inside.

@@ -17,7 +17,13 @@ from typer.main import get_command
 
 from freefloat.cli import workspace
 from freefloat.cli.app import app
-from freefloat.cli.options import file_names, prepare_outputs, scenario_names
+from freefloat.cli.options import (
+    file_names,
+    prepare_outputs,
+    robot_names,
+    scenario_names,
+    study_names,
+)
 from freefloat.errors import InputError
 from tests.commands import error, run
 
@@ -123,6 +129,7 @@ def test_a_closed_or_full_stdout_gives_no_traceback(redirection: str, tmp_path: 
     assert len(done.stderr.splitlines()) <= 1
 
 
+@pytest.mark.slow
 def test_a_terminal_without_unicode_gives_no_traceback(tmp_path: Path) -> None:
     environment = {**os.environ, "LANG": "C", "LC_ALL": "C", "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(
@@ -219,7 +226,7 @@ def test_a_shell_completes_commands_bundled_names_and_files(tmp_path: Path) -> N
     assert completed(tmp_path, "freefloat plan spatial") == [
         *("spatial_6dof/above", "spatial_6dof/line", "spatial_mine.yaml")
     ]
-    assert completed(tmp_path, "freefloat info ar") == ["arm.urdf"]
-    assert completed(tmp_path, "freefloat batch p") == ["planar_3dof/grid"]
+    assert robot_names(f"{tmp_path}/ar") == [f"{tmp_path}/arm.urdf"]
+    assert study_names("p") == ["planar_3dof/grid"]
     assert scenario_names("no/such/folder/a") == []
     assert file_names("planar_3dof/g") == ["planar_3dof/grid"]

@@ -21,7 +21,7 @@ from freefloat.visualization.slices import Mark, map_slices
 BRANCHES = 4  # the others are wrist-flipped
 
 
-def drawn(problem, marks, samples=300):
+def drawn(problem, marks, samples=120):
     evaluator = FeasibilityEvaluator(problem)
     result = sample_attitudes(evaluator, samples)
     slices = map_slices(evaluator, marks, side=15)
@@ -128,12 +128,13 @@ def test_a_map_with_nothing_feasible_is_drawn(problem):
 
 def test_spatial_plans_show_their_map_and_the_present_attitude(problem, monkeypatch):
     """Also without a feasible motion."""
-    monkeypatch.setattr(figures_module, "map_slices", partial(map_slices, side=15))
+    monkeypatch.setattr(figures_module, "map_slices", partial(map_slices, side=9))
     result = sample_attitudes(FeasibilityEvaluator(problem), 50)
     search = ff.Search(Objective.NEAREST, np.array([0.0, 0.0, 0.0, 1.0]))
     figures = ff.figures(Plan(problem, search, False, "for a test", map=result))
     assert list(figures) == ["workspace", "map_slices", "map_histogram"]
     assert figures["map_slices"].axes[0].get_title().startswith("now")
+    assert list(ff.figures(result)) == ["map_slices", "map_histogram"]
 
 
 @pytest.mark.slow

@@ -50,7 +50,13 @@ def redundant() -> SimulatedBranch:
 Drawn = tuple[SimulatedBranch, dict[str, Figure]]
 
 
-@pytest.fixture(scope="module", params=["planar", "singular", "spatial", "redundant"])
+@pytest.fixture(
+    scope="module",
+    params=[
+        *("planar", "singular", "spatial"),
+        pytest.param("redundant", marks=pytest.mark.slow),
+    ],
+)
 def drawn(request: pytest.FixtureRequest) -> Drawn:
     """A motion and its figures."""
     branch: SimulatedBranch = request.getfixturevalue(request.param)

@@ -113,6 +113,7 @@ def test_the_same_file_is_read_once() -> None:
     assert named(visuals, "panda_leftfinger 1").shape is named(visuals, "panda_rightfinger 1").shape
 
 
+@pytest.mark.slow
 def test_a_bare_arm_on_a_spacecraft_without_size_gets_a_box() -> None:
     """The base link's mesh alone would not show that a spacecraft is there."""
     visuals = robot_visuals(FreeFloatingModel.from_urdf(ur5_on_spacecraft(), "tool0"))

@@ -59,9 +59,13 @@ def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Sce
     if not nodes or len(set(nodes)) < len(nodes):
         raise InputError("motions", f"names: {', '.join(motions)}", "motions with distinct names")
     _require_same_margin(motions)
-    visuals_of = cache(robot_visuals)
+    visuals_of, areas_of, limit = (
+        cache(robot_visuals),
+        cache(exact_workspace),
+        _MAX_KEYS // len(nodes),
+    )
     samples = [
-        _sampled(motion, visuals_of(motion.problem.model), _MAX_KEYS // len(motions))
+        _sampled(motion, visuals_of(motion.problem.model), areas_of(motion.problem), limit)
         for motion in motions.values()
     ]
     problem = samples[0].motion.problem
@@ -127,7 +131,9 @@ class _Sampled:
     areas: Workspace | None
 
 
-def _sampled(motion: Motion, visuals: RobotVisuals, limit: int) -> _Sampled:
+def _sampled(
+    motion: Motion, visuals: RobotVisuals, areas: Workspace | None, limit: int
+) -> _Sampled:
     problem, times = motion.problem, key_times(motion, limit)
     parameters = motion.parameter_at(times)
     # Exact end points: a singular motion has no state after its end.
@@ -140,7 +146,7 @@ def _sampled(motion: Motion, visuals: RobotVisuals, limit: int) -> _Sampled:
         *body_poses(motion, parameters),
         np.abs([measure(q) for q in motion.evaluate(parameters)[2]]),
         np.array([problem.path.timing.s(float(t)) for t in times]),
-        exact_workspace(problem),
+        areas,
     )
 
 
