@@ -57,7 +57,7 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", with_blocks("```python"))
 def test_python_prints_what_is_shown(
-    page: str, in_folder: Path, capsys: pytest.CaptureFixture[str], kernels: None
+    page: str, in_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     names: dict[str, Any] = {}
     for code, shown in re.findall(r"```python\n(.*?)```\n\n```\n(.*?)```", PAGES[page], re.DOTALL):
@@ -68,7 +68,7 @@ def test_python_prints_what_is_shown(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", with_blocks(r"```\n\$ freefloat"))
-def test_commands_print_what_is_shown(page: str, in_folder: Path, kernels: None) -> None:
+def test_commands_print_what_is_shown(page: str, in_folder: Path) -> None:
     for words, block in re.findall(r"```\n\$ freefloat ([^\n]*)\n(.*?)```", PAGES[page], re.DOTALL):
         printed = normalized(CliRunner().invoke(app, words.split()).stdout)
         shown = [line for line in normalized(block) if line != "..."]
@@ -172,7 +172,7 @@ def test_durations_and_ratios_have_few_digits(benchmark: ModuleType) -> None:
 
 
 def test_the_benchmark_measures_and_writes(
-    benchmark: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str], kernels: None
+    benchmark: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from benchmarks.motions import maps, one_motion
     from benchmarks.result import load

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.usefixtures("kernels")
-
 SCRIPTS = sorted((Path(__file__).parents[1] / "scripts").glob("[0-9][0-9]_*.py"))
 ENDS = {
     "01_load_a_urdf": ("total mass: {} kg", 220.9939, 1e-4),

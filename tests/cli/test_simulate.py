@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from freefloat.robot.names import models_folder
 from tests.commands import document, error, run
@@ -161,13 +160,13 @@ def test_limits_are_checked_along_the_chosen_motion() -> None:
     assert text.count("violated") == sum(not entry["kept"] for entry in limits)
 
 
-@pytest.mark.slow
 def test_joint_ranges_are_checked_without_limits_in_the_scenario(folder: Path) -> None:
     assert simulated(*PLANAR)["limits"] == []
-    text = yaml.safe_load((models_folder() / "ur5_servicer/arc.yaml").read_text())
-    del text["limits"]
-    (folder / "arc.yaml").write_text(yaml.safe_dump(text))
-    (entry,) = document("simulate", "arc.yaml", "--attitude", "0", "0", "0", "1")["limits"]
+    text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
+    limit = '<limit lower="-9" upper="9" effort="1" velocity="1"/>'
+    revolute = text.replace('name="q1" type="continuous">', f'name="q1" type="revolute">{limit}')
+    (folder / "planar_3dof.urdf").write_text(revolute)
+    (entry,) = document("simulate", "mine.yaml", *PLANAR[1:])["limits"]
     assert entry["limit"] == "joint_range"
 
 
