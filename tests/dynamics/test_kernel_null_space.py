@@ -51,7 +51,7 @@ def test_rates_agree_with_pinocchio(structure, task, number):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::2])
+@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::5])
 def test_motions_agree_with_precise_ones(structure, task, number):
     """Endings, minima of the measure and last states."""
     start = redundant(structure, task, choices(structure, task, 1)[number], 1)

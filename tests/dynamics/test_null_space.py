@@ -150,7 +150,7 @@ def test_the_energy_metric_minimizes_the_kinetic_energy(structure, task):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::4])
+@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[::7])
 def test_motions_are_exact(structure, task, number):
     """Path and momentum are conserved with every metric and objective."""
     start = redundant(structure, task, choices(structure, task, 1)[number], 1)
@@ -174,8 +174,9 @@ def test_large_weights_reduce_joint_motion():
     np.testing.assert_allclose(same.final.joints, heavy.final.joints, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("metric", [Metric.JOINTS, Metric.ENERGY])
-@pytest.mark.parametrize("seed", [2, 3, 4])
+@pytest.mark.parametrize("seed", [2, 3])
 def test_toward_sigma_ends_farther_from_singularities(metric, seed):
     """The smallest singular value of S* and the manipulability are larger at the end."""
     motions = []
@@ -195,7 +196,7 @@ def test_toward_sigma_ends_farther_from_singularities(metric, seed):
 @pytest.mark.slow
 def test_toward_middle_approaches_the_range_centres():
     """The distance to the range centres decreases with the gain."""
-    problems = panda(), *(panda(toward="middle", gain=gain) for gain in (0.5, 1.0, 2.0, 4.0))
+    problems = panda(), *(panda(toward="middle", gain=gain) for gain in (0.5, 2.0))
     middle = range_centres(panda().model)
     distances = [
         np.linalg.norm(panda_motion(problem).final.joints - middle) for problem in problems
@@ -240,7 +241,7 @@ def test_rates_vanish_where_the_path_stops(toward):
     assert rates[[1, 3]].min() > 1e-2
 
 
-@pytest.mark.parametrize("number", [0, 4, 8])
+@pytest.mark.parametrize("number", [0, 4])
 def test_motions_do_not_depend_on_the_duration(number):
     """Without momentum the joints depend on the path parameter alone."""
     redundancy, motions = choices("RRRRRRR", Task.POSE)[number], []
@@ -259,7 +260,7 @@ def test_motions_do_not_depend_on_the_duration(number):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[4::9] + EVERYTHING[8::9])
+@pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING[4::18] + EVERYTHING[17::18])
 def test_motions_retrace(structure, task, number):
     """Backward integration, null-space motion included."""
     start = redundant(structure, task, choices(structure, task, 1)[number], 1)
@@ -273,6 +274,7 @@ def test_motions_retrace(structure, task, number):
     assert angle_between(back.final.attitude, start.attitude) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "choice",
     [{"metric": Metric.ENERGY}, {"toward": Toward.SIGMA, "gain": 2.0},

@@ -2,22 +2,28 @@
 
 import pickle
 from dataclasses import FrozenInstanceError, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.errors import InputError
-from freefloat.io.scenario import load_scenario, parse_scenario
+from freefloat.io.scenario import parse_scenario
 from freefloat.robot.names import models_folder
 
-PANDA = (models_folder() / "panda_servicer" / "line.yaml").read_text(encoding="utf-8")
+SCENARIO = (models_folder() / "planar_3dof" / "parabola.yaml").read_text(encoding="utf-8")
+SCENARIO = SCENARIO.replace("planar-pose", "planar-position")
+SOURCE = models_folder() / "planar_3dof" / "mine.yaml"
+
+
+def problem_of(redundancy):
+    """A planar arm of three joints with a position task."""
+    text = f"{SCENARIO}\nredundancy: {redundancy}\n" if redundancy else SCENARIO
+    return parse_scenario(text, SOURCE).problem()
 
 
 def read(redundancy):
-    text = f"{PANDA}\nredundancy: {redundancy}\n"
-    return parse_scenario(text, Path("mine.yaml")).problem().redundancy
+    return problem_of(redundancy).redundancy
 
 
 @pytest.mark.parametrize(
@@ -62,16 +68,16 @@ def test_only_the_default_is_minimum_norm():
 
 def test_settings_are_frozen_and_picklable():
     """Alone and inside a problem."""
-    redundancy = Redundancy({"panda_joint2": 3.0}, "middle", 0.5, 1.5)
+    redundancy = Redundancy({"q2": 3.0}, "sigma", 0.5, 1.5)
     with pytest.raises(FrozenInstanceError):
         redundancy.gain = 2.0
-    problem = replace(load_scenario("panda_servicer/line").problem(), redundancy=redundancy)
+    problem = replace(problem_of(None), redundancy=redundancy)
     for settings in (
         pickle.loads(pickle.dumps(redundancy)),
         pickle.loads(pickle.dumps(problem)).redundancy,
     ):
-        assert settings.metric == {"panda_joint2": 3.0}
-        assert (settings.toward, settings.gain, settings.bound) == (Toward.MIDDLE, 0.5, 1.5)
+        assert settings.metric == {"q2": 3.0}
+        assert (settings.toward, settings.gain, settings.bound) == (Toward.SIGMA, 0.5, 1.5)
 
 
 def test_settings_from_scenarios():
@@ -79,18 +85,18 @@ def test_settings_from_scenarios():
     settings = read("{metric: energy, toward: sigma, gain: 2, bound: 1}")
     assert (settings.metric, settings.toward) == (Metric.ENERGY, Toward.SIGMA)
     assert (settings.gain, settings.bound) == (2.0, 1.0)
-    settings = read("{metric: {panda_joint1: 4}}")
-    assert settings.metric == {"panda_joint1": 4.0}
+    settings = read("{metric: {q1: 4}}")
+    assert settings.metric == {"q1": 4.0}
     assert settings.toward is Toward.NONE
-    settings = read("{toward: middle}")
+    settings = read("{toward: sigma}")
     assert (settings.metric, settings.gain) == (Metric.JOINTS, 1.0)
-    assert load_scenario("panda_servicer/line").problem().redundancy is None
+    assert read(None) is None
 
 
 @pytest.mark.parametrize(
     ("text", "key"),
     [
-        ("{metric: {panda_joint1: -3}}", "redundancy.metric.panda_joint1"),
+        ("{metric: {q1: -3}}", "redundancy.metric.q1"),
         ("{metric: {elbow: 2}}", "redundancy.metric.elbow"),
         ("{toward: up}", "redundancy.toward"),
         ("{gain: 2}", "redundancy"),
@@ -101,7 +107,7 @@ def test_invalid_scenarios_name_the_key(text, key):
     with pytest.raises(InputError) as caught:
         read(text)
     assert caught.value.key == key
-    assert caught.value.source == "mine.yaml"
+    assert caught.value.source == str(SOURCE)
 
 
 def test_scenarios_of_non_redundant_arms_raise():

@@ -53,32 +53,32 @@ def test_every_branch_of_example_2(spatial: Problem, attitude: list[float]) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar_3dof/parabola", "planar_3dof/parabola_nonstop"])
 def test_example_1_all_around(name: str) -> None:
-    """Both branches at every twentieth degree, with the rest at F and without."""
+    """Both branches at every thirtieth degree, with the rest at F and without."""
     problem = bundled(name)
-    cases = both(problem, *states(problem, headings(*range(3, 363, 20))))
-    assert len(cases) == 36
+    cases = both(problem, *states(problem, headings(*range(3, 363, 30))))
+    assert len(cases) == 24
     for case in cases:
         case.assert_same()
     for case in [case for case in cases if case.motion.completed][::6]:
         case.assert_same_extent()
-    assert 2 < sum(not case.motion.completed for case in cases) < 20
+    assert 1 < sum(not case.motion.completed for case in cases) < 14
 
 
 @pytest.mark.parametrize(
     ("name", "seed", "count"),
     [
         ("spatial_6dof/line", 11, 1),
-        ("ur5_servicer/arc", 12, 12),
-        pytest.param("panda_servicer/line", 13, 8, marks=pytest.mark.slow),
+        ("ur5_servicer/arc", 12, 8),
+        pytest.param("panda_servicer/line", 13, 2, marks=pytest.mark.slow),
     ],
 )
 def test_random_attitudes_of_the_bundled_arms(name: str, seed: int, count: int) -> None:
     """Elbow arm with the paper's measure, UR5 without spherical wrist, redundant Panda."""
     problem = bundled(name)
     attitudes, joints = states(problem, random_attitudes(count, seed))
-    step = max(1, len(joints) // 8)
+    step = max(1, len(joints) // 5)
     cases = both(problem, attitudes[::step], joints[::step])
-    assert len(cases) >= 8
+    assert len(cases) >= 5
     for case in cases:
         case.assert_same()
 
@@ -116,9 +116,11 @@ LAWS = [
 JOINTS = np.array([0.6, 0.7, -1.3, 0.4, 0.9, 0.2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [line_and_slerp, arc_and_direction, waypoints])
-@pytest.mark.parametrize("law", LAWS, ids=[f"{law}-{len(stops)} stops" for law, stops in LAWS])
-@pytest.mark.parametrize("momentum", [(0.0, 0.0, 0.0), (0.8, -1.5, 2.0)], ids=["rest", "drift"])
+@pytest.mark.parametrize(
+    ("law", "momentum"), [*((law, (0.8, -1.5, 2.0)) for law in LAWS), (LAWS[3], (0.0, 0.0, 0.0))]
+)
 def test_paths_and_laws(spatial, path, law, momentum) -> None:
     """The segments of the law and the path's cubics; both signs of the wrist."""
     attitude = random_attitudes(1, 5)[0]
@@ -136,12 +138,13 @@ def test_paths_and_laws(spatial, path, law, momentum) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("structure", "task"),
-    [("RRR", Task.POSITION), ("RRRRR", Task.POSITION), ("RRRRRR", Task.POSITION),
-     ("RRRRRRR", Task.POSE), ("CRRRRRRR", Task.POSE), ("RPR", Task.POSITION),
-     ("RRRPRR", Task.POSE), ("RRRPRRR", Task.POSE), ("PRFRPRR", Task.POSITION)],
+    ("structure", "task", "name"),
+    [("RRR", Task.POSITION, "gjm"), ("RRRRR", Task.POSITION, "system"),
+     ("RRRRRR", Task.POSITION, "sigma"), ("RRRRRRR", Task.POSE, "gjm"),
+     ("CRRRRRRR", Task.POSE, "system"), ("RPR", Task.POSITION, "sigma"),
+     ("RRRPRR", Task.POSE, "gjm"), ("RRRPRR", Task.POSE, "system"), ("RRRPRR", Task.POSE, "sigma"),
+     ("RRRPRRR", Task.POSE, "sigma"), ("PRFRPRR", Task.POSITION, "gjm")],
 )  # fmt: skip
-@pytest.mark.parametrize("name", ["gjm", "system", "sigma"])
 def test_random_arms(structure: str, task: Task, name: str) -> None:
     """Position tasks, redundant arms, prismatic joints; a second, fixed arm."""
     completed = 0
@@ -196,14 +199,14 @@ def test_minima_between_steps(spatial: Problem, planar: Problem) -> None:
     """Against dense samples of precise motions, at whose time steps the measure lies higher."""
     shallow = 0
     for problem, attitudes in (
-        (spatial, random_attitudes(2, 21)), (planar, headings(*range(0, 360, 18)))
+        (spatial, random_attitudes(1, 21)), (planar, headings(*range(0, 360, 36)))
     ):  # fmt: skip
         attitudes, joints = states(problem, attitudes)
         result = EnsembleIntegrator(problem, 1).integrate(attitudes, joints, tolerance=FINE)
         measure = problem.margin.measure
         for k in np.flatnonzero(result.endings == COMPLETED):
             motion = integrate_motion(problem, attitudes[k], joints[k])
-            values = np.array([measure(q) for q in dense(motion)[2]])
+            values = np.array([measure(q) for q in dense(motion, 2000)[2]])
             lowest = float((np.sign(values[0]) * values).min())
             assert result.minimum[k] == pytest.approx(lowest, rel=1e-3)
             assert result.minimum[k] <= lowest * (1.0 + 1e-4)
@@ -212,7 +215,7 @@ def test_minima_between_steps(spatial: Problem, planar: Problem) -> None:
                 ends = np.linspace(0.0, problem.path.duration, 30)
                 nodes = [abs(measure(state.joints)) for state in motion.sample(ends)]
                 shallow += min(nodes) > 1.01 * result.minimum[k]
-    assert shallow > 5
+    assert shallow > 2
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6, 1e-7])

@@ -40,7 +40,7 @@ def attitudes_for(name: str, count: int) -> np.ndarray:
     return np.vstack([bad, rest])
 
 
-CASES = [("spatial_6dof/line", 4), ("planar_3dof/parabola", 15), ("ur5_servicer/arc", 15)]
+CASES = [("spatial_6dof/line", 3), ("planar_3dof/parabola", 9), ("ur5_servicer/arc", 8)]
 
 
 @cache
@@ -49,6 +49,7 @@ def evaluated(name: str, count: int) -> tuple[Problem, np.ndarray, BranchResults
     return problem, attitudes, FeasibilityEvaluator(problem, 1).evaluate(attitudes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "count"), CASES)
 def test_results_are_those_of_simulations(name: str, count: int) -> None:
     """The same branches under the same numbers, endings, margins and last states."""
@@ -135,7 +136,7 @@ def test_stopping_at_the_margin_changes_no_verdict(name: str, count: int) -> Non
         clear = sure[:, branch] if evaluator.wrist_flipped else np.full(len(attitudes), True)
         alone = evaluator.keeps(attitudes, branch)
         np.testing.assert_array_equal(alone[clear], keeps[clear, branch])
-    for k in np.flatnonzero((results.motions.endings != UNREACHED).any(axis=1))[:2]:
+    for k in np.flatnonzero((results.motions.endings != UNREACHED).any(axis=1))[:1]:
         for arm in simulate(strict, attitudes[k], stop_at_margin=True).branches:
             nearly = abs(results.motions.minimum[k, arm.branch.index] / level - 1.0) < 3e-3
             assert nearly or arm.motion.completed == keeps[k, arm.branch.index]
@@ -143,7 +144,7 @@ def test_stopping_at_the_margin_changes_no_verdict(name: str, count: int) -> Non
 
 def test_margins_allow_for_rounding() -> None:
     """A motion keeps the margin that it has, though other steps located it."""
-    problem, attitudes, results = evaluated("spatial_6dof/line", 4)
+    problem, attitudes, results = evaluated(*CASES[0])
     largest = float(results.margins.max(axis=1)[1])
     just = replace(problem, margin=Margin(problem.margin.measure, largest))
     more = replace(problem, margin=Margin(problem.margin.measure, largest * 1.001))
@@ -186,7 +187,7 @@ def test_branches_of_a_redundant_arm() -> None:
     results = evaluator.evaluate(attitude)
     numbers = np.flatnonzero(results.motions.endings[0] != UNREACHED)
     assert len(numbers) > 3
-    for branch in numbers[:3]:
+    for branch in numbers[:2]:
         simulation = simulate(problem, attitude[0], joints=results.joints[0, branch])
         motion = simulation.chosen.motion
         assert results.motions.endings[0, branch] == CODES[motion.ending]

@@ -116,7 +116,8 @@ def assert_holds(motion, bounds):
         assert values.min() >= bound * (1.0 - 1e-9), name
 
 
-@pytest.mark.parametrize(("chain", "task"), ROBOTS)
+@pytest.mark.slow
+@pytest.mark.parametrize(("chain", "task"), ROBOTS[1:6])
 def test_bounds_hold_on_motions_of_random_robots(rng, chain, task):
     motion = wandering(rng, chain, task, 0.15)
     while closest_approach(motion, _measure(motion, "sigma")).value < 0.01:
@@ -129,7 +130,7 @@ def test_bounds_hold_on_motions_of_random_robots(rng, chain, task):
 @pytest.mark.slow
 def test_bounds_hold_along_the_papers_examples(spatial, planar):
     """Arm and its system in space, the paper's S in the plane."""
-    motion = followed(spatial, GOOD, 2)
+    motion = followed(spatial, GOOD, 2).cut(15.0, Ending.MARGIN)  # beyond the closest approach
     result, bounds = proven(motion, ("gjm", "arm", "sigma"))
     assert bounds.bounds["arm"] >= 0.9 * result["arm"]
     assert_holds(motion, bounds)

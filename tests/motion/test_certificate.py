@@ -145,6 +145,7 @@ def test_mujoco_agrees_with_the_motion(redundant):
     assert inverse.looks > 50
 
 
+@pytest.mark.slow
 def test_mujoco_does_not_read_the_attitude(redundant):
     scenario = load_scenario("panda_servicer/line")
     heavier = scenario.text.replace("inertia: [16, 16, 16]", "inertia: [18, 16, 16]")

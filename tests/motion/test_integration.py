@@ -89,7 +89,7 @@ def test_every_heading_has_an_ending(name):
     problem = bundled(name)
     measure = singularity_measure(problem.model, problem.task, "gjm")
     singular = 0
-    for degrees in [*range(0, 360, 15), 8, 66, 77, 81, 95, 103, 124, 131]:
+    for degrees in [*range(0, 360, 30), 8, 66, 77, 81, 95, 103, 124, 131]:
         attitude = heading(degrees)
         for branch in problem.branches(attitude):
             motion = integrate_motion(problem, attitude, branch.joints)
@@ -100,7 +100,7 @@ def test_every_heading_has_an_ending(name):
             else:
                 assert motion.completed
                 assert motion.final.time == 100.0
-    assert 10 < singular < 50
+    assert 6 < singular < 36
 
 
 # --- parts of a motion -----------------------------------------------------------------------
@@ -348,7 +348,7 @@ def test_no_margin_left_at_a_singularity_is_still_a_singularity(spatial, planar,
     """With a margin of zero, stopping at the margin does not hide that the arm became singular."""
     for problem, attitudes in (
         (spatial, [BAD]),
-        (planar, [heading(d) for d in range(95, 160, 13)]),
+        (planar, [heading(d) for d in range(95, 160, 26)]),
     ):
         margin = Margin(singularity_measure(problem.model, problem.task, name), 0.0)
         asked_for = replace(problem, margin=margin)

@@ -53,7 +53,7 @@ momentum: [0, 0, 0.4]
 path:
   line: {from: [1.3, -0.2, 0], to: [1.2, 0.8, 0]}
 timing: {law: quintic, duration: 20}
-margin: {measure: system, fraction: 0.02}
+margin: {measure: system, value: 1.0}
 """
 RAIL = (
     '<robot name="rail">'
@@ -79,7 +79,6 @@ path:
   attitude: {fixed: {rpy: [0, 1.5707963268, 0]}}
 timing: {law: quintic, duration: 30}
 margin: {measure: gjm, value: 0.01}
-search: {objective: nearest, from_attitude: [0, 0, 0, 1], samples: 16}
 """
 """An arm of six joints on a rail, a second one fixed behind it."""
 
@@ -242,6 +241,7 @@ def test_an_arm_on_a_rail_with_a_fixed_arm_agrees_with_mujoco(rail: Path) -> Non
     assert model.joint_names[0] == "rail"
     assert model.dof == 7
     assert np.ptp(motion.joints[:, 0]) > 0.02
+    assert motion.residuals().end_effector_position < 1e-7
     assert_drifts(motion)
 
 
@@ -256,11 +256,6 @@ def test_the_second_arm_is_part_of_the_spacecraft(rail: Path) -> None:
     assert {visual.body for visual in shown} == {0}
 
 
-@pytest.mark.slow
-def test_an_arm_on_a_rail_is_planned_and_assembled(rail: Path, tmp_path: Path) -> None:
-    document = run("plan", rail)
-    assert document["feasible"]
-    assert document["min_margin"]["kept"]
-    assert document["residuals"]["end_effector_position"] < 1e-7
+def test_an_arm_on_a_rail_is_assembled(rail: Path, tmp_path: Path) -> None:
     written = run("assemble", rail, "-o", tmp_path / "rail_robot.urdf")
     assert {joint["name"]: joint["held"] for joint in written["joints"]}["other_elbow_joint"] == 1.0
