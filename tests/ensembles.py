@@ -108,7 +108,7 @@ class Case:
 def both(problem: Problem, attitudes: np.ndarray, joints: np.ndarray) -> list[Case]:
     """Integrate every state by both methods."""
     coarse, fine = (
-        EnsembleIntegrator(problem, 1).integrate(attitudes, joints, tolerance=tolerance)
+        EnsembleIntegrator(problem, 1, tolerance=tolerance).integrate(attitudes, joints)
         for tolerance in (1e-6, FINE)
     )
     motions = [integrate_motion(problem, *state) for state in zip(attitudes, joints, strict=True)]

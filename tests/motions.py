@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.ensemble import TOLERANCE, EnsembleIntegrator, EnsembleResult
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
@@ -48,12 +49,10 @@ def followed(problem: Problem, attitude: object, branch: int, **options: object)
     return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
 
 
-def rolled(motion: Motion, **options: object) -> EnsembleResult:
+def rolled(motion: Motion, tolerance: float = TOLERANCE) -> EnsembleResult:
     """The same motion by the compiled kernels."""
-    first = motion.initial
-    return EnsembleIntegrator(motion.problem, 1).integrate(
-        first.attitude[None], first.joints[None], **options
-    )
+    first, integrator = motion.initial, EnsembleIntegrator(motion.problem, 1, tolerance=tolerance)
+    return integrator.integrate(first.attitude[None], first.joints[None])
 
 
 def lasting(problem: Problem, duration: float, momentum: object = None) -> Problem:
@@ -75,6 +74,18 @@ def along(
     path = EndEffectorPath(PolynomialCurve.line(start, end), FixedOrientation(axes))
     margin = Margin(singularity_measure(model, task, "system"), 0.0)
     return Problem(model, TimedPath(path, Timing(duration)), task, momentum, margin)
+
+
+def virtual_jacobian(virtual: VirtualManipulator, joints: np.ndarray) -> np.ndarray:
+    """End-effector twist [linear; angular] per joint rate of the virtual arm, shape (K, 6, n)."""
+    p, _, points, axes = virtual.kinematics(joints)
+    columns = []
+    for i, (point, axis) in enumerate(zip(points, axes, strict=True)):
+        if virtual.prismatic[i]:
+            columns.append(np.hstack([virtual.strokes[i] * axis, np.zeros_like(axis)]))
+        else:
+            columns.append(np.hstack([np.cross(axis, p - point), axis]))
+    return np.stack(columns, axis=2)
 
 
 def relative(actual: np.ndarray, expected: np.ndarray) -> float:

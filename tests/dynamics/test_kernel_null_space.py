@@ -64,12 +64,10 @@ def test_compiled_motions_retrace(number):
     """An end before the start goes back the same way."""
     structure, task = ARMS[0]
     start = redundant(structure, task, choices(structure, task)[number])
-    integrator, end = EnsembleIntegrator(start.problem, 1), np.array([20.0])
-    there = integrator.integrate(start.attitude[None], start.joints[None], tolerance=1e-9)
+    integrator = EnsembleIntegrator(start.problem, 1, tolerance=1e-9)
+    there, end = integrator.integrate(start.attitude[None], start.joints[None]), np.array([20.0])
     assert there.endings[0] == COMPLETED
-    back = integrator.integrate(
-        there.attitudes, there.joints, starts=end, ends=0.0 * end, tolerance=1e-9
-    )
+    back = integrator.integrate(there.attitudes, there.joints, starts=end, ends=0.0 * end)
     np.testing.assert_allclose(back.joints[0], start.joints, rtol=0, atol=1e-5)
     assert angle_between(back.attitudes[0], start.attitude) < 1e-5
 

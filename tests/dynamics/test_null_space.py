@@ -180,7 +180,7 @@ def test_large_weights_reduce_joint_motion():
 def test_toward_sigma_ends_farther_from_singularities(metric, seed):
     """The smallest singular value of S* and the manipulability are larger at the end."""
     motions = []
-    for toward in (Toward.NONE, Toward.SIGMA):
+    for toward in (Toward.NONE, Toward.MANIPULABILITY):
         start = redundant("RRRRRR", Task.POSITION, Redundancy(metric, toward, 2.0), seed)
         motions.append(integrate_motion(start.problem, start.attitude, start.joints))
         assert motions[-1].completed
@@ -217,7 +217,7 @@ def test_unlimited_joints_are_not_attracted():
     assert ends[0] < ends[1] - 0.05
 
 
-@pytest.mark.parametrize("toward", [Toward.SIGMA, Toward.MIDDLE])
+@pytest.mark.parametrize("toward", [Toward.MANIPULABILITY, Toward.MIDDLE])
 def test_the_null_space_motion_is_bounded(toward):
     """For any gain it is shorter than the bound and vanishes where the path stops."""
     start = redundant("RRRRRRR", Task.POSE, Redundancy(toward=toward, gain=1e5, bound=0.7))
@@ -230,7 +230,7 @@ def test_the_null_space_motion_is_bounded(toward):
     np.testing.assert_allclose(rest, plain.rates(attitude, joints, twist)[1], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("toward", [Toward.SIGMA, Toward.MIDDLE])
+@pytest.mark.parametrize("toward", [Toward.MANIPULABILITY, Toward.MIDDLE])
 def test_rates_vanish_where_the_path_stops(toward):
     """Without momentum every joint rate vanishes at both ends and at a stop on the way."""
     start = redundant("RRRRRRR", Task.POSE, Redundancy(toward=toward, gain=2.0), momentum=False)
@@ -277,7 +277,7 @@ def test_motions_retrace(structure, task, number):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "choice",
-    [{"metric": Metric.ENERGY}, {"toward": Toward.SIGMA, "gain": 2.0},
+    [{"metric": Metric.ENERGY}, {"toward": Toward.MANIPULABILITY, "gain": 2.0},
      {"metric": Metric.ENERGY, "toward": Toward.MIDDLE}],
     ids=["energy", "sigma", "energy, middle"],
 )  # fmt: skip
@@ -297,7 +297,7 @@ def test_rates_are_infinite_where_the_arm_is_singular():
     """A stretched planar arm has infinite rates and raises no exception."""
     text = planar_robot([5, 1, 1, 1], [1] * 4, [1] * 3, [0] * 4)
     model = FreeFloatingModel.from_urdf(text)
-    redundancy = Redundancy(Metric.ENERGY, Toward.SIGMA)
+    redundancy = Redundancy(Metric.ENERGY, Toward.MANIPULABILITY)
     solver = ResolvedRateSolver(model, Task.PLANAR_POSITION, [0, 0, 0], redundancy)
     _, rates = solver.rates(np.array([0.0, 0, 0, 1]), np.zeros(3), np.eye(6)[0], 1.0)
     assert not np.isfinite(rates).all()

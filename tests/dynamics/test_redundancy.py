@@ -52,7 +52,7 @@ def test_strings_become_enumerations():
     weights = {"a": 2}
     redundancy = Redundancy(weights, "sigma")
     weights["a"] = 3
-    assert redundancy.toward is Toward.SIGMA
+    assert redundancy.toward is Toward.MANIPULABILITY
     assert redundancy.metric == redundancy.weights == {"a": 2.0}
     assert Redundancy("energy").metric is Metric.ENERGY
     assert Redundancy("energy").weights == {}
@@ -77,13 +77,13 @@ def test_settings_are_frozen_and_picklable():
         pickle.loads(pickle.dumps(problem)).redundancy,
     ):
         assert settings.metric == {"q2": 3.0}
-        assert (settings.toward, settings.gain, settings.bound) == (Toward.SIGMA, 0.5, 1.5)
+        assert (settings.toward, settings.gain, settings.bound) == (Toward.MANIPULABILITY, 0.5, 1.5)
 
 
 def test_settings_from_scenarios():
     """All keys, and defaults of missing ones."""
     settings = read("{metric: energy, toward: sigma, gain: 2, bound: 1}")
-    assert (settings.metric, settings.toward) == (Metric.ENERGY, Toward.SIGMA)
+    assert (settings.metric, settings.toward) == (Metric.ENERGY, Toward.MANIPULABILITY)
     assert (settings.gain, settings.bound) == (2.0, 1.0)
     settings = read("{metric: {q1: 4}}")
     assert settings.metric == {"q1": 4.0}

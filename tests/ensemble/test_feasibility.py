@@ -40,7 +40,7 @@ def attitudes_for(name: str, count: int) -> np.ndarray:
     return np.vstack([bad, rest])
 
 
-CASES = [("spatial_6dof/line", 3), ("planar_3dof/parabola", 9), ("ur5_servicer/arc", 8)]
+CASES = [("spatial_6dof/line", 3), ("planar_3dof/parabola", 9), ("ur5_servicer/arc", 15)]
 
 
 @cache

@@ -16,18 +16,12 @@ from freefloat.ik.branches import (
     many_arm_branches,
     search_arm_branches,
 )
-from freefloat.ik.chain import (
-    Chain,
-    damped_step,
-    pose_of,
-    residual,
-    rotation_vector,
-    row,
-    scratch_for,
-)
+from freefloat.ik.chain import Chain, damped_step, pose_of, residual, scratch_for
 from freefloat.ik.numeric import columns_by_name
+from freefloat.ik.vectors import rotation_vector, row
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Pose
+from tests.motions import virtual_jacobian
 from tests.robots import AWKWARD, random_robot
 
 ALL_ROWS = np.arange(6)
@@ -56,7 +50,7 @@ def brute_force(
         p, R, _, _ = virtual.kinematics(q)
         vector = Rotation.from_matrix(rotation @ R.transpose(0, 2, 1)).as_rotvec()
         e = np.hstack([position - p, vector])
-        step = (np.linalg.pinv(virtual.jacobian(q), rcond=1e-4) @ e[:, :, None])[:, :, 0]
+        step = (np.linalg.pinv(virtual_jacobian(virtual, q), rcond=1e-4) @ e[:, :, None])[:, :, 0]
         q = q + step / np.maximum(1.0, 2.0 * np.abs(step).max(axis=1, keepdims=True))
     distinct: list[np.ndarray] = []
     for joints in q[np.abs(e).max(axis=1) < 1e-10]:
@@ -176,7 +170,7 @@ def test_signs_identify_the_branches_of_the_ur5(
     positions, rotations, _ = random_poses(ur5, 200, rng)
     sets = many_arm_branches(ur5, positions, rotations, Task.POSE)
     assert sets.exist[:, 8:].any(axis=1).mean() <= 0.005
-    J = VirtualManipulator.of(ur5).jacobian(sets.joints[sets.exist])
+    J = virtual_jacobian(VirtualManipulator.of(ur5), sets.joints[sets.exist])
     names = sets.names[sets.exist]
     signs = [(-1.0) ** bin(name).count("1") for name in names]
     np.testing.assert_array_equal(np.sign(np.linalg.det(J)), signs)
@@ -191,7 +185,7 @@ def test_names_of_the_ur5_are_continuous(ur5: FreeFloatingModel, rng: np.random.
     both = (sets.names[1:] >= 0) & (sets.names[1:] == sets.names[:-1])
     moved = gaps(sets.joints[1:][both], sets.joints[:-1][both])
     slowest = np.linalg.svd(
-        VirtualManipulator.of(ur5).jacobian(sets.joints[1:][both]), compute_uv=False
+        virtual_jacobian(VirtualManipulator.of(ur5), sets.joints[1:][both]), compute_uv=False
     )[:, -1]
     clear = slowest > 0.03
     assert clear.sum() > 500
@@ -255,7 +249,7 @@ def test_kinematics_agree_with_the_virtual_manipulator(
         expected = np.concatenate([goal.position - p[0], vector])
         np.testing.assert_allclose(scratch.error, expected, atol=1e-12)
         assert error == pytest.approx(np.linalg.norm(expected))
-        J = virtual.jacobian(q)[0]
+        J = virtual_jacobian(virtual, q)[0]
         np.testing.assert_allclose(scratch.J, J, atol=1e-13)
         largest = damped_step(scratch, 0.01)
         step = J.T @ np.linalg.solve(J @ J.T + 0.01 * np.eye(6), expected)

@@ -29,12 +29,12 @@ def along(start: list[float], end: list[float]) -> Problem:
 
 def test_the_place_where_a_path_leaves_the_reach_lies_on_the_reach() -> None:
     problem = along([1.0, 0.0, 0.0], [-5.0, 8.0, 0.33])
-    result = out_of_reach(problem)
-    assert result is not None
+    s = out_of_reach(problem)
+    assert s is not None
     reach = VirtualManipulator.of(problem.model).reach
-    position = problem.path.path.curve(result.s)
+    position = problem.path.path.curve(s)
     assert np.linalg.norm(position) == pytest.approx(reach, rel=1e-9)
-    assert result.message == f"the path leaves the reach of {reach:.4g} m at s = {result.s:.3g}"
+    assert reach_message(problem) == f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}"
 
 
 def test_a_start_beyond_it_is_reported_with_the_unit_where_it_is_absurd() -> None:

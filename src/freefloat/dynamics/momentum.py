@@ -1,7 +1,8 @@
 """Momentum matrices and the generalized Jacobian of a free-floating robot.
 
-Letters are the paper's: ``D``, ``Dq`` in (1), ``J`` in (2), ``A`` in (5), ``S`` for S* in (7). Rows
-are ordered linear before angular. Base columns belong to the base twist in the spacecraft frame.
+Letters are the paper's: ``D``, ``Dq`` in (1), ``J`` in (2), ``A`` in (5), ``S`` for S* in (7);
+``A_G`` is the centroidal momentum matrix (Orin and Goswami 2008). Rows are ordered linear before
+angular. Base columns belong to the base twist in the spacecraft frame.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
-_BASE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+_BASE = np.append(np.zeros(3), _IDENTITY)
 """Position and attitude of a spacecraft whose frame is the inertial one."""
 
 
@@ -123,8 +124,8 @@ def inertia_matrices(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[A
     Returns:
         ``D`` of shape (3, 3) and ``Dq`` of shape (3, n) [kg m²].
     """
-    A = momentum_map(model, joints)
-    return A[3:, 3:6], A[3:, 6:]
+    A_G = momentum_map(model, joints)
+    return A_G[3:, 3:6], A_G[3:, 6:]
 
 
 def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = Task.POSE) -> Array:
@@ -138,33 +139,27 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     Returns:
         Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n).
     """
-    A, J = _maps(model, joints)
+    A_G, J = _maps(model, joints)
     J = J[task.rows]
-    J = J[:, 3:] - J[:, :3] @ (A[:3, 3:] / model.total_mass)
-    D = A[3:, 3:]
-    if task.planar:
-        return np.vstack([D[2:], J])[:, 2:]
-    return np.vstack([D, J])
+    A = np.vstack([A_G[3:, 3:], J[:, 3:] - J[:, :3] @ (A_G[:3, 3:] / model.total_mass)])
+    return A[2:, 2:] if task.planar else A
 
 
 def system_matrix_derivative(
     model: FreeFloatingModel, joints: npt.ArrayLike, rates: npt.ArrayLike, task: Task = Task.POSE
 ) -> Array:
     """Time derivative of :func:`system_matrix` at joint rates of shape (n,)."""
-    robot, data = model.pin_model, model.scratch
+    robot, data, mass = model.pin_model, model.scratch, model.total_mass
     q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
-    dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, pin.LOCAL_WORLD_ALIGNED)[
-        task.rows
-    ]
-    A, J = (np.array(matrix) for matrix in _maps(model, joints))
-    dA = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
+    dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, pin.LOCAL_WORLD_ALIGNED)
+    A_G, J = (np.array(matrix) for matrix in _maps(model, joints))
+    dA_G = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
     # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
-    dA[3:] -= pin.skew(A[:3] @ v / model.total_mass) @ A[:3]
-    J = J[task.rows]
-    dJ = dJ[:, 3:] - (dJ[:, :3] @ A[:3, 3:] + J[:, :3] @ dA[:3, 3:]) / model.total_mass
-    if task.planar:
-        return np.vstack([dA[5:, 3:], dJ])[:, 2:]
-    return np.vstack([dA[3:, 3:], dJ])
+    dA_G[3:] -= pin.skew(A_G[:3] @ v / mass) @ A_G[:3]
+    J, dJ = J[task.rows], dJ[task.rows]
+    dJ = dJ[:, 3:] - (dJ[:, :3] @ A_G[:3, 3:] + J[:, :3] @ dA_G[:3, 3:]) / mass
+    dA = np.vstack([dA_G[3:, 3:], dJ])
+    return dA[2:, 2:] if task.planar else dA
 
 
 def generalized_jacobian(
@@ -196,7 +191,7 @@ def generalized_jacobian(
             if task.planar:
                 A = system_matrix(model, joints, task)
                 return np.asarray(A[1:, 1:] - A[1:, :1] * (A[:1, 1:] / A[0, 0]))
-        A, J = _maps(model, joints)
+        A_G, J = _maps(model, joints)
     except (TypeError, ValueError):  # validated only on failure: valid calls pay nothing
         if isinstance(joints, Mapping):
             kind = type(joints).__name__
@@ -205,8 +200,8 @@ def generalized_jacobian(
             ) from None
         model.joint_vector(joints)
         raise
-    A = np.asfortranarray(A)  # solved in place
-    _, _, base, singular = dgesv(A[:, :6], A[:, 6:], 1, 1)
+    A_G = np.asfortranarray(A_G)  # solved in place
+    _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:], 1, 1)
     if singular:
         raise np.linalg.LinAlgError("the inertia matrix of the spacecraft's rates is singular")
     S: Array = J[:, 6:] - J[:, :6].dot(base)
@@ -221,19 +216,19 @@ def generalized_determinant(
     It is the determinant of the momentum and end-effector rows over all rates, divided by that of
     the momentum matrix's base block: the total mass cubed times det D.
     """
-    A, J = _maps(model, joints)
-    M = np.vstack([A, J[task.rows]])
+    A_G, J = _maps(model, joints)
+    M = np.vstack([A_G, J[task.rows]])
     return determinant(M) / float(model.total_mass**3 * np.linalg.det(M[3:6, 3:6]))
 
 
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array]:
     """The momentum matrix and the end-effector Jacobian in the spacecraft frame."""
     q = np.concatenate((_BASE, joints))
-    A = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
+    A_G = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
     J = pin.getFrameJacobian(
         model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
     )
-    return A, J
+    return A_G, J
 
 
 def determinant(M: Array) -> float:

@@ -14,6 +14,8 @@ from freefloat.errors import InputError, did_you_mean
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
+SINGULAR_SPEED = 2e4
+"""Joint speed per duration at which a redundant arm counts as singular [rad, m]."""
 _LARGEST_WEIGHT = 1e6
 
 
@@ -31,12 +33,12 @@ class Metric(StrEnum):
 class Toward(StrEnum):
     """Objective of the null-space motion.
 
-    ``SIGMA``: manipulability, the product of the singular values of S*. ``MIDDLE``: the centres of
-    the joint ranges.
+    ``MANIPULABILITY``: the product of the singular values of S*. ``MIDDLE``: the centres of the
+    joint ranges.
     """
 
     NONE = "none"
-    SIGMA = "sigma"
+    MANIPULABILITY = "sigma"
     MIDDLE = "middle"
 
 

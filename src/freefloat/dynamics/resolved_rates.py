@@ -1,11 +1,12 @@
 """Equation (4): the rates that give the end-effector its twist and conserve the momentum.
 
-    [ centroidal momentum matrix ]        [ 0   ]
-    [ end-effector Jacobian rows ]  v  =  [ h   ]
-                                          [ v_E ]
+    M v = b:    [ A_G ]        [ 0   ]
+                [  J  ]  v  =  [ h   ]
+                               [ v_E ]
 
-With as many joints as task rows the solution is unique. The joint rates of a redundant arm differ
-by motions in the null space of the generalized Jacobian S*, which neither move the end-effector nor
+with the centroidal momentum matrix A_G and the task's rows of the end-effector Jacobian J. With as
+many joints as task rows the solution is unique. The joint rates of a redundant arm differ by
+motions in the null space of the generalized Jacobian S*, which neither move the end-effector nor
 change the momentum. Among them the rates ``u`` are taken that minimize
 
     u^T W u / 2 - c ds/dt (u . g),  c = gain / sqrt(1 + (|a| / bound)^2)
@@ -70,7 +71,7 @@ class ResolvedRateSolver:
         self._model, self._rows = model, task.rows
         self._selected = slice(None) if m == 6 else task.rows
         self._q = np.zeros(7 + n)
-        self._A = np.zeros((6 + m, 6 + n), order="F")
+        self._M = np.zeros((6 + m, 6 + n), order="F")
         self._b = np.zeros(6 + m)
         self._b[3:6] = finite_vector("momentum", momentum, 3)
         self._redundancy = redundancy or Redundancy()
@@ -92,15 +93,15 @@ class ResolvedRateSolver:
             Spacecraft angular velocity in the spacecraft frame [rad/s], shape (3,), and joint
             rates, shape (n,). Infinite where the matrix is exactly singular.
         """
-        model, q, A, b = self._model, self._q, self._A, self._b
+        model, q, M, b = self._model, self._q, self._M, self._b
         q[3:7], q[7:] = attitude, joints
-        A[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
-        A[6:] = pin.getFrameJacobian(
+        M[:6] = pin.computeCentroidalMap(model.pin_model, model.scratch, q)
+        M[6:] = pin.getFrameJacobian(
             model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
         )[self._selected]
         b[6:] = twist[self._selected]
-        if A.shape[0] == A.shape[1]:
-            _, _, v, singular = dgesv(A, b)
+        if M.shape[0] == M.shape[1]:
+            _, _, v, singular = dgesv(M, b)
             return (v[3:6], v[6:]) if not singular else self._infinite()
         try:
             return self._redundant_rates(speed)
@@ -111,14 +112,13 @@ class ResolvedRateSolver:
         return np.full(3, np.inf), np.full(self._model.dof, np.inf)
 
     def _redundant_rates(self, speed: float) -> tuple[Array, Array]:
-        Ab, Am = self._A[:6, :6], self._A[:6, 6:]
-        Jb, Jm = self._A[6:, :6], self._A[6:, 6:]
-        B = np.linalg.solve(Ab, np.column_stack([Am, self._b[:6]]))
+        A_G, J = self._M[:6], self._M[6:]
+        B = np.linalg.solve(A_G[:, :6], np.column_stack([A_G[:, 6:], self._b[:6]]))
         base, drift = np.asarray(B[:, :-1], dtype=float), B[:, -1]
-        S: Array = Jm - Jb @ base
+        S: Array = J[:, 6:] - J[:, :6] @ base
         m = len(S)
         Q, R = np.linalg.qr(S.T, mode="complete")
-        coordinates, singular = dtrtrs(R[:m], self._b[6:] - Jb @ drift, trans=1)
+        coordinates, singular = dtrtrs(R[:m], self._b[6:] - J[:, :6] @ drift, trans=1)
         if singular:
             return self._infinite()
         u = Q[:, :m] @ coordinates
@@ -129,14 +129,14 @@ class ResolvedRateSolver:
     def _null_space_rates(self, base: Array, S: Array, N: Array, u: Array, speed: float) -> Array:
         """Rates to add to the minimum-norm rates ``u``; columns of N span the null space of S."""
         W = self._metric(base)
-        H = N.T @ W @ N
-        z = -N @ np.linalg.solve(H, N.T @ (W @ u))
+        projected = N.T @ W @ N
+        z = -N @ np.linalg.solve(projected, N.T @ (W @ u))
         if self._redundancy.toward is not Toward.NONE and speed != 0.0:
             if self._redundancy.toward is Toward.MIDDLE:
                 g = np.nan_to_num(self._centres - self._q[7:])
             else:
                 g = self._manipulability_gradient(base, S)
-            attraction = self._redundancy.gain * (N @ np.linalg.solve(H, N.T @ g))
+            attraction = self._redundancy.gain * (N @ np.linalg.solve(projected, N.T @ g))
             ratio = np.linalg.norm(attraction) / self._redundancy.bound
             z += speed / np.hypot(1.0, ratio) * attraction
         return np.asarray(z)
@@ -159,10 +159,10 @@ class ResolvedRateSolver:
         twist at a point fixed in space; the motion of that point with the end-effector is added.
         """
         model, data, frame = self._model.pin_model, self._model.scratch, self._model.frame_id
-        q, A, world = self._q, self._A, pin.LOCAL_WORLD_ALIGNED
+        q, M, world = self._q, self._M, pin.LOCAL_WORLD_ALIGNED
         columns = np.linalg.pinv(S)
         motions = np.vstack([-base @ columns, columns])
-        recoil = np.linalg.solve(A[:6, :6].T, A[6:, :6].T).T
+        recoil = np.linalg.solve(M[:6, :6].T, M[6:, :6].T).T
         J = np.array(pin.computeFrameJacobian(model, data, q, frame, world))
         gradient, no_acceleration = np.zeros(len(columns)), np.zeros(len(motions))
         for i, row in enumerate(self._rows):

@@ -120,24 +120,6 @@ class VirtualManipulator:
         """Directions of the joint axes in the spacecraft frame, shape (n, 3)."""
         return self.kinematics(joints)[3][:, 0]
 
-    def jacobian(self, joints: npt.ArrayLike) -> Array:
-        """End-effector twist [linear; angular] per joint rate at constant attitude.
-
-        Args:
-            joints: Shape (K, n).
-
-        Returns:
-            Shape (K, 6, n), spacecraft frame.
-        """
-        p, _, points, axes = self.kinematics(joints)
-        columns = []
-        for i, (point, axis) in enumerate(zip(points, axes, strict=True)):
-            if self.prismatic[i]:
-                columns.append(np.hstack([self.strokes[i] * axis, np.zeros_like(axis)]))
-            else:
-                columns.append(np.hstack([np.cross(axis, p - point), axis]))
-        return np.stack(columns, axis=2)
-
     @cached_property
     def wrist_centre(self) -> Array | None:
         """Intersection of the last three axes at zero joints, spacecraft frame (3,), or None."""

@@ -98,16 +98,19 @@ class EnsembleResult(NamedTuple):
 class EnsembleIntegrator:
     """Integrates many motions of one problem."""
 
-    def __init__(self, problem: Problem, threads: int | None = None) -> None:
+    def __init__(
+        self, problem: Problem, threads: int | None = None, *, tolerance: float = TOLERANCE
+    ) -> None:
         """Convert a problem to the arrays that the kernels read.
 
         Args:
             problem: Robot, path and momentum.
             threads: Number of threads; one for each core of this process when left out.
+            tolerance: Relative and absolute tolerance of the integration steps.
         """
         cores = len(os.sched_getaffinity(0))
         self.threads = cores if threads is None else whole_number("threads", threads, 1)
-        self.problem = problem
+        self.problem, self.tolerance = problem, tolerance
         self._robot = _robot(problem)
 
     def integrate(
@@ -119,7 +122,6 @@ class EnsembleIntegrator:
         starts: Array | None = None,
         ends: Array | None = None,
         stop_below: float = 0.0,
-        tolerance: float = TOLERANCE,
         progress: Progress | None = None,
     ) -> EnsembleResult:
         """Integrate the motions along the path from many states.
@@ -132,7 +134,6 @@ class EnsembleIntegrator:
             ends: Final times [s], shape (K,); the duration when left out. With an end before its
                 start a motion is integrated backward.
             stop_below: Stop motions whose measure falls below this magnitude.
-            tolerance: Relative and absolute tolerance of a step.
             progress: Called with the fraction done, in [0, 1].
         """
         K, n = joints.shape
@@ -151,7 +152,7 @@ class EnsembleIntegrator:
 
         def integrate_chunk(first: int) -> None:
             integrate_many(
-                TABLEAU, self._robot, *inputs, tolerance, first, min(first + _CHUNK, K),
+                TABLEAU, self._robot, *inputs, self.tolerance, first, min(first + _CHUNK, K),
                 make_buffers(n, len(self._robot.rows)), result,
             )  # fmt: skip
 
@@ -194,7 +195,7 @@ def _robot(problem: Problem) -> Robot:
         bodies[1:, WEIGHT] = joint_weights(model, redundancy)
         bodies[1:, MIDDLE] = range_centres(model)
         metric = ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED
-        toward = {Toward.NONE: 0, Toward.SIGMA: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
+        toward = {Toward.NONE: 0, Toward.MANIPULABILITY: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
         facts[METRIC:] = metric, toward[redundancy.toward], redundancy.gain, redundancy.bound
     ends = np.append(path.breaks, path.duration)
     middles = [(low + high) / 2.0 for low, high in pairwise([0.0, *ends.tolist()])]

@@ -70,8 +70,7 @@ class FeasibilityEvaluator:
         """
         require_problem(problem)
         self.problem = problem
-        self.tolerance = tolerance
-        self.integrator = EnsembleIntegrator(problem, threads)
+        self.integrator = EnsembleIntegrator(problem, threads, tolerance=tolerance)
         self.wrist_flipped = has_wrist_flipped_branches(problem)
         self.sample_reduction = 1 if has_closed_form(problem) else _REDUCTION
 
@@ -105,7 +104,7 @@ class FeasibilityEvaluator:
         result = self.integrator.integrate(
             attitudes[np.nonzero(chosen)[0]], joints[:, integrated][chosen],
             stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
-            tolerance=self.tolerance, progress=progress,
+            progress=progress,
         )  # fmt: skip
         table = EnsembleResult.empty(chosen.shape, joints.shape[2])
         for name in EnsembleResult._fields:

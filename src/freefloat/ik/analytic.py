@@ -11,24 +11,15 @@ import numpy as np
 from freefloat.dynamics.kernels.compilation import compiled
 from freefloat.ik.chain import (
     CONVERGED,
-    ZERO,
     Chain,
-    Rows,
     Scratch,
-    Vector,
     ZeroPose,
-    cross,
-    dot,
     into_range,
     newton,
-    norm,
-    plus,
-    rotated,
-    row,
     scratch_for,
-    times,
     zero_pose,
 )
+from freefloat.ik.vectors import ZERO, Rows, Vector, cross, dot, norm, plus, rotated, row, times
 from freefloat.so3 import Array, IntArray
 
 _POLISHING_STEPS = 4

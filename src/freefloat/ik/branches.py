@@ -160,22 +160,19 @@ def search_arm_branches(
 
     With ``parallel`` only where the closed form of three parallel axes is ill-conditioned.
     """
-    from freefloat.ik import numeric as kernels
+    from freefloat.ik.numeric import MAX_BRANCHES, solve_numerically
 
-    solve = kernels.solve_numerically
-    if parallel:
-        from freefloat.ik.parallel_axes import solve_parallel as solve
     chain = _chain(VirtualManipulator.of(model), model)
     poses, n, m = _poses(positions, rotations), model.dof, len(task.rows)
-    joints = np.empty((len(poses[0]), kernels.MAX_BRANCHES, n))
-    names = np.empty((len(joints), kernels.MAX_BRANCHES), dtype=np.int64)
+    joints = np.empty((len(poses[0]), MAX_BRANCHES, n))
+    names = np.empty((len(joints), MAX_BRANCHES), dtype=np.int64)
     fractions = low_discrepancy(_REDUNDANT_STARTS if n > m else _STARTS, n)
     lower = np.where(chain.prismatic, chain.lower, -np.pi)
     upper = np.where(chain.prismatic, chain.upper, np.pi)
-    fixed = (chain, np.array(task.rows), lower + (upper - lower) * fractions)
-    _in_slices(solve, fixed, (*poses, joints, names), threads)
+    fixed = (chain, np.array(task.rows), lower + (upper - lower) * fractions, parallel)
+    _in_slices(solve_numerically, fixed, (*poses, joints, names), threads)
     signs = n == m == 6 and not chain.prismatic.any()
-    labels = _SIGNS if signs else tuple(str(number) for number in range(kernels.MAX_BRANCHES))
+    labels = _SIGNS if signs else tuple(str(number) for number in range(MAX_BRANCHES))
     return BranchSets(joints, names, labels)
 
 

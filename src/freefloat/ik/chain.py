@@ -1,7 +1,4 @@
-"""Kinematics of a serial chain and Newton's method in compiled code.
-
-Vectors are tuples of three numbers, which need no allocation; a rotation is a tuple of its rows.
-"""
+"""Kinematics of a serial chain and Newton's method in compiled code."""
 
 from __future__ import annotations
 
@@ -11,15 +8,24 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.kernels.compilation import compiled
+from freefloat.ik.vectors import (
+    ZERO,
+    Rows,
+    Vector,
+    cross,
+    plus,
+    rotated_by,
+    rotation_vector,
+    row,
+    times,
+    times_matrix,
+)
 from freefloat.so3 import Array, IntArray
 
-Vector = tuple[float, float, float]
-Rows = tuple[Vector, Vector, Vector]
-Booleans = npt.NDArray[np.bool_]
-
-ZERO: Vector = (0.0, 0.0, 0.0)
 CONVERGED = 1e-9
 """Largest residual of a solution [m, rad]."""
+SAME = 1e-5
+"""Largest joint difference of equal solutions [rad, m]."""
 _EXACT = 1e-13
 """Residual at which the iteration stops [m, rad]."""
 _DAMPING = 0.1
@@ -35,7 +41,7 @@ class Chain(NamedTuple):
     links: Array
     rotations: Array
     axes: Array
-    prismatic: Booleans
+    prismatic: npt.NDArray[np.bool_]
     strokes: Array
     tool: Array
     lower: Array
@@ -67,42 +73,6 @@ def scratch_for(joints: int, rows: int) -> Scratch:
     return Scratch(points, axes, J, error, A, y, step)
 
 
-@compiled
-def row(M: Array, i: int) -> Vector:
-    """A row of an array (n, 3)."""
-    return (M[i, 0], M[i, 1], M[i, 2])
-
-
-@compiled
-def dot(u: Vector, v: Vector) -> float:
-    """The scalar product."""
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-@compiled
-def cross(u: Vector, v: Vector) -> Vector:
-    """The vector product."""
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-
-
-@compiled
-def plus(u: Vector, v: Vector, factor: float) -> Vector:
-    """The sum ``u + factor v``."""
-    return (u[0] + factor * v[0], u[1] + factor * v[1], u[2] + factor * v[2])
-
-
-@compiled
-def norm(v: Vector) -> float:
-    """The length."""
-    return float(np.sqrt(dot(v, v)))
-
-
-@compiled
-def times(R: Rows, v: Vector) -> Vector:
-    """A rotated vector."""
-    return (dot(R[0], v), dot(R[1], v), dot(R[2], v))
-
-
 class ZeroPose(NamedTuple):
     """Joint positions and axes (n, 3), end-effector position and rotation at zero joints."""
 
@@ -110,25 +80,6 @@ class ZeroPose(NamedTuple):
     axes: Array
     position: Vector
     rotation: Rows
-
-
-@compiled
-def rotated_by(v: Vector, axis: Vector, c: float, s: float) -> Vector:
-    """A vector rotated about a unit axis by the angle with cosine ``c`` and sine ``s``."""
-    partial = plus(plus(ZERO, v, c), cross(axis, v), s)
-    return plus(partial, axis, (1.0 - c) * dot(axis, v))
-
-
-@compiled
-def rotated(v: Vector, axis: Vector, angle: float) -> Vector:
-    """A vector rotated about a unit axis."""
-    return rotated_by(v, axis, np.cos(angle), np.sin(angle))
-
-
-@compiled
-def times_matrix(v: Vector, M: Array) -> Vector:
-    """The row ``v M`` for a matrix (3, 3)."""
-    return plus(plus(plus(ZERO, row(M, 0), v[0]), row(M, 1), v[1]), row(M, 2), v[2])
 
 
 @compiled
@@ -164,28 +115,6 @@ def zero_pose(chain: Chain) -> ZeroPose:
     points, axes = np.empty((n, 3)), np.empty((n, 3))
     position, rotation = pose_of(chain, np.zeros(n), points, axes)
     return ZeroPose(points, axes, position, rotation)
-
-
-@compiled
-def rotation_vector(target: Array, R: Rows) -> Vector:
-    """The rotation vector from a rotation to the target (3, 3)."""
-    x, y, z = row(target, 0), row(target, 1), row(target, 2)
-    xx, yy, zz = dot(x, R[0]), dot(y, R[1]), dot(z, R[2])
-    xy, yx, xz = dot(x, R[1]), dot(y, R[0]), dot(x, R[2])
-    zx, yz, zy = dot(z, R[0]), dot(y, R[2]), dot(z, R[1])
-    twice = (zy - yz, xz - zx, yx - xy)
-    sine, cosine = norm(twice), xx + yy + zz - 1.0
-    if sine > 1e-7 or cosine > 0.0:
-        factor = np.arctan2(sine, cosine) / sine if sine > 1e-7 else 0.5
-        return plus(ZERO, twice, factor)
-    # rotation by pi: the longest row of (R + R') / 2 + 1 has the axis' direction
-    if xx >= yy and xx >= zz:
-        axis = (2.0 * xx + 2.0, xy + yx, xz + zx)
-    elif yy >= zz:
-        axis = (xy + yx, 2.0 * yy + 2.0, yz + zy)
-    else:
-        axis = (xz + zx, yz + zy, 2.0 * zz + 2.0)
-    return plus(ZERO, axis, np.pi / norm(axis))
 
 
 @compiled
@@ -293,3 +222,44 @@ def into_range(chain: Chain, q: Array) -> None:
             if lower <= value <= upper:
                 q[i] = value
                 break
+
+
+@compiled
+def store(chain: Chain, q: Array, target: Array) -> None:
+    """Write joint values into an array, revolute joints in (-pi, pi]."""
+    for i in range(len(q)):
+        target[i] = q[i] if chain.prismatic[i] else wrapped(q[i])
+
+
+@compiled
+def joint_distance(chain: Chain, a: Array, b: Array) -> float:
+    """Largest joint difference, modulo 2 pi for revolute joints."""
+    largest = 0.0
+    for i in range(len(a)):
+        difference = a[i] - b[i]
+        if not chain.prismatic[i]:
+            difference = wrapped(difference)
+        largest = max(largest, abs(difference))
+    return largest
+
+
+@compiled
+def comes_before(a: Array, b: Array) -> bool:
+    """Whether joint values come first in lexicographic order of their first six decimals."""
+    for i in range(len(a)):
+        x, y = np.rint(1e6 * a[i]), np.rint(1e6 * b[i])
+        if x != y:
+            return bool(x < y)
+    return False
+
+
+@compiled
+def sort(q: Array) -> None:
+    """Sort rows (count, n) lexicographically, in place."""
+    for i in range(1, len(q)):
+        moving = q[i].copy()
+        j = i
+        while j > 0 and comes_before(moving, q[j - 1]):
+            q[j] = q[j - 1]
+            j -= 1
+        q[j] = moving

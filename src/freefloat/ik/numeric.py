@@ -7,19 +7,20 @@ import numpy as np
 from freefloat.dynamics.kernels.compilation import compiled
 from freefloat.ik.chain import (
     CONVERGED,
+    SAME,
     Chain,
     Scratch,
-    Vector,
-    cross,
-    dot,
     into_range,
+    joint_distance,
     newton,
-    plus,
     residual,
-    row,
     scratch_for,
-    wrapped,
+    sort,
+    store,
+    zero_pose,
 )
+from freefloat.ik.parallel_axes import ILL_CONDITIONED, parallel_branches
+from freefloat.ik.vectors import Vector, cross, dot, plus, row
 from freefloat.so3 import Array, IntArray
 
 MAX_BRANCHES = 16
@@ -28,49 +29,6 @@ _STEPS = 60
 _MIN_STARTS = 96
 _HITS = 3
 """The search ends when each solution was found this often and their number is even."""
-SAME = 1e-5
-"""Largest joint difference of equal solutions [rad, m]."""
-
-
-@compiled
-def store(chain: Chain, q: Array, target: Array) -> None:
-    """Write joint values into an array, revolute joints in (-pi, pi]."""
-    for i in range(len(q)):
-        target[i] = q[i] if chain.prismatic[i] else wrapped(q[i])
-
-
-@compiled
-def joint_distance(chain: Chain, a: Array, b: Array) -> float:
-    """Largest joint difference, modulo 2 pi for revolute joints."""
-    largest = 0.0
-    for i in range(len(a)):
-        difference = a[i] - b[i]
-        if not chain.prismatic[i]:
-            difference = wrapped(difference)
-        largest = max(largest, abs(difference))
-    return largest
-
-
-@compiled
-def comes_before(a: Array, b: Array) -> bool:
-    """Whether joint values come first in lexicographic order of their first six decimals."""
-    for i in range(len(a)):
-        x, y = np.rint(1e6 * a[i]), np.rint(1e6 * b[i])
-        if x != y:
-            return bool(x < y)
-    return False
-
-
-@compiled
-def sort(q: Array) -> None:
-    """Sort rows (count, n) lexicographically, in place."""
-    for i in range(1, len(q)):
-        moving = q[i].copy()
-        j = i
-        while j > 0 and comes_before(moving, q[j - 1]):
-            q[j] = q[j - 1]
-            j -= 1
-        q[j] = moving
 
 
 @compiled
@@ -183,21 +141,25 @@ def store_branches(
 
 @compiled
 def solve_numerically(
-    chain: Chain, rows: IntArray, starts: Array, positions: Array, rotations: Array,
-    joints: Array, patterns: IntArray,
+    chain: Chain, rows: IntArray, starts: Array, parallel: bool, positions: Array,
+    rotations: Array, joints: Array, patterns: IntArray,
 ) -> None:  # fmt: skip
     """Branches of any arm from starts (S, n), of a redundant arm a well-spread set of them.
 
-    ``patterns``, shape (K, B), receives the sign pattern of each branch of six revolute joints,
-    otherwise its number; -1 where a branch does not exist.
+    With ``parallel`` the second to fourth axes are parallel: starts are used only where the closed
+    form is ill-conditioned. ``patterns``, shape (K, B), receives the sign pattern of each branch of
+    six revolute joints, otherwise its number; -1 where a branch does not exist.
     """
     n, m = len(chain.axes), len(rows)
-    scratch, solutions = scratch_for(n, m), np.empty((joints.shape[1], n))
+    scratch, zero, solutions = scratch_for(n, m), zero_pose(chain), np.empty((MAX_BRANCHES, n))
     for t in range(len(positions)):
         position, rotation = row(positions, t), rotations[t]
-        if n > m:
+        count = ILL_CONDITIONED
+        if parallel:
+            count = parallel_branches(chain, rows, zero, position, rotation, solutions, scratch)
+        elif n > m:
             count = spread(chain, rows, position, rotation, starts, solutions, scratch)
-        else:
+        if count == ILL_CONDITIONED:
             count = search(chain, rows, position, rotation, starts, solutions, scratch)
         store_branches(
             chain, rows, position, rotation, solutions[:count], joints[t], patterns[t], scratch

@@ -22,32 +22,16 @@ from freefloat.ik.analytic import (
 )
 from freefloat.ik.chain import (
     CONVERGED,
-    ZERO,
-    Chain,
-    Rows,
-    Scratch,
-    Vector,
-    ZeroPose,
-    cross,
-    dot,
-    newton,
-    norm,
-    plus,
-    rotated,
-    row,
-    scratch_for,
-    times,
-    zero_pose,
-)
-from freefloat.ik.numeric import (
-    MAX_BRANCHES,
     SAME,
+    Chain,
+    Scratch,
+    ZeroPose,
     joint_distance,
-    search,
+    newton,
     sort,
     store,
-    store_branches,
 )
+from freefloat.ik.vectors import ZERO, Rows, Vector, cross, dot, norm, plus, rotated, row, times
 from freefloat.so3 import Array, IntArray
 
 _POLISHING_STEPS = 8
@@ -193,20 +177,3 @@ def parallel_branches(
             count += 1
     sort(solutions[:count])
     return count
-
-
-@compiled
-def solve_parallel(
-    chain: Chain, rows: IntArray, starts: Array, positions: Array, rotations: Array,
-    joints: Array, patterns: IntArray,
-) -> None:  # fmt: skip
-    """Like ``solve_numerically``, whose search is used close to double solutions."""
-    scratch, zero, solutions = scratch_for(6, 6), zero_pose(chain), np.empty((MAX_BRANCHES, 6))
-    for t in range(len(positions)):
-        position, rotation = row(positions, t), rotations[t]
-        count = parallel_branches(chain, rows, zero, position, rotation, solutions, scratch)
-        if count == ILL_CONDITIONED:
-            count = search(chain, rows, position, rotation, starts, solutions, scratch)
-        store_branches(
-            chain, rows, position, rotation, solutions[:count], joints[t], patterns[t], scratch
-        )

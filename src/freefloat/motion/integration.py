@@ -16,6 +16,7 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from freefloat.dynamics.momentum import generalized_jacobian
+from freefloat.dynamics.redundancy import SINGULAR_SPEED
 from freefloat.errors import InputError, IntegrationError, finite_number
 from freefloat.motion.extrema import first_crossing
 from freefloat.motion.motion import Ending, Motion
@@ -26,8 +27,9 @@ from freefloat.so3 import Array, cross
 
 _TIME_UNITS = 10.0
 """Length of the time axis, comparable with radians and metres."""
-_STALLED = 5e-5
-"""Pace of time per arc length below which a redundant arm moves along a singularity."""
+_STALLED = 0.1 * _TIME_UNITS / SINGULAR_SPEED
+"""Pace of time per arc length below which a redundant arm moves along a singularity. The small
+steps near one allow ten times the speed at which the coarse steps of an ensemble end."""
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
 _OVERSHOOT, _SLOWEST = 1.1, 1e-3
@@ -81,10 +83,23 @@ def integrate_motion(
     accepted = f"a number from {_FINEST:g} to {_ROUGHEST:g}"
     if not _FINEST <= finite_number("tolerance", tolerance, accepted) <= _ROUGHEST:
         raise InputError("tolerance", f"{tolerance} was given", accepted)
+    end = problem.path.duration if end is None else end
+    first, flow = _first_node(problem, attitude, joints, start, end), arc_flow(problem)
+    rows, ending = _integrate(problem, flow, first, end, float(tolerance))
+    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
+    if isinstance(flow, _CompiledFlow):
+        motion = _cut(motion, flow.determinant, 0.0, Ending.SINGULAR)
+    if stop_at_margin and problem.margin.threshold > 0.0:
+        motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
+    return motion
+
+
+def _first_node(
+    problem: Problem, attitude: npt.ArrayLike, joints: npt.ArrayLike, start: float, end: float
+) -> Array:
+    """Time, attitude and joints of a checked start, shape (5 + n,)."""
     attitude = problem.attitude("attitude", attitude)
-    joints = problem.model.joint_vector(joints)
-    duration = problem.path.duration
-    end = duration if end is None else end
+    joints, duration = problem.model.joint_vector(joints), problem.path.duration
     for key, time in (("start", start), ("end", end)):
         if not 0.0 <= time <= duration:
             raise InputError(key, f"{time} was given", f"a time from 0 to {duration:g} s")
@@ -96,15 +111,7 @@ def integrate_motion(
             f"t = {start:g} s",
             "joints that meet the path; Problem.branches(attitude) lists them",
         )
-    flow = arc_flow(problem)
-    first = np.concatenate([[start], attitude, joints])
-    rows, ending = _integrate(problem, flow, first, end, float(tolerance))
-    motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
-    if isinstance(flow, _CompiledFlow):
-        motion = _cut(motion, flow.determinant, 0.0, Ending.SINGULAR)
-    if stop_at_margin and problem.margin.threshold > 0.0:
-        motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
-    return motion
+    return np.concatenate([[start], attitude, joints])
 
 
 def _cut(motion: Motion, f: Callable[[Array], float], level: float, ending: Ending) -> Motion:

@@ -208,7 +208,7 @@ def require_problem(value: object) -> None:
 def _drifts_in_plane(model: FreeFloatingModel) -> bool:
     """Whether no planar motion gives angular momentum about x or y."""
     for fraction in low_discrepancy(4, model.dof):
-        A = momentum_map(model, 2.0 * np.pi * fraction)
-        if np.abs(A[3:5, 5:]).max() > 1e-9 * np.abs(A[3:, 3:]).max():
+        A_G = momentum_map(model, 2.0 * np.pi * fraction)
+        if np.abs(A_G[3:5, 5:]).max() > 1e-9 * np.abs(A_G[3:, 3:]).max():
             return False
     return True

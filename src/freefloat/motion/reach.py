@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import brentq
 
@@ -15,27 +13,14 @@ _OTHER_UNITS = 50.0
 """A start this many times farther than the reach was hardly written in metres."""
 
 
-@dataclass(frozen=True)
-class OutOfReach:
-    """The first point of a path that lies beyond the arm's reach.
-
-    Attributes:
-        s: Where the path leaves the reach, 0 where it begins outside.
-        message: A sentence with the distances and a likely cause.
-    """
-
-    s: float
-    message: str
-
-
-def out_of_reach(problem: Problem) -> OutOfReach | None:
-    """The first point of the path that the end-effector cannot reach, whatever the attitude.
+def out_of_reach(problem: Problem) -> float | None:
+    """Path parameter from which the end-effector cannot reach the path, whatever the attitude.
 
     Points that are too near to the centre of mass, or that joint ranges or the end-effector's
     orientation exclude, are not found.
 
     Returns:
-        None where the whole path lies within the reach.
+        0 where the path begins out of reach, None where all of it lies within the reach.
     """
     reach, curve = VirtualManipulator.of(problem.model).reach, problem.path.path.curve
 
@@ -44,26 +29,26 @@ def out_of_reach(problem: Problem) -> OutOfReach | None:
 
     samples = np.linspace(0.0, 1.0, _SAMPLES).tolist()
     outside = next((k for k, s in enumerate(samples) if excess(s) > 0.0), None)
-    if outside is None:
-        return None
-    hint = light_spacecraft(problem)
-    if outside:
-        s = float(brentq(excess, *samples[outside - 1 : outside + 1]))
-        return OutOfReach(s, f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}{hint}")
-    start = curve(0.0)
-    distance = float(np.linalg.norm(start))
-    units = "; lengths are in metres" if distance > _OTHER_UNITS * reach else ""
-    return OutOfReach(
-        0.0,
-        f"the path begins out of reach: {np.round(start, 6).tolist()} m is {distance:.4g} m from "
-        f"the centre of mass, the arm reaches {reach:.4g} m{units}{hint}",
-    )
+    if not outside:
+        return outside
+    return float(brentq(excess, *samples[outside - 1 : outside + 1]))
 
 
 def reach_message(problem: Problem) -> str | None:
-    """Where the path leads out of reach, as a sentence; None where it does not."""
-    beyond = out_of_reach(problem)
-    return None if beyond is None else beyond.message
+    """Where the path leads out of reach, with a likely cause; None where it does not."""
+    s = out_of_reach(problem)
+    if s is None:
+        return None
+    reach, hint = VirtualManipulator.of(problem.model).reach, light_spacecraft(problem)
+    if s > 0.0:
+        return f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}{hint}"
+    start = problem.path.path.curve(0.0)
+    distance = float(np.linalg.norm(start))
+    units = "; lengths are in metres" if distance > _OTHER_UNITS * reach else ""
+    return (
+        f"the path begins out of reach: {np.round(start, 6).tolist()} m is {distance:.4g} m from "
+        f"the centre of mass, the arm reaches {reach:.4g} m{units}{hint}"
+    )
 
 
 def unreached_start(problem: Problem) -> str:

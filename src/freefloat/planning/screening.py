@@ -154,7 +154,7 @@ def clearance_deficits(
     times = np.linspace(0.0, evaluator.problem.path.duration, _INSTANTS + 2)
     for start, end in pairwise(times[:-1]):
         ensemble = evaluator.integrator.integrate(
-            attitudes, joints, tolerance=evaluator.tolerance,
+            attitudes, joints,
             starts=np.full(len(left), start), ends=np.full(len(left), end),
         )  # fmt: skip
         kept = examine(left, ensemble.joints)

@@ -238,9 +238,9 @@ def _score(branch: SimulatedBranch) -> tuple[bool, float, float]:
 
 
 def _unreachable(problem: Problem, attitude: Array) -> UnreachableError:
-    beyond = out_of_reach(problem)
-    if beyond is not None and beyond.s == 0.0:
-        return UnreachableError("path", beyond.message, "a path that begins within the reach")
+    if out_of_reach(problem) == 0.0:
+        message = str(reach_message(problem))
+        return UnreachableError("path", message, "a path that begins within the reach")
     start = problem.path.pose(0.0).position
     return UnreachableError(
         "attitude",

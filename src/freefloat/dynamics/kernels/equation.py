@@ -106,6 +106,39 @@ def configure(bodies: Array, facts: Array, q: Array, w: Array) -> None:
 
 
 @compiled
+def _inertia(bodies: Array, w: Array, k: int) -> tuple[float, float, float, float, float, float]:
+    """Inertia xx yy zz xy xz yz of a body about its centre of mass, in the spacecraft frame."""
+    A00, A01, A02 = w[k, ROT], w[k, ROT + 1], w[k, ROT + 2]
+    A10, A11, A12 = w[k, ROT + 3], w[k, ROT + 4], w[k, ROT + 5]
+    A20, A21, A22 = w[k, ROT + 6], w[k, ROT + 7], w[k, ROT + 8]
+    xx, yy, zz = bodies[k, INERTIA], bodies[k, INERTIA + 1], bodies[k, INERTIA + 2]
+    xy, xz, yz = bodies[k, INERTIA + 3], bodies[k, INERTIA + 4], bodies[k, INERTIA + 5]
+    a0, a1, a2 = (
+        A00 * xx + A01 * xy + A02 * xz,
+        A00 * xy + A01 * yy + A02 * yz,
+        A00 * xz + A01 * yz + A02 * zz,
+    )
+    b0, b1, b2 = (
+        A10 * xx + A11 * xy + A12 * xz,
+        A10 * xy + A11 * yy + A12 * yz,
+        A10 * xz + A11 * yz + A12 * zz,
+    )
+    c0, c1, c2 = (
+        A20 * xx + A21 * xy + A22 * xz,
+        A20 * xy + A21 * yy + A22 * yz,
+        A20 * xz + A21 * yz + A22 * zz,
+    )
+    return (
+        a0 * A00 + a1 * A01 + a2 * A02,
+        b0 * A10 + b1 * A11 + b2 * A12,
+        c0 * A20 + c1 * A21 + c2 * A22,
+        a0 * A10 + a1 * A11 + a2 * A12,
+        a0 * A20 + a1 * A21 + a2 * A22,
+        b0 * A20 + b1 * A21 + b2 * A22,
+    )
+
+
+@compiled
 def _composites(
     bodies: Array, w: Array, n: int, scale: float, cx: float, cy: float, cz: float
 ) -> None:
@@ -117,8 +150,7 @@ def _composites(
     M, ux, uy, uz = 0.0, 0.0, 0.0, 0.0
     xx, yy, zz, xy, xz, yz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     r0, r1, r2 = w[0, TIP], w[0, TIP + 1], w[0, TIP + 2]
-    for step in range(n + 1):
-        k = n - step
+    for k in range(n, -1, -1):
         mass = bodies[k, MASS]
         if mass > 0.0:
             x, y, z = w[k, BODY] - cx, w[k, BODY + 1] - cy, w[k, BODY + 2] - cz
@@ -126,26 +158,13 @@ def _composites(
             ux += mass * x
             uy += mass * y
             uz += mass * z
-            A00, A01, A02 = w[k, ROT], w[k, ROT + 1], w[k, ROT + 2]
-            A10, A11, A12 = w[k, ROT + 3], w[k, ROT + 4], w[k, ROT + 5]
-            A20, A21, A22 = w[k, ROT + 6], w[k, ROT + 7], w[k, ROT + 8]
-            Ix, Iy, Iz = bodies[k, INERTIA], bodies[k, INERTIA + 1], bodies[k, INERTIA + 2]
-            Ixy, Ixz, Iyz = bodies[k, INERTIA + 3], bodies[k, INERTIA + 4], bodies[k, INERTIA + 5]
-            a0 = A00 * Ix + A01 * Ixy + A02 * Ixz
-            a1 = A00 * Ixy + A01 * Iy + A02 * Iyz
-            a2 = A00 * Ixz + A01 * Iyz + A02 * Iz
-            b0 = A10 * Ix + A11 * Ixy + A12 * Ixz
-            b1 = A10 * Ixy + A11 * Iy + A12 * Iyz
-            b2 = A10 * Ixz + A11 * Iyz + A12 * Iz
-            xx += a0 * A00 + a1 * A01 + a2 * A02 + mass * (y * y + z * z)
-            yy += b0 * A10 + b1 * A11 + b2 * A12 + mass * (x * x + z * z)
-            xy += a0 * A10 + a1 * A11 + a2 * A12 - mass * x * y
-            xz += a0 * A20 + a1 * A21 + a2 * A22 - mass * x * z
-            yz += b0 * A20 + b1 * A21 + b2 * A22 - mass * y * z
-            a0 = A20 * Ix + A21 * Ixy + A22 * Ixz
-            a1 = A20 * Ixy + A21 * Iy + A22 * Iyz
-            a2 = A20 * Ixz + A21 * Iyz + A22 * Iz
-            zz += a0 * A20 + a1 * A21 + a2 * A22 + mass * (x * x + y * y)
+            Ixx, Iyy, Izz, Ixy, Ixz, Iyz = _inertia(bodies, w, k)
+            xx += Ixx + mass * (y * y + z * z)
+            yy += Iyy + mass * (x * x + z * z)
+            zz += Izz + mass * (x * x + y * y)
+            xy += Ixy - mass * x * y
+            xz += Ixz - mass * x * z
+            yz += Iyz - mass * y * z
         if k == 0:
             break
         a0, a1, a2 = w[k, LINE], w[k, LINE + 1], w[k, LINE + 2]

@@ -16,6 +16,7 @@ import numpy as np
 from freefloat.dynamics.kernels.compilation import compiled, unowned
 from freefloat.dynamics.kernels.equation import DEMAND, WORK_COLUMNS, form_jacobian
 from freefloat.dynamics.kernels.right_side import Robot, flow
+from freefloat.dynamics.redundancy import SINGULAR_SPEED
 from freefloat.ensemble.kernels.steps import (
     ARM,
     GJM,
@@ -40,8 +41,6 @@ UNREACHED = -1
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-11
 _SINGULAR_STEP = 1e-7
 _MAX_STEPS = 20_000
-_TOO_FAST = 2e4
-"""Joint speed per duration at which a redundant arm counts as singular [rad, m]."""
 _SMALL, _STRICTER, _UNDECIDED = 0.15, 0.01, 0.9
 
 
@@ -208,7 +207,7 @@ def integrate_one(
         maximum = max(maximum, after)
         smallest, largest = min(smallest, abs(determinant)), max(largest, abs(determinant))
         speed = _widen(extent, at, K, duration)
-        if minimum <= 0.0 or (not square and speed > _TOO_FAST):
+        if minimum <= 0.0 or (not square and speed > SINGULAR_SPEED):
             ending = SINGULAR
         elif minimum < stop_below:
             ending = MARGIN
