@@ -76,6 +76,25 @@ def along(
     return Problem(model, TimedPath(path, Timing(duration)), task, momentum, margin)
 
 
+def gaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Largest joint differences, modulo 2 pi."""
+    return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
+
+
+class PitchOrientation:
+    """Pitch of the end-effector about the inertial y axis by the angle 4 a s (1 - s)."""
+
+    def __init__(self, start: np.ndarray, amplitude: float) -> None:
+        self.start, self.amplitude = start, amplitude
+
+    def rotation(self, s: float) -> np.ndarray:
+        pitch = Rotation.from_rotvec([0.0, 4.0 * self.amplitude * s * (1.0 - s), 0.0])
+        return pitch.as_matrix() @ self.start
+
+    def rate(self, s: float) -> np.ndarray:
+        return np.array([0.0, 4.0 * self.amplitude * (1.0 - 2.0 * s), 0.0])
+
+
 def virtual_jacobian(virtual: VirtualManipulator, joints: np.ndarray) -> np.ndarray:
     """End-effector twist [linear; angular] per joint rate of the virtual arm, shape (K, 6, n)."""
     p, _, points, axes = virtual.kinematics(joints)

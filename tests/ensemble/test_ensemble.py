@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES, FINE, both, dense, headings, random_attitudes, states
-from tests.motions import BAD, GOOD, asked, bundled, followed, from_here
+from tests.motions import BAD, GOOD, PitchOrientation, asked, bundled, followed, from_here
 from tests.robots import planar_robot, random_robot
 
 # ------------------------------------------------------------------------------ the examples
@@ -272,20 +272,6 @@ def test_minimum_near_an_end(spatial: Problem, end: str) -> None:
             )  # fmt: skip
         np.testing.assert_allclose(part.minimum, whole.minimum[inner], rtol=hidden)
         assert (part.minimum > whole.minimum[inner] * (1.0 - 1e-4)).all()
-
-
-@dataclass
-class PitchOrientation:
-    """Pitch of the end-effector about the inertial y axis by the angle 4 a s (1 - s)."""
-
-    start: np.ndarray
-    amplitude: float
-
-    def rotation(self, s: float) -> np.ndarray:
-        return rotated([0.0, 4.0 * self.amplitude * s * (1.0 - s), 0.0]) @ self.start
-
-    def rate(self, s: float) -> np.ndarray:
-        return np.array([0.0, 4.0 * self.amplitude * (1.0 - 2.0 * s), 0.0])
 
 
 @pytest.mark.slow

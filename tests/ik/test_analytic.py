@@ -21,7 +21,7 @@ from freefloat.ik.numeric import columns_by_name
 from freefloat.ik.vectors import rotation_vector, row
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Pose
-from tests.motions import virtual_jacobian
+from tests.motions import gaps, virtual_jacobian
 from tests.robots import AWKWARD, random_robot
 
 ALL_ROWS = np.arange(6)
@@ -34,11 +34,6 @@ def random_poses(
     q = rng.uniform(-np.pi, np.pi, (count, model.dof))
     p, R, _, _ = VirtualManipulator.of(model).kinematics(q)
     return p, R, q
-
-
-def gaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Largest joint differences, modulo 2 pi."""
-    return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
 
 
 def brute_force(

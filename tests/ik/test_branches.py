@@ -27,7 +27,7 @@ from freefloat.so3 import (
     rotation_vector_between,
     unit_quaternion,
 )
-from tests.motions import virtual_jacobian
+from tests.motions import gaps, virtual_jacobian
 from tests.robots import (
     inertial_text,
     joint_text,
@@ -53,13 +53,8 @@ ATTITUDES = {
 }
 
 
-def gap(a: np.ndarray, b: np.ndarray) -> float:
-    """Largest joint difference, modulo 2 pi."""
-    return float(np.abs((np.asarray(a) - b + np.pi) % (2.0 * np.pi) - np.pi).max())
-
-
 def holds(known: Iterable[np.ndarray], q: np.ndarray, tolerance: float = 1e-6) -> bool:
-    return any(gap(joints, q) < tolerance for joints in known)
+    return any(gaps(joints, q) < tolerance for joints in known)
 
 
 def joints_of(branches: Iterable[ArmBranch]) -> list[np.ndarray]:
@@ -221,7 +216,7 @@ def test_branches_move_little_while_the_attitude_changes_a_little(
             for index, q in branches.items():
                 if last and abs(np.sin(q[4])) > 0.2 and abs(np.sin(q[2])) > 0.2:
                     slowest = np.linalg.svd(virtual_jacobian(virtual, q)[0], compute_uv=False)[-1]
-                    assert gap(q, last[index]) < 4.0 * step / slowest
+                    assert gaps(q, last[index]) < 4.0 * step / slowest
                     compared += 1
             attitude, last = attitude * rotation, branches
     assert compared > 250
@@ -508,7 +503,7 @@ def test_joints_are_wrapped_into_their_range(q: np.ndarray, ranges: list[list[fl
     assert model.bodies[3].upper == ranges[2][1]
     ranged = arm_branches(model, target, Task.PLANAR_POSE)
     for wrapped, plain in zip(ranged, free, strict=True):
-        assert gap(wrapped.joints, plain.joints) < 1e-12
+        assert gaps(wrapped.joints, plain.joints) < 1e-12
         assert np.abs(plain.joints).max() <= np.pi
         for value, angle, (lower, upper) in zip(wrapped.joints, plain.joints, ranges, strict=True):
             shifted = angle + 2.0 * np.pi * np.arange(-4, 5)

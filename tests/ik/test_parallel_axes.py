@@ -15,6 +15,7 @@ from freefloat.ik.parallel_axes import ILL_CONDITIONED, circle_angles
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
 from freefloat.so3 import Array
+from tests.motions import gaps
 from tests.robots import inertial_text, joint_text, link_text, numbers, random_inertia
 
 MEETS = 1e-8
@@ -42,11 +43,6 @@ def parallel_arm(rng: np.random.Generator, signs: tuple[float, float]) -> FreeFl
         "hand", "F", parent, "tip", numbers(rng.normal(0, 0.1, 3))
     )
     return FreeFloatingModel.from_urdf(f'<robot name="parallel">{text}</robot>', "tip")
-
-
-def gaps(a: Array, b: Array) -> Array:
-    """Largest joint differences, modulo 2 pi."""
-    return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
 
 
 def assert_the_same(closed: BranchSets, searched: BranchSets) -> None:

@@ -21,6 +21,7 @@ from freefloat.so3 import heading_of, rotation_matrix
 from tests.motions import (
     BAD,
     GOOD,
+    PitchOrientation,
     asked,
     bundled,
     followed,
@@ -267,20 +268,6 @@ def test_times_outside_the_path_raise(spatial, times):
 PITCH = np.array([0.0, 0.6, -1.3, 0.0, 0.3, 0.0])
 
 
-class Nod:
-    """Pitch of the end-effector about the inertial y axis that comes back: angle 4 a s (1 - s)."""
-
-    def __init__(self, start, amplitude):
-        self.start, self.amplitude = start, amplitude
-
-    def rotation(self, s):
-        rotation = Rotation.from_rotvec([0.0, 4.0 * self.amplitude * s * (1.0 - s), 0.0])
-        return rotation.as_matrix() @ self.start
-
-    def rate(self, s):
-        return np.array([0.0, 4.0 * self.amplitude * (1.0 - 2.0 * s), 0.0])
-
-
 def in_plane(model, law, momentum=(0.0, 0.2, 0.0)):
     """A motion in the x-z plane, to which spacecraft and arm are symmetric: q1, q4, q6 rest."""
     pose = model.end_effector_pose([0, 0, 0, 1], PITCH)
@@ -324,7 +311,7 @@ def test_a_wrist_that_just_straightens_is_distinguished_from_one_that_does_not(s
     """q5 falls to slightly below zero and rises again: singular; slightly above: completed."""
 
     def lowest(amplitude):
-        _, motion = in_plane(spatial.model, lambda start: Nod(start, amplitude))
+        _, motion = in_plane(spatial.model, lambda start: PitchOrientation(start, amplitude))
         return motion, motion.evaluate(np.linspace(0, motion.panels, 4001))[2][:, 4].min()
 
     low, high = 0.1, 0.4

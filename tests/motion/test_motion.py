@@ -326,8 +326,3 @@ def test_a_shifted_wrist_roll_shows_in_the_attitude_alone(motion):
     result = tampered(motion, "joints", 100, [0, 0, 0, 0, 0, 1e-3]).residuals()
     assert result.end_effector_position < 1e-8
     assert result.end_effector_attitude == pytest.approx(1e-3, rel=1e-6)
-
-
-def test_a_fixed_spacecraft_violates_the_momentum(motion):
-    fixed = replace(motion, attitudes=np.tile(motion.attitudes[0], (len(motion.times), 1)))
-    assert fixed.residuals().momentum > 0.1

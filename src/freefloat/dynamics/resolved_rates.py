@@ -43,7 +43,7 @@ from freefloat.so3 import Array
 
 
 class ResolvedRateSolver:
-    """Solves equation (4) for the spacecraft's angular velocity and the joint rates."""
+    """Solver of equation (4) for the spacecraft's angular velocity and the joint rates."""
 
     def __init__(
         self,

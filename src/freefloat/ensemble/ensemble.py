@@ -96,7 +96,7 @@ class EnsembleResult(NamedTuple):
 
 
 class EnsembleIntegrator:
-    """Integrates many motions of one problem."""
+    """Integrator of many motions of one problem."""
 
     def __init__(
         self, problem: Problem, threads: int | None = None, *, tolerance: float = TOLERANCE

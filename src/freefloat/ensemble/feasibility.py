@@ -21,6 +21,12 @@ from freefloat.so3 import Array
 
 _REDUCTION = 4
 """Of the number of attitudes in searches whose arm branches have no closed form."""
+_REGULAR_RATIO = 0.01
+"""Smallest ratio of the minimum and maximum magnitude of det S* along a regular motion."""
+_NEGLIGIBLE = 1e-7
+"""Fraction of the system's mass and inertia below which a body counts as massless."""
+_FLIPPED_JOINT = 4
+"""The joint of a spherical wrist whose sign differs between wrist-flipped branches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +55,7 @@ class BranchResults:
 
 
 class FeasibilityEvaluator:
-    """Integrates the motions from many attitudes and decides which keep the margin.
+    """Integrator of the motions from many attitudes, which decides which keep the margin.
 
     Arm branches without closed form take far longer than integrating the motions; searches then
     divide their numbers of attitudes by ``sample_reduction``.
@@ -133,9 +139,6 @@ class FeasibilityEvaluator:
         return np.asarray((keeps & is_regular(motions.determinant_ratios)).any(axis=1))
 
 
-_REGULAR_RATIO = 0.01
-
-
 def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
     """Which motions avoid every singularity, also those at which the measure does not vanish.
 
@@ -144,12 +147,6 @@ def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
     the motion must exceed a hundredth of its maximum.
     """
     return np.asarray(determinant_ratios > _REGULAR_RATIO)
-
-
-_NEGLIGIBLE = 1e-7
-"""Fraction of the system's mass and inertia below which a body counts as massless."""
-_FLIPPED_JOINT = 4
-"""The joint of a spherical wrist whose sign differs between wrist-flipped branches."""
 
 
 def has_closed_form(problem: Problem) -> bool:
