@@ -21,6 +21,7 @@ from freefloat.dynamics.momentum import (
     system_matrix_derivative,
 )
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
+from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import rotation_matrix, rotation_vector_between
 from tests.motions import relative
@@ -204,6 +205,7 @@ def test_tasks_are_rows_of_the_twist(spatial_6dof: FreeFloatingModel) -> None:
     q = np.array([0.3, -0.4, 1.1, 0.2, 0.9, -0.5])
     S = generalized_jacobian(spatial_6dof, q)
     np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, Task.POSITION), S[:3])
+    np.testing.assert_array_equal(generalized_jacobian(spatial_6dof, q, "position"), S[:3])
     assert [task.rows for task in Task] == [[0, 1, 2, 3, 4, 5], [0, 1, 2], [0, 1, 5], [0, 1]]
     assert [task.planar for task in Task] == [False, False, True, True]
     assert [task.prescribes_orientation for task in Task] == [True, False, True, False]
@@ -329,6 +331,13 @@ def test_planar_jacobian_is_part_of_the_spatial_one(planar_3dof: FreeFloatingMod
     planar = generalized_jacobian(planar_3dof, q, Task.PLANAR_POSE)
     assert relative(spatial[[0, 1, 5]], planar) < 1e-13
     assert np.abs(spatial[[2, 3, 4]]).max() < 1e-14
+
+
+@pytest.mark.parametrize("joints", [{"q1": 0.5}, [0.5, 1.0], "bent"])
+def test_joints_of_another_robot_raise(planar_3dof: FreeFloatingModel, joints: object) -> None:
+    with pytest.raises(InputError) as caught:
+        generalized_jacobian(planar_3dof, joints)
+    assert caught.value.key == "joints"
 
 
 def test_planar_determinants_need_no_jacobian(planar_3dof: FreeFloatingModel) -> None:
