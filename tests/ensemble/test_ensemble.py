@@ -69,7 +69,7 @@ def test_example_1_all_around(name: str) -> None:
     [
         ("spatial_6dof/line", 11, 1),
         ("ur5_servicer/arc", 12, 8),
-        pytest.param("panda_servicer/line", 13, 5, marks=pytest.mark.slow),
+        pytest.param("panda_servicer/line", 13, 8, marks=pytest.mark.slow),
     ],
 )
 def test_random_attitudes_of_the_bundled_arms(name: str, seed: int, count: int) -> None:
