@@ -70,6 +70,13 @@ def test_a_planar_task_wants_masses_spread_evenly_about_the_plane(planar):
         replace(planar, model=lifted(planar.model, "0 0 1", 0.05))
 
 
+def test_momentum_that_turns_the_system_many_times_is_refused(spatial):
+    with pytest.raises(InputError) as caught:
+        replace(spatial, momentum=[1000, 0, 0])
+    assert caught.value.key == "momentum"
+    replace(spatial, momentum=[100, 0, 0])
+
+
 @pytest.mark.parametrize("momentum", [[0.1, 0, 0.5], [0, -0.1, 0.5]])
 def test_a_planar_task_wants_momentum_about_z(planar, momentum):
     with pytest.raises(InputError) as caught:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task, momentum_map
+from freefloat.dynamics.momentum import Task, inertia_matrices, momentum_map
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -27,6 +27,8 @@ from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen, low_discrepancy, rotation_matrix, unit_quaternion
 
+_MAX_TURNS = 50
+"""Rotations of the system along a path, on which the time of an integration depends."""
 _NEAR = 0.05
 """Largest difference of joint values from those of a branch [rad, m]."""
 
@@ -79,6 +81,7 @@ class Problem:
             )
         if self.task.planar:
             self._require_planar()
+        self._require_few_turns()
 
     @property
     def redundant(self) -> bool:
@@ -125,6 +128,19 @@ class Problem:
                     f"the end-effector would leave the plane at s = {s:.2g}",
                     "orientations about z only",
                 )
+
+    def _require_few_turns(self) -> None:
+        """The time of an integration grows with the rotations of the spacecraft."""
+        momentum, duration = float(np.linalg.norm(self.momentum)), self.path.duration
+        locked_inertia = inertia_matrices(self.model, np.zeros(self.model.dof))[0]
+        rate = momentum / (np.trace(locked_inertia) / 3.0)
+        turns = rate * duration / (2.0 * np.pi)
+        if turns > _MAX_TURNS:
+            raise InputError(
+                "momentum",
+                f"{momentum:g} N m s turns the system about {turns:.3g} times in {duration:g} s",
+                f"momentum and duration of at most {_MAX_TURNS} turns",
+            )
 
     def attitude(self, key: str, values: npt.ArrayLike) -> Array:
         """A checked, normalized attitude of the spacecraft.
