@@ -19,6 +19,7 @@ from freefloat.cli.info import info
 from freefloat.cli.map import map_
 from freefloat.cli.models import models, schema
 from freefloat.cli.plan import plan
+from freefloat.cli.plot import plot
 from freefloat.cli.simulate import simulate
 from freefloat.cli.view import view
 from freefloat.cli.workspace import workspace
@@ -88,7 +89,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _command in (
-    *(models, info, workspace, simulate, plan, map_, view, check, export),
+    *(models, info, workspace, simulate, plan, map_, view, plot, check, export),
     *(assemble, batch, schema),
 ):
     app.command(_command.__name__.rstrip("_"))(_command)

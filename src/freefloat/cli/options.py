@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -120,6 +120,14 @@ def make_folder(option: str, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         if not os.access(folder, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+def distinct_stems(files: Sequence[Path]) -> list[str]:
+    """Names of files without suffix, numbered where several have the same: ``a``, ``a (2)``."""
+    stems = [file.stem for file in files]
+    counts = [stems[: index + 1].count(stem) for index, stem in enumerate(stems)]
+    pairs = zip(stems, counts, strict=True)
+    return [stem if count == 1 else f"{stem} ({count})" for stem, count in pairs]
 
 
 @contextmanager

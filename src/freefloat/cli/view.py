@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from freefloat.cli.console import Console
-from freefloat.cli.options import Json, Page, Quiet, make_folder, prepare_outputs
+from freefloat.cli.options import (
+    Json,
+    Page,
+    Quiet,
+    distinct_stems,
+    make_folder,
+    prepare_outputs,
+)
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
@@ -177,13 +184,10 @@ def _playback(files: Sequence[Path]) -> Playback:
     results = [load(file) for file in files]
     if len(results) == 1 and isinstance(results[0], AttitudeMap):
         return playback(results[0], files[0].stem)
-    motions: dict[str, Motion] = {}
-    for file, result in zip(files, results, strict=True):
-        name, number = file.stem, 1
-        while name in motions:
-            number += 1
-            name = f"{file.stem} ({number})"
-        motions[name] = _motion_of(result, file)
+    motions = {
+        name: _motion_of(result, file)
+        for name, result, file in zip(distinct_stems(files), results, files, strict=True)
+    }
     return playback(motions, " · ".join(motions))
 
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.io.trajectory import Trajectory
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,
@@ -66,14 +67,19 @@ def headings(attitudes: Array) -> Array:
     return np.asarray(np.degrees(angles - 2.0 * np.pi * np.floor(angles[0] / (2.0 * np.pi))))
 
 
+def joint_scale(model: FreeFloatingModel) -> tuple[float, str]:
+    """Return factor and unit of joint values in figures: degrees where all joints are revolute."""
+    prismatic = any(body.prismatic for body in model.bodies[1:])
+    return (1.0, "rad, m") if prismatic else (np.degrees(1.0), "deg")
+
+
 @styled
 def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     """Return the figure of joints, attitude, rates and positions (Figs. 8 and 11)."""
     problem = motion.problem
     figure = new_figure(PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
-    prismatic = any(body.prismatic for body in problem.model.bodies[1:])
-    scale, unit = (1.0, "rad, m") if prismatic else (np.degrees(1.0), "deg")
+    scale, unit = joint_scale(problem.model)
     joints = [f"$q_{{{number + 1}}}$" for number in range(problem.model.dof)]
     axes = ["$x$", "$y$", "$z$"][: 2 if problem.task.planar else 3]
     spins = np.degrees(trajectory.angular_velocities)
@@ -96,7 +102,7 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
         for (colour, dashes), column, name in zip(STROKES, values.T, names, strict=False):
             panel.plot(trajectory.times, column, color=colour, linestyle=dashes, label=name)
         panel.set_ylabel(axis_label(quantity, quantity_unit))
-        _mark_times(panel, motion, named=panel is panels[2, 1])
+        mark_times(panel, motion, named=panel is panels[2, 1])
         legend_above(panel)
     if motion.ending is Ending.SINGULAR:
         _limit_rates(panels[0, 1], scale * trajectory.joint_rates, motion, trajectory.times)
@@ -107,7 +113,7 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     return figure
 
 
-def _mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
+def mark_times(axes: Any, motion: Motion, named: bool = False) -> None:
     """Set the time axis; mark stops and the end of a motion that is not completed."""
     axes.set_xlim(0.0, motion.problem.path.duration)
     for index, stop in enumerate(motion.problem.path.timing.stops):
@@ -147,7 +153,7 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
         closest.time, lowest, marker="X" if singular else "o", color=BLACK, linestyle="none",
         zorder=5, label=f"{name} at {digits(closest.time)} s",
     )  # fmt: skip
-    _mark_times(axes, motion)
+    mark_times(axes, motion)
     axes.set_xlabel(axis_label("time", "s"))
     axes.set_ylabel(axis_label(f"$S$ ({measure.name})", measure.unit))
     legend_above(axes)
@@ -179,7 +185,7 @@ def _momentum_figure(motion: Motion) -> Figure:
     pose.set_xlabel(axis_label("time", "s"))
     for axes in (momentum, pose):
         axes.set_yscale("log")
-        _mark_times(axes, motion)
+        mark_times(axes, motion)
         legend_above(axes)
     figure.align_ylabels()
     return figure

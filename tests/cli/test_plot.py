@@ -1,0 +1,31 @@
+"""``freefloat plot`` draws saved results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import freefloat as ff
+from freefloat.so3 import heading_quaternion
+from tests.commands import document, error
+
+
+@pytest.mark.slow
+def test_figures_of_a_motion_and_of_several_beside_each_other(tmp_path: Path) -> None:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    files = [tmp_path / "a" / "motion.h5", tmp_path / "b" / "motion.h5"]
+    for heading, file in zip((0.0, 1.0), files, strict=True):
+        file.parent.mkdir()
+        ff.save(ff.simulate(problem, heading_quaternion(heading)), file)
+    (figure, *_) = document("plot", files[0], "-o", tmp_path / "one")["figures"]
+    assert Path(figure).parent == tmp_path / "one"
+    figures = {Path(name) for name in document("plot", *files, "-o", tmp_path / "two")["figures"]}
+    assert all(figure.stat().st_size > 1000 for figure in figures)
+    assert {figure.parent.name for figure in figures} == {"motion", "motion (2)", "two"}
+    assert tmp_path / "two" / "comparison.pdf" in figures
+
+
+def test_files_of_another_kind_are_errors(tmp_path: Path) -> None:
+    (tmp_path / "text.h5").write_text("no result")
+    assert error("plot", tmp_path / "text.h5")["key"] == "file"
