@@ -29,8 +29,8 @@ from tests.commands import error, run
 
 PROGRAM = [sys.executable, "-m", "freefloat"]
 COMMANDS = (
-    *("models", "info", "workspace", "simulate", "plan", "map", "view", "check", "export"),
-    *("assemble", "batch", "schema"),
+    *("models", "info", "workspace", "simulate", "plan", "map", "view", "plot", "check"),
+    *("export", "assemble", "batch", "schema"),
 )
 SIMULATE = ("simulate", "planar_3dof/parabola_nonstop", "--heading", "200")
 
