@@ -105,7 +105,7 @@ def nearest(
         for branch, _ in fine.branch_margins():
             feasible = fine.attitudes[fine.feasible[:, branch]]
             sampled = float(angle_between(feasible, target).min(initial=np.inf))
-            searched = (entry.score for entry in candidates if entry.branch == branch)
+            searched = (entry.deviation for entry in candidates if entry.branch == branch)
             angles.append((min(searched, default=np.inf), sampled))
         searched, sampled = min(angles)
         kept = evaluator.keeps(candidates[0].attitude[None], None)[0]

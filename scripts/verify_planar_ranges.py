@@ -94,14 +94,11 @@ def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int
     grid = np.linspace(0.0, duration, 2 * steps + 1)
     velocities = [velocity_at(float(t)) for t in grid]
     verdicts = {}
+    branches = problem.many_branches(np.array([heading_quaternion(x) for x in headings.tolist()]))
     for index in (0, 1):
-        rows, reached = [], np.zeros(len(headings), dtype=bool)
-        for k, heading in enumerate(headings):
-            for branch in problem.branches(heading_quaternion(float(heading))):
-                if branch.index == index:
-                    rows.append(arm.angles(heading, branch.joints))
-                    reached[k] = True
-        phi, reaching = np.array(rows).reshape(-1, len(arm.links)), np.flatnonzero(reached)
+        reaching = np.flatnonzero(branches.exist[:, index])
+        rows = [arm.angles(headings[k], branches.joints[k, index]) for k in reaching]
+        phi = np.array(rows).reshape(-1, len(arm.links))
         sign = np.sign(arm.determinant(phi))
         good = np.abs(arm.determinant(phi)) >= level
         for k in range(steps):

@@ -13,7 +13,7 @@ import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ik import branches as arm_branches
 from freefloat.planning import diagnostics, planner
-from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.attitude_map import AttitudeMap, Peak
 from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.parts import Attachment
@@ -172,9 +172,9 @@ def test_reason_of_infeasible_plans_of_redundant_arms_has_the_joints(
     free = redundant("RPRR", ff.Task.POSITION, None).problem
     beyond = replace(free, margin=ff.Margin(free.margin.measure, 1e9))
 
-    def best(evaluator: FeasibilityEvaluator, result: AttitudeMap) -> list[Candidate]:
+    def best(evaluator: FeasibilityEvaluator, result: AttitudeMap) -> list[Peak]:
         sample = np.argmax(result.margins.max(axis=1))
-        return [Candidate(result.attitudes[sample], None, result.margins.max())]
+        return [Peak(result.attitudes[sample], None, result.margins.max())]
 
     monkeypatch.setattr(planner, "largest_margins", best)
     monkeypatch.setattr(diagnostics, "largest_margins", best)

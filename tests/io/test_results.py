@@ -17,7 +17,7 @@ from freefloat.errors import InputError
 from freefloat.io.files import written_beside
 from freefloat.io.hdf5 import AlteredFileError
 from freefloat.io.results import differences
-from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
+from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint, NearAttitude, Peak
 from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import RangeLimitCause
@@ -152,10 +152,10 @@ def test_a_map_in_space_comes_back(tmp_path):
         ff.load_scenario("spatial_6dof/line").problem(), 5, attitudes, margins, margins / 2.0,
         np.zeros((8, 8), np.int8), {"joints": joints},
         regions=(Region(1, 0.5, 0.1, attitudes[0], 0.3),),
-        best=Candidate(attitudes[1], 2, 7.0),
-        robust=Candidate(attitudes[2], 1, 0.2),
+        best=Peak(attitudes[1], 2, 7.0),
+        robust=Ball(attitudes[2], 1, 0.2),
         nearest_to=attitudes[3],
-        nearest=Candidate(attitudes[4], 0, 0.1),
+        nearest=NearAttitude(attitudes[4], 0, 0.1),
         boundary=(BoundaryPoint(attitudes[5], 3, None),),
         tangency=(BoundaryPoint(attitudes[6], 3, 0.01),),
         seconds=1.5,

@@ -142,6 +142,7 @@ def test_regions_of_the_example_make_up_its_branches(samples: AttitudeMap) -> No
             assert part.depth == pytest.approx(nearest, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_an_arm_without_wrist_flipped_branches_has_all_its_branches() -> None:
     result = sample_attitudes(FeasibilityEvaluator(bundled("ur5_servicer/arc"), 1), 64)
     numbers = [branch for branch, _ in result.branch_margins()]
@@ -150,6 +151,7 @@ def test_an_arm_without_wrist_flipped_branches_has_all_its_branches() -> None:
     assert 0.0 < result.feasible_fraction < 1.0
 
 
+@pytest.mark.slow
 def test_a_redundant_arm_has_the_best_of_its_configurations() -> None:
     """Whatever their numbers."""
     result = sample_attitudes(FeasibilityEvaluator(bundled("panda_servicer/line"), 1), 12)

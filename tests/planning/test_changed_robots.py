@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -11,6 +12,7 @@ import yaml
 
 from freefloat.io.scenario import Scenario, parse_scenario
 from freefloat.limits.check import check_limits
+from freefloat.planning import search
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits
 from freefloat.planning.plan import Plan
@@ -21,6 +23,15 @@ pytestmark = [pytest.mark.usefixtures("kernels"), pytest.mark.slow]
 
 SPACECRAFT = {"mass": 200, "inertia": [35, 35, 35], "size": [1, 1, 1]}
 SAMPLES = 32
+
+
+@pytest.fixture(autouse=True, scope="module")
+def fewer() -> Iterator[None]:
+    """Fewer samples from which margins are refined."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search, "_CLIMBS", 4)
+        patch.setattr(search, "_FINISHED", 1)
+        yield
 
 
 def changed(name: str, samples: int = SAMPLES, **robot: Any) -> Scenario:

@@ -37,7 +37,7 @@ def test_a_map_has_the_results_of_a_grid(
 
 
 def test_entries_of_a_map_are_those_of_simulations(samples: AttitudeMap) -> None:
-    for k in (3, 101, 300, 487):
+    for k in (3, 300):
         simulation = simulate(samples.problem, samples.attitudes[k])
         numbers = [entry.branch.index for entry in simulation.branches]
         assert np.flatnonzero(samples.endings[k] != UNREACHED).tolist() == numbers
@@ -50,11 +50,12 @@ def test_entries_of_a_map_are_those_of_simulations(samples: AttitudeMap) -> None
             assert samples.feasible[k, entry.branch.index] == keeps
 
 
+@pytest.mark.slow
 def test_fractions_are_those_of_random_attitudes(
     samples: AttitudeMap, evaluator: FeasibilityEvaluator
 ) -> None:
     """Within four standard errors of both, for any branch and for all motions."""
-    count = 2000
+    count = 1000
     attitudes = Rotation.random(count, rng=np.random.default_rng(12)).as_quat()
     keeps = evaluator.evaluate(attitudes).margins >= 30.0
     fraction = keeps.any(axis=1).mean()
@@ -171,12 +172,13 @@ def test_all_or_nothing_has_no_edge(everywhere: bool) -> None:
 # the boundary of the feasible set
 
 
+@pytest.mark.slow
 def test_precise_motions_from_the_boundary_just_keep_the_margin(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, margin_30: Problem
 ) -> None:
-    points = boundary_points(evaluator, samples, 6)
-    assert [point.branch for point in points] == [b for b in (0, 2, 4, 6) for _ in range(6)]
-    for point in points[::3]:
+    points = boundary_points(evaluator, samples, 3)
+    assert [point.branch for point in points] == [b for b in (0, 2, 4, 6) for _ in range(3)]
+    for point in points[::2]:
         assert point.gap is None
         chosen = simulate(margin_30, point.attitude, branch=point.branch).chosen
         assert chosen.motion.completed
@@ -188,8 +190,8 @@ def test_tangency_points_lie_where_bisection_finds_the_boundary(
     evaluator: FeasibilityEvaluator, margin_30: Problem
 ) -> None:
     """To a tenth of a degree; precise motions from there just keep the margin."""
-    points = tangent_boundary(evaluator, 12)
-    assert len(points) == 12
+    points = tangent_boundary(evaluator, 6)
+    assert len(points) == 6
     assert max(point.gap for point in points) < np.radians(0.1)
     assert min(point.gap for point in points) >= 0.0
     for point in points[:3]:

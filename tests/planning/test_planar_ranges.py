@@ -42,7 +42,7 @@ def is_feasible(problem, heading, branch):
     return False
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(fraction=st.floats(0.001, 0.999), which=st.integers(0, 2))
 def test_headings_inside_keep_the_margin_and_outside_do_not(planar, ranges, fraction, which):
     """The verdict is constant between neighbouring limits, and opposite across each."""
@@ -63,6 +63,7 @@ def test_limits_are_exact_to_a_ten_thousandth_of_a_degree(planar, ranges):
             assert not is_feasible(planar, part.high + off, entry.branch)
 
 
+@pytest.mark.slow
 def test_every_heading_is_feasible_in_the_path_independent_area(planar):
     """With a zero margin, for both branches."""
     line = ff.paths.PolynomialCurve.line([1.9, 0.0, 0.0], [1.9, 0.4, 0.0])
@@ -75,6 +76,7 @@ def test_every_heading_is_feasible_in_the_path_independent_area(planar):
         assert entry.limits == ()
 
 
+@pytest.mark.slow
 def test_a_margin_of_zero_is_replaced_by_a_small_one():
     """Limits need S0 > 0."""
     problem = bundled("planar_2dof/line")
@@ -97,6 +99,7 @@ def test_a_limit_belongs_to_the_branch_of_its_joints(planar):
             assert _branch_of(planar, 3.5, branch.joints + np.array(off), 0.0) is None
 
 
+@pytest.mark.slow
 def test_ranges_end_by_the_margin_or_by_the_reach(planar):
     """Far from the centre the arm reaches the path from some headings only."""
     span = (69.73, 100.0)

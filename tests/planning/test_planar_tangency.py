@@ -52,6 +52,7 @@ def test_tangent_points_are_local_minima_of_the_motion_through_them(problem, poi
         assert max(values[2:]) < 0.5 * max(values[:2])
 
 
+@pytest.mark.slow
 def test_without_momentum_tangency_does_not_depend_on_the_time_law(problem):
     still = replace(problem, momentum=[0, 0, 0])
     timing = ff.Timing(250.0, law=bundled("planar_3dof/parabola").path.timing.law)
@@ -62,6 +63,7 @@ def test_without_momentum_tangency_does_not_depend_on_the_time_law(problem):
     )
 
 
+@pytest.mark.slow
 def test_ten_times_as_many_instants_find_the_same_points(problem, points, monkeypatch):
     monkeypatch.setattr(planar_tangency, "_TIMES", 10 * planar_tangency._TIMES)
     fine = planar_tangency_points(problem, 5.0, (0.0, 100.0))

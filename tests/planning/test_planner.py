@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,12 +10,22 @@ import pytest
 import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.motion.margin import is_kept
+from freefloat.planning import planar_planner
 from freefloat.planning.heading_map import attitudes_at, evaluator_for, sample_headings
 from freefloat.planning.plan import Objective
 from freefloat.planning.planar_planner import _headings, searched_ranges
 from freefloat.planning.planar_ranges import reach_limits
 from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import bundled
+
+
+@pytest.fixture(autouse=True, scope="module")
+def computed_once():
+    """Range limits are computed once for all plans of a problem."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("find_range_limits", "heading_ranges"):
+            patch.setattr(planar_planner, name, cache(getattr(planar_planner, name)))
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +115,7 @@ def test_searched_ranges_agree_with_the_exact_ones(problem, robust):
         assert np.array(searched.limits) == pytest.approx(np.array(exact.limits), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_other_measures_are_searched(sigma):
     plan = ff.plan(sigma, ff.Search(Objective.ROBUST, samples=12))
     assert plan.feasible
@@ -111,6 +123,7 @@ def test_other_measures_are_searched(sigma):
     assert plan.chosen.closest_approach.value >= 0.05
 
 
+@pytest.mark.slow
 def test_precise_motions_confirm_searched_limits(sigma):
     """A millionth of a radian to either side of each limit."""
     ranges = [(entry.branch, part) for entry in searched_ranges(evaluator_for(sigma), 24)

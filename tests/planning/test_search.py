@@ -12,7 +12,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.motion.problem import Problem
 from freefloat.planning import search as attitude_search
-from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.attitude_map import AttitudeMap, Peak
 from freefloat.planning.robustness import deepest, safe_radius
 from freefloat.planning.search import (
     largest_margins,
@@ -104,10 +104,10 @@ def test_the_highest_peak_is_climbed_though_samples_favour_another(margin_30: Pr
     assert np.argmax(result.margins[:, 2]) == 300
     best, *others = largest_margins(landscape, result)
     assert best.branch == 2
-    assert best.score == pytest.approx(50.0, abs=1e-4)
+    assert best.margin == pytest.approx(50.0, abs=1e-4)
     assert angle_between(best.attitude, narrow) < 1e-3
-    assert all(entry.score <= best.score for entry in others)
-    assert any(entry.score == pytest.approx(47.0, abs=1e-2) for entry in others)
+    assert all(entry.margin <= best.margin for entry in others)
+    assert any(entry.margin == pytest.approx(47.0, abs=1e-2) for entry in others)
 
 
 def test_every_branch_has_its_own_peak(margin_30: Problem) -> None:
@@ -115,7 +115,7 @@ def test_every_branch_has_its_own_peak(margin_30: Problem) -> None:
     best = largest_margins(landscape, landscape.map(256))[0]
     assert best.branch == 4
     assert angle_between(best.attitude, THERE) < 1e-3
-    np.testing.assert_allclose(landscape.margins(best.attitude[None], 4), best.score)
+    np.testing.assert_allclose(landscape.margins(best.attitude[None], 4), best.margin)
 
 
 def test_without_any_margin_there_is_no_peak(margin_30: Problem) -> None:
@@ -131,13 +131,13 @@ def test_the_nearest_attitude_of_a_ball_is_on_the_way_to_its_centre(
     landscape, radius = Landscape(margin_30, b0=ball(HERE, 0.7)), 0.7 - SURPLUS * MARGIN / 20.0
     result = landscape.map(512)
     best, *others = nearest_feasible(landscape, result, present)
-    assert best.score == pytest.approx(angle_between(present, HERE) - radius, rel=1e-3)
-    assert best.score == pytest.approx(angle_between(present, best.attitude), abs=1e-9)
+    assert best.deviation == pytest.approx(angle_between(present, HERE) - radius, rel=1e-3)
+    assert best.deviation == pytest.approx(angle_between(present, best.attitude), abs=1e-9)
     assert landscape.margins(best.attitude[None], 0)[0] == pytest.approx(
         MARGIN * (1.0 + SURPLUS), abs=2e-3
     )
     assert all(landscape.keeps(entry.attitude[None], entry.branch)[0] for entry in others)
-    merits = [entry.score for entry in (best, *others)]
+    merits = [entry.deviation for entry in (best, *others)]
     assert merits == sorted(merits)
 
 
@@ -152,9 +152,9 @@ def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: Problem) 
     candidates = nearest_feasible(landscape, landscape.map(2048), present)
     short = SURPLUS * MARGIN / 20.0
     assert candidates[0].branch == 0
-    assert candidates[0].score == pytest.approx(0.8 + short, abs=1e-3)
+    assert candidates[0].deviation == pytest.approx(0.8 + short, abs=1e-3)
     other = next(entry for entry in candidates if entry.branch == 6)
-    assert other.score == pytest.approx(0.9 + short, abs=1e-3)
+    assert other.deviation == pytest.approx(0.9 + short, abs=1e-3)
 
 
 def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: Problem) -> None:
@@ -163,10 +163,10 @@ def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: Problem
     present = rotated(HERE, [1.5, 0.2, 0.3])[0]
     landscape = Landscape(margin_30, b2=both(ball(a, 0.8), ball(b, 0.8)))
     best = nearest_feasible(landscape, landscape.map(1024), present)[0]
-    cloud = attitudes_within(present, best.score, 50_000)
+    cloud = attitudes_within(present, best.deviation, 50_000)
     feasible = landscape.margins(cloud, 2) >= MARGIN * (1.0 + SURPLUS)
-    nearest = angle_between(cloud[feasible], present).min(initial=best.score)
-    assert best.score - nearest < np.radians(0.05)
+    nearest = angle_between(cloud[feasible], present).min(initial=best.deviation)
+    assert best.deviation - nearest < np.radians(0.05)
 
 
 def test_where_the_margin_is_kept_already_nothing_is_nearer(margin_30: Problem) -> None:
@@ -174,7 +174,7 @@ def test_where_the_margin_is_kept_already_nothing_is_nearer(margin_30: Problem) 
     landscape = Landscape(margin_30, b0=ball(HERE, 0.7), b2=ball(THERE, 0.7))
     present = rotated(HERE, [0.3, 0.0, 0.0])[0]
     best, *others = nearest_feasible(landscape, landscape.map(512), present)
-    assert (best.branch, best.score) == (0, 0.0)
+    assert (best.branch, best.deviation) == (0, 0.0)
     np.testing.assert_array_equal(best.attitude, present)
     assert {entry.branch for entry in others} == {2}
 
@@ -194,7 +194,7 @@ def test_the_deepest_attitude_of_two_balls_is_the_middle_of_the_larger(
     best = deepest(landscape, landscape.map(samples))
     assert best is not None
     assert best.branch == 2
-    assert 0.95 * 0.8 < best.score <= 0.8
+    assert 0.95 * 0.8 < best.radius <= 0.8
     assert angle_between(best.attitude, THERE) < 0.05 * 0.8
 
 
@@ -204,15 +204,16 @@ def test_a_hole_in_the_middle_is_kept_clear_of(margin_30: Problem) -> None:
     landscape = Landscape(margin_30, b0=both(ball(HERE, 1.4), without(HERE, 0.2)))
     best = deepest(landscape, landscape.map(512))
     assert best is not None
-    assert 0.95 * 0.6 < best.score <= 0.6
+    assert 0.95 * 0.6 < best.radius <= 0.6
     assert angle_between(best.attitude, HERE) == pytest.approx(0.8, abs=0.04)
 
 
+@pytest.mark.slow
 def test_a_ring_is_as_deep_as_it_is_wide(margin_30: Problem) -> None:
     landscape = Landscape(margin_30, b4=near_ring(0.7))
     best = deepest(landscape, landscape.map(512))
     assert best is not None
-    assert 0.95 * 0.7 < best.score <= 0.7
+    assert 0.95 * 0.7 < best.radius <= 0.7
     assert np.hypot(*best.attitude[:2]) < np.sin(0.02)
 
 
@@ -220,9 +221,10 @@ def test_where_everything_is_feasible_any_ball_is(margin_30: Problem) -> None:
     landscape = Landscape(margin_30, b0=lambda q: np.full(len(q), 40.0))
     best = deepest(landscape, landscape.map(64))
     assert best is not None
-    assert best.score == pytest.approx(np.pi, rel=0.02)
+    assert best.radius == pytest.approx(np.pi, rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_deepest_of_a_tiny_set_lies_inside(margin_30: Problem) -> None:
     """A single sample is feasible, hardly anything around it."""
     landscape = Landscape(margin_30, b0=ball(attitude_grid(64)[5], 0.01))
@@ -258,43 +260,43 @@ def test_a_small_hole_nearby_limits_the_safe_radius(margin_30: Problem) -> None:
 
 
 @pytest.fixture(scope="module")
-def peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Candidate]:
+def peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
     return largest_margins(evaluator, samples)
 
 
 @pytest.mark.slow
 def test_refined_margins_beat_every_sample(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Candidate]
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Peak]
 ) -> None:
-    assert peaks[0].score >= samples.margins.max()
-    assert [entry.score for entry in peaks[:4]] == sorted(
-        (p.score for p in peaks[:4]), reverse=True
+    assert peaks[0].margin >= samples.margins.max()
+    assert [entry.margin for entry in peaks[:4]] == sorted(
+        (p.margin for p in peaks[:4]), reverse=True
     )
     for entry in peaks[:4]:
         again = evaluator.margins(entry.attitude[None], entry.branch)
-        assert again[0] == pytest.approx(entry.score, rel=1e-12)
+        assert again[0] == pytest.approx(entry.margin, rel=1e-12)
 
 
 @pytest.mark.slow
 def test_the_largest_margin_is_a_local_maximum(
-    evaluator: FeasibilityEvaluator, peaks: list[Candidate]
+    evaluator: FeasibilityEvaluator, peaks: list[Peak]
 ) -> None:
     """Nothing around it is better, near or far."""
     best = peaks[0]
     for radius in (1e-4, 1e-3, 1e-2, 0.1, 0.5):
-        around = attitudes_within(best.attitude, radius, 200, 17)
-        assert evaluator.margins(around, best.branch).max() < best.score * (1.0 + 1e-4)
+        around = attitudes_within(best.attitude, radius, 100, 17)
+        assert evaluator.margins(around, best.branch).max() < best.margin * (1.0 + 1e-4)
 
 
-PRESENT = [BAD, *Rotation.random(60, rng=np.random.default_rng(77)).as_quat()]
+PRESENT = [BAD, *Rotation.random(20, rng=np.random.default_rng(77)).as_quat()]
 
 
 @pytest.fixture(scope="module")
 def infeasible(evaluator: FeasibilityEvaluator) -> list[np.ndarray]:
-    """The paper's bad attitude and two more."""
+    """The paper's bad attitude and another."""
     keeps = evaluator.keeps(np.array(PRESENT), None)
     assert not keeps[0]
-    return [np.array(PRESENT[k]) for k in np.flatnonzero(~keeps)[:3]]
+    return [np.array(PRESENT[k]) for k in np.flatnonzero(~keeps)[:2]]
 
 
 @pytest.mark.slow
@@ -305,12 +307,12 @@ def test_the_nearest_feasible_attitude_lies_on_the_boundary(
     for present in infeasible:
         best, *others = nearest_feasible(evaluator, samples, present)
         feasible = samples.attitudes[samples.feasible.any(axis=1)]
-        assert 0.0 < best.score <= angle_between(feasible, present).min()
-        assert best.score == pytest.approx(angle_between(best.attitude, present))
-        assert [entry.score for entry in others] == sorted(entry.score for entry in others)
+        assert 0.0 < best.deviation <= angle_between(feasible, present).min()
+        assert best.deviation == pytest.approx(angle_between(best.attitude, present))
+        assert [entry.deviation for entry in others] == sorted(entry.deviation for entry in others)
         for entry in (best, *others):
             assert evaluator.keeps(entry.attitude[None], entry.branch)[0]
-        back = rotation_vector_to(best.attitude, present) / best.score
+        back = rotation_vector_to(best.attitude, present) / best.deviation
         for degrees in (0.1, 0.3, 1.0):
             nearer = rotated(best.attitude, np.radians(degrees) * back)
             assert not evaluator.keeps(nearer, best.branch)[0]
@@ -320,13 +322,13 @@ def test_the_nearest_feasible_attitude_lies_on_the_boundary(
 def test_no_random_attitude_is_feasible_and_nearer(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, infeasible: list[np.ndarray]
 ) -> None:
-    """By more than a twentieth of a degree, among 20,000 in the ball that would hold it."""
+    """By more than a twentieth of a degree, among 2,000 in the ball that would hold it."""
     present = infeasible[0]
     best = nearest_feasible(evaluator, samples, present)[0]
-    cloud = attitudes_within(present, best.score, 20_000, 3)
+    cloud = attitudes_within(present, best.deviation, 2_000, 3)
     keeps = evaluator.keeps(cloud, best.branch)
-    nearest = angle_between(cloud[keeps], present).min(initial=best.score)
-    assert best.score - nearest < np.radians(0.05)
+    nearest = angle_between(cloud[keeps], present).min(initial=best.deviation)
+    assert best.deviation - nearest < np.radians(0.05)
 
 
 def test_the_nearest_to_a_feasible_attitude_is_itself(
@@ -334,22 +336,22 @@ def test_the_nearest_to_a_feasible_attitude_is_itself(
 ) -> None:
     k = int(np.argmax(samples.margins.max(axis=1)))
     best = nearest_feasible(evaluator, samples, samples.attitudes[k])[0]
-    assert best.score == 0.0
+    assert best.deviation == 0.0
     np.testing.assert_array_equal(best.attitude, samples.attitudes[k])
 
 
 @pytest.mark.slow
 def test_the_safe_radius_is_that_of_the_nearest_failure(
-    evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Candidate]
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Peak]
 ) -> None:
-    """Along 500 directions nothing fails within; a tenth farther out something does."""
+    """Along 200 directions nothing fails within; a tenth farther out something does."""
     best = peaks[0]
     radius = safe_radius(
         evaluator, best.attitude, best.branch, grid_spacing(len(samples.attitudes))
     )
-    directions = np.random.default_rng(8).normal(size=(500, 3))
+    directions = np.random.default_rng(8).normal(size=(200, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    for fraction in (0.3, 0.6, 0.8, 0.9, 0.95, 1.0):
+    for fraction in (0.5, 0.9, 1.0):
         within = rotated(best.attitude, fraction * radius * directions)
         assert evaluator.regular(within, best.branch).all(), fraction
     beyond = rotated(best.attitude, 1.1 * radius * directions)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
-from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
+from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint, Peak
 from freefloat.planning.mapping import sample_attitudes
 from freefloat.visualization.map_scene import (
     BACK,
@@ -39,8 +39,8 @@ def result(spatial: Problem) -> AttitudeMap:
     sampled = sample_attitudes(FeasibilityEvaluator(spatial), 600)
     return replace(
         sampled,
-        best=Candidate(quaternion(BEST), 0, 53.25),
-        robust=Candidate(quaternion(ROBUST), 3, 0.2),
+        best=Peak(quaternion(BEST), 0, 53.25),
+        robust=Ball(quaternion(ROBUST), 3, 0.2),
         boundary=(BoundaryPoint(quaternion(EDGE), 2),),
         tangency=(BoundaryPoint(quaternion([0.0, 0.0, 3.0]), 0),),
     )

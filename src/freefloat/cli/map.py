@@ -176,11 +176,11 @@ def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
         yield "no feasible attitude was found" + (f": {reach}" if reach else "")
     else:
         measure = result.problem.margin.measure.name
-        yield f"best:    {_place(best)}, minimum {measure} {best.score:.6g}"
+        yield f"best:    {_place(best)}, minimum {measure} {best.margin:.6g}"
     if robust is not None:
-        yield f"robust:  {_place(robust)}, attitude tolerance {math.degrees(robust.score):.6g} deg"
+        yield f"robust:  {_place(robust)}, attitude tolerance {math.degrees(robust.radius):.6g} deg"
     if nearest is not None:
-        yield f"nearest: {_place(nearest)}, {math.degrees(nearest.score):.6g} deg away"
+        yield f"nearest: {_place(nearest)}, {math.degrees(nearest.deviation):.6g} deg away"
     if result.tangency is not None:
         gaps = [point.gap for point in result.tangency if point.gap is not None]
         gap = f"; bisection agrees within {math.degrees(max(gaps)):.2g} deg" if gaps else ""

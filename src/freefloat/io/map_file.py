@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +13,18 @@ from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHE
 from freefloat.io.hdf5 import QUATERNION, TEXT, Document, read_numbers, write_arrays
 from freefloat.io.scenario import Scenario
 from freefloat.motion.problem import Problem
-from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
+from freefloat.planning.attitude_map import (
+    AttitudeMap,
+    Ball,
+    BoundaryPoint,
+    NearAttitude,
+    Peak,
+)
 from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.regions import Region
-from freefloat.so3 import frozen
+from freefloat.so3 import Array, frozen
 
+T = TypeVar("T")
 _ENDINGS = "code: 0 completed, 1 singular, 3 given up, -1 no such branch"
 _UNITS = {
     "attitude": QUATERNION, "centre": QUATERNION, "volume_rad3": "rad^3",
@@ -112,21 +119,24 @@ def read_attitude_map(file: Any, scenario: Scenario, document: Document) -> Atti
                    float(np.radians(entry["depth_deg"])))
             for entry in document["regions"]
         ),
-        best=_candidate(document["best"], "value"),
-        robust=_candidate(document["robust"], "radius_deg"),
+        best=_candidate(Peak, document["best"], "value"),
+        robust=_candidate(Ball, document["robust"], "radius_deg"),
         nearest_to=frozen(read_numbers(file, "nearest_to")[0]) if "nearest_to" in file else None,
-        nearest=_candidate(document.get("nearest"), "deviation_deg"),
+        nearest=_candidate(NearAttitude, document.get("nearest"), "deviation_deg"),
         boundary=None if points is None else tuple(map(_boundary_point, points)),
         tangency=None if tangency is None else tuple(map(_boundary_point, tangency)),
         seconds=document["seconds"],
     )  # fmt: skip
 
 
-def _candidate(document: Document | None, key: str) -> Candidate | None:
+def _candidate(
+    kind: Callable[[Array, int | None, float], T], document: Document | None, key: str
+) -> T | None:
+    """The candidate of a document, with the quantity under a key; of angles in degrees."""
     if document is None:
         return None
-    score = np.radians(document[key]) if key.endswith("_deg") else document[key]
-    return Candidate(frozen(document["attitude"]), document["branch"], float(score))
+    quantity = np.radians(document[key]) if key.endswith("_deg") else document[key]
+    return kind(frozen(document["attitude"]), document["branch"], float(quantity))
 
 
 def _boundary_point(document: Document) -> BoundaryPoint:

@@ -27,38 +27,63 @@ class Candidate:
     Attributes:
         attitude: Quaternion x, y, z, w.
         branch: Number of the arm branch; None for the best of a redundant arm.
-        score: The minimum margin, or an angle [rad]: what it was searched for.
     """
 
     attitude: Array
     branch: int | None
-    score: float
 
-    def to_dict(self, key: str) -> dict[str, Any]:
-        """The JSON document, the score under a key; in degrees if the key says so."""
-        score = float(np.degrees(self.score)) if key.endswith("_deg") else self.score
-        return {"attitude": self.attitude.tolist(), "branch": self.branch, key: score}
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document, angles in degrees."""
+        return {"attitude": self.attitude.tolist(), "branch": self.branch}
 
 
 @dataclass(frozen=True, eq=False)
-class BoundaryPoint:
+class Peak(Candidate):
+    """An attitude with a locally largest minimum margin."""
+
+    margin: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {**super().to_dict(), "value": self.margin}
+
+
+@dataclass(frozen=True, eq=False)
+class Ball(Candidate):
+    """The centre of a ball of feasible attitudes, and its radius [rad]."""
+
+    radius: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {**super().to_dict(), "radius_deg": float(np.degrees(self.radius))}
+
+
+@dataclass(frozen=True, eq=False)
+class NearAttitude(Candidate):
+    """A feasible attitude near a requested one, and the angle between them [rad]."""
+
+    deviation: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {**super().to_dict(), "deviation_deg": float(np.degrees(self.deviation))}
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryPoint(Candidate):
     """An attitude on the boundary of the feasible set.
 
-    Attributes:
-        attitude: Quaternion x, y, z, w.
-        branch: Number of the arm branch; None for the best of a redundant arm.
-        gap: Of one that comes from a tangency point: its angle to the boundary that bisection finds
-            [rad].
+    One that comes from a tangency point has its gap, the angle to the boundary that bisection finds
+    [rad].
     """
 
-    attitude: Array
-    branch: int | None
     gap: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
         gap = {} if self.gap is None else {"gap_deg": float(np.degrees(self.gap))}
-        return {"attitude": self.attitude.tolist(), "branch": self.branch, **gap}
+        return {**super().to_dict(), **gap}
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +122,10 @@ class AttitudeMap:
     endings: npt.NDArray[np.int8] = field(repr=False)
     details: dict[str, npt.NDArray[np.floating]] = field(default_factory=dict, repr=False)
     regions: tuple[Region, ...] = field(default=(), repr=False)
-    best: Candidate | None = None
-    robust: Candidate | None = None
+    best: Peak | None = None
+    robust: Ball | None = None
     nearest_to: Array | None = None
-    nearest: Candidate | None = None
+    nearest: NearAttitude | None = None
     boundary: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
     tangency: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
     seconds: float = 0.0
@@ -204,8 +229,8 @@ class AttitudeMap:
             "feasible_fraction_error": self.feasible_fraction_error,
             "motion_fraction": self.motion_fraction,
             "margin": {"measure": margin.measure.name, "value": margin.threshold},
-            "best": self.best and self.best.to_dict("value"),
-            "robust": self.robust and self.robust.to_dict("radius_deg"),
+            "best": self.best and self.best.to_dict(),
+            "robust": self.robust and self.robust.to_dict(),
             "regions": [region.to_dict() for region in self.regions],
             "branches": branches,
             "endings": {key: int((self.endings == code).sum()) for key, code in _ENDINGS.items()},
@@ -213,7 +238,7 @@ class AttitudeMap:
             "seconds": self.seconds,
         }
         if self.nearest_to is not None:
-            document["nearest"] = self.nearest and self.nearest.to_dict("deviation_deg")
+            document["nearest"] = self.nearest and self.nearest.to_dict()
         if self.boundary is not None:
             document["boundary"] = [point.to_dict() for point in self.boundary]
         if self.tangency is not None:

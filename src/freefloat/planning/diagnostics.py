@@ -13,7 +13,7 @@ from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import light_spacecraft, reach_message, unreached_start
-from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude
 from freefloat.planning.heading_map import attitudes_at, even_headings
 from freefloat.planning.plan import Objective, Search
 from freefloat.planning.search import best_branch, largest_margins
@@ -33,16 +33,17 @@ def margin_text(simulated: SimulatedBranch) -> str:
     return f"{simulated.closest_approach.measure} {simulated.closest_approach.value:.6g}"
 
 
-def attitude_reason(objective: Objective, candidate: Candidate, chosen: SimulatedBranch) -> str:
+def attitude_reason(candidate: Candidate, chosen: SimulatedBranch) -> str:
     """Why an attitude was chosen for its margin alone."""
-    degrees = np.degrees(candidate.score)
-    if objective is Objective.MARGIN:
-        return f"the largest margin, {margin_text(chosen)}"
-    if objective is Objective.ROBUST:
-        return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
-    if candidate.score == 0.0:
-        return ALREADY
-    return f"the nearest to from_attitude, {degrees:.4g} degrees away"
+    match candidate:
+        case Ball(radius=radius):
+            degrees = np.degrees(radius)
+            return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
+        case NearAttitude(deviation=0.0):
+            return ALREADY
+        case NearAttitude(deviation=angle):
+            return f"the nearest to from_attitude, {np.degrees(angle):.4g} degrees away"
+    return f"the largest margin, {margin_text(chosen)}"
 
 
 def limited_reason(search: Search, chosen: SimulatedBranch) -> str:
@@ -75,10 +76,10 @@ def no_feasible_attitude(evaluator: FeasibilityEvaluator, samples: AttitudeMap) 
     peaks = largest_margins(evaluator, samples)
     if not peaks:
         return f"the arm becomes singular from all of {N} attitudes, with every arm branch"
-    best, name = max(peaks, key=lambda peak: peak.score), problem.margin.measure.name
+    best, name = max(peaks, key=lambda peak: peak.margin), problem.margin.measure.name
     return (
         f"of {N} attitudes and those near the best of them none keeps {name} "
-        f"{problem.margin.threshold:.6g}; the largest minimum {name} is {best.score:.6g}, "
+        f"{problem.margin.threshold:.6g}; the largest minimum {name} is {best.margin:.6g}, "
         f"from {np.round(best.attitude, 6).tolist()} with {_arm(evaluator, best)}"
     )
 

@@ -52,23 +52,24 @@ def keep_limits(
     if plan.chosen is None:
         return plan
     trials = _Trials(plan.problem, limits)
-    results = trials.try_motion(plan.chosen)
-    if results is not None:
-        return replace(plan, limit_results=results)
+    if (passed := trials.check(plan.chosen)) is not None:
+        return replace(plan, limit_results=passed[1])
     passed = _first_passing(evaluator, plan, limits, trials, progress)
     if passed is not None:
         return _with_candidate(plan, trials, passed)
-    _examine_nearest(trials)
+    excluded = trials.violations.copy()
+    for candidate in _nearest_to_passing(trials.screened_out):
+        trials.check_candidate(candidate)
     results = trials.nearest_results()
     stretch = float(trials.stretch) if np.isfinite(trials.stretch) else None
     return replace(
         plan,
         feasible=False,
-        reason=limits_violated(trials.violations, results, trials.count, stretch),
+        reason=limits_violated(excluded, results, trials.count, stretch),
         chosen=None,
         robust_radius=None,
         limit_results=results,
-        excluded=dict(trials.violations),
+        excluded=dict(excluded),
         needed_stretch=stretch,
     )
 
@@ -94,35 +95,15 @@ class _Trials:
         self.screened_out: list[ScreenedCandidate] = []
         self._nearest: tuple[tuple[float, float], Motion] | None = None
 
-    def screen_out(self, candidate: ScreenedCandidate, violation: str) -> None:
-        """Record a candidate that violates a limit without a precise motion."""
-        self.violations[violation] += 1
-        self.screened_out.append(candidate)
+    def check_candidate(self, candidate: ScreenedCandidate) -> _Passed | None:
+        """The same as :meth:`check` for a candidate's precise motion."""
+        return self.check(integrate_branch(self.problem, candidate.attitude, candidate.branch))
 
-    def try_candidate(
-        self, candidate: ScreenedCandidate, *, counted: bool = True
-    ) -> _Passed | None:
-        """Try the precise motion of a candidate.
-
-        Returns:
-            The motion and every limit result, or None if it violates the margin or a limit.
-        """
-        simulated = integrate_branch(self.problem, candidate.attitude, candidate.branch)
-        results = self.try_motion(simulated, counted=counted)
-        return None if results is None else (simulated, results)
-
-    def try_motion(
-        self, simulated: SimulatedBranch, *, counted: bool = True
-    ) -> tuple[LimitResult, ...] | None:
-        """Check a motion and record what it violates.
-
-        Returns:
-            Every limit result, or None if it violates the margin or a limit.
-        """
+    def check(self, simulated: SimulatedBranch) -> _Passed | None:
+        """The motion and every limit result; None if it violates the margin or a limit."""
         self.count += 1
         if not simulated.feasible:
-            if counted:
-                self.violations["margin"] += 1
+            self.violations["margin"] += 1
             return None
         motion, results = simulated.motion, list[LimitResult]()
         remaining = self.checker.in_turn(motion)
@@ -131,9 +112,8 @@ class _Trials:
             if not result.kept:
                 break
         else:
-            return self.checker.settled(tuple(results), motion)
-        if counted:
-            self.violations[result.limit] += 1
+            return simulated, self.checker.settled(results, motion)
+        self.violations[result.limit] += 1
         if result.limit in _TIMED:
             results += remaining
         excess = _excess(results)
@@ -176,29 +156,28 @@ def _first_passing(
         if progress is not None:
             progress(max(trials.count / _MOST, number / total))
         if candidate.violation is not None:
-            trials.screen_out(candidate, candidate.violation)
+            trials.violations[candidate.violation] += 1
+            trials.screened_out.append(candidate)
         elif _is_near(candidate, refused, spacing):
             skipped.append(candidate)
         else:
-            passed = trials.try_candidate(candidate)
+            passed = trials.check_candidate(candidate)
             if passed is not None:
                 return passed
             refused.append(candidate)
             if trials.count >= _MOST:
                 break
     again = () if limits.joint_rate is None else _slowest(skipped)
-    tried = (trials.try_candidate(candidate) for candidate in again)
-    return next((passed for passed in tried if passed is not None), None)
+    checked = (trials.check_candidate(candidate) for candidate in again)
+    return next((passed for passed in checked if passed is not None), None)
 
 
-def _examine_nearest(trials: _Trials) -> None:
-    """Try the screened-out candidates nearest to passing, for the reason and the stretch."""
-    out = trials.screened_out
-    fast = [entry for entry in out if entry.violation is LimitKind.JOINT_RATE]
-    near = [entry for entry in out if entry.violation is LimitKind.CLEARANCE]
+def _nearest_to_passing(screened_out: list[ScreenedCandidate]) -> list[ScreenedCandidate]:
+    """The candidates that exceed joint rates, and lack clearance, by least."""
+    fast = [entry for entry in screened_out if entry.violation is LimitKind.JOINT_RATE]
+    near = [entry for entry in screened_out if entry.violation is LimitKind.CLEARANCE]
     near.sort(key=lambda entry: entry.clearance_deficit)
-    for candidate in (*_slowest(fast), *near[:_NEAREST]):
-        trials.try_candidate(candidate, counted=False)
+    return _slowest(fast) + near[:_NEAREST]
 
 
 def _slowest(candidates: Iterable[ScreenedCandidate]) -> list[ScreenedCandidate]:
@@ -248,7 +227,7 @@ def _moved_nearer(trials: _Trials, present: Array, passed: _Passed) -> _Passed:
         attitude = between(middle).as_quat()
         nearer = None
         if any(entry.index == branch for entry in problem.branches(attitude)):
-            nearer = trials.try_candidate(ScreenedCandidate(attitude, branch))
+            nearer = trials.check_candidate(ScreenedCandidate(attitude, branch))
         if nearer is None:
             high = middle
         else:

@@ -124,7 +124,7 @@ def _searched_map(
     )
     points = tangent_boundary(evaluator, tangency, seed) if tangency else ()
     margin = evaluator.problem.margin
-    peaks = (peak for peak in largest_margins(evaluator, sampled) if margin.is_kept(peak.score))
+    peaks = (peak for peak in largest_margins(evaluator, sampled) if margin.is_kept(peak.margin))
     near = () if target is None else nearest_feasible(evaluator, sampled, target)
     result = replace(
         sampled,

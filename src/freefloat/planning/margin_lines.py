@@ -174,14 +174,10 @@ def _lines_of_constant_elbow(
     on_path: StatesOnPath, levels: tuple[float, ...], arc: Array
 ) -> Iterator[tuple[float, Array]]:
     """Lines of the measure ``arm``: full rotations where S(q2, q3) = S0 on the arc."""
-    samples = 2.0 * np.pi / 3.0 * np.arange(3)
-    S = [on_path.measure(np.array([0.0, on_path.q2, q3, 0.0, 0.0, 0.0])) for q3 in samples]
-    form = np.column_stack([np.ones(3), np.sin(samples), np.cos(samples)])  # (21a) in q3
-    k0, k1, k2 = np.linalg.solve(form, S)
-    along = k0 + k1 * np.sin(arc[:, 1]) + k2 * np.cos(arc[:, 1])
+    S = np.array([on_path.measure(np.array([0.0, on_path.q2, q3, 0, 0, 0])) for q3 in arc[:, 1]])
     for level in levels:
-        for i in roots_between(along - level):
-            before, after = np.abs(along[i : i + 2] - level)
+        for i in roots_between(S - level):
+            before, after = np.abs(S[i : i + 2] - level)
             t, q3 = (arc[i] * after + arc[i + 1] * before) / (before + after)
             yield level, np.column_stack([np.full((len(_ROLLS), 2), (t, q3)), _ROLLS])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from freefloat.ensemble.ensemble import Progress
@@ -10,7 +11,7 @@ from freefloat.errors import require_type
 from freefloat.limits.limits import Limits
 from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude, Peak
 from freefloat.planning.diagnostics import attitude_reason, disagreement, no_feasible_attitude
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits
@@ -143,9 +144,9 @@ def plan_in_space(
         problem,
         search,
         feasible=True,
-        reason=attitude_reason(search.objective, candidate, chosen),
+        reason=attitude_reason(candidate, chosen),
         chosen=chosen,
-        robust_radius=candidate.score if search.objective is Objective.ROBUST else None,
+        robust_radius=candidate.radius if isinstance(candidate, Ball) else None,
         map=samples,
         disagreements=tuple(disagreements),
     )
@@ -153,25 +154,28 @@ def plan_in_space(
 
 def _candidates(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, search: Search
-) -> list[Candidate]:
+) -> Sequence[Candidate]:
     """Attitudes to try, the best first; none where no sample is feasible."""
     objective, present = search.objective, search.from_attitude
     margin, spacing = samples.problem.margin, grid_spacing(samples.samples)
 
-    def peaks() -> list[Candidate]:
-        candidates = largest_margins(evaluator, samples)
-        return [peak for peak in candidates if margin.is_kept(peak.score)]
+    def peaks() -> list[Peak]:
+        return [p for p in largest_margins(evaluator, samples) if margin.is_kept(p.margin)]
 
     if objective is Objective.NEAREST and present is not None:
         if nearest := nearest_feasible(evaluator, samples, present):
             return nearest
-        away = [replace(p, score=float(angle_between(p.attitude, present))) for p in peaks()]
-        return sorted(away, key=lambda peak: peak.score)
+        near = [
+            NearAttitude(p.attitude, p.branch, float(angle_between(p.attitude, present)))
+            for p in peaks()
+        ]
+        return sorted(near, key=lambda candidate: candidate.deviation)
     if objective is Objective.ROBUST:
         if (deep := deepest(evaluator, samples)) is not None:
             return [deep]
         balls = [
-            replace(p, score=safe_radius(evaluator, p.attitude, p.branch, spacing)) for p in peaks()
+            Ball(p.attitude, p.branch, safe_radius(evaluator, p.attitude, p.branch, spacing))
+            for p in peaks()
         ]
-        return sorted(balls, key=lambda peak: -peak.score)
+        return sorted(balls, key=lambda ball: -ball.radius)
     return peaks()

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint, Candidate
+from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint
 from freefloat.planning.regions import depths, nearest_among
 from freefloat.planning.search import ROUGH, Flags, bisect, climb, closest, edge
 from freefloat.so3 import (
@@ -54,22 +53,6 @@ _FINEST = 2e-3
 """Accuracy of refined centres [rad]."""
 
 
-class _Start(NamedTuple):
-    """Where the search for the largest ball of an arm branch begins.
-
-    Attributes:
-        depth: Distance of the branch's deepest sample from the nearest infeasible one [rad].
-        branch: Number of the branch; None for the best branch of a redundant arm.
-        inside: Which samples are feasible and clear of all singularities, shape (N,).
-        attitude: The deepest sample.
-    """
-
-    depth: float
-    branch: int | None
-    inside: Flags
-    attitude: Array
-
-
 def safe_radius(
     evaluator: FeasibilityEvaluator, attitude: Array, branch: int | None, spacing: float
 ) -> float:
@@ -79,12 +62,12 @@ def safe_radius(
     without a number the best branch of a redundant arm counts.
     """
     radius, _ = _outside_nearby(evaluator, attitude, branch, spacing, spacing)
-    return _confirmed(evaluator, Candidate(attitude, branch, radius)).score
+    return _confirmed(evaluator, Ball(attitude, branch, radius)).radius
 
 
 def deepest(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, known: Sequence[BoundaryPoint] = ()
-) -> Candidate | None:
+) -> Ball | None:
     """The centre of the largest ball of attitudes inside the feasible set of one branch.
 
     Known points of the boundary and samples outside limit every ball. The largest ball that they
@@ -93,25 +76,26 @@ def deepest(
     Returns:
         None where no sample is feasible and clear of all singularities.
     """
-    spacing, starts = grid_spacing(samples.samples), list[_Start]()
+    spacing, starts = grid_spacing(samples.samples), list[Ball]()
     for branch, _ in samples.branch_margins():
-        if (inside := samples.regular(branch)).any():
-            depth = depths(samples.attitudes, inside)
-            attitude = samples.attitudes[int(np.argmax(depth))]
-            starts.append(_Start(float(depth.max()), branch, inside, attitude))
-    best: Candidate | None = None
-    for start in sorted(starts, key=lambda start: -start.depth):
-        branch, radius = start.branch, 0.0 if best is None else best.score
-        if best is not None and start.depth < radius + _PROMISING * spacing:
+        depth = depths(samples.attitudes, samples.regular(branch))
+        deepest_sample = int(np.argmax(depth))
+        if depth[deepest_sample] > 0.0:
+            attitude = samples.attitudes[deepest_sample]
+            starts.append(Ball(attitude, branch, float(depth[deepest_sample])))
+    best: Ball | None = None
+    for start in sorted(starts, key=lambda ball: -ball.radius):
+        branch, radius = start.branch, 0.0 if best is None else best.radius
+        if best is not None and start.radius < radius + _PROMISING * spacing:
             break
-        regular = partial(evaluator.regular, branch=branch)
-        boundary = edge(regular, samples.attitudes, start.inside, _EDGE, ROUGH)
+        regular, inside = partial(evaluator.regular, branch=branch), samples.regular(branch)
+        boundary = edge(regular, samples.attitudes, inside, _EDGE, ROUGH)
         tangent = [point.attitude for point in known if point.branch == branch]
-        outside = np.vstack([samples.attitudes[~start.inside], boundary, *tangent])
+        outside = np.vstack([samples.attitudes[~inside], boundary, *tangent])
         ball = _largest_ball(evaluator, start.attitude, branch, outside, spacing, radius)
-        if best is None or ball.score > best.score:
+        if best is None or ball.radius > best.radius:
             best = ball
-    return _confirmed(evaluator, best) if best is not None and best.score > 0.0 else None
+    return _confirmed(evaluator, best) if best is not None and best.radius > 0.0 else None
 
 
 def _outside_nearby(
@@ -157,15 +141,15 @@ def _largest_ball(
     outside: Array,
     spacing: float,
     smallest: float,
-) -> Candidate:
+) -> Ball:
     """Centre and radius of a branch's largest ball, if larger than ``smallest`` [rad].
 
     The first is around the start, an attitude inside; then come those farthest from all outside.
     """
-    centers, best = attitude_grid(_CENTERS), Candidate(start, branch, 0.0)
+    centers, best = attitude_grid(_CENTERS), Ball(start, branch, 0.0)
     for number in range(_ROUNDS // evaluator.sample_reduction):
         center, largest = (start, np.pi) if number == 0 else _farthest(centers, outside)
-        if max(best.score, smallest) > _SETTLED * largest:
+        if max(best.radius, smallest) > _SETTLED * largest:
             break
         if not evaluator.regular(center[None], branch)[0]:
             outside = np.vstack([outside, center])
@@ -173,12 +157,12 @@ def _largest_ball(
         reach = spacing if number == 0 else 1.1 * largest
         radius, found = _outside_nearby(evaluator, center, branch, spacing, reach)
         outside = np.vstack([outside, found])
-        if radius > best.score:
+        if radius > best.radius:
             found = _outside_within(evaluator, center, branch, radius)
             outside = np.vstack([outside, found])
             radius = float(angle_between(found, center).min(initial=radius))
-        if radius > best.score:
-            best = Candidate(center, branch, radius)
+        if radius > best.radius:
+            best = Ball(center, branch, radius)
     return best
 
 
@@ -213,14 +197,14 @@ def _farthest(centers: Array, outside: Array) -> tuple[Array, float]:
     return places[best], float(distances[best])
 
 
-def _confirmed(evaluator: FeasibilityEvaluator, ball: Candidate) -> Candidate:
+def _confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
     """The ball, made smaller where one of many attitudes spread in it is outside."""
-    radius, seed = _CAUTION * ball.score, 1
+    radius, seed = _CAUTION * ball.radius, 1
     while radius > _SMALLEST:
         cloud = attitudes_within(ball.attitude, radius, _CONFIRMING, seed)
         outside = ~evaluator.regular(cloud, ball.branch)
         if not outside.any():
-            return Candidate(ball.attitude, ball.branch, radius)
+            return Ball(ball.attitude, ball.branch, radius)
         radius = _CAUTION * float(angle_between(cloud[outside], ball.attitude).min())
         seed += 1
-    return Candidate(ball.attitude, ball.branch, 0.0)
+    return Ball(ball.attitude, ball.branch, 0.0)

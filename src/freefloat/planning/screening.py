@@ -138,26 +138,20 @@ def clearance_deficits(
         [m], one for each entry of the results; zero where the clearance is kept at every instant.
     """
     attitudes, joints = results.attitudes[entries[0]], results.joints[entries]
-    ends = results.motions.joints[entries]
-    deficits, every = np.zeros(len(attitudes)), np.arange(len(pairs.pairs))
+    every = np.arange(len(pairs.pairs))
 
-    def examine(numbers: IntArray, configurations: Array) -> IntArray:
-        """Motions that keep the clearance at an instant, by number."""
-        for number, q in zip(numbers, configurations, strict=True):
-            actual = pairs.distances(q, every).min()
-            deficits[number] = max(0.0, clearance - actual - _SLACK)
-        return np.asarray(numbers[deficits[numbers] == 0.0])
+    def deficit(q: Array) -> float:
+        return max(0.0, clearance - float(pairs.distances(q, every).min()) - _SLACK)
 
-    left = examine(np.arange(len(attitudes)), joints)
-    left = examine(left, ends[left])
-    attitudes, joints = attitudes[left], joints[left]
+    ends = zip(joints, results.motions.joints[entries], strict=True)
+    deficits = np.array([deficit(first) or deficit(last) for first, last in ends])
     times = np.linspace(0.0, evaluator.problem.path.duration, _INSTANTS + 2)
     for start, end in pairwise(times[:-1]):
+        (left,) = np.nonzero(deficits == 0.0)
         ensemble = evaluator.integrator.integrate(
-            attitudes, joints,
+            attitudes[left], joints[left],
             starts=np.full(len(left), start), ends=np.full(len(left), end),
         )  # fmt: skip
-        kept = examine(left, ensemble.joints)
-        still = np.isin(left, kept, assume_unique=True)
-        left, attitudes, joints = kept, ensemble.attitudes[still], ensemble.joints[still]
+        attitudes[left], joints[left] = ensemble.attitudes, ensemble.joints
+        deficits[left] = [deficit(q) for q in ensemble.joints]
     return deficits

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import is_kept
-from freefloat.planning.attitude_map import AttitudeMap, Candidate
+from freefloat.planning.attitude_map import AttitudeMap, NearAttitude, Peak
 from freefloat.planning.regions import nearest_among
 from freefloat.so3 import (
     Array,
@@ -140,16 +140,16 @@ def edge(
     return bisect(inside, within[picked], beyond[other[picked]], rounds)
 
 
-def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Candidate]:
+def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
     """The attitudes of the largest margins, best first, refined from samples of a map.
 
     Many samples climb for a few clouds, the best of them to the top.
     """
     spacing = grid_spacing(samples.samples)
     climbed = _climb(evaluator, _peaks(samples, 1.5 * spacing), spacing, spacing / 3.0)
-    climbed.sort(key=lambda peak: -peak.score)
+    climbed.sort(key=lambda peak: -peak.margin)
     finished = _climb(evaluator, climbed[:_FINISHED], spacing / 3.0, _FINE)
-    return sorted(finished, key=lambda peak: -peak.score) + climbed[_FINISHED:]
+    return sorted(finished, key=lambda peak: -peak.margin) + climbed[_FINISHED:]
 
 
 def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
@@ -160,34 +160,34 @@ def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, 
 
 
 def _climb(
-    evaluator: FeasibilityEvaluator, starts: list[Candidate], radius: float, smallest: float
-) -> list[Candidate]:
-    """Candidates moved to larger margins nearby."""
+    evaluator: FeasibilityEvaluator, starts: list[Peak], radius: float, smallest: float
+) -> list[Peak]:
+    """Peaks moved to larger margins nearby."""
     peaks = []
     for branch in dict.fromkeys(start.branch for start in starts):
         group = [start for start in starts if start.branch == branch]
         attitudes, margins = climb(
             partial(evaluator.margins, branch=branch),
-            np.array([start.attitude for start in group]), [start.score for start in group],
+            np.array([start.attitude for start in group]), [start.margin for start in group],
             radius, smallest,
         )  # fmt: skip
         pairs = zip(attitudes, margins.tolist(), strict=True)
-        peaks += [Candidate(attitude, branch, margin) for attitude, margin in pairs]
+        peaks += [Peak(attitude, branch, margin) for attitude, margin in pairs]
     return peaks
 
 
-def _peaks(samples: AttitudeMap, spacing: float) -> list[Candidate]:
+def _peaks(samples: AttitudeMap, spacing: float) -> list[Peak]:
     """The samples of the largest margins, no two of a branch near each other."""
     ranked = sorted(
         (
-            Candidate(samples.attitudes[i], branch, float(margins[i]))
+            Peak(samples.attitudes[i], branch, float(margins[i]))
             for branch, margins in samples.branch_margins()
             for i in np.argsort(-margins, kind="stable")[: 8 * _CLIMBS]
             if margins[i] > 0.0
         ),
-        key=lambda peak: -peak.score,
+        key=lambda peak: -peak.margin,
     )
-    chosen: list[Candidate] = []
+    chosen: list[Peak] = []
     for peak in ranked:
         others = [other.attitude for other in chosen if other.branch == peak.branch]
         if not others or angle_between(np.array(others), peak.attitude).min() > spacing:
@@ -199,7 +199,7 @@ def _peaks(samples: AttitudeMap, spacing: float) -> list[Candidate]:
 
 def nearest_feasible(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, target: Array
-) -> list[Candidate]:
+) -> list[NearAttitude]:
     """The feasible attitudes nearest to another one, by arm branch, the nearest first.
 
     They lie inside the feasible set by as little as compiled motions can resolve. Among them is
@@ -210,7 +210,7 @@ def nearest_feasible(
     for branch, margins in samples.branch_margins():
         at_target = evaluator.margins(target[None], branch)
         if is_kept(at_target, threshold)[0]:
-            candidates.append(Candidate(target, branch, 0.0))
+            candidates.append(NearAttitude(target, branch, 0.0))
         if is_kept(at_target, certain)[0]:
             continue
 
@@ -223,10 +223,10 @@ def nearest_feasible(
             nearby = closest(inside, target, nearby, grid_spacing(len(order)), _SMALL)
         sample = samples.attitudes[order[is_kept(margins[order], threshold)][:1]]
         candidates += [
-            Candidate(attitude, branch, float(angle_between(attitude, target)))
+            NearAttitude(attitude, branch, float(angle_between(attitude, target)))
             for attitude in (*nearby, *sample)
         ]
-    return sorted(candidates, key=lambda candidate: candidate.score)
+    return sorted(candidates, key=lambda candidate: candidate.deviation)
 
 
 def closest(inside: Inside, target: Array, starts: Array, radius: float, smallest: float) -> Array:

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.optimize import root
 
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -28,12 +29,7 @@ from freefloat.planning.margin_lines import StatesOnPath, margin_lines
 from freefloat.planning.planar_tangency import distinct, roots_between
 from freefloat.so3 import Array, frozen, low_discrepancy
 
-_STEP = 1e-5
-"""Step of differences in Newton's method [fraction of the duration, rad, rad]."""
-_ITERATIONS = 20
-_LONGEST = 0.2
-"""Largest step of Newton's method, in the same units."""
-_EXACT, _CONVERGED = 1e-8, 1e-12
+_EXACT = 1e-8
 _SAME = 1e-6
 _ON_BOUNDARY = 1e-4
 """Fraction of S0 by which the minimum of a motion through a tangency point may differ from S0."""
@@ -176,22 +172,18 @@ def _points_on_line(
     on_path: StatesOnPath, wrist: float, level: float, line: Array
 ) -> Iterator[TangencyPoint]:
     """Minima of the magnitude of S where dS/dt changes sign along a line."""
-    slopes = on_path.slopes(line[:, 0], *on_path.configurations(line, wrist))
-    near = np.array(roots_between(slopes), dtype=int)
-    if not len(near):
-        return
-    steepness = float(np.nanmax(np.abs(slopes)))
-    states = _refined(on_path, wrist, level, (line[near] + line[near + 1]) / 2.0, steepness)
-    if not len(states):
-        return
-    attitudes, joints = on_path.configurations(states, wrist)
     problem = on_path.problem
-    for t, attitude, q in zip(states[:, 0].tolist(), attitudes, joints, strict=True):
+    slopes = on_path.slopes(line[:, 0], *on_path.configurations(line, wrist))
+    steepness = float(np.nanmax(np.abs(slopes), initial=0.0))
+    for i in roots_between(slopes):
+        state = _refined(on_path, wrist, level, (line[i] + line[i + 1]) / 2.0, steepness)
+        if state is None:
+            continue
+        t, (attitude,), (q,) = float(state[0]), *on_path.configurations(state[None], wrist)
         if on_path.is_minimum(t, attitude, q, level):
             quaternion = attitude.as_quat()
             branches = problem.branches(quaternion, t)
-            away = [problem.model.joint_distance(branch.joints, q) for branch in branches]
-            branch = branches[int(np.argmin(away))]
+            branch = min(branches, key=lambda b: problem.model.joint_distance(b.joints, q))
             yield TangencyPoint(
                 t, t / problem.path.duration, frozen(quaternion), branch.joints, level,
                 branch.index, branch.label,
@@ -199,38 +191,25 @@ def _points_on_line(
 
 
 def _refined(
-    on_path: StatesOnPath, wrist: float, level: float, starts: Array, steepness: float
-) -> Array:
-    """Solve the distance of point 3, S = S0 and dS/dt = 0 by Newton's method from many starts.
+    on_path: StatesOnPath, wrist: float, level: float, start: Array, steepness: float
+) -> Array | None:
+    """Solve the distance of point 3, S = S0 and dS/dt = 0 to rounding.
 
     Returns:
-        Time, q3 and roll of those that converge inside the path, shape (K, 3).
+        Time, q3 and roll, shape (3,); None where there is no solution inside the path nearby.
     """
     units = np.array([on_path.problem.path.duration, 1.0, 1.0])
-    steps = np.vstack([np.zeros(3), _STEP * np.eye(3), -_STEP * np.eye(3)])
 
-    def residuals(x: Array) -> Array:
-        states = units * x
-        t, q3, _ = states.T
-        attitudes, joints = on_path.configurations(states, wrist)
+    def errors(x: Array) -> list[float]:
+        state = (units * x)[None]
+        t, q3, _ = state.T
+        attitudes, joints = on_path.configurations(state, wrist)
         radii, point_3 = on_path.wrist(q3), on_path.point_3_at(t)[0]
-        distance = np.linalg.norm(radii, axis=1) - np.linalg.norm(point_3, axis=1)
-        S, slopes = on_path.measures(joints), on_path.slopes(t, attitudes, joints)
-        return np.column_stack([distance / on_path.reach, S / level - 1.0, slopes / steepness])
+        distance = np.linalg.norm(radii) - np.linalg.norm(point_3)
+        (S,), (slope,) = on_path.measures(joints), on_path.slopes(t, attitudes, joints)
+        return [distance / on_path.reach, S / level - 1.0, slope / steepness]
 
-    x = starts / units
-    for _ in range(_ITERATIONS):
-        errors, *moved = np.split(residuals(np.vstack(x + steps[:, None])), 7)
-        finite = np.isfinite(np.hstack([errors, *moved])).all(axis=1)
-        change = np.stack(moved[:3], axis=1) - np.stack(moved[3:], axis=1)
-        J = change / (2.0 * _STEP)  # transposed
-        x, errors, J = x[finite], errors[finite], J[finite]
-        if not len(x):
-            return starts[:0]
-        if np.abs(errors).max() < _CONVERGED:
-            break
-        normal = J @ J.transpose(0, 2, 1) + 1e-14 * np.eye(3)
-        step = np.linalg.solve(normal, J @ errors[:, :, None])[:, :, 0]
-        x = x - step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / _LONGEST)
-    solved = np.abs(residuals(x)).max(axis=1) < _EXACT
-    return np.asarray((units * x)[solved & (x[:, 0] > 0.0) & (x[:, 0] < 1.0)])
+    solution = root(errors, start / units, tol=1e-12)
+    if not np.abs(solution.fun).max() < _EXACT or not 0.0 < solution.x[0] < 1.0:
+        return None
+    return np.asarray(units * solution.x)
