@@ -37,13 +37,12 @@ def smaller() -> Iterator[None]:
     """The same searches with fewer attitudes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(planner, "_CANDIDATES", 6)
-        patch.setattr(attitude_search, "_CLIMBS", 8)
         patch.setattr(attitude_search, "_FINISHED", 2)
-        patch.setattr(robustness, "_WIDE", 64)
+        patch.setattr(robustness, "_WIDE", 128)
         patch.setattr(robustness, "_DIRECTIONS", 4)
         patch.setattr(robustness, "_EDGE", 100)
-        patch.setattr(robustness, "_ROUNDS", 5)
-        patch.setattr(robustness, "_CONFIRMING", 512)
+        patch.setattr(robustness, "_ROUNDS", 8)
+        patch.setattr(robustness, "_CONFIRMING", 1024)
         patch.setattr(tolerance, "_DIRECTIONS", 16)
         yield
 
@@ -100,7 +99,7 @@ def test_the_chosen_motion_is_feasible(problem: Problem, objective: Objective) -
     assert len(plan.map.attitudes) == SAMPLES
     assert plan.tolerance.shortest <= 100.0 <= plan.tolerance.longest
     assert plan.disagreements == plan.ranges == plan.segments == ()
-    within = attitudes_within(initial.attitude, plan.robust_radius, 400, 99)
+    within = attitudes_within(initial.attitude, plan.robust_radius, 2000, 99)[::5]
     assert FeasibilityEvaluator(problem, 1).keeps(within, chosen.branch.index).all()
 
 
