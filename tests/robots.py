@@ -25,7 +25,7 @@ AWKWARD = (0.0, 1e-9, -1e-6, 1e-3, np.pi / 2, -np.pi / 2, np.pi, -np.pi)
 
 @dataclass(frozen=True)
 class Robot:
-    """URDF text and the names a test needs to speak of it.
+    """URDF text and the names of its links and joints.
 
     Attributes:
         text: The URDF. Its root link is ``bus``.
@@ -50,7 +50,7 @@ class Robot:
 
 
 def numbers(values: Sequence[float] | np.ndarray) -> str:
-    """Numbers as a URDF wants them, no digit lost."""
+    """Numbers as attributes of a URDF, no digit lost."""
     return " ".join(repr(float(value)) for value in values)
 
 

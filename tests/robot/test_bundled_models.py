@@ -99,19 +99,14 @@ def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:
 
 ATTITUDES = {"planar_2dof/line": 0.45, "planar_2dof/arc": 0.77}
 """Headings from which planar ones succeed [rad]; the others from the identity attitude."""
-INTEGRATED = tuple(
-    name for name in bundled_scenarios()
-    if name.split("/")[0] in NEW or name in ("ur5_servicer/inspect", "panda_servicer/arc")
-)  # fmt: skip
 OF_THE_PAPER = ("planar_3dof/parabola", "planar_3dof/parabola_nonstop", "spatial_6dof/line")
-SLOW_MESHES = ("ur5_servicer/arc", "panda_servicer/arc")
-"""Scenarios with many clearances of meshes; others have the same robots."""
-LIMITED = tuple(name for name in bundled_scenarios() if name not in (*OF_THE_PAPER, *SLOW_MESHES))
+MANY_MESHES = ("ur5_servicer/arc", "panda_servicer/arc")
+"""Scenarios whose clearances take long; others have the same robots."""
+LIMITED = tuple(name for name in bundled_scenarios() if name not in (*OF_THE_PAPER, *MANY_MESHES))
 
 
 @pytest.mark.parametrize("name", [
-    pytest.param(name, marks=() if name.startswith("planar") else pytest.mark.slow)
-    for name in INTEGRATED
+    *ATTITUDES, *(pytest.param(name, marks=pytest.mark.slow) for name in MANY_MESHES)
 ])  # fmt: skip
 def test_a_scenario_has_a_motion_that_keeps_the_margin(name: str) -> None:
     """With some arm branch, from the attitude the spacecraft has; and the motion is right."""

@@ -55,7 +55,7 @@ def test_real_arms_have_the_bounds_that_pinocchio_finds(path: Path) -> None:
 
 
 def test_the_unit_of_a_file_counts_and_its_upward_axis_does_not(tmp_path: Path) -> None:
-    """As in RViz and Pinocchio: a URDF speaks of the axes of the file."""
+    """As in RViz and Pinocchio: a URDF refers to the axes of the file."""
     text = EXAMPLES[0].read_text().replace("Z_UP", "Y_UP")
     text = text.replace('meter="1"', 'meter="0.01"')
     copy = tmp_path / "copy.dae"

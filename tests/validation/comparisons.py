@@ -30,9 +30,9 @@ class Comparison:
 COMPARISONS = tuple(Comparison(*row) for row in (
     ("test_paper", "test_example_2_becomes_singular_at_c_from_the_bad_attitude",
      "where four branches of Example 2 become singular", "the paper's C", 3e-3, "m"),
-    ("test_paper", "test_the_printed_touch_point_leads_back_to_the_printed_attitude",
+    ("test_paper", "test_the_printed_tangency_point_leads_back_to_the_printed_attitude",
      "Example 2's initial attitude, from its tangency point", "the paper", 5e-4, "of 1"),
-    ("test_paper", "test_printed_touch_points_lead_to_the_printed_headings",
+    ("test_paper", "test_printed_tangency_points_lead_to_the_printed_headings",
      "Example 1's headings through tangency points", "the paper", 0.06, "deg"),
     ("test_paper", "test_published_ranges_of_example_1",
      "Example 1's feasible heading ranges, at A and at F", "the paper", 0.5, "deg"),
@@ -91,7 +91,7 @@ WORST: dict[str, float] = {}
 
 def agrees(test: str, deviation: float) -> None:
     """Keep a deviation found by a test, and fail when it is more than is allowed."""
-    (row,) = (one for one in COMPARISONS if one.test == test)
+    (row,) = (row for row in COMPARISONS if row.test == test)
     WORST[test] = max(WORST.get(test, 0.0), float(deviation))
     assert deviation <= row.allowed, f"{row.what}: off by {deviation:.3g}, allowed {row.allowed:g}"
 

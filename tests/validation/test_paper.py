@@ -37,7 +37,7 @@ def test_example_2_completes_from_the_printed_attitude(spatial):
         motion = integrate_motion(spatial, attitude, branch.joints)
         assert motion.ending is Ending.COMPLETED
         assert motion.final.time == 100.0
-        position, angle = tracking(motion, np.linspace(0.0, 100.0, 500))
+        position, angle = tracking(motion, np.linspace(0.0, 100.0, 200))
         assert position < 1e-6
         assert angle < 1e-6
         residuals = motion.residuals()
@@ -53,14 +53,14 @@ def test_example_2_becomes_singular_at_c_from_the_bad_attitude(spatial):
     assert len(singular) == 4
     for motion in singular:
         where = spatial.model.end_effector_pose(motion.final.attitude, motion.final.joints)
-        off = np.linalg.norm(where.position - C)
-        agrees("test_example_2_becomes_singular_at_c_from_the_bad_attitude", off)
+        error = np.linalg.norm(where.position - C)
+        agrees("test_example_2_becomes_singular_at_c_from_the_bad_attitude", error)
     for motion in ends:
         if motion not in singular:
             assert motion.completed
 
 
-def test_the_printed_touch_point_leads_back_to_the_printed_attitude(spatial):
+def test_the_printed_tangency_point_leads_back_to_the_printed_attitude(spatial):
     """From q_t, eps_t at tau_t = 0.4225 back to A: [0.46 0.0935 0.7352 -0.489] to 5e-4."""
     attitude = spatial.attitude("attitude", [0.4295, -0.147, 0.6898, -0.564])
     printed = [0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288]
@@ -74,8 +74,8 @@ def test_the_printed_touch_point_leads_back_to_the_printed_attitude(spatial):
     motion = integrate_motion(spatial, attitude, joints, start=42.25, end=0.0)
     assert motion.completed
     assert motion.final.time == 0.0
-    off = np.abs(motion.final.attitude - [0.46, 0.0935, 0.7352, -0.489]).max()
-    agrees("test_the_printed_touch_point_leads_back_to_the_printed_attitude", off)
+    error = np.abs(motion.final.attitude - [0.46, 0.0935, 0.7352, -0.489]).max()
+    agrees("test_the_printed_tangency_point_leads_back_to_the_printed_attitude", error)
     where = spatial.model.end_effector_pose(motion.final.attitude, motion.final.joints).position
     assert_close(where, [1.0, 0.0, 0.0], atol=1e-8)
 
@@ -103,12 +103,12 @@ def test_the_limit_at_161_degrees_is_where_it_was_printed(planar, degrees, limit
 
 @pytest.mark.parametrize(("degrees", "kept"), [(62.0, True), (63.6, False), (0.0, True)])
 def test_the_limit_at_63_degrees_is_where_it_was_printed(planar, degrees, kept):
-    """ClosestApproach S passes S0 = 5 near 63 degrees, coming from 0."""
+    """The minimum of |S| passes S0 = 5 near 63 degrees, coming from 0."""
     result = closest_approach(on_side(planar, degrees, 1), planar.margin.measure)
     assert (result.value >= 5.0) == kept
 
 
-TOUCH = [
+TANGENCY_POINTS = [  # the paper's touch points
     # segment, tau_t, theta_0t, q_t, where printed, degrees there
     ("FB", 0.9495, -0.7463, [-3.6512, 0.1762, 1.7885], 100.0, 318.9),
     ("FB", 0.9495, -0.7463, [-3.6512, 0.1762, 1.7885], 69.73, 354.2),
@@ -118,28 +118,28 @@ TOUCH = [
 ]
 
 
-@pytest.mark.parametrize(("segment", "tau", "theta", "joints", "t", "printed"), TOUCH)
-def test_printed_touch_points_lead_to_the_printed_headings(
+@pytest.mark.parametrize(("segment", "tau", "theta", "joints", "t", "printed"), TANGENCY_POINTS)
+def test_printed_tangency_points_lead_to_the_printed_headings(
     planar, segment, tau, theta, joints, t, printed
 ):
-    """S = 5 at the printed touch point, and the motion through it ends at the printed degrees."""
+    """S = 5 at the printed point, and the motion through it ends at the printed degrees."""
     begin, length = (0.0, 69.73) if segment == "AF" else (69.73, 30.27)
-    t_touch, attitude = begin + tau * length, heading_quaternion(theta)
+    t_tangency, attitude = begin + tau * length, heading_quaternion(theta)
     gaps = {}
-    for branch in planar.branches(attitude, t_touch):
+    for branch in planar.branches(attitude, t_tangency):
         gap = (branch.joints - joints + np.pi) % (2 * np.pi) - np.pi
         gaps[float(np.abs(gap).max())] = branch.joints
     assert min(gaps) < 1e-3
     assert planar.margin.measure(gaps[min(gaps)]) == pytest.approx(5.0, abs=0.03)
-    motion = integrate_motion(planar, attitude, gaps[min(gaps)], start=t_touch, end=t)
+    motion = integrate_motion(planar, attitude, gaps[min(gaps)], start=t_tangency, end=t)
     assert motion.completed
     result = np.degrees(heading_of(motion.final.attitude))
-    off = abs((result - printed + 180.0) % 360.0 - 180.0)
-    agrees("test_printed_touch_points_lead_to_the_printed_headings", off)
+    error = abs((result - printed + 180.0) % 360.0 - 180.0)
+    agrees("test_printed_tangency_points_lead_to_the_printed_headings", error)
 
 
-def test_the_touch_at_the_end_leads_to_the_printed_heading_at_f(planar):
-    """End touch at B: S = 5 at 259.4 degrees, which is 298.7 degrees at F."""
+def test_the_tangency_at_the_end_leads_to_the_printed_heading_at_f(planar):
+    """Tangency at the end B: S = 5 at 259.4 degrees, which is 298.7 degrees at F."""
     attitude = heading(259.4)
     values = {planar.margin.measure(b.joints): b for b in planar.branches(attitude, 100.0)}
     nearest = min(values, key=lambda value: abs(value - 5.0))
@@ -158,11 +158,11 @@ def test_published_ranges_of_example_1(planar):
     for span, at, expected in (
         (whole, 0.0, (161.0, 423.0)), (whole, 69.73, (60.9, 298.7)), (first, 69.73, (60.9, 335.3)),
     ):  # fmt: skip
-        ((one,), *_) = (
+        ((interval,), *_) = (
             entry.ranges for entry in heading_ranges(planar, limits_of(planar, span), span, at)
         )
-        off = np.abs(np.degrees([one.low, one.high]) - expected).max()
-        agrees("test_published_ranges_of_example_1", off)
+        error = np.abs(np.degrees([interval.low, interval.high]) - expected).max()
+        agrees("test_published_ranges_of_example_1", error)
 
 
 @cache
@@ -173,5 +173,5 @@ def limits_of(problem, span):
 def test_published_planar_barycentric_lengths(planar_3dof: FreeFloatingModel) -> None:
     """The paper's a, b, c, d."""
     lengths = VirtualManipulator.of(planar_3dof).lengths
-    off = np.abs(np.array(lengths) - [0.424628, 1.783439, 0.966030, 0.399575]).max()
-    agrees("test_published_planar_barycentric_lengths", off)
+    error = np.abs(np.array(lengths) - [0.424628, 1.783439, 0.966030, 0.399575]).max()
+    agrees("test_published_planar_barycentric_lengths", error)

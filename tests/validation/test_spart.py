@@ -61,7 +61,7 @@ def spart_generalized_jacobian(
 def test_spart_finds_the_same_generalized_jacobian(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
-    """SPART speaks of centres of mass and of the spacecraft's inertial axes; S* is the same."""
+    """SPART uses centres of mass and the spacecraft's inertial axes; S* is the same."""
     # one test, so that one worker only meets SPART, which compiles itself when first used
     structures = [("RRRRRR", "")] * 6 + [("RRRRRR", "RR"), ("RFCPRR", "PR"), ("CRPF", "FR")] * 3
     for number, (chain, branch) in enumerate(structures):

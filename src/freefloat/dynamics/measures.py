@@ -205,13 +205,10 @@ def _minimized(
     from scipy.optimize import minimize  # imported late: it takes a third of a second
 
     scale = max(abs(function(start)) for start in starts) or 1.0
-    bounds = [
-        (body.lower, body.upper) if body.prismatic else (None, None) for body in model.bodies[1:]
-    ]
     minima = [
         # SLSQP: L-BFGS-B uses threaded BLAS for its tiny matrices, which takes ten times as long
         minimize(lambda q: function(q) / scale, start, method="SLSQP",
-                 bounds=bounds, options={"ftol": 1e-15})
+                 bounds=model.prismatic_ranges, options={"ftol": 1e-15})
         for start in starts
     ]  # fmt: skip
     best = min(minima, key=lambda minimum: float(minimum.fun))

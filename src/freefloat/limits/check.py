@@ -124,7 +124,7 @@ class LimitChecker:
         else:
             ratio, worst, allowed, places = below, extents.low, lower, extents.low_places
         return _result(LimitKind.JOINT_RANGE, worst[joint], allowed[joint], ratio[joint],
-                       _time(motion, float(places[joint])), self._names[joint])  # fmt: skip
+                       motion.time_at(float(places[joint])), self._names[joint])  # fmt: skip
 
     def _base_rate(self, allowed: float, motion: Motion) -> LimitResult:
         def squared(panel: int, x: float) -> Array:
@@ -133,7 +133,7 @@ class LimitChecker:
             return np.array([omega @ omega])
 
         peak = _peak(motion, squared)
-        ratio, time = float(np.sqrt(peak.value)), _time(motion, peak.u)
+        ratio, time = float(np.sqrt(peak.value)), motion.time_at(peak.u)
         return _result(LimitKind.BASE_RATE, ratio * allowed, allowed, ratio, time, "spacecraft")
 
     def _joint_torque(self, allowed: Array, motion: Motion) -> LimitResult:
@@ -173,7 +173,7 @@ class LimitChecker:
         joint, worst = peak.index % len(allowed), np.inf
         if np.isfinite(peak.value):
             worst = values(peak.panel, peak.x)[joint]
-        time = _time(motion, peak.u)
+        time = motion.time_at(peak.u)
         return _result(limit, worst, allowed[joint], peak.value, time, self._names[joint])
 
     def _clearance(self, allowed: float, decide_only: bool, motion: Motion) -> LimitResult:
@@ -205,9 +205,3 @@ def _result(
 ) -> LimitResult:
     kept = bool(ratio <= 1.0 + TOLERANCE)
     return LimitResult(limit, float(worst), float(allowed), time, where, kept, float(ratio))
-
-
-def _time(motion: Motion, place: float) -> float:
-    """The time at a panel coordinate, within the motion [s]."""
-    time = motion.evaluate(place)[0][0]
-    return float(np.clip(time, motion.times.min(), motion.times.max()))

@@ -238,8 +238,7 @@ def clearance(motion: Motion, pairs: CollisionPairs, threshold: float | None = N
         )  # fmt: skip
         if refined.fun < smallest - _ROUNDING:
             smallest, place = refined.fun, refined.x
-    time = np.clip(motion.evaluate(place)[0][0], motion.times.min(), motion.times.max())
-    return Clearance(float(smallest), int(number), float(time))
+    return Clearance(float(smallest), int(number), motion.time_at(place))
 
 
 def _distances(motion: Motion, pairs: CollisionPairs, places: Array, pair: IntArray) -> Array:

@@ -201,8 +201,7 @@ def closest_approach(motion: Motion, measure: SingularityMeasure) -> ClosestAppr
     else:
         lowest = minimum(values, profile)
         u, value = lowest.u, lowest.value
-    time = np.clip(motion.evaluate(u)[0][0], motion.times.min(), motion.times.max())
-    return ClosestApproach(measure.name, abs(value), sign, float(time))  # not -0.0
+    return ClosestApproach(measure.name, abs(value), sign, motion.time_at(u))  # not -0.0
 
 
 def first_crossing(motion: Motion, f: Callable[[Array], float], level: float) -> float | None:

@@ -191,6 +191,10 @@ class Motion:
         attitudes = values[:, 1:5] / np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
         return values[:, 0], attitudes, values[:, 5:]
 
+    def time_at(self, u: float) -> float:
+        """The time at a panel coordinate, within the motion [s]."""
+        return float(np.clip(self.evaluate(u)[0][0], self.times.min(), self.times.max()))
+
     def parameter_at(self, times: npt.ArrayLike) -> Array:
         """Panel coordinates at which the motion is at given times [s], by bisection, shape (K,).
 

@@ -14,6 +14,7 @@ import numpy as np
 from freefloat.errors import InputError, require_type
 from freefloat.paths.curves import Curve, SplineCurve, breaks_of, part_of
 from freefloat.paths.orientation import FreeOrientation, OrientationLaw, OrientationSpline
+from freefloat.robot.names import read_text
 from freefloat.so3 import Array, Pose, frozen, unit_quaternion
 
 _SAMPLES = np.linspace(0.0, 1.0, 101)
@@ -22,8 +23,6 @@ _STEP = 1e-4
 """Step of differences by s: their error and rounding are both far below 1e-9."""
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _COLUMNS = "a CSV file with the columns x, y, z and optionally s and qx, qy, qz, qw"
-_LONGEST = 20_000_000
-"""Characters of a CSV file; a row of eight numbers has at most 200."""
 _CLOSEST = 1e-9
 """Smallest distance of rows in s."""
 _LARGEST = 1e9
@@ -99,20 +98,12 @@ def samples_text(file: str | Path) -> str:
     """The text of a CSV file, line ends as they are.
 
     Raises:
-        InputError: If the file is missing or not a text file.
+        InputError: If the file is missing, too large or not a text file.
     """
-    path = Path(file)
     try:
-        if path.exists() and not (path.is_file() or path.is_dir()):  # devices never end
-            raise _refusal(file, "it is no plain file", _COLUMNS)
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            text = stream.read(_LONGEST + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not a text file"
-        raise _refusal(file, f"it cannot be read: {reason}", _COLUMNS) from None
-    if len(text) > _LONGEST:
-        raise _refusal(file, "it is too long", f"at most {_LONGEST:,} characters")
-    return text
+        return read_text(Path(file))
+    except ValueError as error:
+        raise _refusal(file, f"it cannot be read: {error}", _COLUMNS) from None
 
 
 def parse_samples(text: str, source: str | Path) -> tuple[SplineCurve, OrientationSpline | None]:

@@ -9,7 +9,6 @@ from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -238,11 +237,11 @@ def _names(robot: Element) -> set[str]:
     return set(robot.xpath("link/@name | joint/@name"))
 
 
-def _free_name(robot: Element, wanted: str, other: Any = None) -> str:
-    """A name that neither a link nor a joint has."""
+def _free_name(robot: Element, name: str, other: Element = None) -> str:
+    """The name, or the first numbered one, that neither a link nor a joint has."""
     taken = _names(robot) | (set() if other is None else _names(other))
-    numbered = (f"{wanted}_{number}" for number in itertools.count(2))
-    return next(name for name in itertools.chain([wanted], numbered) if name not in taken)
+    numbered = (f"{name}_{number}" for number in itertools.count(2))
+    return next(free for free in itertools.chain([name], numbered) if free not in taken)
 
 
 def _text(values: Array) -> str:

@@ -173,6 +173,12 @@ class FreeFloatingModel:
         ordered = lower < upper
         return frozen(np.where(ordered, lower, -np.inf)), frozen(np.where(ordered, upper, np.inf))
 
+    @property
+    def prismatic_ranges(self) -> list[tuple[float | None, float | None]]:
+        """Bounds of the joints for optimizers: none for revolute joints, which may revolve."""
+        arm = self.bodies[1:]
+        return [(body.lower, body.upper) if body.prismatic else (None, None) for body in arm]
+
     @cached_property
     def tool(self) -> Pose:
         """The end-effector's frame in the frame of the last joint."""

@@ -16,6 +16,8 @@ from freefloat.errors import InputError, did_you_mean, one_line
 _EXAMPLES = "example-robot-data"
 EXAMPLE = f"{_EXAMPLES}:"
 """Prefix of the names of that package's robots."""
+_LARGEST = 20_000_000
+"""Size limit of a text file [bytes]."""
 
 
 def models_folder() -> Path:
@@ -139,6 +141,24 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
+
+
+def read_text(path: Path) -> str:
+    """The text of a UTF-8 file, line ends as they are.
+
+    Raises:
+        ValueError: Saying why it cannot be read, or that it is larger than 20 MB.
+    """
+    try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # devices never end
+            raise ValueError("it is not a regular file")
+        if path.stat().st_size > _LARGEST:
+            raise ValueError(f"it has more than {_LARGEST:,} bytes")
+        return path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise ValueError(str(error.strerror)) from None
+    except UnicodeDecodeError:
+        raise ValueError("it is not UTF-8 text") from None
 
 
 def unknown(key: str, name: str, names: Sequence[str], what: str) -> InputError:

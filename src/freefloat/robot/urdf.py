@@ -28,6 +28,7 @@ from freefloat.robot.description import (
     UrdfDiagnostic,
     rpy_rotation,
 )
+from freefloat.robot.names import read_text
 from freefloat.so3 import Array, Pose
 
 Element = Any
@@ -37,8 +38,6 @@ UNLIMITED = 1e9
 """Limits of this magnitude [rad, m, N, ...] stand for none."""
 MAGNITUDE = 1e12
 """Largest accepted number: squares of larger ones overflow."""
-_LARGEST = 20_000_000
-"""Size limit of a file [bytes]."""
 _MOST = 1000
 """Number of links and joints that a robot may have."""
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
@@ -62,7 +61,10 @@ def parse_urdf(urdf: str | Path) -> RobotDescription:
         ModelError: If the file cannot be read, is not the XML of a robot, or has too many links.
     """
     source = "URDF text" if is_text(urdf) else str(Path(urdf))
-    text = str(urdf) if is_text(urdf) else _read(Path(urdf))
+    try:
+        text = str(urdf) if is_text(urdf) else read_text(Path(urdf))
+    except ValueError as error:
+        raise ModelError("urdf", f"{source}: {error}", "a readable URDF file") from None
     declaration = text.find("<!DOCTYPE")
     if declaration >= 0:  # entities can expand without bound
         line = text.count("\n", 0, declaration) + 1
@@ -84,19 +86,6 @@ def parse_urdf(urdf: str | Path) -> RobotDescription:
         problem = f"its root element is <{robot.tag}>"
         raise ModelError("urdf", problem, "<robot>", source, robot.sourceline)
     return decode(robot, source)
-
-
-def _read(path: Path) -> str:
-    try:
-        if path.exists() and not (path.is_file() or path.is_dir()):  # devices never end
-            raise ModelError("urdf", f"{path} is not a regular file", "a readable URDF file")
-        if path.stat().st_size > _LARGEST:
-            raise ModelError("urdf", f"{path} is too large", f"at most {_LARGEST:,} bytes")
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ModelError("urdf", f"{path}: {error.strerror}", "a readable URDF file") from None
-    except UnicodeDecodeError:
-        raise ModelError("urdf", f"{path} is not UTF-8 text", "a URDF file") from None
 
 
 def decode(robot: Element, source: str) -> RobotDescription:

@@ -181,12 +181,9 @@ def _extended(
     """Smallest (sense 1) or largest (-1) radius nearby on the singular surface [m]."""
     from scipy.optimize import minimize
 
-    bounds = [
-        (body.lower, body.upper) if body.prismatic else (None, None)
-        for body in problem.model.bodies[1:]
-    ]
     end = minimize(
-        lambda q: sense * _distance(problem, q) ** 2, joints, method="SLSQP", bounds=bounds,
+        lambda q: sense * _distance(problem, q) ** 2, joints, method="SLSQP",
+        bounds=problem.model.prismatic_ranges,
         constraints={"type": "eq", "fun": lambda q: measure(q) / scale},
         options={"ftol": 1e-12, "maxiter": 100},
     )  # fmt: skip
