@@ -381,6 +381,18 @@ def test_an_interrupted_writer_leaves_the_old_file_alone(tmp_path):
     assert os.listdir(tmp_path) == ["plan.h5"]
 
 
+def test_what_killed_writers_left_is_removed(tmp_path):
+    """Only what was left for the same file, and long ago."""
+    names = (".x.h5.a.partial", ".x.h5.b.partial", ".y.h5.c.partial", ".x.h5.notes")
+    for name in names:
+        (tmp_path / name).touch()
+        if name != ".x.h5.b.partial":
+            os.utime(tmp_path / name, (0, 0))
+    with written_beside(tmp_path / "x.h5") as temporary:
+        temporary.write_text("whole")
+    assert set(os.listdir(tmp_path)) == {*names[1:], "x.h5"}
+
+
 def test_what_is_no_result_is_not_saved(plan, tmp_path):
     with pytest.raises(InputError) as caught:
         ff.save(plan.problem, tmp_path / "x.h5")
