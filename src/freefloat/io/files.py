@@ -12,7 +12,6 @@ from pathlib import Path
 
 from freefloat.errors import InputError
 
-
 _SUFFIX = ".partial"
 _ABANDONED = 3600.0
 """Age of a temporary file whose process was killed [s]; writing takes seconds."""
