@@ -255,11 +255,8 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
         nodes = motion.times[DEGREE * panel : DEGREE * (panel + 1) + 1]
         segment = motion.timing_segment(panel)
         for start, end in pairwise(nodes.tolist()):
-            h, attitude, z = (
-                (end - start) / parts,
-                attitudes[-1],
-                np.append(np.zeros(3), joints[-1]),
-            )
+            h, attitude = (end - start) / parts, attitudes[-1]
+            z = np.append(np.zeros(3), joints[-1])
             for part in range(parts):
                 t = start + part * h
                 k1 = rates(t, attitude, z, segment)

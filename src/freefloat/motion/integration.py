@@ -32,8 +32,6 @@ _STALLED = 0.1 * _TIME_UNITS / SINGULAR_SPEED
 steps near one allow ten times the speed at which the coarse steps of an ensemble end."""
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
-_OVERSHOOT, _SLOWEST = 1.1, 1e-3
-"""Factor on a step that is to reach a time; pace of time below which no step is aimed at it."""
 _FINEST, _ROUGHEST = 1e-13, 1e-2
 """Accepted tolerances: finer ones are below rounding errors, rougher ones useless."""
 _RANK_LOST = 1e-9
@@ -150,8 +148,8 @@ def _integrate(
 class _Stepper:
     """Steps of DOP853 along the legs of a motion, between which the path's derivatives may jump.
 
-    Where the path itself has breaks, legs may be as short as one step: then steps are made no
-    longer than their legs, and a leg begins with the step that the one before proposed.
+    Where the path itself has breaks, legs may be as short as one step: then a leg begins with the
+    step that the one before proposed.
     """
 
     def __init__(self, flow: ArcFlow, tolerance: float, reference: Array, breaks: bool) -> None:
@@ -180,10 +178,6 @@ class _Stepper:
         self._reference = solver.f
         while self._steps_left:
             self._steps_left -= 1
-            if self._breaks:
-                pace = max(abs(solver.f[0]), _SLOWEST)
-                needed = _OVERSHOOT * abs(goal - solver.y[0]) / pace
-                solver.max_step = min(_LONGEST_STEP, needed)
             message = solver.step()
             if solver.status == "failed":
                 raise IntegrationError(float(solver.y[0] * unit), str(message))
