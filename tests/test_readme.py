@@ -171,6 +171,7 @@ def test_durations_and_ratios_have_few_digits(benchmark: ModuleType) -> None:
     assert {ratio: ratio_text(ratio) for ratio in ratios} == ratios
 
 
+@pytest.mark.slow
 def test_the_benchmark_measures_and_writes(
     benchmark: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

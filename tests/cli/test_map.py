@@ -69,7 +69,7 @@ def test_options_go_before_the_scenario() -> None:
     assert (result["samples"], result["seed"]) == (9, 0)
 
 
-@pytest.mark.parametrize("name", ["hard", "far"])
+@pytest.mark.parametrize("name", [pytest.param("hard", marks=pytest.mark.slow), "far"])
 def test_a_map_without_a_feasible_attitude_exits_with_1(name: str) -> None:
     result = document("map", f"{name}.yaml", "--samples", "16", code=1)
     assert result["feasible_fraction"] == 0.0

@@ -58,7 +58,7 @@ def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
     assert "Momentum tolerance: " in text
 
 
-@pytest.mark.parametrize("name", ["hard", "far", "strict"])
+@pytest.mark.parametrize("name", [pytest.param("hard", marks=pytest.mark.slow), "far", "strict"])
 def test_an_infeasible_plan_has_a_reason_and_no_page(name: str, folder: Path) -> None:
     result = run("plan", f"{name}.yaml", "-o", "plan.h5", "--html", "page.html")
     plan = load("plan.h5").to_dict()
@@ -69,6 +69,7 @@ def test_an_infeasible_plan_has_a_reason_and_no_page(name: str, folder: Path) ->
     assert f"Not feasible: {plan['reason']}." in result.stdout
 
 
+@pytest.mark.slow
 def test_a_plan_parses_one_urdf_and_builds_one_model_and_one_evaluator(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

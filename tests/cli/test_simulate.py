@@ -102,7 +102,7 @@ def comma(values: Any) -> str:
     return ",".join(repr(float(value)) for value in values)
 
 
-@pytest.mark.parametrize("words", [PLANAR, GOOD])
+@pytest.mark.parametrize("words", [PLANAR, pytest.param(GOOD, marks=pytest.mark.slow)])
 def test_a_branch_is_chosen_by_number_or_joints(words: tuple[str, ...]) -> None:
     branch = simulated(*words)["branches"][-1]
     signs = (-1.0) ** np.arange(len(branch["joints"]))
@@ -134,17 +134,18 @@ def test_a_heading_is_an_attitude_about_z(heading: float) -> None:
         assert np.allclose(first["joints"], second["joints"], atol=1e-9)
 
 
-@pytest.mark.parametrize("number", ["0", "1"])
-def test_motions_stop_at_the_margin(number: str) -> None:
-    words = ("simulate", "planar_3dof/parabola", "--heading", "140", "--branch", number)
-    stopped = document(*words, "--stop-at-margin", code=1)
-    assert (stopped["completed"], stopped["singular"]) == (False, None)
-    assert math.isclose(stopped["min_margin"]["value"], 5.0, rel_tol=1e-6)
-    assert math.isclose(stopped["min_margin"]["time"], stopped["final"]["time"], abs_tol=1e-6)
+def test_motions_stop_at_the_margin() -> None:
+    for number in "01":
+        words = ("simulate", "planar_3dof/parabola", "--heading", "140", "--branch", number)
+        stopped = document(*words, "--stop-at-margin", code=1)
+        assert (stopped["completed"], stopped["singular"]) == (False, None)
+        assert math.isclose(stopped["min_margin"]["value"], 5.0, rel_tol=1e-6)
+        assert math.isclose(stopped["min_margin"]["time"], stopped["final"]["time"], abs_tol=1e-6)
     kept = document("simulate", *PLANAR, "--stop-at-margin")
     assert kept == simulated(*PLANAR)
 
 
+@pytest.mark.slow
 def test_limits_are_checked_along_the_chosen_motion() -> None:
     """The exit code is that of the path."""
     limits = document("simulate", "limited.yaml", "--heading", "200")["limits"]

@@ -80,6 +80,7 @@ def test_plans_that_are_not_feasible_show_what_there_is(name: str, folder: Path)
     assert all(len(axes.patches) == 0 for axes in drawings["headings"].axes)
 
 
+@pytest.mark.slow
 def test_a_start_out_of_reach_leaves_no_headings(folder: Path) -> None:
     (folder / "out.yaml").write_text(SCENARIO.replace("x: [2, -3]", "x: [9, -3]"))
     assert list(figures(planned("out.yaml"))) == ["workspace", "joint_space"]
@@ -96,6 +97,7 @@ def test_a_spatial_plan_has_the_figures_of_its_motion() -> None:
     assert list(figures(Plan(problem, Search(), False, "none"))) == ["workspace"]
 
 
+@pytest.mark.slow
 def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
     plots = document("map", "strict.yaml", "--samples", "36", "--plots", "a/b", code=1)["plots"]
     assert plots == ["a/b/headings.pdf", "a/b/headings.png"]

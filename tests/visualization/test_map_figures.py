@@ -21,10 +21,10 @@ from freefloat.visualization.slices import Mark, map_slices
 BRANCHES = 4  # the others are wrist-flipped
 
 
-def drawn(problem, marks, samples=120):
+def drawn(problem, marks, samples=60):
     evaluator = FeasibilityEvaluator(problem)
     result = sample_attitudes(evaluator, samples)
-    slices = map_slices(evaluator, marks, side=15)
+    slices = map_slices(evaluator, marks, side=11)
     return (
         result,
         slices,
@@ -116,6 +116,7 @@ def test_bars_add_up_to_the_percentages(shown, problem):
         assert set(line.get_xdata()) == {problem.margin.threshold}
 
 
+@pytest.mark.slow
 def test_a_map_with_nothing_feasible_is_drawn(problem):
     """With a margin above all motions the slices are grey."""
     margin = ff.Margin(problem.margin.measure, 1e6)
@@ -126,6 +127,7 @@ def test_a_map_with_nothing_feasible_is_drawn(problem):
         assert not np.isfinite(np.ma.filled(meshes(axes)[1].get_array(), np.nan)).any()
 
 
+@pytest.mark.slow
 def test_spatial_plans_show_their_map_and_the_present_attitude(problem, monkeypatch):
     """Also without a feasible motion."""
     monkeypatch.setattr(figures_module, "map_slices", partial(map_slices, side=9))

@@ -79,7 +79,7 @@ def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> Non
         assert off.magnitude().max() < 1e-5
 
 
-@pytest.mark.parametrize("name", ["motion", "singular"])
+@pytest.mark.parametrize("name", ["motion", pytest.param("singular", marks=pytest.mark.slow)])
 def test_motions_are_nearly_straight_between_key_times(
     name: str, request: pytest.FixtureRequest, rng: np.random.Generator
 ) -> None:
@@ -122,6 +122,7 @@ def test_the_momentum_arrow_points_along_the_momentum(scene: Scene, motion: Moti
     assert end / np.linalg.norm(end) == pytest.approx(h / np.linalg.norm(h), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_clips_move_known_objects_and_last_as_long(motion: Motion) -> None:
     long, short = (motion.cut(panels, motion.ending) for panels in (2.0, 1.0))
     scene = motion_scene({"long": long, "short": short})
@@ -133,6 +134,7 @@ def test_clips_move_known_objects_and_last_as_long(motion: Motion) -> None:
         assert any(path == clip["path"] or path.startswith(clip["path"] + "/") for path in known)
 
 
+@pytest.mark.slow
 def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
     sent: list[dict[str, Any]] = []
     window = SimpleNamespace(send=lambda command: sent.append(command.lower()))
@@ -148,6 +150,7 @@ def test_a_playback_goes_into_a_visualizer(motion: Motion) -> None:
     assert "/meshcat/mine/second/Robot/spacecraft" in clips
 
 
+@pytest.mark.slow
 def test_planar_rings_have_the_radii_of_the_areas(planar: Problem) -> None:
     """The paper's areas of the last joint: dependent, independent, dependent."""
     motion = simulate(planar, heading_quaternion(3.5), branch=0).chosen.motion

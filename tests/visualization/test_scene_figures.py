@@ -74,6 +74,7 @@ def test_the_path_runs_from_its_start_to_its_end() -> None:
     assert np.allclose(point[[0, -1]] @ [1.0, 1.0j], wanted)
 
 
+@pytest.mark.slow
 def test_in_space_the_distance_from_the_centre_is_shown() -> None:
     """The wrist of Example 2 passes two shells in which its arm can be singular."""
     problem = load_scenario("spatial_6dof/line").problem()
@@ -168,6 +169,7 @@ def test_the_arm_runs_from_its_mount_to_the_end_effector(name: str) -> None:
     assert np.allclose(drawn, lengths, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_arm_starts_on_the_spacecraft() -> None:
     """The first joint of a UR5 is 0.089 m above its base, which is on top of a cube of 1 m."""
     motion = motion_at_rest("ur5_servicer/arc", [0.0, 0.0, 0.0, 1.0])

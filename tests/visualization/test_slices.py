@@ -64,6 +64,7 @@ def test_places_outside_the_ball_are_nan(slices):
         assert np.isfinite(plane.margins[plane.reached]).all()
 
 
+@pytest.mark.slow
 def test_opposite_ends_of_a_diameter_have_equal_margins(evaluator):
     """Rotations by pi and -pi are equal; without marks slices pass through the centre."""
     slices = map_slices(evaluator, [], side=SIDE)

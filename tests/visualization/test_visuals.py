@@ -207,6 +207,7 @@ def nearest_end(visuals: list[Visual], pose: Pose, point: np.ndarray) -> float:
     return float(np.linalg.norm(all_ends @ pose.rotation.T + pose.position - point, axis=1).min())
 
 
+@pytest.mark.slow
 @given(robot=robots(chain=st.text("RC", min_size=1, max_size=6)), seed=st.integers(0, 99))
 def test_default_rods_lead_from_joint_to_joint(robot: Robot, seed: int) -> None:
     """In any configuration: a rod of every body ends where the next joint is; hubs lie along it."""

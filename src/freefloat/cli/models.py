@@ -146,16 +146,13 @@ def _read(file: Path) -> tuple[str, dict[str, Any]]:
 
 
 def _tables(groups: dict[str, list[BundledFile]]) -> Iterator[RenderableType]:
-    for (kind, entries), title, columns in zip(
-        groups.items(), ("robot", "scenario", "study"), ((), ("robot",), ("base",)), strict=True
-    ):
-        listed = table(title, "description", *columns)
+    columns: tuple[tuple[str, ...], ...] = (("robot",), ("scenario", "robot"), ("study", "base"))
+    for entries, (title, *details) in zip(groups.values(), columns, strict=True):
+        listed = table(title, "description", *details)
         listed.columns[0].no_wrap = True
         for entry in entries:
-            details = (entry.details[column] for column in columns)
-            listed.add_row(entry.name, entry.description, *details)
+            listed.add_row(entry.name, entry.description, *(entry.details[key] for key in details))
         yield from (listed, "")
-        if kind == "studies":
-            yield "Sources of the robots:"
+    yield "Sources of the robots:"
     yield from (f"  {entry.name}: {entry.details['source']}" for entry in groups["robots"])
     yield "\nArms of example-robot-data have names, too: freefloat info example-robot-data:ur5"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from glob import escape, glob
 from pathlib import Path
 from typing import Annotated
 
@@ -16,47 +17,26 @@ from freefloat.errors import InputError
 _YAML, _URDF = (".yaml", ".yml"), (".urdf",)
 
 
-def scenario_names(incomplete: str) -> list[str]:
-    """Complete the name of a bundled scenario or of a YAML file."""
-    return [*bundled_names(incomplete, "scenarios"), *_files(incomplete, _YAML)]
+def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], list[str]]:
+    """Return the completion of bundled names of some kinds and of files with some suffixes."""
+
+    def complete(incomplete: str) -> list[str]:
+        from freefloat.robot import names
+
+        bundled = [name for kind in kinds for name in getattr(names, f"bundled_{kind}")()]
+        files = sorted(glob(f"{escape(incomplete)}*")) if suffixes else []
+        return [
+            *(name for name in bundled if name.startswith(incomplete)),
+            *(name for name in files if name.endswith(suffixes) and Path(name).is_file()),
+        ]
+
+    return complete
 
 
-def study_names(incomplete: str) -> list[str]:
-    """Complete the name of a bundled study or of a YAML file."""
-    return [*bundled_names(incomplete, "studies"), *_files(incomplete, _YAML)]
-
-
-def robot_names(incomplete: str) -> list[str]:
-    """Complete the name of a bundled robot or scenario, of a URDF or of a YAML file."""
-    bundled = bundled_names(incomplete, "robots", "scenarios")
-    return [*bundled, *_files(incomplete, (*_URDF, *_YAML))]
-
-
-def file_names(incomplete: str) -> list[str]:
-    """Complete the name of a bundled robot, scenario or study."""
-    return bundled_names(incomplete, "robots", "scenarios", "studies")
-
-
-def bundled_names(incomplete: str, *kinds: str) -> list[str]:
-    """Return bundled names of some kinds that start so."""
-    from freefloat.robot import names
-
-    bundled = [name for kind in kinds for name in getattr(names, f"bundled_{kind}")()]
-    return [name for name in bundled if name.startswith(incomplete)]
-
-
-def _files(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
-    folder, slash, start = incomplete.rpartition("/")
-    try:
-        files = sorted(Path(f"{folder}{slash}" or ".").iterdir())
-    except OSError:  # no such folder, or not a readable one
-        return []
-    return [
-        f"{folder}{slash}{file.name}"
-        for file in files
-        if file.name.startswith(start) and file.suffix in suffixes and file.is_file()
-    ]
-
+scenario_names = _completion("scenarios", suffixes=_YAML)
+study_names = _completion("studies", suffixes=_YAML)
+robot_names = _completion("robots", "scenarios", suffixes=_URDF + _YAML)
+file_names = _completion("robots", "scenarios", "studies")
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
 Quiet = Annotated[

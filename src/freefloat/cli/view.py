@@ -108,8 +108,8 @@ def view(
         size=(size, {"--snapshots": snapshots, "--video": video}),
         scene=(scene, {"--html": html, "--snapshots": snapshots, "--video": video}),
     )
-    console, playback = Console(as_json, quiet), _playback(files)
     shown: dict[str, Any] = {"size": _pixels(size), "scene": scene}
+    console, playback = Console(as_json, quiet), _playback(files)
     if html is None and snapshots is None and video is None:
         _serve(console, playback, port, open_page=not (no_open or as_json))
         return

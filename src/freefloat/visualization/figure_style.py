@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
+from freefloat.so3 import Array
 
 COLUMN, PAGE = 3.5, 7.16
 """Widths of a column and of a page of the IEEE Transactions [inch]."""
@@ -33,6 +34,7 @@ STROKES = tuple(
     )
 )
 """Colour and dashes of the first, second, ... curve of an axes."""
+MARGIN_LINE: Any = {"color": VERMILION, "linestyle": "--", "linewidth": 1.0}
 _STYLE: Any = {
     "axes.axisbelow": True,
     "axes.grid": True,
@@ -90,6 +92,11 @@ def axis_label(quantity: str, unit: str) -> str:
 def digits(value: float) -> str:
     """Return a number with four digits and a typographic minus sign; below 1e-12 it is zero."""
     return f"{0.0 if abs(value) < 1e-12 else value:.4g}".replace("-", "\N{MINUS SIGN}")
+
+
+def draw_point(axes: Any, position: Array, marker: str, size: float, **style: Any) -> None:
+    """Draw a marker without a line at a position, shape (2,) or (3,)."""
+    axes.plot(*position[:, None], linestyle="none", marker=marker, markersize=size, **style)
 
 
 def legend_above(axes: Any, columns: int | None = None) -> None:

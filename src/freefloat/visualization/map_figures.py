@@ -19,10 +19,12 @@ from freefloat.visualization.figure_style import (
     BLUE,
     COLUMN,
     GREY,
+    MARGIN_LINE,
     PAGE,
     PALE,
     VERMILION,
     axis_label,
+    draw_point,
     new_figure,
     styled,
 )
@@ -86,10 +88,9 @@ def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
     if plane.mark is not None:
         place = np.degrees(rotation_vectors(plane.mark.attitude[None])[0])
         marker, size = _MARKERS.get(plane.mark.name, _OTHER_MARKER)
-        axes.plot(
-            place[right], place[up], linestyle="none", marker=marker, markersize=size,
-            markerfacecolor=VERMILION, markeredgecolor="white", markeredgewidth=0.8,
-            label=plane.mark.name, zorder=4,
+        draw_point(
+            axes, place[[right, up]], marker, size, markerfacecolor=VERMILION,
+            markeredgecolor="white", markeredgewidth=0.8, label=plane.mark.name, zorder=4,
         )  # fmt: skip
     _frame(axes, plane)
     return shown
@@ -142,7 +143,7 @@ def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
         color=[BLUE, GREY], stacked=True, linewidth=0.0,
     )  # fmt: skip
     if margin > 0.0:
-        axes.axvline(margin, color=VERMILION, linestyle="--", linewidth=1.0)
+        axes.axvline(margin, **MARGIN_LINE)
 
 
 def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list[str]:

@@ -17,12 +17,14 @@ from freefloat.visualization.figure_style import (
     BLACK,
     BLUE,
     GREY,
+    MARGIN_LINE,
     PAGE,
     PALE,
     STROKES,
     VERMILION,
     axis_label,
     digits,
+    draw_point,
     legend_above,
     new_figure,
     styled,
@@ -145,14 +147,13 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
     if threshold > 0.0:
         level = closest.sign * threshold
         axes.axhspan(0.0, level, color=PALE, linewidth=0.0, zorder=0)
-        style: Any = {"color": VERMILION, "linestyle": "--", "linewidth": 1.0}
-        axes.axhline(level, label=f"margin {digits(level)}", **style)
+        axes.axhline(level, label=f"margin {digits(level)}", **MARGIN_LINE)
     lowest, singular = closest.sign * closest.value, motion.ending is Ending.SINGULAR
     name = "singular" if singular else f"minimum {digits(lowest)}"
-    axes.plot(
-        closest.time, lowest, marker="X" if singular else "o", color=BLACK, linestyle="none",
-        zorder=5, label=f"{name} at {digits(closest.time)} s",
-    )  # fmt: skip
+    label, marker = f"{name} at {digits(closest.time)} s", "X" if singular else "o"
+    draw_point(
+        axes, np.array([closest.time, lowest]), marker, 4.0, color=BLACK, zorder=5, label=label
+    )
     mark_times(axes, motion)
     axes.set_xlabel(axis_label("time", "s"))
     axes.set_ylabel(axis_label(f"$S$ ({measure.name})", measure.unit))

@@ -18,10 +18,11 @@ from freefloat.visualization.figure_style import (
     BLUE,
     COLUMN,
     GREY,
+    MARGIN_LINE,
     STROKES,
-    VERMILION,
     axis_label,
     digits,
+    draw_point,
     legend_above,
     new_figure,
     styled,
@@ -93,10 +94,9 @@ def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
         *rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=f"from {digits(heading)}°",
         zorder=4,
     )  # fmt: skip
-    style = {"color": colour, "linestyle": "none", "markersize": 4.5, "zorder": 5}
-    axes.plot(*rows[:1].T, marker="o", markerfacecolor="white", **style)
-    singular = motion.ending is Ending.SINGULAR
-    axes.plot(*rows[-1:].T, marker="X" if singular else "o", **style)
+    draw_point(axes, rows[0], "o", 4.5, color=colour, markerfacecolor="white", zorder=5)
+    marker = "X" if motion.ending is Ending.SINGULAR else "o"
+    draw_point(axes, rows[-1], marker, 4.5, color=colour, zorder=5)
 
 
 def wrapped(degrees: Array) -> Array:
@@ -129,8 +129,7 @@ def headings_figure(
         axes.plot(np.degrees(result.headings), values, color=BLUE, label=name)
         margin = result.problem.margin.threshold
         if margin > 0.0:
-            style = {"color": VERMILION, "linestyle": "--", "linewidth": 1.0}
-            axes.axhline(margin, label=f"margin {digits(margin)}", **style)
+            axes.axhline(margin, label=f"margin {digits(margin)}", **MARGIN_LINE)
         if chosen is not None and branch in (None, chosen[0]):
             axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
         axes.set_xlim(0.0, 360.0)

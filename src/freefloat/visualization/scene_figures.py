@@ -28,6 +28,7 @@ from freefloat.visualization.figure_style import (
     VERMILION,
     axis_label,
     digits,
+    draw_point,
     legend_above,
     new_figure,
     styled,
@@ -194,11 +195,9 @@ def _draw_arm(axes: Any, points: Array, shade: str) -> None:
 
 def _mark_singular(axes: Any, motion: Motion, dimensions: int) -> None:
     if motion.ending is Ending.SINGULAR:
-        position = motion.problem.path.pose(motion.final.time).position
-        axes.plot(
-            *position[:dimensions, None], marker="X", color=VERMILION, markersize=6.0, zorder=9,
-            linestyle="none", label=f"singular at {digits(motion.final.time)} s",
-        )  # fmt: skip
+        position = motion.problem.path.pose(motion.final.time).position[:dimensions]
+        label = f"singular at {digits(motion.final.time)} s"
+        draw_point(axes, position, "X", 6.0, color=VERMILION, zorder=9, label=label)
 
 
 def _draw_areas(axes: Any, workspace: Workspace) -> None:
@@ -211,7 +210,7 @@ def _draw_areas(axes: Any, workspace: Workspace) -> None:
         axes.add_patch(ring)
     for radius in workspace.reach:
         axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.7))
-    axes.plot(0.0, 0.0, marker="+", color=BLACK, markersize=6.0, linestyle="none")
+    draw_point(axes, np.zeros(2), "+", 6.0, color=BLACK)
 
 
 def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
@@ -229,10 +228,8 @@ def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None
 
 def _mark_ends(axes: Any, path: Array) -> None:
     for place, name, fill in ((path[0], "start", "white"), (path[-1], "end", BLUE)):
-        axes.plot(
-            *place[:, None], marker="s", color=BLUE, markerfacecolor=fill, markersize=4.5,
-            linestyle="none", zorder=6, label=name,
-        )  # fmt: skip
+        style = {"color": BLUE, "markerfacecolor": fill, "zorder": 6}
+        draw_point(axes, place, "s", 4.5, label=name, **style)
 
 
 def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
