@@ -174,12 +174,16 @@ def _points_on_line(
     """Minima of the magnitude of S where dS/dt changes sign along a line."""
     problem = on_path.problem
     slopes = on_path.slopes(line[:, 0], *on_path.configurations(line, wrist))
-    steepness = float(np.nanmax(np.abs(slopes), initial=0.0))
-    for i in roots_between(slopes):
+    near = roots_between(slopes)
+    if not near:
+        return
+    steepness = float(np.nanmax(np.abs(slopes)))
+    for i in near:
         state = _refined(on_path, wrist, level, (line[i] + line[i + 1]) / 2.0, steepness)
         if state is None:
             continue
-        t, (attitude,), (q,) = float(state[0]), *on_path.configurations(state[None], wrist)
+        attitudes, joints = on_path.configurations(state[None], wrist)
+        t, attitude, q = float(state[0]), attitudes[0], joints[0]
         if on_path.is_minimum(t, attitude, q, level):
             quaternion = attitude.as_quat()
             branches = problem.branches(quaternion, t)
@@ -200,14 +204,17 @@ def _refined(
     """
     units = np.array([on_path.problem.path.duration, 1.0, 1.0])
 
-    def errors(x: Array) -> list[float]:
+    def errors(x: Array) -> Array:
+        """Three numbers; 1 where the wrist has no solution."""
         state = (units * x)[None]
         t, q3, _ = state.T
         attitudes, joints = on_path.configurations(state, wrist)
         radii, point_3 = on_path.wrist(q3), on_path.point_3_at(t)[0]
         distance = np.linalg.norm(radii) - np.linalg.norm(point_3)
         (S,), (slope,) = on_path.measures(joints), on_path.slopes(t, attitudes, joints)
-        return [distance / on_path.reach, S / level - 1.0, slope / steepness]
+        return np.nan_to_num(
+            [distance / on_path.reach, S / level - 1.0, slope / steepness], nan=1.0
+        )
 
     solution = root(errors, start / units, tol=1e-12)
     if not np.abs(solution.fun).max() < _EXACT or not 0.0 < solution.x[0] < 1.0:
