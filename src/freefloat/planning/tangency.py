@@ -212,9 +212,8 @@ def _refined(
         radii, point_3 = on_path.wrist(q3), on_path.point_3_at(t)[0]
         distance = np.linalg.norm(radii) - np.linalg.norm(point_3)
         (S,), (slope,) = on_path.measures(joints), on_path.slopes(t, attitudes, joints)
-        return np.nan_to_num(
-            [distance / on_path.reach, S / level - 1.0, slope / steepness], nan=1.0
-        )
+        deviations = [distance / on_path.reach, S / level - 1.0, slope / steepness]
+        return np.asarray(np.nan_to_num(deviations, nan=1.0))
 
     solution = root(errors, start / units, tol=1e-12)
     if not np.abs(solution.fun).max() < _EXACT or not 0.0 < solution.x[0] < 1.0:
