@@ -155,6 +155,7 @@ def few_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(arm_branches, "_REDUNDANT_STARTS", 8)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_starts")
 def test_titles_of_motions_of_redundant_arms(
     problem: ff.Problem,

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import shutil
 from functools import partial
 from pathlib import Path
 
@@ -46,14 +47,22 @@ def trajectory(motions):
     return Trajectory.of(motions[0], even_times(motions[0], 51))
 
 
-@pytest.fixture
-def files(tmp_path, monkeypatch, scenario, motions):
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory, motions):
     """A folder with both as files."""
+    folder = tmp_path_factory.mktemp("saved")
     for name, motion in zip(("good.h5", "bad.h5"), motions, strict=True):
         branch = motion.problem.branches(motion.initial.attitude)[0]
         approach = closest_approach(motion, motion.problem.margin.measure)
         chosen = SimulatedBranch(branch, motion, approach)
-        save(Simulation((chosen,), chosen), tmp_path / name)
+        save(Simulation((chosen,), chosen), folder / name)
+    return folder
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch, saved):
+    """A working folder with both files."""
+    shutil.copytree(saved, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -144,6 +144,7 @@ def test_studies_that_would_take_all_memory_are_refused_at_once(tmp_path: Path) 
         load_study(write_study(tmp_path, wide))
 
 
+@pytest.mark.slow
 def test_very_many_invalid_runs_are_refused_at_once(tmp_path: Path) -> None:
     begin = time.process_time()
     with pytest.raises(InputError, match="duration"):
@@ -198,6 +199,7 @@ class Tags(HTMLParser):
         self.handlers += [name for name, _ in attrs if name.startswith("on")]
 
 
+@pytest.mark.slow
 def test_names_in_a_robot_stay_names_on_its_page() -> None:
     pages, problem = [], load_scenario("planar_3dof/parabola").problem()
     for name in ("", NAME):

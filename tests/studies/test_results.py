@@ -188,6 +188,7 @@ class Tags(HTMLParser):
         self.text.append(data)
 
 
+@pytest.mark.slow
 def test_the_report_has_the_numbers_and_escapes_names(tmp_path: Path) -> None:
     vary = {"timing.duration": {"list": [50, 60, 70]}, "momentum.2": {"uniform": [0, 1]}}
     result = StudyResult(a_study(tmp_path, vary, cases=2), ROWS, tmp_path)

@@ -29,6 +29,7 @@ def rows(folder: Path, vary: dict[str, Any] | None = None, **keys: Any) -> list[
     return [result.row for result in results(folder, vary, **keys)]
 
 
+@pytest.mark.slow
 def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -> None:
     simulated = results(tmp_path, HEADINGS, branch=0)
     problem = load_scenario(tmp_path / "base.yaml").problem()
@@ -98,6 +99,7 @@ def test_a_map_has_the_results_of_map(tmp_path: Path) -> None:
     assert (none.row.verdict, none.row.feasible_fraction) == ("infeasible", 0.0)
 
 
+@pytest.mark.slow
 def test_violated_margins_and_limits_are_infeasible(tmp_path: Path) -> None:
     vary = {"margin.value": {"list": [5, 200]}, "limits.base_rate": {"list": [1.0, 1e-4]}}
     checked = rows(tmp_path, vary, branch=0)

@@ -20,6 +20,7 @@ from freefloat.planning.simulation import Simulation
 from freefloat.so3 import angle_between
 from freefloat.verification import robustness
 from freefloat.verification.checks import Check
+from tests.hostile_samples import plans
 from tests.plans import planar_plan, spatial_plan
 from tests.result_files import altered, replaced
 
@@ -255,6 +256,7 @@ def untried_ranges(monkeypatch):
     monkeypatch.setattr(robustness, "_heading_check", lambda _: untried)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALTERATIONS)
 def test_an_altered_value_is_a_discrepancy(planar, name, request):
     change, check = ALTERATIONS[name]
@@ -289,6 +291,7 @@ def test_robustness_in_space_is_verified(spatial, change, check):
     assert check in failed(change(spatial))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("untried_ranges")
 def test_another_motion_is_not_the_one_of_the_certificate(planar):
     """Right in itself, from another heading: only what is stated of it gives it away."""
@@ -390,14 +393,14 @@ def run(*words):
     return CliRunner().invoke(app, ["check", *map(str, words)])
 
 
-@pytest.fixture(scope="module")
-def file(planar, tmp_path_factory):
-    path = tmp_path_factory.mktemp("planar") / "plan.h5"
-    ff.save(planar, path)
+@pytest.fixture
+def file(tmp_path):
+    """A short motion."""
+    path = tmp_path / "motion.h5"
+    path.write_bytes(plans()[0])
     return path
 
 
-@pytest.mark.usefixtures("untried_ranges")
 def test_the_command_prints_checks_or_json(file):
     result = run(file)
     assert (result.exit_code, result.stderr) == (0, "")
@@ -428,14 +431,14 @@ def test_files_that_are_no_plans_are_exit_code_2(tmp_path):
         assert (result.exit_code, result.stdout) == (2, "")
 
 
-def test_maps_unknown_engines_and_a_missing_mujoco_are_input_errors(planar, monkeypatch):
+def test_maps_unknown_engines_and_a_missing_mujoco_are_input_errors(simulated, monkeypatch):
     with pytest.raises(InputError) as caught:
-        ff.check(planar.problem)
+        ff.check(simulated.chosen.motion.problem)
     assert caught.value.key == "result"
     with pytest.raises(InputError) as caught:
-        ff.check(planar, "bullet")
+        ff.check(simulated, "bullet")
     assert caught.value.key == "engine"
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     with pytest.raises(InputError) as caught:
-        ff.check(planar, "mujoco")
+        ff.check(simulated, "mujoco")
     assert caught.value.key == "engine"

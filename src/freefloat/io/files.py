@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import glob
 import os
-import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from uuid import uuid4
 
 from freefloat.errors import InputError
 
@@ -28,22 +28,18 @@ def written_beside(path: Path) -> Iterator[Path]:
     path = path.resolve()
     if path.exists() and not path.is_file():
         raise InputError("output", f"{path} exists and is no plain file", accepted)
+    temporary = path.with_name(f".{path.name}.{uuid4().hex[:8]}{_SUFFIX}")
     try:
         _remove_abandoned(path)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=_SUFFIX)
-        os.close(handle)
-    except OSError as error:
-        raise InputError("output", f"{path}: {error.strerror}", accepted) from None
-    temporary = Path(name)
-    try:
+        temporary.touch(exist_ok=False)
         yield temporary
-        temporary.chmod(0o666 & ~_umask())
         os.replace(temporary, path)
     except OSError as error:
         problem = os.strerror(error.errno) if error.errno else str(error).splitlines()[0]
         raise InputError("output", f"{path}: {problem}", accepted) from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # it is gone, or was never there
+            temporary.unlink()
 
 
 def _remove_abandoned(path: Path) -> None:
@@ -51,9 +47,3 @@ def _remove_abandoned(path: Path) -> None:
     for file in path.parent.glob(f".{glob.escape(path.name)}.*{_SUFFIX}"):
         if time.time() - file.stat().st_mtime > _ABANDONED:
             file.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -48,16 +48,14 @@ class _PlainLoader(_SafeLoader):  # type: ignore[misc]
     """Safe YAML with numbers such as ``1e-3``, and with unique words as keys."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys: set[str] = set()
+        keys = set[str]()
         for key, _ in node.value:
-            problem = None
-            if not isinstance(key, yaml.ScalarNode) or key.tag != f"{_PREFIX}str":
-                problem = f"key {getattr(key, 'value', '')!r} is not a word"
-            elif key.value in keys:
+            if key.tag != f"{_PREFIX}str":
+                raise yaml.MarkedYAMLError(None, None, "a key is not a word", key.start_mark)
+            if key.value in keys:
                 problem = f"key {key.value!r} is given twice"
-            if problem is not None:
-                raise yaml.constructor.ConstructorError(None, None, problem, key.start_mark)
-            keys.add(str(key.value))
+                raise yaml.MarkedYAMLError(None, None, problem, key.start_mark)
+            keys.add(key.value)
         return dict(super().construct_mapping(node, deep))
 
 
@@ -80,38 +78,38 @@ def parse_yaml(text: str, path: Path) -> dict[str, Any]:
     Raises:
         InputError: With the line of the error.
     """
+    accepted = "keys and values in plain YAML, such as 'task: pose', without tags and aliases"
+    data: Any = None
     try:
-        _refuse_references(text, path)
+        _require_plain(text)
         data = yaml.load(text, Loader=_PlainLoader)
+        problem, mark = "it is empty" if data is None else f"it is a {type(data).__name__}", None
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        raise _error(mark, path, str(error.problem or error.context), "valid YAML") from None
+        problem, mark = str(error.problem or error.context), error.problem_mark
+        mark = mark or error.context_mark
     except yaml.YAMLError as error:
-        raise _error(None, path, str(error).splitlines()[0], "valid YAML") from None
-    if not isinstance(data, dict):
-        problem = "it is empty" if data is None else f"it is a {type(data).__name__}"
-        raise _error(None, path, problem, "keys and values, such as 'task: pose'")
-    return data
+        problem, mark = str(error).splitlines()[0], None
+    if isinstance(data, dict):
+        return data
+    raise InputError("file", problem, accepted, str(path), None if mark is None else mark.line + 1)
 
 
-def _refuse_references(text: str, path: Path) -> None:
-    """Raise an InputError for aliases, tags and deep nesting, before anything is constructed."""
+def _require_plain(text: str) -> None:
+    """Raise a YAMLError for aliases, tags and deep nesting, before anything is constructed."""
     depth = 0
+    event: Any
     for event in yaml.parse(text, Loader=_SafeLoader):
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
+        problem = None
         if depth > _MAX_DEPTH:
-            accepted = f"at most {_MAX_DEPTH} nested levels"
-            raise _error(event.start_mark, path, "it is nested too deeply", accepted)
-        if isinstance(event, yaml.AliasEvent):
-            raise _error(event.start_mark, path, f"alias *{event.anchor}", "values written out")
-        tag = getattr(event, "tag", None)
-        if tag is not None:
-            raise _error(event.start_mark, path, f"tag {tag}", "plain values")
-
-
-def _error(mark: Any, path: Path, problem: str, accepted: str) -> InputError:
-    return InputError("file", problem, accepted, str(path), None if mark is None else mark.line + 1)
+            problem = f"it is nested in more than {_MAX_DEPTH} levels"
+        elif isinstance(event, yaml.AliasEvent):
+            problem = f"it has an alias, *{event.anchor}"
+        elif getattr(event, "tag", None) is not None:
+            problem = f"it has a tag, {event.tag}"
+        if problem is not None:
+            raise yaml.MarkedYAMLError(None, None, problem, event.start_mark)
 
 
 def _line_of(text: str, keys: Sequence[str | int]) -> int:
@@ -145,7 +143,7 @@ def validated(schema: type[_File], data: Any, source: Path, text: str | None = N
 
 
 @contextmanager
-def error_context(source: Path | None, prefix: str = "", only: str | None = None) -> Iterator[None]:
+def error_context(source: Path, prefix: str = "", only: str | None = None) -> Iterator[None]:
     """Context in which errors name a file and the key in it, unless they name a file already.
 
     Args:
@@ -156,7 +154,7 @@ def error_context(source: Path | None, prefix: str = "", only: str | None = None
     try:
         yield
     except InputError as error:
-        if source is None or error.source is not None or only not in (None, error.key):
+        if error.source is not None or only not in (None, error.key):
             raise
         raise error.found_in(str(source), prefix) from None
 

@@ -88,23 +88,20 @@ def inverse_run(motion: Motion, engine: Engine) -> InverseRun:
     first, last = _known(motion)
     problem, window = motion.problem, _window(motion, first, last)
     reach = VirtualManipulator.of(problem.model).reach
-    wrenches, torques, momenta, distances, times = [], [], [], [], []
+    rows = []
     for t, half in _instants(motion, first, last, window):
-        state = _differentiated(motion, t, half)
-        wrench, torque = engine.inverse(*state)
-        momenta.append(np.linalg.norm(engine.momentum(*state)[2] - problem.momentum))
-        distances.append(_off_path(motion, engine, t))
-        wrenches.append(max(reach * np.abs(wrench[:3]).max(), np.abs(wrench[3:]).max()))
-        torques.append(np.abs(torque).max())
-        times.append(t)
-    return InverseRun(
-        wrench=float(np.max(wrenches)),
-        wrench_time=times[int(np.argmax(wrenches))],
-        torque=float(np.max(torques)),
-        momentum=float(np.max(momenta)),
-        end_effector=float(np.max(distances)),
-        looks=len(times),
-    )
+        wrench, torque = engine.inverse(*_differentiated(motion, t, half))
+        rows.append((
+            t,
+            max(reach * np.abs(wrench[:3]).max(), np.abs(wrench[3:]).max()),
+            np.abs(torque).max(),
+            np.linalg.norm(engine.angular_momentum() - problem.momentum),
+            _off_path(motion, engine, t),
+        ))  # fmt: skip
+    values = np.array(rows)
+    _, wrench, torque, momentum, distance = values.max(axis=0).tolist()
+    when = float(values[values[:, 1].argmax(), 0])
+    return InverseRun(wrench, when, torque, momentum, distance, len(rows))
 
 
 def _known(motion: Motion) -> tuple[float, float]:

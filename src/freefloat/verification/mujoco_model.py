@@ -92,19 +92,14 @@ class Engine:
         self._mujoco.mj_inverse(self.model, self.data)
         return self.data.qfrc_inverse[:6].copy(), self.data.qfrc_inverse[6:].copy()
 
-    def momentum(
-        self, value: Array, rate: Array, acceleration: Array
-    ) -> tuple[Array, Array, Array]:
-        """Centre of mass [m], linear momentum [N s], angular momentum about it [N m s]."""
-        self.place(value, rate, acceleration)
+    def angular_momentum(self) -> Array:
+        """Angular momentum about the centre of mass at the present state [N m s]."""
         self._mujoco.mj_forward(self.model, self.data)
         self._mujoco.mj_subtreeVel(self.model, self.data)
-        mass, data, root = self.model.body_subtreemass[self.root], self.data, self.root
-        linear = mass * data.subtree_linvel[root]
-        return data.subtree_com[root].copy(), linear, data.subtree_angmom[root].copy()
+        return np.asarray(self.data.subtree_angmom[self.root].copy())
 
     def end_effector(self) -> tuple[Array, Array]:
-        """Position [m] and axes (3, 3) of the end-effector as placed last, inertial frame."""
+        """Position [m] and axes (3, 3) of the end-effector at the present state, inertial frame."""
         self._mujoco.mj_kinematics(self.model, self.data)
         axes = self.data.xmat[self.tool].reshape(3, 3).copy()
         return self.data.xpos[self.tool].copy(), axes
