@@ -284,6 +284,7 @@ def test_published_largest_planar_measure(planar_3dof: FreeFloatingModel) -> Non
     assert not extremes.largest_at.flags.writeable
 
 
+@pytest.mark.slow
 def test_extremes_of_the_spatial_arm_beat_every_sample(
     spatial_6dof: FreeFloatingModel, rng: np.random.Generator
 ) -> None:
@@ -293,6 +294,7 @@ def test_extremes_of_the_spatial_arm_beat_every_sample(
     assert extremes.smallest < min(values) < max(values) < extremes.largest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["RRR", "RRRR"])
 def test_the_largest_magnitude_is_that_of_the_extremes(
     structure: str, rng: np.random.Generator

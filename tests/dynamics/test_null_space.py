@@ -241,6 +241,7 @@ def test_rates_vanish_where_the_path_stops(toward):
     assert rates[[1, 3]].min() > 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 4])
 def test_motions_do_not_depend_on_the_duration(number):
     """Without momentum the joints depend on the path parameter alone."""

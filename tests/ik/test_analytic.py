@@ -120,6 +120,7 @@ def test_nan_poses_have_no_branches(
 # ------------------------------------------------------------------------------ nothing missed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["spatial_6dof", "ur5"])
 def test_a_search_finds_what_brute_force_finds(
     robot: str, request: pytest.FixtureRequest, rng: np.random.Generator

@@ -200,6 +200,7 @@ def test_branch_numbers_keep_their_meaning_at_every_attitude(
     assert {frozenset(signs) for signs in forwards.values()} == {frozenset([1]), frozenset([-1])}
 
 
+@pytest.mark.slow
 def test_branches_move_little_while_the_attitude_changes_a_little(
     spatial_6dof: FreeFloatingModel, rng: np.random.Generator
 ) -> None:
