@@ -154,9 +154,9 @@ def _ssrms() -> Broken:
 
 def _pulsar() -> Broken:
     """Expressions in place of numbers."""
-    turned = VALID.replace('<origin xyz="0.5 0 0" rpy="0 0 0"/>\n    <axis',
+    rotated = VALID.replace('<origin xyz="0.5 0 0" rpy="0 0 0"/>\n    <axis',
                            '<origin xyz="0.16/2 0 0"\n rpy="0 0 pi/2"/>\n    <axis')  # fmt: skip
-    return Broken(turned.replace('lower="-2"', 'lower="${-pi + 0.5}"', 1), (
+    return Broken(rotated.replace('lower="-2"', 'lower="${-pi + 0.5}"', 1), (
         error("joint shoulder", '"0.16/2', ("0.16/2", "0.08"), ("pi/2", "1.5708")),
         error("joint shoulder", "${-pi", ("${-pi + 0.5}", "-2.64")),
     ))  # fmt: skip
