@@ -15,15 +15,15 @@ from freefloat.visualization.figure_style import (
     BLACK,
     PAGE,
     PALE,
-    STROKES,
     axis_label,
     legend_above,
     new_figure,
     styled,
 )
 from freefloat.visualization.motion_figures import (
-    euler_angles,
-    headings,
+    attitude_curves,
+    draw_curves,
+    joint_names,
     joint_scale,
     mark_times,
     shown_times,
@@ -66,23 +66,17 @@ def _draw(panels: Any, motion: Motion) -> None:
     problem, trajectory = motion.problem, Trajectory.of(motion, shown_times(motion))
     measure, threshold = problem.margin.measure, problem.margin.threshold
     scale, unit = joint_scale(problem.model)
-    joints = [f"$q_{{{number + 1}}}$" for number in range(problem.model.dof)]
-    if problem.task.planar:
-        attitude = "heading", headings(trajectory.attitudes)[:, None], [""]
-    else:
-        names = ["$x$", "$y$", "$z$"]
-        attitude = "x-y-z Euler angles", euler_angles(trajectory.attitudes), names
+    attitude, angles, names = attitude_curves(problem, trajectory)
     sign = np.sign(trajectory.measure[0])
     panels[0].axhspan(0.0, sign * threshold, color=PALE, linewidth=0.0, zorder=0)
     panels[0].axhline(0.0, color=BLACK, linewidth=0.6)
     curves = [
-        (f"$S$ ({measure.name})", trajectory.measure[:, None], [""], measure.unit),
-        (*attitude, "deg"),
-        ("joints", scale * trajectory.joints, joints, unit),
-    ]  # fmt: skip
+        (f"$S$ ({measure.name})", trajectory.measure[:, None], ("S",), measure.unit),
+        ("heading" if problem.task.planar else attitude, angles, names, "deg"),
+        ("joints", scale * trajectory.joints, joint_names(problem.model), unit),
+    ]
     for panel, (quantity, values, names, quantity_unit) in zip(panels, curves, strict=True):
-        for (colour, dashes), curve, name in zip(STROKES, values.T, names, strict=False):
-            panel.plot(trajectory.times, curve, color=colour, linestyle=dashes, label=name)
+        draw_curves(panel, trajectory.times, values, names)
         panel.set_ylabel(axis_label(quantity, quantity_unit))
         mark_times(panel, motion)
         if len(names) > 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.io.trajectory import Trajectory
 from freefloat.motion.extrema import ClosestApproach
 from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
@@ -34,6 +36,7 @@ _SAMPLES = 401
 _BOUNDED = 0.97
 """Initial fraction of a singular motion whose rates set the axis limits."""
 _HEADROOM = 1.5
+_AXES = ("$x$", "$y$", "$z$")
 
 
 def motion_figures(motion: Motion, closest: ClosestApproach) -> dict[str, Figure]:
@@ -75,6 +78,24 @@ def joint_scale(model: FreeFloatingModel) -> tuple[float, str]:
     return (1.0, "rad, m") if prismatic else (np.degrees(1.0), "deg")
 
 
+def joint_names(model: FreeFloatingModel) -> list[str]:
+    """Return the names of the joints in legends."""
+    return [f"$q_{{{number}}}$" for number in range(1, model.dof + 1)]
+
+
+def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Array, Sequence[str]]:
+    """Return quantity, values [deg], shape (K, 1) or (K, 3), and names of attitude angles."""
+    if problem.task.planar:
+        return "attitude", headings(trajectory.attitudes)[:, None], ("heading",)
+    return "x-y-z Euler angles", euler_angles(trajectory.attitudes), _AXES
+
+
+def draw_curves(axes: Any, times: Array, values: Array, names: Sequence[str]) -> None:
+    """Draw the columns of values (K, C) over times (K,)."""
+    for (colour, dashes), column, name in zip(STROKES, values.T, names, strict=False):
+        axes.plot(times, column, color=colour, linestyle=dashes, label=name)
+
+
 @styled
 def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     """Return the figure of joints, attitude, rates and positions (Figs. 8 and 11)."""
@@ -82,27 +103,20 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     figure = new_figure(PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
     scale, unit = joint_scale(problem.model)
-    joints = [f"$q_{{{number + 1}}}$" for number in range(problem.model.dof)]
-    axes = ["$x$", "$y$", "$z$"][: 2 if problem.task.planar else 3]
-    spins = np.degrees(trajectory.angular_velocities)
-    if problem.task.planar:
-        attitude = "attitude", headings(trajectory.attitudes)[:, None], ["heading"]
-        spin_names, spins = [r"$\omega_z$"], spins[:, 2:]
-    else:
-        attitude = "x-y-z Euler angles", euler_angles(trajectory.attitudes), axes
-        spin_names = [rf"$\omega_{axis}$" for axis in "xyz"]
+    joints, axes = joint_names(problem.model), _AXES[: 2 if problem.task.planar else 3]
+    spins = np.degrees(trajectory.angular_velocities)[:, 2 if problem.task.planar else 0 :]
+    spin_names = [rf"$\omega_{axis}$" for axis in ("z" if problem.task.planar else "xyz")]
     rate_unit = ", ".join(f"{part}/s" for part in unit.split(", "))
     curves = [
         ("joints", scale * trajectory.joints, joints, unit),
         ("joint rates", scale * trajectory.joint_rates, joints, rate_unit),
-        (*attitude, "deg"),
+        (*attitude_curves(problem, trajectory), "deg"),
         ("spacecraft rate", spins, spin_names, "deg/s"),
         ("end-effector", trajectory.end_effector_positions, axes, "m"),
         ("spacecraft", trajectory.base_positions, axes, "m"),
     ]
     for panel, (quantity, values, names, quantity_unit) in zip(panels.flat, curves, strict=True):
-        for (colour, dashes), column, name in zip(STROKES, values.T, names, strict=False):
-            panel.plot(trajectory.times, column, color=colour, linestyle=dashes, label=name)
+        draw_curves(panel, trajectory.times, values, names)
         panel.set_ylabel(axis_label(quantity, quantity_unit))
         mark_times(panel, motion, named=panel is panels[2, 1])
         legend_above(panel)
