@@ -106,7 +106,9 @@ LIMITED = tuple(name for name in bundled_scenarios() if name not in (*OF_THE_PAP
 
 
 @pytest.mark.parametrize("name", [
-    *ATTITUDES, *(pytest.param(name, marks=pytest.mark.slow) for name in MANY_MESHES)
+    *ATTITUDES,
+    pytest.param("ur5_servicer/inspect", marks=pytest.mark.slow),
+    pytest.param("panda_servicer/arc", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_a_scenario_has_a_motion_that_keeps_the_margin(name: str) -> None:
     """With some arm branch, from the attitude the spacecraft has; and the motion is right."""
