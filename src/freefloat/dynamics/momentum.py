@@ -52,12 +52,7 @@ class Task(StrEnum):
     @property
     def rows(self) -> list[int]:
         """Rows of the end-effector twist ``[linear; angular]`` that are prescribed."""
-        return {
-            Task.POSE: [0, 1, 2, 3, 4, 5],
-            Task.POSITION: [0, 1, 2],
-            Task.PLANAR_POSE: [0, 1, 5],
-            Task.PLANAR_POSITION: [0, 1],
-        }[self]
+        return _ROWS[self]
 
     @property
     def planar(self) -> bool:
@@ -68,6 +63,14 @@ class Task(StrEnum):
     def prescribes_orientation(self) -> bool:
         """Whether the orientation of the end-effector is prescribed."""
         return self in (Task.POSE, Task.PLANAR_POSE)
+
+
+_ROWS = {
+    Task.POSE: [0, 1, 2, 3, 4, 5],
+    Task.POSITION: [0, 1, 2],
+    Task.PLANAR_POSE: [0, 1, 5],
+    Task.PLANAR_POSITION: [0, 1],
+}
 
 
 def require_enough_joints(model: FreeFloatingModel, task: Task) -> None:
