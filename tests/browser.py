@@ -69,7 +69,10 @@ def opened(browser: Browser, file: Path) -> Iterator[OpenPage]:
     page.on("request", lambda request: opened.requests.append(request.url))
     try:
         page.goto(file.as_uri())
-        page.wait_for_function("window.freefloat || window.freefloatError", timeout=60_000)
+        for _ in range(1200):
+            if opened.ask("Boolean(window.freefloat || window.freefloatError)"):
+                break
+            page.wait_for_timeout(50)
         assert not opened.ask("window.freefloatError || ''")
         yield opened
     finally:

@@ -188,10 +188,10 @@ def _opened(html: str, size: tuple[int, int], key: str) -> Iterator[Page]:
             launch = playwright.chromium.launch
             with launch(executable_path=program, args=flags, timeout=_TIMEOUT) as browser:
                 window = ViewportSize(width=size[0], height=size[1])
-                page = browser.new_page(offline=True, viewport=window)
+                page = browser.new_page(offline=True, viewport=window, bypass_csp=True)
                 page.set_default_timeout(_TIMEOUT)
                 page.set_content(html)
-                page.wait_for_function("window.freefloat || window.freefloatError")
+                page.wait_for_function("window.freefloat || window.freefloatError")  # needs eval
                 problem = page.evaluate("window.freefloatError")
                 if problem is not None:
                     raise InputError(key, f"the page cannot be drawn: {problem}", "WebGL")
