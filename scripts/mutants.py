@@ -17,7 +17,7 @@ OPERATORS: dict[type, list[type]] = {
 NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "minimum": "maximum",
          "maximum": "minimum", "hstack": "vstack"}  # fmt: skip
 SYMMETRIC = {"min", "max", "minimum", "maximum", "joint_distance"}
-IGNORED = {"dtype", "order", "strict", "frozen", "eq"}
+IGNORED = {"dtype", "order", "strict", "frozen", "eq", "repr"}
 """Keywords that change types or checks, not results."""
 
 
@@ -36,7 +36,12 @@ class Mutant:
 
 
 def other_numbers(value: float) -> list[float]:
-    """Numbers to put in place of a number; tolerances and counts change by more."""
+    """Numbers to put in place of a number; tolerances and counts change by more.
+
+    An index of zero becomes one: -1 is the same in arrays of one row.
+    """
+    if isinstance(value, int) and value == 0:
+        return [1]
     if isinstance(value, int):
         return [value + 1, value - 1] if abs(value) < 20 else [value // 10]
     return [1.0] if value == 0.0 else [1e3 * value, 1e-3 * value] if value < 0.01 else [2.0 * value]

@@ -33,8 +33,9 @@ ROOT = Path(__file__).parents[1]
 RANGES = "tests/validation/test_brute_force.py::test_random_ranges_agree_with_brute_force"
 TESTS = {
     "dynamics.momentum": "tests/dynamics/test_momentum.py tests/validation/test_planar_golden.py",
-    "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py",
-    "planning.planar_ranges": f"tests/planning/test_planar_ranges.py {RANGES}[0] {RANGES}[2]",
+    "motion.integration": "tests/motion/test_integration.py tests/motion/test_motion.py "
+    "tests/motion/test_extrema.py",
+    "planning.planar_ranges": f"tests/planning/test_planar_ranges.py {RANGES}[2] {RANGES}[4]",
     "planning.tangency": "tests/planning/test_tangency.py -k 'not brute_force and not gjm'",
 }
 """Arguments of pytest: the tests of a module, without its slowest."""

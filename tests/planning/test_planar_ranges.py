@@ -11,6 +11,7 @@ import freefloat as ff
 from freefloat.dynamics.measures import largest_magnitude
 from freefloat.planning.planar_ranges import (
     TURN,
+    BranchRanges,
     HeadingRange,
     RangeLimitCause,
     _branch_of,
@@ -18,8 +19,9 @@ from freefloat.planning.planar_ranges import (
     branch_ranges,
     find_range_limits,
     heading_ranges,
+    reach_limits,
 )
-from freefloat.so3 import heading_quaternion
+from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import bundled
 
 MARGIN, REACH = RangeLimitCause.MARGIN, RangeLimitCause.REACH
@@ -106,6 +108,38 @@ def test_ranges_end_by_the_margin_or_by_the_reach(planar):
     entries = heading_ranges(planar, find_range_limits(planar, span), span, 100.0)
     causes = {cause for entry in entries for part in entry.ranges for cause in part.causes}
     assert causes == {MARGIN, REACH}
+
+
+def test_the_arm_reaches_the_path_from_one_side_of_a_reach_limit(planar):
+    """Arm branches appear or disappear there."""
+    limits = list(reach_limits(planar, 100.0))
+    assert len(limits) in (2, 4)
+    for heading in limits:
+        sides = (heading_quaternion(heading + offset) for offset in (-1e-6, 1e-6))
+        assert {bool(planar.branches(side, 100.0)) for side in sides} == {True, False}
+
+
+@pytest.mark.slow
+def test_documents_of_limits_have_their_headings_at_both_ends_and_their_place(planar):
+    """Expected: headings are those of a precise motion through the tangency point."""
+    span = (69.73, 100.0)
+    for limit in find_range_limits(planar, span):
+        document, point = limit.to_dict(span), limit.tangency
+        assert document["tau"] == pytest.approx((point.time - 69.73) / (100.0 - 69.73))
+        assert 0.0 <= document["tau"] <= 1.0
+        attitude = heading_quaternion(np.radians(document["heading_at_start_deg"]))
+        joints = limit.heading_at(span[0])[1]
+        motion = ff.integrate_motion(planar, attitude, joints, start=span[0], end=span[1])
+        assert motion.completed
+        final = np.degrees(heading_of(motion.final.attitude))
+        assert final == pytest.approx(document["heading_at_end_deg"], abs=1e-3)
+
+
+def test_ranges_across_zero_are_split_in_degrees():
+    parts = (HeadingRange(0.1, 0.3, (MARGIN,) * 2), HeadingRange(6.0, TURN + 0.05, (MARGIN,) * 2))
+    entry = BranchRanges(0, "elbow+", parts, ())
+    expected = [[0.0, 0.05], [0.1, 0.3], [6.0, TURN]]
+    np.testing.assert_allclose(np.radians(entry.degrees), expected, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
