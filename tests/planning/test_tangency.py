@@ -419,6 +419,8 @@ def test_problems_without_tangency_points_are_refused(problem, tmp_path):
     bare = changed(problem, measure="arm", value=0.0)
     with pytest.raises(ff.InputError, match=r"^margin\.value: "):
         tangency_points(bare, 0.1, 2.0)
+    with pytest.raises(ff.InputError, match=r"^touch: "):
+        ff.attitude_map(bare, 64, tangency=4)
     for level in (0.0, float("nan"), float("inf")):
         with pytest.raises(ff.InputError, match=r"^level: "):
             tangency_points(problem, 0.1, 2.0, level)
