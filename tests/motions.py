@@ -20,7 +20,7 @@ from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import PolynomialCurve
-from freefloat.paths.orientation import FixedOrientation, SlerpOrientation
+from freefloat.paths.orientation import FixedOrientation, OrientationLaw, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.robot.model import FreeFloatingModel
@@ -81,7 +81,7 @@ def gaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1)
 
 
-class PitchOrientation:
+class PitchOrientation(OrientationLaw):
     """Pitch of the end-effector about the inertial y axis by the angle 4 a s (1 - s)."""
 
     def __init__(self, start: np.ndarray, amplitude: float) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
     import numpy as np
@@ -172,12 +172,14 @@ def finite_number(key: str, value: object, accepted: str) -> float:
     return float(value)
 
 
-def whole_number(key: str, value: object, minimum: int) -> int:
-    """The value as an integer of at least ``minimum``, else an InputError; floats are rejected."""
+def whole_number(key: str, value: Any, minimum: int, maximum: float = float("inf")) -> int:
+    """The value as an integer within bounds, else an InputError; floats are rejected."""
     import numpy as np
 
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < minimum:
-        raise InputError(key, f"{value!r} was given", f"a whole number, {minimum} or more")
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not minimum <= value <= maximum:
+        upper = f"to {maximum:,}" if maximum < float("inf") else "or more"
+        raise InputError(key, f"{value!r} was given", f"a whole number, {minimum} {upper}")
     return int(value)
 
 

@@ -201,7 +201,7 @@ arms = st.one_of(
 def test_matrices_of_random_robots_agree_with_pinocchio(data: st.DataObject, robot: Robot) -> None:
     """Revolute and prismatic joints, fixed joints merged; awkward joint values."""
     held = {name: data.draw(st.floats(-2.0, 2.0)) for name in robot.others}
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
     q = data.draw(joint_values(model.dof))
     task = Task.POSE if model.dof >= 6 and data.draw(st.booleans()) else Task.POSITION
     assert_equal_parts(model, task, q)
@@ -221,7 +221,7 @@ def arm(request: pytest.FixtureRequest, rng: np.random.Generator) -> Arm:
     else:
         robot, planar = random_robot(rng, request.param, "RP"), False
         held = dict(zip(robot.others, rng.uniform(-1.0, 1.0, 2), strict=True))
-        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
     tasks = [task for task in Task if task.planar is planar and len(task.rows) <= model.dof]
     return Arm(model, tasks, rng.uniform(-2.0, 2.0, (8, model.dof)))
 

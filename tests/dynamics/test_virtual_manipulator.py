@@ -28,7 +28,7 @@ from tests.robots import (
 
 def both(robot: Robot) -> tuple[FreeFloatingModel, VirtualManipulator]:
     held = dict.fromkeys(robot.others, 0.6)
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
     return model, VirtualManipulator.of(model)
 
 

@@ -152,7 +152,8 @@ def test_random_arms(structure: str, task: Task, name: str) -> None:
         seed = int.from_bytes(f"{structure}{name}{trial}".encode(), "little")
         generator = np.random.default_rng(seed)
         robot = random_robot(generator, structure, "R")
-        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held={robot.others[0]: 0.7})
+        fixed = {robot.others[0]: 0.7}
+        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=fixed)
         attitude = Rotation.random(rng=generator).as_quat()
         joints = generator.uniform(-1.5, 1.5, model.dof)
         step, vector = generator.uniform(-0.1, 0.1, 3), generator.uniform(-0.2, 0.2, 3)

@@ -16,6 +16,7 @@ from freefloat.errors import InputError
 from freefloat.io.scenario import Scenario, load_scenario, scenario_of
 from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
+from freefloat.paths.curves import Curve
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimeLaw
 from freefloat.robot.model import FreeFloatingModel
@@ -484,12 +485,13 @@ def test_stops_laws_and_the_motion_of_a_redundant_arm_come_back(folder: Path) ->
 
 
 def test_a_curve_of_the_users_own_class_has_no_scenario(folder: Path) -> None:
-    def circle(s: float, order: int = 0) -> np.ndarray:
-        phase = s + order * np.pi / 2
-        return np.array([np.cos(phase), np.sin(phase), 0.0])
+    class Circle(Curve):
+        def __call__(self, s: float, order: int = 0) -> np.ndarray:
+            phase = s + order * np.pi / 2
+            return np.array([np.cos(phase), np.sin(phase), 0.0])
 
     wanted = problem(folder, LINE, task="position")
-    timed = replace(wanted.path, path=EndEffectorPath(circle))
+    timed = replace(wanted.path, path=EndEffectorPath(Circle()))
     with pytest.raises(InputError) as caught:
         scenario_of(replace(wanted, path=timed))
     assert caught.value.key == "path.curve"

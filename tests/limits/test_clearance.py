@@ -64,8 +64,8 @@ def test_a_contact_thinner_than_any_sampling_is_found():
         assert_close(nearest.distance, 0.00099 - 0.0005 - 0.001, atol=1e-6)
 
 
-def test_shapes_on_held_joints_count():
-    """A joint off the chain is held at zero; its shape stands where the end-effector passes."""
+def test_shapes_on_fixed_joints_count():
+    """A joint off the chain is fixed at zero; its shape stands where the end-effector passes."""
     motion = prismatic(more=mast(1.4, 0.3, kind="R"))
     pairs = CollisionPairs(motion.problem.model)
     nearest = clearance(motion, pairs)

@@ -121,7 +121,7 @@ def test_fixed_joints_in_mujoco(rng):
     for _ in range(4):
         robot = random_robot(rng, "RPRCRRP", "RP")
         held = dict(zip(robot.joints[1:3], (0.7, -1.1), strict=True)) | {robot.others[0]: 0.4}
-        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
         engine, joints = Engine(model), rng.uniform(-1.0, 1.0, model.dof)
         attitude = rng.normal(size=4)
         attitude /= np.linalg.norm(attitude)

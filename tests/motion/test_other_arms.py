@@ -124,7 +124,7 @@ class Whole:
         self.model.opt.gravity[:] = 0.0
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.data = mujoco.MjData(self.model)
-        for name, value in model.held.items():
+        for name, value in model.fixed_joints.items():
             self.data.qpos[self.model.joint(name).qposadr[0]] = value
         self.joints = [self.model.joint(name) for name in model.joint_names]
         self.root, self.tool = 1, self.model.body(model.end_effector).id
@@ -211,7 +211,7 @@ def test_a_prismatic_arm_is_planned(slide: Path, tmp_path: Path) -> None:
     assert (prismatic["lower"], prismatic["upper"]) == (0.0, 1.2)
     slide.unlink()
     again = load(tmp_path / "plan.h5").problem.model
-    assert again.held == {"hinge": 0.9}
+    assert again.fixed_joints == {"hinge": 0.9}
     assert np.isclose(again.bodies[0].mass, 46.0, rtol=1e-12)
 
 

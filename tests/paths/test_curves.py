@@ -77,10 +77,10 @@ def test_an_arc_is_right_handed_about_its_normal():
 @pytest.mark.parametrize(
     ("key", "arguments"),
     [
-        ("arc.from", ([0, 0, 0], [1, 0, 0.01], [0, 0, 1], 1.0)),
-        ("arc.normal", ([0, 0, 0], [1, 0, 0], [0, 0, 0], 1.0)),
-        ("arc.center", ([0, np.nan, 0], [1, 0, 0], [0, 0, 1], 1.0)),
-        ("arc.from", ([0, 0, 0], [1, 0], [0, 0, 1], 1.0)),
+        ("start", ([0, 0, 0], [1, 0, 0.01], [0, 0, 1], 1.0)),
+        ("normal", ([0, 0, 0], [1, 0, 0], [0, 0, 0], 1.0)),
+        ("centre", ([0, np.nan, 0], [1, 0, 0], [0, 0, 1], 1.0)),
+        ("start", ([0, 0, 0], [1, 0], [0, 0, 1], 1.0)),
     ],
     ids=["off the plane", "no normal", "not finite", "two coordinates"],
 )
@@ -129,7 +129,7 @@ def test_a_spline_through_a_cubic_is_that_cubic():
 def test_an_impossible_spline_is_refused(points):
     with pytest.raises(InputError) as caught:
         SplineCurve(points)
-    assert caught.value.key == "waypoints"
+    assert caught.value.key == "points"
 
 
 def test_coinciding_points_are_accepted_with_distinct_s():

@@ -1,4 +1,4 @@
-"""A URDF as a drifting robot: which joints move, what is merged or held, what is refused."""
+"""A URDF as a drifting robot: which joints move, what is merged or fixed, what is refused."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_of_a_link_and_a_joint_the_link_is_meant() -> None:
     np.testing.assert_array_equal(here.position, there.position)
 
 
-# ------------------------------------------------------------------------------ merged and held
+# ----------------------------------------------------------------------------- merged and fixed
 
 
 def test_fixed_joints_are_merged_into_whole_body() -> None:
@@ -152,9 +152,9 @@ def test_fixed_joints_are_merged_into_whole_body() -> None:
     np.testing.assert_allclose(cut_body.inertia, whole_body.inertia, atol=1e-14)
 
 
-def test_held_joints_are_as_if_glued() -> None:
-    """The mast held at 0.7 rad is the mast mounted at 0.7 rad."""
-    held = FreeFloatingModel.from_urdf(ELBOW, "fore", held={"hinge": 0.7})
+def test_fixed_joints_are_as_if_glued() -> None:
+    """The mast fixed at 0.7 rad is the mast mounted at 0.7 rad."""
+    held = FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints={"hinge": 0.7})
     glue = joint_text("hinge", "F", "bus", "mast", "-0.5 0 0", "0 0.7 0")
     revolute = joint_text("hinge", "R", "bus", "mast", "-0.5 0 0", axis="0 1 0")
     assert revolute in ELBOW
@@ -166,17 +166,18 @@ def test_held_joints_are_as_if_glued() -> None:
 
 
 @given(data=st.data(), robot=robots(branch=st.just("RP")))
-def test_joints_not_named_are_held_at_zero(data: st.DataObject, robot: Robot) -> None:
+def test_joints_not_named_are_fixed_at_zero(data: st.DataObject, robot: Robot) -> None:
     """Silence means zero."""
     silent = FreeFloatingModel.from_urdf(robot.text, robot.tip)
-    zero = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=dict.fromkeys(robot.others, 0.0))
+    zeros = dict.fromkeys(robot.others, 0.0)
+    zero = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=zeros)
     q = data.draw(joint_values(silent.dof))
     np.testing.assert_array_equal(momentum_map(silent, q), momentum_map(zero, q))
 
 
 def test_a_stuck_joint_of_the_arm_is_as_if_glued() -> None:
     """Held by name it moves no more, and the bodies beyond it stand as if it had never moved."""
-    stuck = FreeFloatingModel.from_urdf(ELBOW, "fore", held={"shoulder": 0.4})
+    stuck = FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints={"shoulder": 0.4})
     free = FreeFloatingModel.from_urdf(ELBOW, "fore")
     (left,) = stuck.joint_names
     assert {left, "shoulder"} == set(free.joint_names)
@@ -192,17 +193,17 @@ def test_a_stuck_joint_of_the_arm_is_as_if_glued() -> None:
 
 
 @pytest.mark.parametrize(
-    ("held", "key"),
+    ("fixed", "key"),
     [
-        ({"hing": 0.1}, "held.hing"),
-        ({"root_joint": 0.1}, "held.root_joint"),
-        ({"hinge": np.nan}, "held.hinge"),
-        ({"shoulder": 0.1, "elbow": 0.2}, "held"),
+        ({"hing": 0.1}, "fixed_joints.hing"),
+        ({"root_joint": 0.1}, "fixed_joints.root_joint"),
+        ({"hinge": np.nan}, "fixed_joints.hinge"),
+        ({"shoulder": 0.1, "elbow": 0.2}, "fixed_joints"),
     ],
 )
-def test_joints_that_cannot_be_held_are_refused(held: dict[str, float], key: str) -> None:
+def test_joints_that_cannot_be_fixed_are_refused(fixed: dict[str, float], key: str) -> None:
     with pytest.raises(ModelError) as caught:
-        FreeFloatingModel.from_urdf(ELBOW, "fore", held=held)
+        FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints=fixed)
     assert caught.value.key == key
 
 
@@ -232,7 +233,7 @@ def test_the_centre_of_mass_is_the_origin(
 
 
 def test_total_mass_counts_every_link() -> None:
-    """Moving, held and fixed ones."""
+    """Moving and fixed ones."""
     extra = a_link("box", 7.0) + joint_text("glue", "F", "fore", "box")
     model = FreeFloatingModel.from_urdf(ELBOW.replace("</robot>", extra + "</robot>"), "fore")
     assert model.total_mass == pytest.approx(100.0 + 3 * 5.0 + 7.0)
@@ -284,10 +285,12 @@ def test_joint_vectors_that_do_not_fit_are_refused(
 
 
 def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
-    """A worker process gets the same robot, held joints and scaled masses included."""
+    """A worker process gets the same robot, fixed joints and scaled masses included."""
     robot = random_robot(rng, "RCPRR", "RP")
     held = dict(zip(robot.others, (0.3, -0.2), strict=True))
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held, scale_mass={"bus": 2.0})
+    model = FreeFloatingModel.from_urdf(
+        robot.text, robot.tip, scale_mass={"bus": 2.0}, fixed_joints=held
+    )
     q = rng.uniform(-2, 2, 5)
     expected = momentum_map(model, q)
     for copied in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model), copy.copy(model)):
@@ -347,12 +350,12 @@ def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
         FreeFloatingModel.from_urdf(tmp_path / "gone.urdf")
 
 
-def test_a_held_joint_may_have_the_name_of_a_link() -> None:
+def test_a_fixed_joint_may_have_the_name_of_a_link() -> None:
     robot = '<robot name="namesakes">' + link_text("bus", inertial_text(9.0, np.eye(3)))
     for name in ("one", "two"):
         robot += joint_text(name, "R", "bus", name)
         robot += link_text(name, inertial_text(1.0, np.eye(3)))
-    model = FreeFloatingModel.from_urdf(robot + "</robot>", "one", held={"two": 0.3})
+    model = FreeFloatingModel.from_urdf(robot + "</robot>", "one", fixed_joints={"two": 0.3})
     assert model.joint_names == ("one",)
     assert model.bodies[0].mass == 10.0
 
@@ -361,7 +364,7 @@ def test_a_held_joint_may_have_the_name_of_a_link() -> None:
 
 
 def whole_robot(robot: Robot, held: dict[str, float], joints: np.ndarray) -> tuple[pin.Model, ...]:
-    """Pinocchio's own robot, no joint held still, its root link at the origin."""
+    """Pinocchio's own robot, no joint fixed, its root link at the origin."""
     model = pin.buildModelFromXML(read_urdf(robot.text).text)
     q = pin.neutral(model)
     for name, value in [*held.items(), *zip(robot.joints, joints, strict=True)]:
@@ -379,11 +382,11 @@ def whole_robot(robot: Robot, held: dict[str, float], joints: np.ndarray) -> tup
 def test_every_link_is_where_pinocchio_puts_it(
     robot: Robot, attitude: np.ndarray, seed: int
 ) -> None:
-    """Body pose times link place, whether the link moves, is fixed or on a held arm."""
+    """Body pose times link place, whether the link moves, is fixed or on a fixed arm."""
     rng = np.random.default_rng(seed)
     held = {name: float(rng.uniform(-2, 2)) for name in robot.others}
     joints = rng.uniform(-2, 2, len(robot.joints))
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
     whole, data = whole_robot(robot, held, joints)
     poses = model.body_poses(attitude, joints)
     assert len(poses) == model.dof + 1

@@ -93,7 +93,7 @@ def test_shapes_have_geometry_pose_colour_and_line() -> None:
     <collision><geometry><capsule/></geometry></collision>
     <collision><geometry><box size='1 0 1'/></geometry></collision>"""
     red = "<material name='red'><color rgba='1 0 0 1'/></material></robot>"
-    arm = parse_urdf(one_joint(more=shapes).replace("</robot>", red)).link["arm"]
+    arm = parse_urdf(one_joint(more=shapes).replace("</robot>", red)).links_by_name["arm"]
     box, cylinder = arm.visuals
     assert isinstance(box.geometry, Box)
     np.testing.assert_array_equal(box.geometry.size, [1, 2, 3])

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task, end_effector_jacobian, generalized_jacobian
 from freefloat.motion.integration import integrate_motion
+from freefloat.paths.curves import Curve
 from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
@@ -63,7 +64,7 @@ def test_out_and_back_returns_the_start(name, attitude, branch):
     agrees("test_out_and_back_returns_the_start", apart(back.final, there.initial))
 
 
-class Reversed:
+class Reversed(Curve):
     """A curve from its end to its start."""
 
     def __init__(self, curve):
@@ -127,7 +128,7 @@ def test_with_momentum_the_end_depends_on_time(spatial, timing):
     assert rotation.magnitude() > 5e-3
 
 
-class JointLoop:
+class JointLoop(Curve):
     """The end-effector curve while q = (0.3 + 0.6 cos u, 0.7 + 0.6 sin u), h = 0, u = 2 pi s.
 
     In the plane as complex numbers, from masses and lengths alone: what moves with the spacecraft,

@@ -232,7 +232,7 @@ def mujoco_generalized_jacobian(
 def test_mujoco_finds_the_same_generalized_jacobian(data: st.DataObject, robot: Robot) -> None:
     """Any structure: revolute, prismatic, fixed in mid-chain, a second arm held still."""
     held = dict(zip(robot.others, [0.7, -1.3, 0.4], strict=False))
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, held=held)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
     assert model.joint_names == robot.joints
     q = data.draw(joint_values(model.dof))
     expected = mujoco_generalized_jacobian(robot, q, held)

@@ -68,7 +68,7 @@ def test_spart_finds_the_same_generalized_jacobian(
         robot = random_robot(rng, chain, branch)
         held = dict(zip(robot.others, rng.uniform(-2.0, 2.0, len(robot.others)), strict=True))
         marked = robot.with_frame("centre", robot.tip_centre[0], "0 0 0")
-        model = FreeFloatingModel.from_urdf(marked.text, marked.tip, held=held)
+        model = FreeFloatingModel.from_urdf(marked.text, marked.tip, fixed_joints=held)
         for q in rng.uniform(-3.0, 3.0, (4, model.dof)):
             bus = Rotation.from_euler("xyz", _bus_angles(robot)).as_matrix()
             S = spart_generalized_jacobian(tmp_path / f"{number}.urdf", robot, q, held)

@@ -40,7 +40,7 @@ _MAX_REGIONS = 12
 _Samples = Annotated[
     int | None,
     typer.Option(
-        min=8, max=100_000_000, metavar="N",
+        metavar="N",
         help="Number of attitudes; default search.samples of the scenario, else 36,864 "
         "(planar tasks: 360 headings).",
     ),

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -26,7 +27,8 @@ from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen, low_discrepancy
 
-NAMES = ("gjm", "system", "arm", "sigma")
+MeasureName = Literal["gjm", "system", "arm", "sigma"]
+NAMES: tuple[str, ...] = get_args(MeasureName)
 _REFINED = 8
 """Samples from which each extremum over the joint space is refined."""
 
@@ -95,7 +97,7 @@ def singularity_measure(
         function = partial(_in_plane_determinant, model, plane_axes(model, task))
         words = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
         return SingularityMeasure(name, words, "m^4 kg", function)
-    raise InputError("margin.measure", f"{name!r} was given", ", ".join(NAMES))
+    raise InputError("measure", f"{name!r} was given", ", ".join(NAMES))
 
 
 def _unit(power: int) -> str:
@@ -236,7 +238,7 @@ def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
         InputError: If the system of the arm does not split into the two blocks.
     """
     error = InputError(
-        "margin.measure",
+        "measure",
         "this arm's system (5) has no in-plane factor",
         "gjm, system or sigma; arm requires six joints, the second and third parallel and normal "
         "to the first, the last three meeting in a point, a spacecraft symmetric about the first",

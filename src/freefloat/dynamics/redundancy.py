@@ -17,6 +17,8 @@ from freefloat.so3 import Array
 SINGULAR_SPEED = 2e4
 """Joint speed per duration at which a redundant arm counts as singular [rad, m]."""
 _LARGEST_WEIGHT = 1e6
+LARGEST_GAIN = 1e6
+"""Largest gain and bound of the null-space motion."""
 
 
 class Metric(StrEnum):
@@ -69,10 +71,10 @@ class Redundancy:
         if self.toward not in tuple(Toward):
             raise InputError("redundancy.toward", f"{self.toward!r} was given", ", ".join(Toward))
         object.__setattr__(self, "toward", Toward(self.toward))
-        if not 0.0 <= self.gain < np.inf:
-            raise InputError("redundancy.gain", f"{self.gain} was given", "0 or more, per path")
-        if not 0.0 < self.bound < np.inf:
-            raise InputError("redundancy.bound", f"{self.bound} was given", "more than 0, per path")
+        if not 0.0 <= self.gain <= LARGEST_GAIN:
+            raise InputError("redundancy.gain", f"{self.gain} was given", "0 to 1e+06, per path")
+        if not 0.0 < self.bound <= LARGEST_GAIN:
+            raise InputError("redundancy.bound", f"{self.bound} was given", "above 0, up to 1e+06")
 
     @property
     def minimum_norm(self) -> bool:

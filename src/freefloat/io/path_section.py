@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
 from freefloat.io.schema import AttitudeSection, FollowSection, OrientationSection, PathSection
+from freefloat.io.yaml import file_keys
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import (
     DirectedOrientation,
@@ -25,6 +26,8 @@ from freefloat.paths.orientation import (
 from freefloat.paths.path import EndEffectorPath, parse_samples
 from freefloat.so3 import Array, axes_rotation, rotation_matrix, unit_quaternion
 
+_CURVES = ("line", "polynomial", "arc", "waypoints", "samples")
+"""Keys of curves."""
 SAMPLES = "samples.csv"
 """Name of the CSV file in a scenario that was made from a path of samples."""
 
@@ -35,31 +38,40 @@ def path_of(section: PathSection, task: Task, samples: str | None, folder: Path)
     Raises:
         InputError: If the path is invalid, or lacks an orientation that the task needs.
     """
-    sampled: OrientationLaw | None = None
     curve: Curve
+    sampled: OrientationLaw | None = None
+    if section.samples is not None:
+        curve, sampled = parse_samples(samples or "", folder / section.samples)
+    else:
+        curve = _curve(section)
+    law: OrientationLaw = sampled or FreeOrientation()
+    if section.attitude is not None:
+        if sampled is not None:
+            raise InputError("attitude", "the samples have quaternions, too", "one of the two")
+        law = _law(section.attitude, curve)
+    elif sampled is None and task.prescribes_orientation:
+        problem = f"it is missing, task {task} needs it"
+        raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
+    with file_keys(curve=next(key for key in _CURVES if getattr(section, key) is not None)):
+        return EndEffectorPath(curve, law)
+
+
+def _curve(section: PathSection) -> Curve:
     if section.line is not None:
-        curve = PolynomialCurve.line(section.line.start, section.line.end)
-    elif section.polynomial is not None:
+        return PolynomialCurve.line(section.line.start, section.line.end)
+    if section.polynomial is not None:
         columns = (section.polynomial.x, section.polynomial.y, section.polynomial.z)
         coefficients = np.zeros((max(map(len, columns)), 3))
         for axis, column in enumerate(columns):
             coefficients[: len(column), axis] = column
-        curve = PolynomialCurve(coefficients)
-    elif section.arc is not None:
-        arc, angle = section.arc, float(np.deg2rad(section.arc.angle_deg))
-        curve = ArcCurve(np.array(arc.center), np.array(arc.start), np.array(arc.normal), angle)
-    elif section.waypoints is not None:
-        curve = SplineCurve(section.waypoints)
-    else:
-        curve, sampled = parse_samples(samples or "", folder / str(section.samples))
-    if section.attitude is not None:
-        if sampled is not None:
-            raise InputError("attitude", "the samples have quaternions, too", "one of the two")
-        return EndEffectorPath(curve, _law(section.attitude, curve))
-    if sampled is None and task.prescribes_orientation:
-        problem = f"it is missing, task {task} needs it"
-        raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
-    return EndEffectorPath(curve, sampled or FreeOrientation())
+        return PolynomialCurve(coefficients)
+    if section.arc is not None:
+        arc = section.arc
+        angle = float(np.deg2rad(arc.angle_deg))
+        with file_keys(start="arc.from", normal="arc.normal"):
+            return ArcCurve(np.array(arc.center), np.array(arc.start), np.array(arc.normal), angle)
+    with file_keys(points="waypoints"):
+        return SplineCurve(section.waypoints or ())
 
 
 def _law(section: AttitudeSection, curve: Curve) -> OrientationLaw:
@@ -69,9 +81,12 @@ def _law(section: AttitudeSection, curve: Curve) -> OrientationLaw:
         start = _rotation(section.slerp.start, "attitude.slerp.from")
         return SlerpOrientation(start, _rotation(section.slerp.end, "attitude.slerp.to"))
     if section.point_at is not None:
-        return DirectedOrientation.point_at(curve, section.point_at.axis, section.point_at.target)
+        point_at = section.point_at
+        with file_keys(curve="attitude.point_at"):
+            return DirectedOrientation.point_at(curve, point_at.axis, point_at.target)
     follow = cast(FollowSection, section.follow)  # exactly one of the four is given
-    return DirectedOrientation.follow(curve, follow.axis, follow.normal)
+    with file_keys(curve="attitude.follow", normal="attitude.follow.normal"):
+        return DirectedOrientation.follow(curve, follow.axis, follow.normal)
 
 
 def _rotation(section: OrientationSection, key: str) -> Array:

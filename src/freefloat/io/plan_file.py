@@ -60,14 +60,10 @@ def write_simulation(file: Any, simulation: Simulation, _: Document) -> None:
 
 
 def read_simulation(file: Any, scenario: Scenario, document: Document) -> Simulation:
-    """Simulation of a file; those of version 0.1.0 have the chosen motion alone."""
+    """Simulation of a file."""
     problem = scenario.problem()
     chosen = _read_branch(file["motion"], problem, document["branch"])
     others = file.get("branches", {})
-    if "chosen" not in file.attrs:
-        document["branches"] = [
-            entry for entry in document["branches"] if entry["branch"] == document["branch"]
-        ]
     branches = [_read_branch(others[name], problem, -1) for name in sorted(others, key=int)]
     branches.insert(int(file.attrs.get("chosen", 0)), chosen)
     return Simulation(tuple(branches), chosen, *_read_limits(file, scenario, document))
@@ -99,7 +95,9 @@ def write_plan(file: Any, plan: Plan, _: Document) -> None:
 
 def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
     """Plan of a file; those of version 0.1.0 lack its map and its tangent motions."""
-    problem, tolerance, samples = scenario.problem(), document.get("tolerance"), None
+    problem = scenario.problem()
+    tolerance = document.get("tolerance")
+    samples = None
     if tolerance is not None or "map" in file:
         from freefloat.io.map_file import read_samples  # compiled kernels are slow to import
         from freefloat.planning.tolerance import Tolerance
@@ -107,7 +105,8 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
         samples = read_samples(file["map"], problem) if "map" in file else None
         tolerance = tolerance and Tolerance(**tolerance)
     limits, results = _read_limits(file, scenario, document)
-    stretched, radius = document["stretched_duration"], document["robust_radius_deg"]
+    stretched = document["stretched_duration"]
+    radius = document["robust_radius_deg"]
     motion = file.get("motion")
     return Plan(
         problem=problem,
@@ -213,7 +212,8 @@ def _read_limits(
     for entry in document["limits"]:
         bounds = {key: math.inf if entry[key] is None else entry[key]
                   for key in ("worst", "allowed", "ratio")}  # fmt: skip
-        kind, notes = LimitKind(entry["limit"]), tuple(entry["notes"])
+        kind = LimitKind(entry["limit"])
+        notes = tuple(entry["notes"])
         results.append(LimitResult(**{**entry, **bounds, "limit": kind, "notes": notes}))
     checked = bool(file.attrs.get("limits_checked", True))
     return scenario.limits() if checked else None, tuple(results)

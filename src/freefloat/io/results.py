@@ -91,7 +91,8 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
         problem = f"a {type(result).__name__} was given"
         raise InputError("result", problem, "a Plan, Simulation, AttitudeMap or HeadingMap")
     kind = _KINDS[type(result).__name__]
-    described, document = _describe(result, scenario), result.to_dict()
+    described = _describe(result, scenario)
+    document = result.to_dict()
 
     def build(file: Any) -> None:
         file.attrs["format"], file.attrs["version"] = _PREFIX + kind, FORMAT_VERSION
@@ -106,7 +107,8 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
 def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     """The given scenario if it poses the problem of a result, else a description of the problem."""
     problem = result.problem
-    search, limits = getattr(result, "search", None), getattr(result, "limits", None)
+    search = getattr(result, "search", None)
+    limits = getattr(result, "limits", None)
     described = scenario_of(problem, search, limits)
     if scenario is None or scenario.model() is not problem.model:
         return described
@@ -131,7 +133,7 @@ def _write_origin(file: Any, scenario: Scenario) -> None:
         "samples": scenario.samples,
         "robot": model.description.text,
         "robot_file": os.path.abspath(model.description.source),
-        "held": json.dumps(dict(model.held)),
+        "held": json.dumps(dict(model.fixed_joints)),
     }
     for name, text in texts.items():
         if text is not None:
@@ -156,7 +158,7 @@ def load(path: str | Path) -> Result:
     with open_hdf5(path, _ACCEPTED) as file:
         kind = _kind_of(file, path)
         try:
-            return _load_record(file, _functions(kind)[1])
+            return _load_record(file, kind)
         except _INVALID as error:
             key, problem = "file", str(error).splitlines()[0] or type(error).__name__
             if isinstance(error, InputError):
@@ -176,13 +178,26 @@ def _kind_of(file: Any, path: Path) -> str:
     raise InputError("file", problem, _ACCEPTED, str(path))
 
 
-def _load_record(file: Any, read: Callable[..., Result]) -> Result:
+def _load_record(file: Any, kind: str) -> Result:
     document: Document = json.loads(read_text(file, "document"))
-    result = read(file, _read_scenario(file), document)
+    if kind == "motion":
+        document = _upgraded(file, document)
+    result = _functions(kind)[1](file, _read_scenario(file), document)
     for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
         problem = f"its document states {stated}, but it is {recomputed}"
         raise InputError(key, problem, _ACCEPTED)
     return result
+
+
+def _upgraded(file: Any, document: Document) -> Document:
+    """Document of a simulation as it is written today.
+
+    Files of version 0.1.0 list all arm branches, but hold the chosen motion alone.
+    """
+    if "chosen" in file.attrs:
+        return document
+    branches = [entry for entry in document["branches"] if entry["branch"] == document["branch"]]
+    return {**document, "branches": branches}
 
 
 def _read_scenario(file: Any) -> Scenario:
@@ -191,7 +206,6 @@ def _read_scenario(file: Any) -> Scenario:
     held = {str(name): float(value) for name, value in json.loads(read_text(file, "held")).items()}
     end_effector = str(file.attrs["end_effector"])
     model = FreeFloatingModel(description, end_effector, held)
-    _ = model.pin_model
     samples = read_text(file, "samples") if "samples" in file else ""
     source = Path(read_text(file, "scenario_file"))
     scenario = parse_scenario(read_text(file, "scenario"), source, samples, model)

@@ -19,7 +19,7 @@ from freefloat.io.field_types import (
     Size,
     Vector,
 )
-from freefloat.io.yaml import error_context
+from freefloat.io.yaml import error_context, file_keys
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
@@ -60,7 +60,7 @@ class BodySection(Section):
 
 
 class PayloadSection(BodySection):
-    """A rigid body held by the end-effector."""
+    """A rigid body fixed to the end-effector."""
 
 
 class SpacecraftSection(BodySection):
@@ -106,7 +106,7 @@ class RobotSection(Section):
     spacecraft: SpacecraftSection | None = None
     """Carries the arm, if the URDF describes a bare arm."""
     payload: PayloadSection | None = None
-    """Held by the end-effector."""
+    """Fixed to the end-effector."""
     attached: list[AttachedSection] = Field(default=[], max_length=100)
     """Further URDFs, fixed to links one after the other."""
     held: dict[Name, Number] = Field(default={})
@@ -122,13 +122,15 @@ class RobotSection(Section):
             InputError: If a part is invalid.
             ModelError: If a URDF has errors, or the parts do not fit together.
         """
-        folder, craft, payload = scenario.parent, self.spacecraft, self.payload
-        with error_context(scenario, "robot."):
+        folder = scenario.parent
+        craft = self.spacecraft
+        payload = self.payload
+        with error_context(scenario, "robot."), file_keys(fixed_joints="held"):
             return FreeFloatingModel.from_urdf(
                 find_robot(self.urdf, folder),
                 self.end_effector,
                 scale_mass=self.scale_mass,
-                held=self.held,
+                fixed_joints=self.held,
                 spacecraft=None if craft is None else Spacecraft(**craft.values(folder)),
                 payload=None if payload is None else Payload(**payload.values(folder)),
                 attached=[

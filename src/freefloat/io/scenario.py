@@ -17,7 +17,7 @@ from freefloat.errors import InputError, did_you_mean
 from freefloat.io.path_section import path_of, section_of
 from freefloat.io.robot_section import RobotFile
 from freefloat.io.schema import JointLimits, ScenarioFile
-from freefloat.io.yaml import error_context, parse_yaml, read_text, validated
+from freefloat.io.yaml import error_context, file_keys, parse_yaml, read_text, validated
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
@@ -70,14 +70,16 @@ class Scenario:
 
     @cached_property
     def _problem(self) -> Problem:
-        content, model = self.content, self.model()
+        content = self.content
+        model = self.model()
         with self.error_context("path."):
             path = path_of(content.path, content.task, self.samples, self.source.parent)
         with self.error_context():
             stops = tuple(Stop(stop.s, stop.t) for stop in content.timing.stops)
             timing = Timing(content.timing.duration, content.timing.law, stops)
             value = content.margin.value or 0.0
-            measure = singularity_measure(model, content.task, content.margin.measure)
+            with file_keys(measure="margin.measure"):
+                measure = singularity_measure(model, content.task, content.margin.measure)
             if content.margin.fraction is not None:
                 value = content.margin.fraction * largest_magnitude(model, measure)
             redundancy = content.redundancy
@@ -111,7 +113,8 @@ class Scenario:
         Raises:
             InputError: If a joint is unknown, or the URDF lacks a limit that is taken from it.
         """
-        section, bodies = self.content.limits, self.model().bodies[1:]
+        section = self.content.limits
+        bodies = self.model().bodies[1:]
         with self.error_context("limits."):
             speeds = {str(body.joint): body.rated_speed for body in bodies}
             efforts = {str(body.joint): body.rated_effort for body in bodies}
@@ -212,15 +215,18 @@ def scenario_of(
     Raises:
         InputError: If scenario files cannot describe the path of the problem.
     """
-    model, timing, margin = problem.model, problem.path.timing, problem.margin
-    search, limits = search or Search(), limits or Limits()
+    model = problem.model
+    timing = problem.path.timing
+    margin = problem.margin
+    search = search or Search()
+    limits = limits or Limits()
     path, samples = section_of(problem.path.path)
     attitude = search.from_attitude
     sections: dict[str, dict[str, Any]] = {
         "robot": {
             "urdf": model.description.source,
             "end_effector": model.end_effector,
-            "held": {name: float(value) for name, value in model.held.items()},
+            "held": {name: float(value) for name, value in model.fixed_joints.items()},
         },
         "path": path,
         "timing": {

@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from freefloat.dynamics.measures import MeasureName
 from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.redundancy import Metric, Toward
+from freefloat.dynamics.redundancy import LARGEST_GAIN, Metric, Toward
 from freefloat.io.field_types import (
     Coefficients,
     Factor,
@@ -22,7 +23,7 @@ from freefloat.io.field_types import (
 )
 from freefloat.io.robot_section import RobotSection
 from freefloat.paths.timing import TimeLaw
-from freefloat.planning.plan import Objective
+from freefloat.planning.plan import FEWEST_SAMPLES, MOST_SAMPLES, Objective
 
 
 class LineSection(Section):
@@ -160,7 +161,7 @@ class TimingSection(Section):
 class MarginSection(Section):
     """Required distance from dynamic singularities."""
 
-    measure: Literal["gjm", "system", "arm", "sigma"] = "gjm"
+    measure: MeasureName = "gjm"
     """det S*, det A, the arm's in-plane factor, or the smallest singular value of S*."""
     value: Annotated[float, Field(strict=True, ge=0.0)] | None = None
     """Smallest allowed magnitude of the measure."""
@@ -178,9 +179,9 @@ class RedundancySection(Section):
     map from joint to weight, the weighted norm, with weight 1 for joints not named."""
     toward: Toward = Toward.NONE
     """Null-space motion toward a larger manipulability, or toward the middle of joint ranges."""
-    gain: Annotated[float, Field(strict=True, ge=0.0, le=1e6)] | None = None
+    gain: Annotated[float, Field(strict=True, ge=0.0, le=LARGEST_GAIN)] | None = None
     """Gain of the null-space motion, per path; default 1."""
-    bound: Annotated[float, Field(strict=True, gt=0.0, le=1e6)] | None = None
+    bound: Annotated[float, Field(strict=True, gt=0.0, le=LARGEST_GAIN)] | None = None
     """Largest null-space displacement per path [rad, m]; default 3."""
 
     @model_validator(mode="after")
@@ -197,7 +198,7 @@ class SearchSection(Section):
     """``margin``: the largest; ``nearest``: to from_attitude; ``robust``: the deepest inside."""
     from_attitude: Quaternion | None = None
     """Present attitude of the spacecraft: x, y, z, w."""
-    samples: Annotated[int, Field(strict=True, ge=8, le=100_000_000)] | None = None
+    samples: Annotated[int, Field(strict=True, ge=FEWEST_SAMPLES, le=MOST_SAMPLES)] | None = None
     """Number of attitudes sampled where there is no closed form. Default: in the plane 360
     headings; in space 4,096 attitudes for a plan and 36,864 for a map."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0

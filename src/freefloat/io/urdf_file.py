@@ -55,7 +55,7 @@ class UrdfFile:
                     "name": (name := str(joint.get("name"))),
                     "type": joint.get("type"),
                     "moves": (moves := name in model.joint_names),
-                    "held": None if moves else float(model.held.get(name, 0.0)),
+                    "held": None if moves else float(model.fixed_joints.get(name, 0.0)),
                 }
                 for joint in robot.findall("joint")
                 if joint.get("type") != "fixed"

@@ -159,6 +159,23 @@ def error_context(source: Path, prefix: str = "", only: str | None = None) -> It
         raise error.found_in(str(source), prefix) from None
 
 
+@contextmanager
+def file_keys(**names: str) -> Iterator[None]:
+    """Context in which errors name keys of a file instead of arguments of a call.
+
+    Args:
+        names: Key in the file by name of the argument.
+    """
+    try:
+        yield
+    except InputError as error:
+        argument, dot, rest = error.key.partition(".")
+        if argument not in names:
+            raise
+        key = names[argument] + dot + rest
+        raise type(error)(key, error.problem, error.accepted, error.source, error.line) from None
+
+
 _ORDER = {"extra_forbidden": 0, "missing": 1}
 """Unknown keys are reported before missing ones, those before wrong values."""
 _CONTAINERS = {

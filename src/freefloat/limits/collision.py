@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -25,6 +26,8 @@ _CUTS = (0.2, 0.35, 0.5, 0.65, 0.8)
 """Positions of trial cuts, as fractions of a part's extent along an axis."""
 _GAIN = 0.03
 """Volume that a cut has to save, as a fraction of the whole hull's."""
+_THICKNESS = 1e-6
+"""Thickness given to flat meshes [m]."""
 
 _slice: Any = trimesh.intersections.slice_faces_plane
 _Solid = tuple[Any, Array]
@@ -64,7 +67,10 @@ def collision_shapes(model: FreeFloatingModel) -> tuple[CollisionShape, ...]:
                 solids = _solids(shape, source)
             except MeshFileError as error:
                 accepted = "a box, cylinder or sphere of positive size, or a readable mesh file"
-                key, problem = f"link {link.name}: <{shape.kind}>", f"no collision shape: {error}"
+                key = f"link {link.name}: <{shape.kind}>"
+                mesh = shape.geometry
+                name = f" from {mesh.filename}" if isinstance(mesh, MeshFile) else ""
+                problem = f"no collision shape{name}: {error}"
                 raise ModelError(key, problem, accepted, source) from None
             at = pose @ shape.origin
             for geometry, points in solids:
@@ -121,8 +127,15 @@ def convex_parts(triangles: Array) -> tuple[ConvexPart, ...]:
 
     Args:
         triangles: Vertices of the triangles [m], shape (F, 3, 3).
+
+    Raises:
+        MeshFileError: If all triangles lie on a line.
     """
-    whole = _Segment(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    try:
+        whole = _Segment(triangles.reshape(-1, 3), faces)
+    except QhullError:
+        raise MeshFileError("its triangles lie on a line") from None
     segments = [whole]
     while len(segments) < _MOST:
         best = max(segments, key=lambda segment: segment.gain)
@@ -137,12 +150,9 @@ class _Segment:
     """Triangles of a mesh and their convex hull."""
 
     def __init__(self, vertices: Array, faces: IntArray) -> None:
-        self.vertices, self.faces = vertices, faces
-        points = np.unique(vertices, axis=0)
-        try:
-            self.hull = ConvexHull(points)
-        except QhullError:  # all points in one plane
-            self.hull = ConvexHull(points, qhull_options="QJ")
+        self.vertices = vertices
+        self.faces = faces
+        self.hull = _hull(np.unique(vertices, axis=0))
 
     @cached_property
     def halves(self) -> list[_Segment]:
@@ -155,9 +165,10 @@ class _Segment:
                 sides = [_slice(self.vertices, self.faces, normal, origin)[:2]
                          for normal in (axis, -axis)]  # fmt: skip
                 if min(len(faces) for _, faces in sides) > 0:
-                    trial = [_Segment(*side) for side in sides]
-                    if not best or _volume(trial) < _volume(best):
-                        best = trial
+                    with suppress(QhullError):  # a side without extent
+                        trial = [_Segment(*side) for side in sides]
+                        if not best or _volume(trial) < _volume(best):
+                            best = trial
         return best
 
     @cached_property
@@ -174,6 +185,17 @@ class _Segment:
         outward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) > 0.0
         faces = np.where(outward[:, None], hull.simplices, hull.simplices[:, ::-1])
         return ConvexPart(hull.points[hull.vertices], number[faces])
+
+
+def _hull(points: Array) -> Any:
+    """The convex hull of points; that of a thin plate where they lie in a plane."""
+    try:
+        return ConvexHull(points)
+    except QhullError:
+        centred = points - points.mean(axis=0)
+        normal = np.linalg.eigh(centred.T @ centred).eigenvectors[:, 0]
+        offset = _THICKNESS / 2.0 * normal
+        return ConvexHull(np.vstack([points - offset, points + offset]))
 
 
 def _volume(segments: list[_Segment]) -> float:

@@ -1,10 +1,12 @@
 """End-effector paths and their timing."""
 
 from freefloat.paths.curves import ArcCurve as ArcCurve
+from freefloat.paths.curves import Curve as Curve
 from freefloat.paths.curves import PolynomialCurve as PolynomialCurve
 from freefloat.paths.curves import SplineCurve as SplineCurve
 from freefloat.paths.orientation import DirectedOrientation as DirectedOrientation
 from freefloat.paths.orientation import FixedOrientation as FixedOrientation
+from freefloat.paths.orientation import OrientationLaw as OrientationLaw
 from freefloat.paths.orientation import SlerpOrientation as SlerpOrientation
 from freefloat.paths.path import EndEffectorPath as EndEffectorPath
 from freefloat.paths.timing import Stop as Stop

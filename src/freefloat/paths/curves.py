@@ -9,10 +9,11 @@ across lose it.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, Self, TypeVar, runtime_checkable
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -21,27 +22,14 @@ from scipy.interpolate import CubicSpline, PPoly
 from freefloat.errors import InputError, finite_number, finite_vector
 from freefloat.so3 import Array, frozen, unit_vector
 
-_Function = TypeVar("_Function")
 _NEGLIGIBLE = 1e-8
 """Displacement by jumps of derivatives, as a fraction of a spline's size, that is ignored."""
 _ROUNDING = 1e-12
 """Overlap in s below which a segment is ignored."""
 
 
-@runtime_checkable
-class Curve(Protocol):
-    """A position [m] as a function of s."""
-
-    def __call__(self, s: float, order: int = 0) -> Array:
-        """Position, or its derivative of order 1 or 2 by s, shape (3,), inertial frame."""
-
-
-@runtime_checkable
-class Segmented(Protocol):
-    """A curve or orientation law of segments; by default of a single one.
-
-    Functions of s without ``breaks`` and ``within`` are taken for a single segment, too.
-    """
+class Segmented:
+    """A function of s that may be made of segments; by default of a single one."""
 
     @cached_property
     def breaks(self) -> Array:
@@ -53,18 +41,16 @@ class Segmented(Protocol):
         return self
 
 
-def breaks_of(function: object) -> Array:
-    """The breaks of a curve or orientation law, none where it has no segments."""
-    return function.breaks if isinstance(function, Segmented) else frozen([])
+class Curve(Segmented, ABC):
+    """A position [m] as a function of s."""
 
-
-def part_of(function: _Function, low: float, high: float) -> _Function:
-    """A curve or orientation law from low to high, see :meth:`Segmented.within`."""
-    return function.within(low, high) if isinstance(function, Segmented) else function
+    @abstractmethod
+    def __call__(self, s: float, order: int = 0) -> Array:
+        """Position, or its derivative of order 1 or 2 by s, shape (3,), inertial frame."""
 
 
 @dataclass(frozen=True, eq=False)
-class PolynomialCurve(Segmented):
+class PolynomialCurve(Curve):
     """A polynomial in s; straight lines are its simplest case.
 
     Attributes:
@@ -87,7 +73,8 @@ class PolynomialCurve(Segmented):
     @classmethod
     def line(cls, start: npt.ArrayLike, end: npt.ArrayLike) -> PolynomialCurve:
         """The straight line between two points [m]."""
-        a, b = finite_vector("line.from", start, 3), finite_vector("line.to", end, 3)
+        a = finite_vector("start", start, 3)
+        b = finite_vector("end", end, 3)
         return cls(np.array([a, b - a]))
 
     def __call__(self, s: float, order: int = 0) -> Array:
@@ -99,7 +86,7 @@ class PolynomialCurve(Segmented):
 
 
 @dataclass(frozen=True, eq=False)
-class ArcCurve(Segmented):
+class ArcCurve(Curve):
     """A circular arc, its angle proportional to s.
 
     Attributes:
@@ -115,16 +102,16 @@ class ArcCurve(Segmented):
     angle: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", frozen(finite_vector("arc.center", self.centre, 3)))
-        object.__setattr__(self, "start", frozen(finite_vector("arc.from", self.start, 3)))
-        object.__setattr__(self, "normal", frozen(unit_vector("arc.normal", self.normal)))
-        angle = finite_number("arc.angle", self.angle, "a finite angle in rad")
+        object.__setattr__(self, "centre", frozen(finite_vector("centre", self.centre, 3)))
+        object.__setattr__(self, "start", frozen(finite_vector("start", self.start, 3)))
+        object.__setattr__(self, "normal", frozen(unit_vector("normal", self.normal)))
+        angle = finite_number("angle", self.angle, "a finite angle in rad")
         object.__setattr__(self, "angle", angle)
         radius = self.start - self.centre
         height = float(radius @ self.normal)
         if abs(height) > 1e-6 * max(1.0, float(np.linalg.norm(radius))):
-            accepted = "a point in the plane through center, across normal"
-            raise InputError("arc.from", f"it lies {height:.3g} m off the plane", accepted)
+            accepted = "a point in the plane through the centre, across the normal"
+            raise InputError("start", f"it lies {height:.3g} m off the plane", accepted)
 
     def __call__(self, s: float, order: int = 0) -> Array:
         """See :class:`Curve`."""
@@ -134,7 +121,7 @@ class ArcCurve(Segmented):
         return np.asarray(self.angle**order * rotated + (self.centre if order == 0 else 0.0))
 
 
-class SplineCurve(Segmented):
+class SplineCurve(Curve):
     """A twice continuously differentiable cubic spline through points.
 
     Attributes:
@@ -156,15 +143,15 @@ class SplineCurve(Segmented):
         self.points = frozen(points)
         if self.points.ndim != 2 or self.points.shape[1] != 3 or len(self.points) < 2:
             shape = self.points.shape
-            raise InputError("waypoints", f"shape {shape}", "two or more points x, y, z")
+            raise InputError("points", f"shape {shape}", "two or more points x, y, z")
         if not np.isfinite(self.points).all():
-            raise InputError("waypoints", "a coordinate is not finite", "finite numbers")
+            raise InputError("points", "a coordinate is not finite", "finite numbers")
         if s is None:
             chords = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
             if (chords == 0.0).any():
                 k = int(np.argmin(chords)) + 1
                 problem = f"points {k} and {k + 1} coincide"
-                raise InputError("waypoints", problem, "distinct neighbours")
+                raise InputError("points", problem, "distinct neighbours")
             s = np.append(0.0, np.cumsum(chords)) / chords.sum()
         self.knots = frozen(s)
         self._spline = CubicSpline(self.knots, self.points)

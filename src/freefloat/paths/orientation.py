@@ -6,12 +6,13 @@ A law gives a rotation and the angular velocity per unit of s, which is its exac
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol, Self, runtime_checkable
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +23,6 @@ from freefloat.errors import InputError, finite_vector
 from freefloat.paths.curves import (
     Curve,
     Segmented,
-    breaks_of,
-    part_of,
     segments_within,
     significant_breaks,
 )
@@ -49,19 +48,20 @@ _SMALL = 1e-3
 """Angle [rad] below which the coefficients of the left Jacobian are replaced by their limits."""
 
 
-@runtime_checkable
-class OrientationLaw(Protocol):
+class OrientationLaw(Segmented, ABC):
     """An end-effector orientation as a function of s."""
 
+    @abstractmethod
     def rotation(self, s: float) -> Array:
         """End-effector axes in the inertial frame, shape (3, 3)."""
 
+    @abstractmethod
     def rate(self, s: float) -> Array:
         """Angular velocity per unit of s [rad], inertial frame, shape (3,)."""
 
 
 @dataclass(frozen=True, eq=False)
-class FixedOrientation(Segmented):
+class FixedOrientation(OrientationLaw):
     """A constant orientation.
 
     Attributes:
@@ -72,7 +72,7 @@ class FixedOrientation(Segmented):
     axes: Array = field(repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "axes", attitude_axes("attitude", self.axes))
+        object.__setattr__(self, "axes", attitude_axes("axes", self.axes))
 
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
@@ -83,19 +83,20 @@ class FixedOrientation(Segmented):
         return np.zeros(3)
 
 
+class FreeOrientation(OrientationLaw):
+    """An orientation that is not prescribed, for position tasks; drawn as the inertial axes."""
+
+    def rotation(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return np.eye(3)
+
+    def rate(self, s: float) -> Array:
+        """See :class:`OrientationLaw`."""
+        return np.zeros(3)
+
+
 @dataclass(frozen=True, eq=False)
-class FreeOrientation(FixedOrientation):
-    """An orientation that is not prescribed, for position tasks.
-
-    Attributes:
-        axes: Inertial axes, used where an orientation is printed or drawn.
-    """
-
-    axes: Array = field(default_factory=lambda: np.eye(3), repr=False)
-
-
-@dataclass(frozen=True, eq=False)
-class SlerpOrientation(Segmented):
+class SlerpOrientation(OrientationLaw):
     """The shortest rotation between two orientations, at a constant rate.
 
     Attributes:
@@ -107,8 +108,8 @@ class SlerpOrientation(Segmented):
     end: Array = field(repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", attitude_axes("attitude", self.start))
-        object.__setattr__(self, "end", attitude_axes("attitude", self.end))
+        object.__setattr__(self, "start", attitude_axes("start", self.start))
+        object.__setattr__(self, "end", attitude_axes("end", self.end))
 
     @cached_property
     def _rotation_vector(self) -> Array:
@@ -124,7 +125,7 @@ class SlerpOrientation(Segmented):
 
 
 @dataclass(frozen=True, eq=False)
-class DirectedOrientation(Segmented):
+class DirectedOrientation(OrientationLaw):
     """One end-effector axis along a moving direction, a second as near as possible to a fixed one.
 
     Attributes:
@@ -155,10 +156,10 @@ class DirectedOrientation(Segmented):
             InputError: If the direction of travel is undefined or along the normal somewhere.
         """
         if axis not in ("x", "-x", "y", "-y"):
-            raise InputError("attitude.follow.axis", f"{axis!r} was given", "x, -x, y or -y")
-        law = cls(axis, "z", frozen(unit_vector("attitude.follow.normal", normal)), curve)
+            raise InputError("axis", f"{axis!r} was given", "x, -x, y or -y")
+        law = cls(axis, "z", frozen(unit_vector("normal", normal)), curve)
         law._require_defined(
-            "attitude.follow", "the path has no direction of travel", "normal lies along the path",
+            "the path has no direction of travel", "normal lies along the path",
             "a path with a nonzero derivative and a normal that is not parallel to it",
         )  # fmt: skip
         return law
@@ -181,15 +182,15 @@ class DirectedOrientation(Segmented):
         """
         if axis not in ("x", "-x", "y", "-y", "z", "-z"):
             accepted = "x, y, z, -x, -y or -z"
-            raise InputError("attitude.point_at.axis", f"{axis!r} was given", accepted)
-        point = finite_vector("attitude.point_at.target", target, 3)
+            raise InputError("axis", f"{axis!r} was given", accepted)
+        point = finite_vector("target", target, 3)
         sights = np.array([point - curve(float(s)) for s in _SAMPLES])
         sights /= np.maximum(np.linalg.norm(sights, axis=1, keepdims=True), 1e-12)
         reference = np.eye(3)[np.argmin(np.abs(sights).max(axis=0))]
         second = "yzx"["xyz".index(axis[-1])]
         law = cls(axis, second, frozen(reference), curve, frozen(point))
         law._require_defined(
-            "attitude.point_at", "the path passes through the target",
+            "the path passes through the target",
             "no inertial axis is far from all lines of sight",
             "a target off the path, in directions within less than half a sphere",
         )  # fmt: skip
@@ -204,7 +205,9 @@ class DirectedOrientation(Segmented):
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
         direction = self._direction(s)[0] * (-1.0 if self.axis.startswith("-") else 1.0)
-        return axes_rotation("attitude", (self.axis[-1], direction), (self.second, self.reference))
+        return axes_rotation(
+            "orientation", (self.axis[-1], direction), (self.second, self.reference)
+        )
 
     def rate(self, s: float) -> Array:
         """See :class:`OrientationLaw`.
@@ -222,13 +225,13 @@ class DirectedOrientation(Segmented):
     @cached_property
     def breaks(self) -> Array:
         """Values of s at which high derivatives of the curve jump."""
-        return breaks_of(self.curve)
+        return self.curve.breaks
 
     def within(self, low: float, high: float) -> Self:
         """See :class:`~freefloat.paths.curves.Segmented`."""
-        return replace(self, curve=part_of(self.curve, low, high))
+        return replace(self, curve=self.curve.within(low, high))
 
-    def _require_defined(self, key: str, undefined: str, parallel: str, accepted: str) -> None:
+    def _require_defined(self, undefined: str, parallel: str, accepted: str) -> None:
         """Raise an InputError where the direction vanishes or lies along the reference."""
 
         def length(s: float) -> float:
@@ -242,7 +245,7 @@ class DirectedOrientation(Segmented):
         for function, threshold, problem in ((length, gap, undefined), (sine, _GAP, parallel)):
             value, s = _smallest(function)
             if value <= threshold:
-                raise InputError(key, f"{problem} at s = {s:.4g}", accepted)
+                raise InputError("curve", f"{problem} at s = {s:.4g}", accepted)
 
 
 def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
@@ -257,7 +260,7 @@ def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
     return min(best)
 
 
-class OrientationSpline(Segmented):
+class OrientationSpline(OrientationLaw):
     """A rotation spline with continuous angular acceleration, as SciPy's ``RotationSpline``.
 
     On each segment it is the first rotation times the exponential of a cubic rotation vector. Here

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from freefloat.errors import InputError, require_type
-from freefloat.paths.curves import Curve, SplineCurve, breaks_of, part_of
+from freefloat.paths.curves import Curve, SplineCurve
 from freefloat.paths.orientation import FreeOrientation, OrientationLaw, OrientationSpline
 from freefloat.robot.names import read_text
 from freefloat.so3 import Array, Pose, frozen, unit_quaternion
@@ -48,16 +48,18 @@ class EndEffectorPath:
     orientation: OrientationLaw = field(default_factory=FreeOrientation)
 
     def __post_init__(self) -> None:
-        accepted = "a curve, such as PolynomialCurve.line(start, end), ArcCurve or SplineCurve"
-        require_type("path.curve", self.curve, Curve, accepted)
-        accepted = "a law, such as FixedOrientation(axes) or SlerpOrientation(start, end)"
-        require_type("path.attitude", self.orientation, OrientationLaw, accepted)
+        accepted = "a Curve, such as PolynomialCurve.line(start, end), ArcCurve or SplineCurve"
+        require_type("curve", self.curve, Curve, accepted)
+        accepted = (
+            "an OrientationLaw, such as FixedOrientation(axes) or SlerpOrientation(start, end)"
+        )
+        require_type("orientation", self.orientation, OrientationLaw, accepted)
         positions = np.array([self.curve(float(s)) for s in _SAMPLES])
         rates = [np.linalg.norm(self.orientation.rate(float(s))) for s in _SAMPLES[::10]]
         if not np.isfinite(positions).all():
-            raise InputError("path", "a coordinate is not finite", "finite coordinates")
+            raise InputError("curve", "a coordinate is not finite", "finite coordinates")
         if np.ptp(positions, axis=0).max() == 0.0 and max(rates) == 0.0:
-            raise InputError("path", "its length is zero", "a path that moves or rotates")
+            raise InputError("curve", "its length is zero", "a path that moves or rotates")
 
     def pose(self, s: float) -> Pose:
         """Pose in the inertial frame, whose origin is the system's centre of mass."""
@@ -70,13 +72,13 @@ class EndEffectorPath:
     @cached_property
     def breaks(self) -> Array:
         """Values of s, rising, inside (0, 1), at which high derivatives jump."""
-        both = np.concatenate([breaks_of(self.curve), breaks_of(self.orientation)])
+        both = np.concatenate([self.curve.breaks, self.orientation.breaks])
         return frozen(np.unique(both))
 
     def tangent_within(self, low: float, high: float) -> Callable[[float], Array]:
         """The tangent between two values of s; beyond them it continues as smoothly as there."""
-        curve = part_of(self.curve, low, high)
-        orientation = part_of(self.orientation, low, high)
+        curve = self.curve.within(low, high)
+        orientation = self.orientation.within(low, high)
         return lambda s: np.concatenate([curve(s, 1), orientation.rate(s)])
 
     def second_derivative(self, s: float) -> Array:

@@ -19,7 +19,7 @@ from freefloat.errors import InputError, whole_number
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
 from freefloat.planning.heading_map import HeadingMap, sample_headings
-from freefloat.planning.plan import HEADINGS
+from freefloat.planning.plan import FEWEST_SAMPLES, HEADINGS, MOST_SAMPLES
 from freefloat.planning.regions import find_regions
 from freefloat.planning.robustness import deepest
 from freefloat.planning.search import EXACT, bisect, edge, largest_margins, nearest_feasible
@@ -38,8 +38,8 @@ from freefloat.so3 import (
     rotation_vector_to,
 )
 
-_ATTITUDES, _FEWEST = 36_864, 8
-"""Samples of a map: default and fewest."""
+_ATTITUDES = 36_864
+"""Default number of samples of a map in space."""
 _SAMPLING = 0.8
 """Fraction of the computing time, for the progress reported."""
 _BLOCK = 2048
@@ -97,13 +97,17 @@ def attitude_map(
         for key in (key for key, requested in spatial.items() if requested):
             accepted = "a spatial task; freefloat plan has ranges"
             raise InputError(key, f"task {problem.task} is planar", accepted)
-        headings = sample_headings(problem, samples or HEADINGS, progress, threads)
+        count = HEADINGS
+        if samples is not None:
+            count = whole_number("samples", samples, FEWEST_SAMPLES, MOST_SAMPLES)
+        headings = sample_headings(problem, count, progress, threads)
         return replace(headings, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude("nearest", nearest)
     if tangency:
         require_tangency_points(problem)
     result = _searched_map(
-        FeasibilityEvaluator(problem, threads), samples or _ATTITUDES, seed, target, boundary,
+        FeasibilityEvaluator(problem, threads), _ATTITUDES if samples is None else samples, seed,
+        target, boundary,
         tangency, progress,
     )  # fmt: skip
     return replace(result, seconds=time.perf_counter() - start)
@@ -152,7 +156,8 @@ def sample_attitudes(
     Raises:
         InputError: If the samples or the seed are no such numbers.
     """
-    samples, seed = whole_number("samples", samples, _FEWEST), whole_number("seed", seed, 0)
+    samples = whole_number("samples", samples, FEWEST_SAMPLES, MOST_SAMPLES)
+    seed = whole_number("seed", seed, 0)
     attitudes = attitude_grid(samples, seed)
     blocks = []
     for first in range(0, samples, _BLOCK):

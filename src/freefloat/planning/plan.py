@@ -23,7 +23,8 @@ if TYPE_CHECKING:  # compiled kernels take half a second to import
 
 HEADINGS, PLAN_ATTITUDES = 360, 4096
 """Default numbers of samples: planar and spatial tasks."""
-_FEWEST = 8
+FEWEST_SAMPLES, MOST_SAMPLES = 8, 100_000_000
+"""Accepted numbers of samples."""
 _MOTION_KEYS = (
     "singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy",
     "certificate", "heading_deg",
@@ -65,7 +66,7 @@ class Search:
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", member("search.objective", Objective, self.objective))
         if self.samples is not None:
-            samples = whole_number("search.samples", self.samples, _FEWEST)
+            samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES, MOST_SAMPLES)
             object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "seed", whole_number("search.seed", self.seed, 0))
         if self.objective is Objective.NEAREST and self.from_attitude is None:

@@ -94,11 +94,11 @@ def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> 
         factors = dict(scale_mass)
     else:
         require_type("scale_mass", scale_mass, Real, "a positive number, or a map of them by link")
-        factors = dict.fromkeys(robot.link, float(scale_mass))
+        factors = dict.fromkeys(robot.links_by_name, float(scale_mass))
     root = etree.fromstring(robot.text)
     for name, factor in factors.items():
-        if name not in robot.link:
-            accepted = ", ".join(robot.link)
+        if name not in robot.links_by_name:
+            accepted = ", ".join(robot.links_by_name)
             raise ModelError(f"scale_mass.{name}", "the robot has no such link", accepted)
         require_type(f"scale_mass.{name}", factor, Real, "a positive number")
         if not (math.isfinite(factor) and factor > 0.0):
@@ -123,7 +123,7 @@ def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
         moved = [group for first, group in robot.rigid_groups.items() if first not in robot.roots]
         ends = [group.links for group in moved if set(group.links) & set(robot.leaves)]
         names = ", ".join(link for links in ends for link in links) or ", ".join(robot.leaves)
-        accepted = f"--end-effector, or end_effector of a scenario, with a link such as {names}"
+        accepted = f"a link such as {names}"
         problem = "none was given and the robot has several last links"
         raise ModelError("end_effector", problem, accepted, robot.source)
     return robot.leaves[0]
@@ -194,10 +194,10 @@ def _mount_root(robot: Element, root: str, carrier: str, mount: Mount, name: str
 def _link(robot: RobotDescription, key: str, name: str) -> str:
     """The link of a name, or the one that the joint of that name moves."""
     moved = {joint.name: joint.child for joint in robot.joints}
-    if name not in robot.link and name not in moved:
-        problem = f"the robot has no frame {name!r}{did_you_mean(name, robot.link)}"
-        raise ModelError(key, problem, ", ".join(robot.link))
-    return name if name in robot.link else moved[name]
+    if name not in robot.links_by_name and name not in moved:
+        problem = f"the robot has no frame {name!r}{did_you_mean(name, robot.links_by_name)}"
+        raise ModelError(key, problem, ", ".join(robot.links_by_name))
+    return name if name in robot.links_by_name else moved[name]
 
 
 def _add_body(robot: Element, name: str, body: Spacecraft | Payload, centre: Array) -> str:

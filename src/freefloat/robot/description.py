@@ -232,9 +232,12 @@ class RobotDescription:
         return tuple(entry for entry in self.diagnostics if entry.severity is Severity.WARNING)
 
     @cached_property
-    def link(self) -> Mapping[str, Link]:
+    def links_by_name(self) -> Mapping[str, Link]:
         """Links by name; the first of a name counts."""
-        return dict(reversed({link.name: link for link in reversed(self.links)}.items()))
+        links: dict[str, Link] = {}
+        for link in self.links:
+            links.setdefault(link.name, link)
+        return links
 
     @cached_property
     def children(self) -> Mapping[str, tuple[Joint, ...]]:
@@ -245,7 +248,7 @@ class RobotDescription:
         return children
 
     @cached_property
-    def parent_joint(self) -> Mapping[str, Joint]:
+    def parent_joints(self) -> Mapping[str, Joint]:
         """The joint that carries a link, by the link's name."""
         return {joint.child: joint for joint in reversed(self.joints)}
 
@@ -253,7 +256,7 @@ class RobotDescription:
     def roots(self) -> tuple[str, ...]:
         """Links that no joint carries; a valid robot has one."""
         names = dict.fromkeys(link.name for link in self.links)
-        return tuple(name for name in names if name not in self.parent_joint)
+        return tuple(name for name in names if name not in self.parent_joints)
 
     @cached_property
     def leaves(self) -> tuple[str, ...]:
@@ -264,18 +267,19 @@ class RobotDescription:
     def rigid_groups(self) -> Mapping[str, RigidGroup]:
         """Links that fixed joints connect, by their first link, those of the roots first."""
         moved = [joint.child for joint in self.joints if joint.moving]
-        return {
-            name: self._rigid_group(name) for name in (*self.roots, *moved) if name in self.link
-        }
+        first = [name for name in (*self.roots, *moved) if name in self.links_by_name]
+        return {name: self._rigid_group(name) for name in first}
 
     def _rigid_group(self, first: str) -> RigidGroup:
-        links, joints, queue = {first: IDENTITY}, {}, [first]
+        links = {first: IDENTITY}
+        joints = {}
+        queue = [first]
         for link in queue:
             for joint in self.children.get(link, ()):
                 pose = links[link] @ joint.origin
                 if joint.moving:
                     joints[joint.child] = pose.position
-                elif joint.child in self.link and joint.child not in links:
+                elif joint.child in self.links_by_name and joint.child not in links:
                     links[joint.child] = pose
                     queue.append(joint.child)
         return RigidGroup(links, joints)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import io
+import json
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import trimesh
+from lxml import etree
 
 from freefloat.robot.description import Colour
 from freefloat.robot.names import MeshFileError
@@ -17,6 +20,9 @@ from freefloat.so3 import Array, IntArray, frozen
 
 _FORMATS = (".dae", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb")
 _MAX_BYTES = 200_000_000
+_MAX_TRIANGLES = 5_000_000
+_MAX_NODES = 10_000
+"""Limits of a mesh file, of what it instances several times too."""
 _FARTHEST = 1e9
 """Largest accepted coordinate, in the file's unit."""
 _SMOOTH = np.radians(30.0)
@@ -64,13 +70,14 @@ def read_mesh(path: Path, scale: npt.ArrayLike = 1.0) -> tuple[Part, ...]:
         scale: One factor, or one for each axis; a negative one mirrors.
 
     Raises:
-        MeshFileError: If the file cannot be read or has no triangles.
+        MeshFileError: If the file cannot be read, is too large or has no triangles.
     """
     try:
         scene = trimesh.load_scene(
             io.BytesIO(_content(path)), file_type=path.suffix.lower().removeprefix("."),
             process=False, resolver=_Resolver(str(path)),
         )  # fmt: skip
+        _require_few_triangles(scene)
         unit = scene.units or "meters"  # of formats without units
         metres = trimesh.units.unit_conversion(unit, "meters")
         factor = metres * np.broadcast_to(np.asarray(scale, dtype=float), 3)
@@ -103,7 +110,7 @@ class _Resolver(trimesh.resolvers.FilePathResolver):
 
 
 def _content(path: Path) -> bytes:
-    """The bytes of a file of a known format; XML with entities, which can expand, is refused."""
+    """The bytes of a file of a known format that does not expand to very much more."""
     if path.suffix.lower() not in _FORMATS:
         raise ValueError(f"accepted formats are {', '.join(_FORMATS)}")
     if path.stat().st_size > _MAX_BYTES:
@@ -113,7 +120,61 @@ def _content(path: Path) -> bytes:
         plain = content.replace(b"\0", b"")  # encodings with wide letters
         if b"<!DOCTYPE" in plain or b"<!ENTITY" in plain:
             raise ValueError("it declares a DTD or entities")
+        _require_few_instances(content)
+    elif path.suffix.lower() == ".gltf":
+        _require_few_vertices(json.loads(content))
+    elif path.suffix.lower() == ".glb":
+        end = 20 + int.from_bytes(content[12:16], "little")
+        _require_few_vertices(json.loads(content[20:end]))
     return content
+
+
+def _require_few_instances(content: bytes) -> None:
+    """Raise a ValueError for COLLADA that is too large with every instance written out."""
+    root = etree.fromstring(content, etree.XMLParser(huge_tree=True, resolve_entities=False))
+    named = {f"#{item.get('id')}": item for item in root.iter("{*}node", "{*}geometry")}
+
+    @cache
+    def size(item: Any) -> tuple[int, int]:
+        """Number of nodes, and bytes of the indices of triangles, in a node or a geometry."""
+        if etree.QName(item).localname == "geometry":
+            return 1, sum(len(indices.text or "") for indices in item.iter("{*}p"))
+        parts = [*item.iterchildren("{*}node")]
+        for instance in item.iterchildren("{*}instance_node", "{*}instance_geometry"):
+            if instance.get("url") in named:
+                parts.append(named[instance.get("url")])
+        sizes = [size(part) for part in parts]
+        return 1 + sum(nodes for nodes, _ in sizes), sum(indices for _, indices in sizes)
+
+    for item in (*named.values(), *root.iter("{*}visual_scene")):
+        nodes, indices = size(item)
+        _require_at_most(_MAX_NODES, nodes, "nodes")
+        _require_at_most(_MAX_BYTES, indices, "bytes of triangles")
+
+
+def _require_few_vertices(header: Any) -> None:
+    """Raise a ValueError for a glTF file whose primitives share arrays that are too large."""
+    accessors = header.get("accessors", [])
+    primitives = [entry for mesh in header.get("meshes", []) for entry in mesh["primitives"]]
+    used = [primitive["attributes"].get("POSITION") for primitive in primitives]
+    used += [primitive.get("indices") for primitive in primitives]
+    used += [index for index, entry in enumerate(accessors) if "bufferView" not in entry]
+    numbers = sum(accessors[index]["count"] for index in used if index is not None)
+    _require_at_most(6 * _MAX_TRIANGLES, numbers, "vertices and indices")
+
+
+def _require_few_triangles(scene: Any) -> None:
+    """Raise a ValueError for a scene that is too large with every instance written out."""
+    nodes = scene.graph.geometry_nodes
+    _require_at_most(_MAX_NODES, sum(map(len, nodes.values())), "nodes")
+    triangles = {name: len(getattr(scene.geometry[name], "faces", ())) for name in nodes}
+    total = sum(triangles[name] * len(nodes[name]) for name in nodes)
+    _require_at_most(_MAX_TRIANGLES, total, "triangles")
+
+
+def _require_at_most(limit: int, number: int, what: str) -> None:
+    if number > limit:
+        raise ValueError(f"it has more than {limit:,} {what}, instances counted")
 
 
 def _checked(mesh: Any) -> Any:

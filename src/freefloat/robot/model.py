@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -27,14 +27,16 @@ from freefloat.so3 import Array, Pose, frozen
 class FreeFloatingModel:
     """A spacecraft with an arm: no external force, no actuation of the base.
 
-    The joints between the spacecraft and the end-effector move, except those that are held by name;
-    all other joints of the robot are held. Joint vectors list the moving joints from the spacecraft
-    to the end-effector, see :attr:`joint_names`.
+    The joints between the spacecraft and the end-effector move, except those that are fixed by
+    name; all other joints of the robot are fixed. Joint vectors list the moving joints from the
+    spacecraft to the end-effector, see :attr:`joint_names`.
 
     Attributes:
         description: The valid URDF.
         end_effector: Name of the link, or of the joint that moves it, that follows the path.
-        held: Values of held joints by name [rad or m]; zero for joints off the chain not named.
+        fixed_joints: Values of joints that are fixed, by name [rad or m]; zero for joints off the
+            chain that are not named.
+        moving_joints: The joints that move, from the spacecraft to the end-effector.
 
     Raises:
         ModelError: If the robot has no such end-effector, or no joint moves it.
@@ -49,10 +51,12 @@ class FreeFloatingModel:
 
     description: RobotDescription
     end_effector: str
-    held: Mapping[str, float]
+    fixed_joints: Mapping[str, float]
+    moving_joints: tuple[Joint, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _ = self.moving_joints
+        joints = moving_joints(self.description, self._end_effector_link, self.fixed_joints)
+        object.__setattr__(self, "moving_joints", joints)
 
     @classmethod
     def from_urdf(
@@ -61,7 +65,7 @@ class FreeFloatingModel:
         end_effector: str | None = None,
         *,
         scale_mass: float | Mapping[str, float] = 1.0,
-        held: Mapping[str, float] | None = None,
+        fixed_joints: Mapping[str, float] | None = None,
         spacecraft: Spacecraft | None = None,
         payload: Payload | None = None,
         attached: Sequence[Attachment] = (),
@@ -74,8 +78,8 @@ class FreeFloatingModel:
             end_effector: Link that follows the path; optional where the robot has a single last
                 link.
             scale_mass: Factor on every mass and inertia, or a map from link to factor.
-            held: Values [rad or m] of joints that do not move; zero for joints off the chain that
-                are not named.
+            fixed_joints: Values of joints that do not move, by name [rad or m]; zero for joints off
+                the chain that are not named.
             spacecraft: Carries the arm, see :func:`~freefloat.robot.assembly.assemble`.
             payload: Fixed to the end-effector.
             attached: Further URDFs, fixed to links.
@@ -96,15 +100,10 @@ class FreeFloatingModel:
             description = scaled(description, scale_mass)
         if end_effector is None:
             end_effector = end_effector_link(description, None)
-        return cls(description, end_effector, dict(held or {}))
+        return cls(description, end_effector, dict(fixed_joints or {}))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: getattr(self, key) for key in ("description", "end_effector", "held")}
-
-    @cached_property
-    def moving_joints(self) -> tuple[Joint, ...]:
-        """The joints that move, from the spacecraft to the end-effector."""
-        return moving_joints(self.description, self._end_effector_link, self.held)
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
     @cached_property
     def _end_effector_link(self) -> str:
@@ -112,7 +111,7 @@ class FreeFloatingModel:
 
     @cached_property
     def _built(self) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
-        return build_model(self.description, self.moving_joints, self.held)
+        return build_model(self.description, self.moving_joints, self.fixed_joints)
 
     @property
     def pin_model(self) -> Any:
@@ -135,7 +134,7 @@ class FreeFloatingModel:
     @cached_property
     def frame_id(self) -> int:
         """Pinocchio's index of the end-effector frame."""
-        return list(self.link_places).index(self._end_effector_link) + 1
+        return int(self.pin_model.getFrameId(self._end_effector_link, pin.BODY))
 
     @property
     def warnings(self) -> tuple[UrdfDiagnostic, ...]:

@@ -42,7 +42,7 @@ class Mount:
 
     def __post_init__(self) -> None:
         for name in ("xyz", "rpy"):
-            values = finite_vector(f"spacecraft.mount.{name}", getattr(self, name), 3)
+            values = finite_vector(f"mount.{name}", getattr(self, name), 3)
             object.__setattr__(self, name, frozen(values))
 
     @property

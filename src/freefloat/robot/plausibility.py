@@ -69,7 +69,8 @@ def _joint_values(robot: RobotDescription) -> Faults:
             yield joint, "axis", problem, f'<axis xyz="{unit}"/>'
         if joint.mimic is not None:
             problem = f"it mimics {joint.mimic}, which is ignored: the joint moves by itself"
-            yield joint, "mimic", problem, 'a value in held, or type="fixed"'
+            remedy = 'a fixed value (robot.held in a scenario), or type="fixed"'
+            yield joint, "mimic", problem, remedy
 
 
 def root_masses(robot: RobotDescription) -> Faults:
@@ -78,11 +79,11 @@ def root_masses(robot: RobotDescription) -> Faults:
         if _mass(robot, robot.rigid_groups[root]) == 0.0:
             problem = "the root link and what is fixed to it have no mass"
             remedy = "robot.spacecraft in a scenario, or an <inertial> in this link"
-            yield robot.link[root], "link", problem, remedy
+            yield robot.links_by_name[root], "link", problem, remedy
 
 
 def _mass(robot: RobotDescription, group: RigidGroup) -> float:
-    return sum(robot.link[name].mass for name in group.links)
+    return sum(robot.links_by_name[name].mass for name in group.links)
 
 
 def _moving_links(robot: RobotDescription) -> Faults:
@@ -94,11 +95,11 @@ def _moving_links(robot: RobotDescription) -> Faults:
         mass = _mass(robot, group)
         if mass == 0.0:
             remedy = "a small <inertial> where joint torques matter; motions are exact without"
-            yield robot.link[first], "link", "it moves but has no mass", remedy
+            yield robot.links_by_name[first], "link", "it moves but has no mass", remedy
         elif mass > 0.0:
             yield from _centre_of_mass(robot, group, mass, arm_length)
         for name in group.links:
-            yield from _gyration(robot, robot.link[name])
+            yield from _gyration(robot, robot.links_by_name[name])
 
 
 def _centre_of_mass(
@@ -110,16 +111,16 @@ def _centre_of_mass(
     if length < max(LONG * arm_length, 1e-9):
         return
     centre = sum(
-        (robot.link[name].mass * (pose @ inertial.origin).position
+        (robot.links_by_name[name].mass * (pose @ inertial.origin).position
          for name, pose in group.links.items()
-         if (inertial := robot.link[name].inertial) is not None), np.zeros(3),
+         if (inertial := robot.links_by_name[name].inertial) is not None), np.zeros(3),
     ) / mass  # fmt: skip
     along = float(centre @ span) / length**2
     end = next((end for end in (0.0, 1.0) if abs(along - end) < ON_JOINT), None)
     if end is None:
         return
-    heaviest = max(group.links, key=lambda name: robot.link[name].mass)
-    link, pose = robot.link[heaviest], group.links[heaviest]
+    heaviest = max(group.links, key=lambda name: robot.links_by_name[name].mass)
+    link, pose = robot.links_by_name[heaviest], group.links[heaviest]
     middle = np.round(pose.rotation.T @ (span / 2.0 - pose.position), 9) + 0.0
     problem = (
         f"the centre of mass of {link.mass:.6g} kg is on {'the next' if end else 'its'} joint, "
@@ -140,8 +141,8 @@ def _gyration(robot: RobotDescription, link: Link) -> Faults:
         if shape.geometry is not None and not isinstance(shape.geometry, MeshFile):
             at = shape.origin
             points += list(at.position + corners(shape.geometry) @ at.rotation.T)
-    if not np.any(points) and link.name in robot.parent_joint:
-        origin = robot.parent_joint[link.name].origin
+    if not np.any(points) and link.name in robot.parent_joints:
+        origin = robot.parent_joints[link.name].origin
         points = [-origin.rotation.T @ origin.position]
     points.append(np.zeros(3))
     farthest = max(float(np.linalg.norm(point - inertial.origin.position)) for point in points)

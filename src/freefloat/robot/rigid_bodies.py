@@ -23,7 +23,7 @@ _ALIGNED = {
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A rigid body: links that fixed and held joints connect.
+    """A rigid body: links that fixed joints connect.
 
     Attributes:
         joint: Name of the joint that moves it; ``"root_joint"`` for the spacecraft.
@@ -53,40 +53,41 @@ class Body:
 
 
 def moving_joints(
-    robot: RobotDescription, link: str, held: Mapping[str, float]
+    robot: RobotDescription, link: str, fixed_joints: Mapping[str, float]
 ) -> tuple[Joint, ...]:
-    """The joints that move a link, from the root link outwards, without held ones.
+    """The joints that move a link, from the root link outwards, without those fixed by name.
 
     Raises:
-        ModelError: If no joint moves the link, there is no held joint of a name, or a value is not
-            finite.
+        ModelError: If no joint moves the link, there is no moving joint of a name, or a value
+            is not finite.
     """
     names = [joint.name for joint in robot.joints if joint.moving]
-    for name, value in held.items():
+    for name, value in fixed_joints.items():
         if name not in names:
             problem = f"the robot has no such joint{did_you_mean(name, names)}"
-            raise ModelError(f"held.{name}", problem, ", ".join(names))
+            raise ModelError(f"fixed_joints.{name}", problem, ", ".join(names))
         if not np.isfinite(value):
-            raise ModelError(f"held.{name}", f"{value} was given", "a finite number [rad, m]")
+            accepted = "a finite number [rad, m]"
+            raise ModelError(f"fixed_joints.{name}", f"{value} was given", accepted)
     chain: list[Joint] = []
     below = link
-    while below in robot.parent_joint:
-        chain.insert(0, robot.parent_joint[below])
+    while below in robot.parent_joints:
+        chain.insert(0, robot.parent_joints[below])
         below = chain[0].parent
     if not any(joint.moving for joint in chain):
         fixed = {name for root in robot.roots for name in robot.rigid_groups[root].links}
-        moved = [name for name in robot.link if name not in fixed]
+        moved = [name for name in robot.links_by_name if name not in fixed]
         problem = f"{link!r} is fixed to the spacecraft, no joint moves it"
         raise ModelError("end_effector", problem, f"one of {', '.join(moved)}")
-    moving = tuple(joint for joint in chain if joint.moving and joint.name not in held)
+    moving = tuple(joint for joint in chain if joint.moving and joint.name not in fixed_joints)
     if not moving:
-        problem = f"all joints that move {link!r} are held"
-        raise ModelError("held", problem, "at least one joint that moves")
+        problem = f"all joints that move {link!r} are fixed"
+        raise ModelError("fixed_joints", problem, "at least one joint that moves")
     return moving
 
 
 def build_model(
-    robot: RobotDescription, moving: Sequence[Joint], held: Mapping[str, float]
+    robot: RobotDescription, moving: Sequence[Joint], fixed_joints: Mapping[str, float]
 ) -> tuple[Any, Mapping[str, tuple[int, Pose]]]:
     """The Pinocchio model with the moving joints; body and pose of every link, see ``Body``."""
     model = pin.Model()
@@ -95,7 +96,7 @@ def build_model(
     links = list(places)
     for name in links:
         body, pose = places[name]
-        inertial = robot.link[name].inertial
+        inertial = robot.links_by_name[name].inertial
         if inertial is not None:
             inertia = pin.Inertia(inertial.mass, np.zeros(3), inertial.inertia)
             model.appendBodyToJoint(body + 1, inertia, _placement(pose @ inertial.origin))
@@ -105,7 +106,8 @@ def build_model(
                 index = model.addJoint(body + 1, _joint_model(joint), _placement(at), joint.name)
                 places[joint.child] = (index - 1, IDENTITY)
             else:
-                places[joint.child] = (body, at @ _displacement(joint, held.get(joint.name, 0.0)))
+                value = fixed_joints.get(joint.name, 0.0)
+                places[joint.child] = (body, at @ _displacement(joint, value))
             links.append(joint.child)
     for name, (body, pose) in places.items():
         model.addFrame(pin.Frame(name, body + 1, 0, _placement(pose), pin.BODY), False)

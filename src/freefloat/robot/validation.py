@@ -60,17 +60,19 @@ def examine(urdf: str | Path, mounted: bool = False) -> tuple[UrdfDiagnostic, ..
 def _diagnostics(
     robot: RobotDescription, mounted: bool, *more: Callable[[RobotDescription], Faults]
 ) -> tuple[UrdfDiagnostic, ...]:
-    warnings = (*WARNINGS, *more) if mounted else (*WARNINGS, *more, root_masses)
+    """Errors of the decoder and of the rules in their order, then warnings by line."""
+    plausibility = (*WARNINGS, *more) if mounted else (*WARNINGS, *more, root_masses)
     diagnostics = list(robot.diagnostics)
-    for severity, rules in ((Severity.ERROR, _ERRORS), (Severity.WARNING, warnings)):
+    for severity, rules in ((Severity.ERROR, _ERRORS), (Severity.WARNING, plausibility)):
         for at, where, problem, remedy in (fault for rule in rules for fault in rule(robot)):
             line = where if isinstance(where, int) else at.lines.get(where, at.lines[at.tag])
             element = f"{at.tag} {at.name}".strip()
             diagnostics.append(
                 UrdfDiagnostic(severity, robot.source, line, element, problem, remedy)
             )
-    order = {Severity.ERROR: 0, Severity.WARNING: 1}
-    return tuple(sorted(diagnostics, key=lambda entry: order[entry.severity] * (1 + entry.line)))
+    errors = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
+    warnings = [entry for entry in diagnostics if entry.severity is Severity.WARNING]
+    return (*errors, *sorted(warnings, key=lambda entry: entry.line))
 
 
 def _names(robot: RobotDescription) -> Faults:
@@ -88,19 +90,21 @@ def _names(robot: RobotDescription) -> Faults:
 def _ends(robot: RobotDescription) -> Faults:
     for joint in robot.joints:
         for tag, name in (("parent", joint.parent), ("child", joint.child)):
-            if name not in robot.link:
+            if name not in robot.links_by_name:
                 problem = f"its {tag} link is {name}, and there is no such link"
-                yield joint, tag, problem, f'<{tag} link=".."/> with one of {", ".join(robot.link)}'
-        first = robot.parent_joint[joint.child]
-        if joint is not first and joint.child in robot.link:
+                known = ", ".join(robot.links_by_name)
+                yield joint, tag, problem, f'<{tag} link=".."/> with one of {known}'
+        first = robot.parent_joints[joint.child]
+        if joint is not first and joint.child in robot.links_by_name:
             problem = f"its child {joint.child} is the child of {first.name}, too"
             yield joint, "child", problem, _TREE
 
 
 def _tree(robot: RobotDescription) -> Faults:
-    parents = {link: joint.parent for link, joint in robot.parent_joint.items()}
-    sizes, reported = dict.fromkeys(robot.roots, 0), set[str]()
-    for link in robot.link:
+    parents = {link: joint.parent for link, joint in robot.parent_joints.items()}
+    sizes = dict.fromkeys(robot.roots, 0)
+    reported = set[str]()
+    for link in robot.links_by_name:
         path = [link]
         while (above := parents.get(path[-1])) is not None and above not in path:
             path.append(above)
@@ -109,12 +113,12 @@ def _tree(robot: RobotDescription) -> Faults:
         elif above == link and link not in reported:
             reported |= set(path)
             problem = f"its links form a cycle: {' <- '.join([*path, link])}"
-            yield robot.link[link], "link", problem, _TREE
+            yield robot.links_by_name[link], "link", problem, _TREE
     main = max(sizes, key=lambda root: sizes[root], default=None)
     for root in robot.roots:
         if root != main:
             problem = f"it is a root link besides {main}: no joint carries it"
-            yield robot.link[root], "link", problem, _TREE
+            yield robot.links_by_name[root], "link", problem, _TREE
 
 
 def _joints(robot: RobotDescription) -> Faults:

@@ -152,7 +152,7 @@ def _urdf_without_shapes(model: FreeFloatingModel) -> str:
         for friction in joint.findall("dynamics"):
             joint.remove(friction)
         if joint.get("name") not in model.joint_names:
-            _fix(joint, float(model.held.get(joint.get("name", ""), 0.0)))
+            _fix(joint, float(model.fixed_joints.get(joint.get("name", ""), 0.0)))
     return ET.tostring(robot, encoding="unicode")
 
 
