@@ -97,8 +97,7 @@ def test_the_only_last_link_is_the_end_effector() -> None:
     with pytest.raises(ModelError) as caught:
         FreeFloatingModel.from_urdf(ELBOW)
     assert caught.value.key == "end_effector"
-    way_out, _, links = caught.value.accepted.partition(" such as ")
-    assert way_out.startswith("--end-effector, or end_effector of a scenario")
+    links = caught.value.accepted.partition(" such as ")[2]
     assert set(links.split(", ")) == {"fore", "mast"}
 
 
