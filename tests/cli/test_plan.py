@@ -15,6 +15,7 @@ from freefloat.robot import validation
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from tests.commands import document, run
+from tests.plans import planar_plan
 from tests.scenarios import EASY, PARABOLA
 
 SEARCHED = EASY + "search: {samples: 64, seed: 3}\n"
@@ -66,6 +67,7 @@ def test_an_infeasible_plan_has_a_reason_and_no_page(name: str, folder: Path) ->
     assert plan["initial"] is plan["tolerance"] is plan["robust_radius_deg"] is None
     assert not (folder / "page.html").exists()
     assert (result.exit_code, result.stderr) == (1, "")
+    assert plan.keys() == planar_plan().to_dict().keys()
     assert f"Not feasible: {plan['reason']}." in result.stdout
 
 

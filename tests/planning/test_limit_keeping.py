@@ -13,6 +13,7 @@ from freefloat.limits.check import check_limits
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning import limit_keeping
+from freefloat.planning.diagnostics import rounded_up
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.limit_keeping import keep_limits
 from freefloat.planning.mapping import sample_attitudes
@@ -103,8 +104,21 @@ def test_each_limit_alone_can_make_a_plan_infeasible(
     assert result.chosen is None
     assert name in result.reason
     assert set(result.excluded) == {LimitKind(name)}
-    assert result.needed_stretch is not None
-    assert f"{result.needed_stretch:.4g} times the duration would do" in result.reason
+    assert_claim_is_true(result, limits)
+
+
+def assert_claim_is_true(result: Plan, limits: Limits) -> None:
+    """The motion of the candidate keeps everything with the factor in the reason, if one is."""
+    if result.needed_stretch is None:
+        assert "no longer duration" in result.reason
+        return
+    factor = rounded_up(result.needed_stretch)
+    assert f"; {factor:.4g} times the duration would do" in result.reason
+    start, stretched = result.stretch_candidate, result.problem.stretched(factor)
+    assert start is not None
+    slower = integrate_branch(stretched, start.attitude, start.branch)
+    assert slower.feasible
+    assert all(entry.kept for entry in check_limits(slower.motion, limits))
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.motion.problem import Problem
 from freefloat.planning import search as attitude_search
 from freefloat.planning.attitude_map import AttitudeMap, Peak
-from freefloat.planning.robustness import deepest, safe_radius
+from freefloat.planning.robustness import deepest, robust_radius
 from freefloat.planning.search import (
     largest_margins,
     nearest_feasible,
@@ -104,10 +104,10 @@ def test_the_highest_peak_is_climbed_though_samples_favour_another(margin_30: Pr
     assert np.argmax(result.margins[:, 2]) == 300
     best, *others = largest_margins(landscape, result)
     assert best.branch == 2
-    assert best.margin == pytest.approx(50.0, abs=1e-4)
+    assert best.minimum_margin == pytest.approx(50.0, abs=1e-4)
     assert angle_between(best.attitude, narrow) < 1e-3
-    assert all(entry.margin <= best.margin for entry in others)
-    assert any(entry.margin == pytest.approx(47.0, abs=1e-2) for entry in others)
+    assert all(entry.minimum_margin <= best.minimum_margin for entry in others)
+    assert any(entry.minimum_margin == pytest.approx(47.0, abs=1e-2) for entry in others)
 
 
 def test_every_branch_has_its_own_peak(margin_30: Problem) -> None:
@@ -115,7 +115,7 @@ def test_every_branch_has_its_own_peak(margin_30: Problem) -> None:
     best = largest_margins(landscape, landscape.map(256))[0]
     assert best.branch == 4
     assert angle_between(best.attitude, THERE) < 1e-3
-    np.testing.assert_allclose(landscape.margins(best.attitude[None], 4), best.margin)
+    np.testing.assert_allclose(landscape.margins(best.attitude[None], 4), best.minimum_margin)
 
 
 def test_without_any_margin_there_is_no_peak(margin_30: Problem) -> None:
@@ -240,20 +240,20 @@ def test_where_nothing_is_feasible_there_is_no_deepest(margin_30: Problem) -> No
 
 @pytest.mark.parametrize("off", [0.0, 0.3, 0.65])
 @pytest.mark.parametrize("spacing", [0.1, 0.5])
-def test_the_safe_radius_in_a_ball_is_the_way_to_its_rim(
+def test_the_robust_radius_in_a_ball_is_the_way_to_its_rim(
     margin_30: Problem, off: float, spacing: float
 ) -> None:
     """Whether the rim is nearer than the first look around, or far beyond it."""
     landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
     attitude = rotated(HERE, [0.0, off, 0.0])[0]
-    radius = safe_radius(landscape, attitude, 0, spacing)
+    radius = robust_radius(landscape, attitude, 0, spacing)
     assert 0.94 * (0.7 - off) < radius <= 0.7 - off
 
 
-def test_a_small_hole_nearby_limits_the_safe_radius(margin_30: Problem) -> None:
+def test_a_small_hole_nearby_limits_the_robust_radius(margin_30: Problem) -> None:
     hole = rotated(HERE, [0.35, 0.0, 0.0])[0]
     landscape = Landscape(margin_30, b0=both(ball(HERE, 0.9), without(hole, 0.1)))
-    assert 0.94 * 0.25 < safe_radius(landscape, HERE, 0, 0.4) <= 0.25
+    assert 0.94 * 0.25 < robust_radius(landscape, HERE, 0, 0.4) <= 0.25
 
 
 # Example 2
@@ -268,13 +268,13 @@ def peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
 def test_refined_margins_beat_every_sample(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Peak]
 ) -> None:
-    assert peaks[0].margin >= samples.margins.max()
-    assert [entry.margin for entry in peaks[:4]] == sorted(
-        (p.margin for p in peaks[:4]), reverse=True
+    assert peaks[0].minimum_margin >= samples.margins.max()
+    assert [entry.minimum_margin for entry in peaks[:4]] == sorted(
+        (p.minimum_margin for p in peaks[:4]), reverse=True
     )
     for entry in peaks[:4]:
         again = evaluator.margins(entry.attitude[None], entry.branch)
-        assert again[0] == pytest.approx(entry.margin, rel=1e-12)
+        assert again[0] == pytest.approx(entry.minimum_margin, rel=1e-12)
 
 
 @pytest.mark.slow
@@ -285,7 +285,7 @@ def test_the_largest_margin_is_a_local_maximum(
     best = peaks[0]
     for radius in (1e-4, 1e-3, 1e-2, 0.1, 0.5):
         around = attitudes_within(best.attitude, radius, 100, 17)
-        assert evaluator.margins(around, best.branch).max() < best.margin * (1.0 + 1e-4)
+        assert evaluator.margins(around, best.branch).max() < best.minimum_margin * (1.0 + 1e-4)
 
 
 PRESENT = [BAD, *Rotation.random(20, rng=np.random.default_rng(77)).as_quat()]
@@ -341,12 +341,12 @@ def test_the_nearest_to_a_feasible_attitude_is_itself(
 
 
 @pytest.mark.slow
-def test_the_safe_radius_is_that_of_the_nearest_failure(
+def test_the_robust_radius_is_that_of_the_nearest_failure(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, peaks: list[Peak]
 ) -> None:
     """Along 200 directions nothing fails within; a tenth farther out something does."""
     best = peaks[0]
-    radius = safe_radius(
+    radius = robust_radius(
         evaluator, best.attitude, best.branch, grid_spacing(len(samples.attitudes))
     )
     directions = np.random.default_rng(8).normal(size=(200, 3))

@@ -24,7 +24,7 @@ from freefloat.motion.margin import Margin, is_kept
 from freefloat.motion.motion import Ending
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
-from freefloat.planning.robustness import safe_radius
+from freefloat.planning.robustness import robust_radius
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import angle_between, attitude_grid, heading_of
@@ -415,7 +415,7 @@ def test_a_spatial_end_effector_passes_through_the_centre_of_mass(spatial):
 
 
 @pytest.mark.slow
-def test_a_wrist_that_passes_through_the_centre_of_mass_has_no_safe_radius(spatial):
+def test_a_wrist_that_passes_through_the_centre_of_mass_has_no_robust_radius(spatial):
     """Expected: it lies on the shoulder's axis there, which no attitude helps: radius zero.
 
     `arm` does not see the shoulder, det S* does.
@@ -428,7 +428,7 @@ def test_a_wrist_that_passes_through_the_centre_of_mass_has_no_safe_radius(spati
     assert (results.motions.determinant_ratios < 1e-2).all()
     at, branch = np.unravel_index(int(np.argmax(results.margins)), results.margins.shape)
     assert results.margins[at, branch] > 0.5
-    assert safe_radius(evaluator, results.attitudes[at], int(branch), 0.5) == 0.0
+    assert robust_radius(evaluator, results.attitudes[at], int(branch), 0.5) == 0.0
 
 
 # --- signs of quaternions, rotations by pi --------------------------------------------------------

@@ -279,7 +279,7 @@ def test_an_altered_value_is_a_discrepancy(planar, name, request):
             ),
             "tolerance",
         ),
-        (moved("joints", slice(None), 3, 1e-3), "end-effector attitude"),
+        (moved("joints", slice(None), 3, 1e-3), "end-effector orientation"),
         (
             lambda plan: with_problem(plan, margin=replace(plan.problem.margin, threshold=60.0)),
             "arm",

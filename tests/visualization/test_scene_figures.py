@@ -88,7 +88,9 @@ def test_in_space_the_distance_from_the_centre_is_shown() -> None:
     drawn = line(axes, "wrist centre")
     for s, distance in drawn[[0, 100, -1]]:
         pose = problem.path.path.pose(float(s))
-        assert distance == pytest.approx(np.linalg.norm(pose.position + pose.rotation @ areas.tip))
+        assert distance == pytest.approx(
+            np.linalg.norm(pose.position + pose.rotation @ areas.offset)
+        )
     assert labels(axes) == ["path-dependent", "path-independent", "wrist centre"]
 
 

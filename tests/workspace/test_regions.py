@@ -140,7 +140,7 @@ def singular_joints(problem, name, rng, lines):
 def distances(problem, workspace, joints):
     """Of the workspace's point from the centre of mass, by Pinocchio."""
     poses = [problem.model.end_effector_pose([0, 0, 0, 1], q) for q in joints]
-    return np.array([np.linalg.norm(p.position + p.rotation @ workspace.tip) for p in poses])
+    return np.array([np.linalg.norm(p.position + p.rotation @ workspace.offset) for p in poses])
 
 
 @pytest.mark.slow

@@ -131,7 +131,7 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
     best = result.best
     if best is not None:
         place = f"{math.degrees(best.heading):.3f} deg, branch {best.branch}"
-        yield f"best: {place}, minimum margin {best.margin:.6g}"
+        yield f"best: {place}, minimum margin {best.minimum_margin:.6g}"
     reach = reach_message(result.problem)
     if reach is not None:
         yield reach
@@ -176,7 +176,7 @@ def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
         yield "no feasible attitude was found" + (f": {reach}" if reach else "")
     else:
         measure = result.problem.margin.measure.name
-        yield f"best:    {_place(best)}, minimum {measure} {best.margin:.6g}"
+        yield f"best:    {_place(best)}, minimum {measure} {best.minimum_margin:.6g}"
     if robust is not None:
         yield f"robust:  {_place(robust)}, attitude tolerance {math.degrees(robust.radius):.6g} deg"
     if nearest is not None:

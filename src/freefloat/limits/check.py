@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cached_property
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,11 +22,13 @@ from freefloat.motion.extrema import (
 from freefloat.motion.margin import TOLERANCE
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import NODES
-from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 if TYPE_CHECKING:
     from freefloat.limits.clearance import CollisionPairs
+
+_Check = Callable[[Motion], LimitResult]
 
 
 def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
@@ -48,149 +50,171 @@ def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
         ...     print(result.limit, result.kept)
         joint_rate False
     """
-    return LimitChecker(motion.problem, limits).results(motion)
+    return LimitChecker(motion.problem.model, limits).results(motion)
 
 
 class LimitChecker:
-    """The limits of a problem, prepared for many motions."""
+    """The limits of a robot, prepared for many motions.
 
-    def __init__(self, problem: Problem, limits: Limits) -> None:
+    Attributes:
+        pairs: The pairs of shapes that may collide; None where no clearance is required.
+    """
+
+    def __init__(self, model: FreeFloatingModel, limits: Limits) -> None:
         """Prepare the limits; raises as :func:`check_limits`."""
-        names = problem.model.joint_names
         for key in ("joint_rate", "joint_torque"):
             values = getattr(limits, key)
-            if values is not None and values.shape != (len(names),):
-                accepted = f"for {', '.join(names)}"
+            if values is not None and values.shape != (model.dof,):
+                accepted = f"for {', '.join(model.joint_names)}"
                 raise InputError(f"limits.{key}", f"shape {values.shape} was given", accepted)
-        self._problem, self._limits, self._names = problem, limits, names
-        self._dynamics = InverseDynamics(problem)
-        self._equation = problem.resolved_rate_solver()
+        self.pairs: CollisionPairs | None = None
+        checks: dict[LimitKind, _Check] = {}
+        decisions: dict[LimitKind, _Check] = {}
+        if np.isfinite(model.joint_ranges).any():
+            checks[LimitKind.JOINT_RANGE] = _joint_range
+        if limits.joint_rate is not None:
+            checks[LimitKind.JOINT_RATE] = partial(_joint_rate, limits.joint_rate)
+        if limits.base_rate is not None:
+            checks[LimitKind.BASE_RATE] = partial(_base_rate, limits.base_rate)
         if limits.clearance is not None:
-            _ = self.pairs
+            from freefloat.limits.clearance import CollisionPairs  # coal and trimesh import slowly
 
-    @cached_property
-    def pairs(self) -> CollisionPairs:
-        """The pairs of shapes that may collide."""
-        from freefloat.limits.clearance import CollisionPairs  # coal and trimesh import slowly
-
-        return CollisionPairs(self._problem.model, self._limits.clearance or 0.0)
+            self.pairs = CollisionPairs(model, limits.clearance)
+            check = partial(_clearance, limits.clearance, self.pairs)
+            checks[LimitKind.CLEARANCE] = check
+            decisions[LimitKind.CLEARANCE] = partial(check, decide_only=True)
+        if limits.joint_torque is not None:
+            checks[LimitKind.JOINT_TORQUE] = partial(_joint_torque, limits.joint_torque)
+        self._checks, self._decisions = checks, checks | decisions
 
     def results(self, motion: Motion) -> tuple[LimitResult, ...]:
         """The results of all limits."""
-        return tuple(self._check(limit, motion) for limit in self._applicable())
+        return tuple(check(motion) for check in self._checks.values())
 
-    def in_turn(self, motion: Motion) -> Iterator[LimitResult]:
-        """The results one by one, the cheapest first.
+    def first_violation(self, motion: Motion) -> LimitResult | None:
+        """The result of the first violated limit, the cheapest first; None where all are kept.
 
-        The value of a clearance decides whether the limit is kept, but need not be the smallest
-        distance along the motion; see :meth:`settled`.
+        Of a clearance its distance is too small, but need not be the smallest along the motion.
         """
-        return (self._check(limit, motion, decide_only=True) for limit in self._applicable())
+        return next(self._violations(motion), None)
 
-    def settled(self, results: Sequence[LimitResult], motion: Motion) -> tuple[LimitResult, ...]:
-        """Results of :meth:`in_turn` with the smallest clearance."""
-        clearance = LimitKind.CLEARANCE
-        return tuple(
-            self._check(clearance, motion) if result.limit is clearance else result
-            for result in results
-        )
+    def violations(self, motion: Motion) -> tuple[LimitResult, ...]:
+        """The results of all violated limits, each as :meth:`first_violation` has it."""
+        return tuple(self._violations(motion))
 
-    def _applicable(self) -> list[LimitKind]:
-        limits = [limit for limit in LimitKind if getattr(self._limits, limit, None) is not None]
-        ranges = np.isfinite(self._problem.model.joint_ranges).any()
-        return [LimitKind.JOINT_RANGE, *limits] if ranges else limits
+    def _violations(self, motion: Motion) -> Iterator[LimitResult]:
+        results = (decide(motion) for decide in self._decisions.values())
+        return (result for result in results if not result.kept)
 
-    def _check(self, limit: LimitKind, motion: Motion, decide_only: bool = False) -> LimitResult:
-        if limit is LimitKind.JOINT_RANGE:
-            return self._joint_range(motion)
-        allowed = getattr(self._limits, limit)
-        if limit is LimitKind.CLEARANCE:
-            return self._clearance(allowed, decide_only, motion)
-        if limit is LimitKind.BASE_RATE:
-            return self._base_rate(allowed, motion)
-        if limit is LimitKind.JOINT_TORQUE:
-            return self._joint_torque(allowed, motion)
-        return self._of_joint(limit, motion, allowed, lambda k, x: self._rates(motion, k, x)[1])
 
-    def _joint_range(self, motion: Motion) -> LimitResult:
-        """The joint that is farthest out of its range, or nearest to an end of it."""
-        extents, (lower, upper) = joint_extents(motion), self._problem.model.joint_ranges
-        bounded = np.isfinite(lower) & np.isfinite(upper)
-        half = np.where(bounded, (upper - lower) / 2.0, 1.0)
-        below, above = (lower - extents.low) / half + 1.0, (extents.high - upper) / half + 1.0
-        joint = int(np.maximum(below, above).argmax())
-        if above[joint] >= below[joint]:
-            ratio, worst, allowed, places = above, extents.high, upper, extents.high_places
-        else:
-            ratio, worst, allowed, places = below, extents.low, lower, extents.low_places
-        return _result(LimitKind.JOINT_RANGE, worst[joint], allowed[joint], ratio[joint],
-                       motion.time_at(float(places[joint])), self._names[joint])  # fmt: skip
+def _joint_range(motion: Motion) -> LimitResult:
+    """The joint that is farthest out of its range, or nearest to an end of it."""
+    model, extents = motion.problem.model, joint_extents(motion)
+    lower, upper = model.joint_ranges
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    half = np.where(bounded, (upper - lower) / 2.0, 1.0)
+    below = (lower - extents.low) / half + 1.0
+    above = (extents.high - upper) / half + 1.0
+    joint = int(np.maximum(below, above).argmax())
+    if above[joint] >= below[joint]:
+        ratio, worst, allowed, places = above, extents.high, upper, extents.high_places
+    else:
+        ratio, worst, allowed, places = below, extents.low, lower, extents.low_places
+    return _result(LimitKind.JOINT_RANGE, worst[joint], allowed[joint], ratio[joint],
+                   motion.time_at(float(places[joint])), model.joint_names[joint])  # fmt: skip
 
-    def _base_rate(self, allowed: float, motion: Motion) -> LimitResult:
-        def squared(panel: int, x: float) -> Array:
-            """The squared ratio, smooth also where the rate passes through zero."""
-            omega = self._rates(motion, panel, x)[0] / allowed
-            return np.array([omega @ omega])
 
-        peak = _peak(motion, squared)
-        ratio, time = float(np.sqrt(peak.value)), motion.time_at(peak.u)
-        return _result(LimitKind.BASE_RATE, ratio * allowed, allowed, ratio, time, "spacecraft")
+def _joint_rate(allowed: Array, motion: Motion) -> LimitResult:
+    rates = _rates(motion)
+    return _largest_of_joints(LimitKind.JOINT_RATE, allowed, motion, lambda k, x: rates(k, x)[1])
 
-    def _joint_torque(self, allowed: Array, motion: Motion) -> LimitResult:
-        def forces(panel: int, x: float) -> Array:
-            effort = self._dynamics.effort(*motion.at(panel, x), motion.timing_segment(panel))
-            return np.concatenate([effort.joint_torques, effort.base_wrench])
 
-        nodes = at_nodes(motion, forces).reshape(-1, len(NODES), len(allowed) + 6)
-        torques, wrenches = np.split(nodes, [len(allowed)], axis=2)
-        result = self._of_joint(
-            LimitKind.JOINT_TORQUE, motion, allowed, lambda k, x: forces(k, x)[:-6], torques
-        )
-        wrench, torque = (float(np.nanmax(np.abs(x), initial=0.0)) for x in (wrenches, torques))
-        return replace(result, base_wrench=wrench / torque if torque else wrench)
+def _base_rate(allowed: float, motion: Motion) -> LimitResult:
+    rates = _rates(motion)
 
-    def _of_joint(
-        self, limit: LimitKind, motion: Motion, allowed: Array, values: Function,
-        nodes: Array | None = None,
-    ) -> LimitResult:  # fmt: skip
-        """The result of a joint limit where the ratio of any joint is largest.
+    def squared(panel: int, x: float) -> Array:
+        """The squared ratio, smooth also where the rate passes through zero."""
+        omega = rates(panel, x)[0] / allowed
+        return np.array([omega @ omega])
 
-        Args:
-            limit: The kind of limit.
-            motion: The motion.
-            allowed: Magnitudes, shape (n,).
-            values: The limited values, shape (n,).
-            nodes: Values at the nodes of the motion, where they are known, (panels, nodes, n).
-        """
+    peak = _peak(motion, squared)
+    ratio = float(np.sqrt(peak.value))
+    time = motion.time_at(peak.u)
+    return _result(LimitKind.BASE_RATE, ratio * allowed, allowed, ratio, time, "spacecraft")
 
-        def ratios(panel: int, x: float) -> Array:
-            ratio = values(panel, x) / allowed
-            return np.concatenate([ratio, -ratio])
 
-        if nodes is not None:
-            nodes = np.concatenate([nodes / allowed, -nodes / allowed], axis=2)
-        peak = _peak(motion, ratios, nodes)
-        joint, worst = peak.index % len(allowed), np.inf
-        if np.isfinite(peak.value):
-            worst = values(peak.panel, peak.x)[joint]
-        time = motion.time_at(peak.u)
-        return _result(limit, worst, allowed[joint], peak.value, time, self._names[joint])
+def _rates(motion: Motion) -> Callable[[int, float], tuple[Array, Array]]:
+    """The spacecraft's angular velocity and the joint rates by panel and its parameter."""
+    path, solver = motion.problem.path, motion.problem.resolved_rate_solver()
 
-    def _clearance(self, allowed: float, decide_only: bool, motion: Motion) -> LimitResult:
-        from freefloat.limits.clearance import clearance
-
-        threshold = allowed * (1.0 - TOLERANCE)
-        nearest = clearance(motion, self.pairs, threshold if decide_only else None)
-        ratio = np.inf if nearest.distance <= 0.0 else allowed / nearest.distance
-        name = self.pairs.name(nearest.pair)
-        result = _result(LimitKind.CLEARANCE, nearest.distance, allowed, ratio, nearest.time, name)
-        kept = nearest.distance > 0.0 and nearest.distance >= threshold
-        return replace(result, kept=kept, notes=self.pairs.left_out)
-
-    def _rates(self, motion: Motion, panel: int, x: float) -> tuple[Array, Array]:
+    def rates(panel: int, x: float) -> tuple[Array, Array]:
         t, attitude, joints = motion.at(panel, x)
-        task = self._problem.path.twist_and_speed(t, motion.timing_segment(panel))
-        return self._equation.rates(attitude, joints, *task)
+        twist, speed = path.twist_and_speed(t, motion.timing_segment(panel))
+        return solver.rates(attitude, joints, twist, speed)
+
+    return rates
+
+
+def _joint_torque(allowed: Array, motion: Motion) -> LimitResult:
+    dynamics = InverseDynamics(motion.problem)
+
+    def forces(panel: int, x: float) -> Array:
+        effort = dynamics.effort(*motion.at(panel, x), motion.timing_segment(panel))
+        return np.concatenate([effort.joint_torques, effort.base_wrench])
+
+    nodes = at_nodes(motion, forces).reshape(-1, len(NODES), len(allowed) + 6)
+    torques, wrenches = np.split(nodes, [len(allowed)], axis=2)
+    result = _largest_of_joints(
+        LimitKind.JOINT_TORQUE, allowed, motion, lambda k, x: forces(k, x)[:-6], torques
+    )
+    wrench = float(np.nanmax(np.abs(wrenches), initial=0.0))
+    torque = float(np.nanmax(np.abs(torques), initial=0.0))
+    return replace(result, base_wrench=wrench / torque if torque else None)
+
+
+def _largest_of_joints(
+    limit: LimitKind,
+    allowed: Array,
+    motion: Motion,
+    values: Function,
+    nodes: Array | None = None,
+) -> LimitResult:
+    """The result of a joint limit where the ratio of any joint is largest.
+
+    Args:
+        limit: The kind of limit.
+        allowed: Magnitudes, shape (n,).
+        motion: The motion.
+        values: The limited values, shape (n,).
+        nodes: Values at the nodes of the motion, where they are known, (panels, nodes, n).
+    """
+
+    def ratios(panel: int, x: float) -> Array:
+        ratio = values(panel, x) / allowed
+        return np.concatenate([ratio, -ratio])
+
+    if nodes is not None:
+        nodes = np.concatenate([nodes / allowed, -nodes / allowed], axis=2)
+    peak = _peak(motion, ratios, nodes)
+    joint = peak.index % len(allowed)
+    worst = values(peak.panel, peak.x)[joint] if np.isfinite(peak.value) else np.inf
+    name = motion.problem.model.joint_names[joint]
+    return _result(limit, worst, allowed[joint], peak.value, motion.time_at(peak.u), name)
+
+
+def _clearance(
+    allowed: float, pairs: CollisionPairs, motion: Motion, *, decide_only: bool = False
+) -> LimitResult:
+    """The smallest distance, or, to decide only, one that shows whether the limit is kept."""
+    from freefloat.limits.clearance import clearance
+
+    threshold = allowed * (1.0 - TOLERANCE)
+    nearest = clearance(motion, pairs, threshold if decide_only else None)
+    ratio = np.inf if nearest.distance <= 0.0 else allowed / nearest.distance
+    name = pairs.name(nearest.pair)
+    result = _result(LimitKind.CLEARANCE, nearest.distance, allowed, ratio, nearest.time, name)
+    kept = nearest.distance > 0.0 and nearest.distance >= threshold
+    return replace(result, kept=kept, notes=pairs.left_out)
 
 
 def _peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extremum:

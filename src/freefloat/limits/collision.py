@@ -133,20 +133,20 @@ def convex_parts(triangles: Array) -> tuple[ConvexPart, ...]:
     """
     faces = np.arange(3 * len(triangles)).reshape(-1, 3)
     try:
-        whole = _Segment(triangles.reshape(-1, 3), faces)
+        whole = _MeshPart(triangles.reshape(-1, 3), faces)
     except QhullError:
         raise MeshFileError("its triangles lie on a line") from None
-    segments = [whole]
-    while len(segments) < _MOST:
-        best = max(segments, key=lambda segment: segment.gain)
+    parts = [whole]
+    while len(parts) < _MOST:
+        best = max(parts, key=lambda part: part.gain)
         if best.gain <= _GAIN * whole.hull.volume:
             break
-        segments.remove(best)
-        segments += best.halves
-    return tuple(segment.part() for segment in segments)
+        parts.remove(best)
+        parts += best.halves
+    return tuple(part.convex_hull() for part in parts)
 
 
-class _Segment:
+class _MeshPart:
     """Triangles of a mesh and their convex hull."""
 
     def __init__(self, vertices: Array, faces: IntArray) -> None:
@@ -155,10 +155,10 @@ class _Segment:
         self.hull = _hull(np.unique(vertices, axis=0))
 
     @cached_property
-    def halves(self) -> list[_Segment]:
+    def halves(self) -> list[_MeshPart]:
         """Both sides of the trial cut with the smallest hulls; none if no cut divides it."""
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
-        best: list[_Segment] = []
+        best: list[_MeshPart] = []
         for axis in np.eye(3):
             for fraction in _CUTS:
                 origin = low + fraction * (high - low)
@@ -166,7 +166,7 @@ class _Segment:
                          for normal in (axis, -axis)]  # fmt: skip
                 if min(len(faces) for _, faces in sides) > 0:
                     with suppress(QhullError):  # a side without extent
-                        trial = [_Segment(*side) for side in sides]
+                        trial = [_MeshPart(*side) for side in sides]
                         if not best or _volume(trial) < _volume(best):
                             best = trial
         return best
@@ -176,7 +176,7 @@ class _Segment:
         """Volume that the cut saves [m³]."""
         return float(self.hull.volume) - _volume(self.halves) if self.halves else 0.0
 
-    def part(self) -> ConvexPart:
+    def convex_hull(self) -> ConvexPart:
         """The convex hull."""
         hull = self.hull
         number = np.zeros(len(hull.points), dtype=np.int64)
@@ -198,5 +198,5 @@ def _hull(points: Array) -> Any:
         return ConvexHull(np.vstack([points - offset, points + offset]))
 
 
-def _volume(segments: list[_Segment]) -> float:
-    return float(sum(segment.hull.volume for segment in segments))
+def _volume(parts: list[_MeshPart]) -> float:
+    return float(sum(part.hull.volume for part in parts))

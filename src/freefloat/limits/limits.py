@@ -80,8 +80,9 @@ class LimitResult:
         kept: Whether the motion keeps the limit.
         ratio: 1 where the limit is just kept: worst over allowed; of a range the distance from its
             middle over half its width; of a clearance allowed over worst.
-        base_wrench: With joint torques: the largest component of force [N] and moment [N m] on the
-            base by inverse dynamics, over the largest torque; zero but for numerical errors.
+        base_wrench: Numerical error of joint torques: the largest component of the wrench [N, N m]
+            that inverse dynamics finds on the free base, where none acts, over the largest torque.
+            None for other limits, and where all torques are zero.
         notes: Pairs of links that were left out.
     """
 

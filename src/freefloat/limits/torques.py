@@ -49,7 +49,7 @@ class InverseDynamics:
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
-        self._equation = problem.resolved_rate_solver()
+        self._solver = problem.resolved_rate_solver()
         self._weightless = problem.model.pin_model.copy()
         self._weightless.gravity = pin.Motion.Zero()
         self._scratch = self._weightless.createData()
@@ -72,7 +72,7 @@ class InverseDynamics:
         path = self._problem.path
         twist, speed = path.twist_and_speed(t, segment)
         change = path.twist_rate(t, segment)
-        omega, joint_rates = self._equation.rates(attitude, joints, twist, speed)
+        omega, joint_rates = self._solver.rates(attitude, joints, twist, speed)
         count = 6 + len(joints)
         if not np.isfinite(joint_rates).all():
             unknown = np.full(count, np.nan)
@@ -117,7 +117,7 @@ class InverseDynamics:
             for ahead, weight in zip(side * step * _STEPS, side * _WEIGHTS, strict=True):
                 rotated = (now * Rotation.from_rotvec(ahead * rates[:3])).as_quat()
                 later = prescribed + ahead * change
-                solved = self._equation.rates(
+                solved = self._solver.rates(
                     rotated, joints + ahead * rates[3:], later[:6], float(later[6])
                 )
                 total += weight * solved[1]

@@ -39,7 +39,8 @@ def reach_message(problem: Problem) -> str | None:
     s = out_of_reach(problem)
     if s is None:
         return None
-    reach, hint = VirtualManipulator.of(problem.model).reach, light_spacecraft(problem)
+    reach = VirtualManipulator.of(problem.model).reach
+    hint = light_spacecraft_hint(problem)
     if s > 0.0:
         return f"the path leaves the reach of {reach:.4g} m at s = {s:.3g}{hint}"
     start = problem.path.path.curve(0.0)
@@ -51,18 +52,23 @@ def reach_message(problem: Problem) -> str | None:
     )
 
 
-def unreached_start(problem: Problem) -> str:
-    """The clause ``the arm reach the start of the path ...`` of messages, with the distances."""
-    start = problem.path.pose(0.0).position
+def unreached_start_message(problem: Problem, origin: str) -> str:
+    """The sentence that the arm does not reach the start of the path, with the distances.
+
+    Args:
+        problem: The problem.
+        origin: From where it does not, such as ``"no heading"``.
+    """
+    start, reach = problem.path.pose(0.0).position, VirtualManipulator.of(problem.model).reach
     return (
-        f"the arm reach the start of the path, {np.round(start, 6).tolist()} m, which is "
-        f"{np.linalg.norm(start):.4g} m from the centre of mass (no configuration gets farther "
-        f"than {VirtualManipulator.of(problem.model).reach:.4g} m){light_spacecraft(problem)}"
+        f"the arm reaches the start of the path, {np.round(start, 6).tolist()} m, from {origin}; "
+        f"it is {np.linalg.norm(start):.4g} m from the centre of mass, and no configuration gets "
+        f"farther than {reach:.4g} m{light_spacecraft_hint(problem)}"
     )
 
 
-def light_spacecraft(problem: Problem) -> str:
-    """Hint at a spacecraft that may be missing, where it is lighter than its arm; else nothing."""
+def light_spacecraft_hint(problem: Problem) -> str:
+    """The last clause of a message on a spacecraft lighter than its arm; empty for heavier ones."""
     base, total = problem.model.bodies[0].mass, problem.model.total_mass
     if base >= 0.5 * total:
         return ""

@@ -41,11 +41,11 @@ class Candidate:
 class Peak(Candidate):
     """An attitude with a locally largest minimum margin."""
 
-    margin: float
+    minimum_margin: float
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
-        return {**super().to_dict(), "value": self.margin}
+        return {**super().to_dict(), "value": self.minimum_margin}
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,7 @@ class AttitudeMap:
         return float(self.feasible.sum() / max(1, self.motions))
 
     def regular(self, branch: int | None) -> npt.NDArray[np.bool_]:
-        """Where a branch, or any, is feasible and stays clear of all singularities, shape (N,)."""
+        """Where a branch, or any, is feasible and avoids all singularities, shape (N,)."""
         regular = self.feasible & is_regular(self.determinant_ratios)
         return np.asarray(regular.any(axis=1) if branch is None else regular[:, branch])
 
@@ -201,7 +201,8 @@ class AttitudeMap:
         """Names of the arm branches that exist somewhere, by number; of a redundant arm, "any"."""
         if self.problem.redundant:
             return {None: "any"}
-        reached, labels = self.reached, dict[int, str]()
+        reached = self.reached
+        labels: dict[int, str] = {}
         for index in np.flatnonzero(reached.any(axis=0)).tolist():
             if index not in labels:
                 branches = self.problem.branches(self.attitudes[int(np.argmax(reached[:, index]))])
@@ -216,7 +217,8 @@ class AttitudeMap:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat map``."""
-        margin, branches = self.problem.margin, []
+        margin = self.problem.margin
+        branches = []
         for branch, label in self.branch_labels().items():
             feasible, reached = self.branch_fractions(branch)
             branches.append({"branch": branch, "label": label, "fraction": feasible,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 
@@ -12,7 +13,11 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.problem import Problem
-from freefloat.motion.reach import light_spacecraft, reach_message, unreached_start
+from freefloat.motion.reach import (
+    light_spacecraft_hint,
+    reach_message,
+    unreached_start_message,
+)
 from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude
 from freefloat.planning.heading_map import attitudes_at, even_headings
 from freefloat.planning.plan import Objective, Search
@@ -55,10 +60,10 @@ def limited_reason(search: Search, chosen: SimulatedBranch) -> str:
     return f"the {what} among the samples that keep the limits, {margin_text(chosen)}"
 
 
-def disagreement(
+def disagreement_message(
     evaluator: FeasibilityEvaluator, candidate: Candidate, precise: SimulatedBranch
 ) -> str:
-    """That the precise motion of a candidate does not keep the margin."""
+    """Which candidate keeps the margin as a compiled motion, but not as the precise one."""
     return (
         f"attitude {np.round(precise.motion.initial.attitude, 6).tolist()}, "
         f"{_arm(evaluator, candidate)}: compiled motions keep the margin, the precise one "
@@ -66,33 +71,36 @@ def disagreement(
     )
 
 
-def no_feasible_attitude(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> str:
+def no_feasible_attitude_message(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> str:
     """Why no attitude of a map keeps the margin."""
-    problem, N = samples.problem, samples.samples
+    problem = samples.problem
+    N = samples.samples
     if (beyond := reach_message(problem)) is not None:
         return beyond
     if not samples.reached.any():
-        return f"from none of {N} attitudes does {unreached_start(problem)}"
+        return unreached_start_message(problem, f"none of {N} attitudes")
     peaks = largest_margins(evaluator, samples)
     if not peaks:
         return f"the arm becomes singular from all of {N} attitudes, with every arm branch"
-    best, name = max(peaks, key=lambda peak: peak.margin), problem.margin.measure.name
+    best = max(peaks, key=lambda peak: peak.minimum_margin)
+    name = problem.margin.measure.name
     return (
         f"of {N} attitudes and those near the best of them none keeps {name} "
-        f"{problem.margin.threshold:.6g}; the largest minimum {name} is {best.margin:.6g}, "
+        f"{problem.margin.threshold:.6g}; the largest minimum {name} is {best.minimum_margin:.6g}, "
         f"from {np.round(best.attitude, 6).tolist()} with {_arm(evaluator, best)}"
     )
 
 
-def no_feasible_heading(evaluator: FeasibilityEvaluator) -> str:
+def no_feasible_heading_message(evaluator: FeasibilityEvaluator) -> str:
     """Why no heading keeps the margin: the best of some headings."""
-    problem, attitudes = evaluator.problem, attitudes_at(even_headings(_TRIED))
+    problem = evaluator.problem
+    attitudes = attitudes_at(even_headings(_TRIED))
     if (beyond := reach_message(problem)) is not None:
         return beyond
     motions = evaluator.evaluate(attitudes).motions
     tried = np.argwhere(np.isin(motions.endings, (COMPLETED, SINGULAR))).tolist()
     if not tried:
-        return f"from no heading does {unreached_start(problem)}"
+        return unreached_start_message(problem, "no heading")
     n, branch = max(tried, key=lambda at: (motions.ended_at[*at], motions.minimum[*at]))
     best = integrate_branch(problem, attitudes[n], branch)
     approach = best.closest_approach
@@ -105,7 +113,7 @@ def no_feasible_heading(evaluator: FeasibilityEvaluator) -> str:
     )
 
 
-def infeasible_distance(problem: Problem) -> str | None:
+def infeasible_distance_message(problem: Problem) -> str | None:
     """Why no heading can be feasible, where distances from the centre of mass alone show it.
 
     S of the planar problem depends on two joint angles.
@@ -118,7 +126,7 @@ def infeasible_distance(problem: Problem) -> str | None:
             return (
                 f"the path is out of reach at s = {s:.3g}: it requires the {point} at "
                 f"{_point(place)} m, {abs(place):.4g} m from the centre of mass; the arm reaches "
-                f"{inner:.4g} to {outer:.4g} m{light_spacecraft(problem)}"
+                f"{inner:.4g} to {outer:.4g} m{light_spacecraft_hint(problem)}"
             )
     s, largest = most_singular_place(problem)
     threshold = problem.margin.threshold
@@ -130,13 +138,21 @@ def infeasible_distance(problem: Problem) -> str | None:
     )
 
 
-def limits_violated(
-    violations: Counter[str], results: Sequence[LimitResult], count: int, stretch: float | None
+def violated_limits_message(
+    violations: Counter[str],
+    results: Sequence[LimitResult],
+    count: int,
+    stretch: float | None,
+    longer_tried: bool,
 ) -> str:
     """Why no candidate keeps the limits.
 
-    ``results`` are those of the candidate that comes nearest to keeping them, ``count`` is the
-    number of precise motions, ``stretch`` a factor on the duration that would be enough.
+    Args:
+        violations: How many candidates violate which limit first.
+        results: Limits along the motion of the candidate that comes nearest to keeping them.
+        count: Number of precise motions.
+        stretch: A factor on the duration that would be enough, where one is known.
+        longer_tried: Whether longer durations were tried.
     """
     counts = ", ".join(f"{name} {number}" for name, number in violations.most_common())
     reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
@@ -146,7 +162,15 @@ def limits_violated(
             f"; the best of {count} integrated precisely reaches {worst.limit} "
             f"{worst.worst:.4g} of {worst.allowed:.4g} allowed, at {worst.where}"
         )
-    return reason if stretch is None else f"{reason}; {stretch:.4g} times the duration would do"
+    if stretch is not None:
+        return f"{reason}; {rounded_up(stretch):.4g} times the duration would do"
+    return f"{reason}; no longer duration that was tried would do" if longer_tried else reason
+
+
+def rounded_up(factor: float) -> float:
+    """The next larger number of four digits, of 1 or more."""
+    digits = 10.0 ** (3 - math.floor(math.log10(factor)))
+    return math.ceil(factor * digits * (1.0 - 1e-9)) / digits
 
 
 def _ending(simulated: SimulatedBranch) -> str:

@@ -29,18 +29,18 @@ class HeadingCandidate:
     Attributes:
         branch: Number of the arm branch.
         heading: [rad].
-        margin: Minimum margin of its motion.
+        minimum_margin: Minimum margin of its motion.
     """
 
     branch: int
     heading: float
-    margin: float
+    minimum_margin: float
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
         degrees = float(np.degrees(self.heading))
         attitude = heading_quaternion(np.radians(degrees)).tolist()
-        return {"branch": self.branch, "heading_deg": degrees, "value": self.margin,
+        return {"branch": self.branch, "heading_deg": degrees, "value": self.minimum_margin,
                 "attitude": attitude}  # fmt: skip
 
 
@@ -121,7 +121,8 @@ class HeadingMap:
     @property
     def regions(self) -> tuple[HeadingRegion, ...]:
         """Runs of feasible headings round the circle, by arm branch."""
-        step, regions = 360.0 / len(self.headings), []
+        step = 360.0 / len(self.headings)
+        regions = []
         for branch, row in zip(self.branches, self.feasible, strict=True):
             if row.all():
                 regions.append(HeadingRegion(branch, 360.0, 0.0))

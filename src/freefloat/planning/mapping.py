@@ -1,6 +1,6 @@
 """Maps of a problem over all initial attitudes, and points on the boundary of the feasible set.
 
-A motion that is tangent to the margin surface and clear of it elsewhere begins on the boundary.
+A motion tangent to the margin surface that keeps the margin elsewhere begins on the boundary.
 Tangency points, which come from equations alone, so check what bisection between samples finds.
 """
 
@@ -128,7 +128,9 @@ def _searched_map(
     )
     points = tangent_boundary(evaluator, tangency, seed) if tangency else ()
     margin = evaluator.problem.margin
-    peaks = (peak for peak in largest_margins(evaluator, sampled) if margin.is_kept(peak.margin))
+    peaks = (
+        peak for peak in largest_margins(evaluator, sampled) if margin.is_kept(peak.minimum_margin)
+    )
     near = () if target is None else nearest_feasible(evaluator, sampled, target)
     result = replace(
         sampled,
@@ -221,7 +223,8 @@ def tangent_boundary(
     Raises:
         InputError: If the arm has no such tangency points, or the margin is zero.
     """
-    problem, points = evaluator.problem, list[BoundaryPoint]()
+    problem = evaluator.problem
+    points: list[BoundaryPoint] = []
     for batch in range(_BATCHES):
         for tangency in sample_tangency_points(
             problem, _SPARE * (count - len(points)), seed + batch

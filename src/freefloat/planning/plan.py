@@ -19,16 +19,20 @@ from freefloat.so3 import Array, angle_between, heading_of
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.screening import ScreenedCandidate
     from freefloat.planning.tolerance import Tolerance
 
-HEADINGS, PLAN_ATTITUDES = 360, 4096
-"""Default numbers of samples: planar and spatial tasks."""
+HEADINGS = 360
+"""Default number of samples of planar tasks."""
+PLAN_ATTITUDES = 4096
+"""Default number of samples of spatial tasks."""
 FEWEST_SAMPLES, MOST_SAMPLES = 8, 100_000_000
 """Accepted numbers of samples."""
 _MOTION_KEYS = (
     "singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy",
-    "certificate", "heading_deg",
+    "certificate", "heading_deg", "ended_at", "ending", "joint_names",
 )  # fmt: skip
+"""Keys of the chosen motion in documents; null where there is none."""
 _MAP_KEYS = ("samples", "seed", "feasible_fraction", "feasible_fraction_error")
 
 
@@ -129,8 +133,9 @@ class Plan:
         limit_results: Limits along the chosen motion or, where no motion keeps them, along the
             candidate that came nearest.
         excluded: How many candidates violated which limit first.
-        needed_stretch: Factor on the duration with which a candidate would keep the limits, where
-            the duration alone is too short.
+        needed_stretch: Factor on the duration with which a candidate keeps margin and limits, where
+            the duration alone is too short and such a factor is known.
+        stretch_candidate: Attitude and arm branch of that candidate; not stored in files.
         stretch: Factor by which the duration was stretched.
         certificate: Bounds and errors of the chosen motion.
     """
@@ -150,6 +155,7 @@ class Plan:
     limit_results: tuple[LimitResult, ...] = ()
     excluded: Mapping[str, int] = field(default_factory=dict)
     needed_stretch: float | None = None
+    stretch_candidate: ScreenedCandidate | None = field(default=None, repr=False)
     stretch: float = 1.0
     certificate: Certificate | None = field(default=None, repr=False)
 
@@ -181,6 +187,7 @@ class Plan:
             "tolerance": self.tolerance and self.tolerance.to_dict(),
             "disagreements": list(self.disagreements),
             "duration": duration,
+            "stretch": self.stretch,
             "limits": [result.to_dict() for result in self.limit_results],
             "excluded": {str(limit): count for limit, count in self.excluded.items()},
             "stretched_duration": self.needed_stretch and self.needed_stretch * duration,

@@ -16,9 +16,9 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import (
     ALREADY,
-    infeasible_distance,
+    infeasible_distance_message,
     margin_text,
-    no_feasible_heading,
+    no_feasible_heading_message,
 )
 from freefloat.planning.heading_map import attitudes_at, best_heading, even_headings
 from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
@@ -59,7 +59,7 @@ def plan_in_plane(
     segments: tuple[Segment, ...] = ()
     measure = problem.margin.measure.name
     if has_two_angle_form(problem.model, problem.task) and measure == "system":
-        reason = infeasible_distance(problem)
+        reason = infeasible_distance_message(problem)
         if reason is not None:
             return Plan(problem, search, False, reason)
         ranges, segments = _exact_ranges(problem)
@@ -67,7 +67,9 @@ def plan_in_plane(
         ranges = searched_ranges(evaluator, search.samples or HEADINGS, progress)
     pairs = [(entry, part) for entry in ranges for part in entry.ranges]
     if not pairs:
-        return Plan(problem, search, False, no_feasible_heading(evaluator), ranges, segments)
+        return Plan(
+            problem, search, False, no_feasible_heading_message(evaluator), ranges, segments
+        )
     heading, entry, part, reason = _choose(evaluator, search, pairs)
     chosen = _integrate(problem, heading, _number(entry))
     if not chosen.feasible:
@@ -151,11 +153,13 @@ def searched_ranges(
     Ranges are those of each arm branch; of a redundant arm a heading is feasible when any of the
     starting configurations tried keeps the margin.
     """
-    problem, headings = evaluator.problem, _headings(evaluator.problem, samples)
+    problem = evaluator.problem
+    headings = _headings(problem, samples)
     results = evaluator.evaluate(attitudes_at(headings), stop_at_margin=True, progress=progress)
     feasible = problem.margin.is_kept(results.margins)
     if problem.redundant:
-        feasible, labels = np.asarray(feasible.any(axis=1, keepdims=True)), {0: "any"}
+        feasible = np.asarray(feasible.any(axis=1, keepdims=True))
+        labels = {0: "any"}
     elif has_two_angle_form(problem.model, problem.task):
         labels = {0: "elbow+", 1: "elbow-"}
     else:

@@ -151,7 +151,8 @@ def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
 
     S of the planar problem is ``system`` and depends on two joint angles.
     """
-    limits, level = [], _level(problem)
+    level = _level(problem)
+    limits = []
     for point in planar_tangency_points(problem, level, span):
         motions = _feasible_motions(problem, point.heading, point.joints, point.time, span, level)
         if motions is not None:
@@ -200,7 +201,8 @@ def heading_ranges(
     Returns:
         One entry for each arm branch.
     """
-    level, reach = _level(problem), RangeLimitCause.REACH
+    level = _level(problem)
+    reach = RangeLimitCause.REACH
     edges: list[tuple[float, int | None, RangeLimitCause]]
     edges = [(heading, None, reach) for heading in reach_limits(problem, at)]
     for limit in limits:
@@ -267,7 +269,8 @@ def branch_ranges(
     for inside, group in groupby(pairs[first:] + pairs[:first], key=lambda pair: pair[0]):
         parts = [arc for _, arc in group]
         if inside:
-            low, width = parts[0].low % TURN, sum(arc.width for arc in parts)
+            low = parts[0].low % TURN
+            width = sum(arc.width for arc in parts)
             causes = parts[0].causes[0], parts[-1].causes[1]
             ranges.append(HeadingRange(low, low + width, causes))
     ranges.sort(key=lambda part: part.low)

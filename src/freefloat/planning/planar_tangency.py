@@ -118,8 +118,10 @@ class _Candidates:
     """
 
     def __init__(self, problem: Problem, span: tuple[float, float]) -> None:
-        self.arm, self.span = PlanarArm.of(problem.model), span
-        self._problem, self._timing = problem, problem.path.timing
+        self.arm = PlanarArm.of(problem.model)
+        self.span = span
+        self._problem = problem
+        self._timing = problem.path.timing
         self._virtual = VirtualManipulator.of(problem.model)
         self._momentum = float(problem.momentum[2])
         self.times = _instants(self._timing.ends, span)
@@ -142,10 +144,11 @@ class _Candidates:
         pose, tangent = self._problem.path.path.pose(s), self._problem.path.path.tangent(s)
         speed = self._timing.s(t, 1) if self._momentum else 1.0
         position, velocity = complex(*pose.position[:2]), complex(*tangent[:2])
-        angle, rate = 0.0, 0.0
+        angle = rate = 0.0
         if self._problem.task.prescribes_orientation:
             link = pose.rotation @ self._virtual.last_link
-            angle, rate = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0])), tangent[5]
+            angle = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
+            rate = tangent[5]
             position -= complex(*link[:2])
             velocity -= 1j * rate * complex(*link[:2])
         values = position, velocity * speed, angle, rate * speed
@@ -251,7 +254,8 @@ def _refined(
     candidates: _Candidates, level: float, q: Array, t: float
 ) -> PlanarTangencyPoint | None:
     """Solve S = S0, (28) and dS/dt = 0 to rounding; None where there is no minimum nearby."""
-    first, span = candidates.span[0], candidates.span[1] - candidates.span[0]
+    first, last = candidates.span
+    span = last - first
     steepness = max(abs(float(candidates.slope(q, candidates.path_at(t)))), abs(level) / span)
 
     def errors(x: Array) -> list[float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from freefloat.ensemble.ensemble import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
@@ -12,22 +13,23 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude, Peak
-from freefloat.planning.diagnostics import attitude_reason, disagreement, no_feasible_attitude
+from freefloat.planning.diagnostics import (
+    attitude_reason,
+    disagreement_message,
+    no_feasible_attitude_message,
+)
 from freefloat.planning.heading_map import evaluator_for
-from freefloat.planning.limit_keeping import keep_limits
+from freefloat.planning.limit_keeping import keep_limits, stretched_plan
 from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import PLAN_ATTITUDES, Objective, Plan, Search
 from freefloat.planning.planar_planner import plan_in_plane
-from freefloat.planning.robustness import deepest, safe_radius
+from freefloat.planning.robustness import deepest, robust_radius
+from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.search import best_branch, largest_margins, nearest_feasible
 from freefloat.planning.simulation import integrate_branch
 from freefloat.planning.tolerance import tolerance
 from freefloat.so3 import angle_between, grid_spacing
 
-_STRETCHES = 6
-"""Attempts with a longer duration; without momentum one is enough."""
-_OVER = 1.0 + 1e-5
-"""Slightly more than what just keeps a limit."""
 _SAMPLING = 0.6
 """Fraction of the computing time of spatial plans, for the progress reported."""
 _CANDIDATES = 12
@@ -77,29 +79,25 @@ def plan(
         require_type("limits", limits, Limits, accepted)
     if search.from_attitude is not None:
         problem.attitude("search.from_attitude", search.from_attitude)
-    factor = 1.0
-    for _ in range(_STRETCHES):
-        stretched = problem if factor == 1.0 else problem.stretched(factor)
-        result = replace(_plan(stretched, search, limits, threads, progress), stretch=factor)
-        if not stretch or result.needed_stretch is None:
-            break
-        factor *= _OVER * result.needed_stretch
-    return result
+    plan_problem = partial(_plan, search=search, limits=limits, threads=threads, progress=progress)
+    return stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
 
 
 def _plan(
     problem: Problem,
+    known: ScreenedCandidate | None = None,
+    *,
     search: Search,
     limits: Limits | None,
     threads: int | None,
     progress: Progress | None,
 ) -> Plan:
-    """Plan with the duration as it is."""
+    """Plan with the duration as it is; ``known`` is as for :func:`keep_limits`."""
     evaluator = evaluator_for(problem, threads)
     planner = plan_in_plane if problem.task.planar else plan_in_space
     result = planner(evaluator, search, progress)
     if limits is not None:
-        result = keep_limits(evaluator, result, limits, progress)
+        result = keep_limits(evaluator, result, limits, progress, known)
     chosen, radius = result.chosen, result.robust_radius
     if chosen is None:
         return result
@@ -109,9 +107,10 @@ def _plan(
     attitude, branch = chosen.motion.initial.attitude, chosen.branch
     if radius is None:
         index = None if problem.redundant else branch.index
-        radius = safe_radius(evaluator, attitude, index, grid_spacing(result.map.samples))
-    tolerated = tolerance(evaluator.integrator, attitude, branch.joints)
-    return replace(result, robust_radius=radius, tolerance=tolerated)
+        spacing = grid_spacing(result.map.samples)
+        radius = robust_radius(evaluator, attitude, index, spacing)
+    tolerances = tolerance(evaluator.integrator, attitude, branch.joints)
+    return replace(result, robust_radius=radius, tolerance=tolerances)
 
 
 def plan_in_space(
@@ -134,9 +133,9 @@ def plan_in_space(
         chosen = integrate_branch(problem, candidate.attitude, branch)
         if chosen.feasible:
             break
-        disagreements.append(disagreement(evaluator, candidate, chosen))
+        disagreements.append(disagreement_message(evaluator, candidate, chosen))
     else:
-        reason = no_feasible_attitude(evaluator, samples)
+        reason = no_feasible_attitude_message(evaluator, samples)
         return Plan(problem, search, False, reason, map=samples, disagreements=(*disagreements,))
     if progress is not None:
         progress(1.0)
@@ -160,7 +159,7 @@ def _candidates(
     margin, spacing = samples.problem.margin, grid_spacing(samples.samples)
 
     def peaks() -> list[Peak]:
-        return [p for p in largest_margins(evaluator, samples) if margin.is_kept(p.margin)]
+        return [p for p in largest_margins(evaluator, samples) if margin.is_kept(p.minimum_margin)]
 
     if objective is Objective.NEAREST and present is not None:
         if nearest := nearest_feasible(evaluator, samples, present):
@@ -174,7 +173,7 @@ def _candidates(
         if (deep := deepest(evaluator, samples)) is not None:
             return [deep]
         balls = [
-            Ball(p.attitude, p.branch, safe_radius(evaluator, p.attitude, p.branch, spacing))
+            Ball(p.attitude, p.branch, robust_radius(evaluator, p.attitude, p.branch, spacing))
             for p in peaks()
         ]
         return sorted(balls, key=lambda ball: -ball.radius)

@@ -1,7 +1,7 @@
 """How deep attitudes lie inside the feasible set, and the deepest of all.
 
-The set meant here has attitudes from which one arm branch keeps the margin and stays clear of all
-singularities, also of those that its measure does not see.
+The set meant here has attitudes from which one arm branch keeps the margin and avoids all
+singularities, also those that its measure does not see.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _FINEST = 2e-3
 """Accuracy of refined centres [rad]."""
 
 
-def safe_radius(
+def robust_radius(
     evaluator: FeasibilityEvaluator, attitude: Array, branch: int | None, spacing: float
 ) -> float:
     """How far an attitude may deviate before an arm branch leaves the feasible set [rad].
@@ -74,9 +74,10 @@ def deepest(
     leave is examined; what is found outside limits the next one, until a ball holds.
 
     Returns:
-        None where no sample is feasible and clear of all singularities.
+        None where no sample is feasible and avoids all singularities.
     """
-    spacing, starts = grid_spacing(samples.samples), list[Ball]()
+    spacing = grid_spacing(samples.samples)
+    starts: list[Ball] = []
     for branch, _ in samples.branch_margins():
         depth = depths(samples.attitudes, samples.regular(branch))
         deepest_sample = int(np.argmax(depth))
@@ -85,10 +86,12 @@ def deepest(
             starts.append(Ball(attitude, branch, float(depth[deepest_sample])))
     best: Ball | None = None
     for start in sorted(starts, key=lambda ball: -ball.radius):
-        branch, radius = start.branch, 0.0 if best is None else best.radius
+        branch = start.branch
+        radius = 0.0 if best is None else best.radius
         if best is not None and start.radius < radius + _PROMISING * spacing:
             break
-        regular, inside = partial(evaluator.regular, branch=branch), samples.regular(branch)
+        regular = partial(evaluator.regular, branch=branch)
+        inside = samples.regular(branch)
         boundary = edge(regular, samples.attitudes, inside, _EDGE, ROUGH)
         tangent = [point.attitude for point in known if point.branch == branch]
         outside = np.vstack([samples.attitudes[~inside], boundary, *tangent])
@@ -113,7 +116,8 @@ def _outside_nearby(
     def is_outside(attitudes: Array) -> Flags:
         return ~evaluator.regular(attitudes, branch)
 
-    radius, outside = reach, np.empty((0, 4))
+    radius = reach
+    outside = np.empty((0, 4))
     while not len(outside) and radius < 2.0 * np.pi:
         cloud = attitudes_within(attitude, min(radius, np.pi), _WIDE // evaluator.sample_reduction)
         outside, radius = cloud[is_outside(cloud)], 2.0 * radius
@@ -146,7 +150,8 @@ def _largest_ball(
 
     The first is around the start, an attitude inside; then come those farthest from all outside.
     """
-    centers, best = attitude_grid(_CENTERS), Ball(start, branch, 0.0)
+    centers = attitude_grid(_CENTERS)
+    best = Ball(start, branch, 0.0)
     for number in range(_ROUNDS // evaluator.sample_reduction):
         center, largest = (start, np.pi) if number == 0 else _farthest(centers, outside)
         if max(best.radius, smallest) > _SETTLED * largest:
@@ -199,7 +204,8 @@ def _farthest(centers: Array, outside: Array) -> tuple[Array, float]:
 
 def _confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
     """The ball, made smaller where one of many attitudes spread in it is outside."""
-    radius, seed = _CAUTION * ball.radius, 1
+    radius = _CAUTION * ball.radius
+    seed = 1
     while radius > _SMALLEST:
         cloud = attitudes_within(ball.attitude, radius, _CONFIRMING, seed)
         outside = ~evaluator.regular(cloud, ball.branch)

@@ -75,10 +75,12 @@ def screen(
         ranks = [-table[samples, branches]]
     order = np.lexsort(ranks)
     samples, branches = samples[order], branches[order]
-    first, size = 0, _FIRST_BATCH
+    first = 0
+    size = _FIRST_BATCH
     while first < len(samples):
         batch = slice(first, first + size)
-        first, size = first + size, min(2 * size, _BATCH)
+        first += size
+        size = min(2 * size, _BATCH)
         yield from _screened(evaluator, attitudes[samples[batch]], branches[batch], limits, pairs)
 
 
@@ -91,7 +93,8 @@ def _screened(
 ) -> Iterator[ScreenedCandidate]:
     """A batch of candidates with what their compiled motions violate."""
     distinct, rows = np.unique(attitudes, axis=0, return_inverse=True)
-    results, entries = evaluator.evaluate(distinct), (rows.ravel(), branches)
+    results = evaluator.evaluate(distinct)
+    entries = rows.ravel(), branches
     violations = {LimitKind.JOINT_RANGE: _out_of_range(evaluator.problem, results, entries)}
     rate_ratios, deficits = np.zeros((2, len(attitudes)))
     if limits.joint_rate is not None:

@@ -107,7 +107,9 @@ def bisect(inside: Inside, within: Array, beyond: Array, rounds: int = EXACT) ->
 
     Each round leaves an eighth of the distance.
     """
-    vectors, low, width = rotation_vector_to(within, beyond), np.zeros(len(within)), 1.0
+    vectors = rotation_vector_to(within, beyond)
+    low = np.zeros(len(within))
+    width = 1.0
     steps = np.arange(1, _PARTS) / _PARTS
     for _ in range(rounds):
         fractions = low[:, None] + width * steps
@@ -147,9 +149,9 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
     """
     spacing = grid_spacing(samples.samples)
     climbed = _climb(evaluator, _peaks(samples, 1.5 * spacing), spacing, spacing / 3.0)
-    climbed.sort(key=lambda peak: -peak.margin)
+    climbed.sort(key=lambda peak: -peak.minimum_margin)
     finished = _climb(evaluator, climbed[:_FINISHED], spacing / 3.0, _FINE)
-    return sorted(finished, key=lambda peak: -peak.margin) + climbed[_FINISHED:]
+    return sorted(finished, key=lambda peak: -peak.minimum_margin) + climbed[_FINISHED:]
 
 
 def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
@@ -168,7 +170,8 @@ def _climb(
         group = [start for start in starts if start.branch == branch]
         attitudes, margins = climb(
             partial(evaluator.margins, branch=branch),
-            np.array([start.attitude for start in group]), [start.margin for start in group],
+            np.array([start.attitude for start in group]),
+            [start.minimum_margin for start in group],
             radius, smallest,
         )  # fmt: skip
         pairs = zip(attitudes, margins.tolist(), strict=True)
@@ -185,7 +188,7 @@ def _peaks(samples: AttitudeMap, spacing: float) -> list[Peak]:
             for i in np.argsort(-margins, kind="stable")[: 8 * _CLIMBS]
             if margins[i] > 0.0
         ),
-        key=lambda peak: -peak.margin,
+        key=lambda peak: -peak.minimum_margin,
     )
     chosen: list[Peak] = []
     for peak in ranked:
@@ -206,7 +209,8 @@ def nearest_feasible(
     each branch's nearest sample of the map.
     """
     threshold = samples.problem.margin.threshold
-    certain, candidates = threshold * (1.0 + _CERTAIN), []
+    certain = threshold * (1.0 + _CERTAIN)
+    candidates: list[NearAttitude] = []
     for branch, margins in samples.branch_margins():
         at_target = evaluator.margins(target[None], branch)
         if is_kept(at_target, threshold)[0]:

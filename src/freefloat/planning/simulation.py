@@ -17,7 +17,7 @@ from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrappe
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.motion.reach import light_spacecraft, out_of_reach, reach_message
+from freefloat.motion.reach import light_spacecraft_hint, out_of_reach, reach_message
 from freefloat.so3 import Array
 
 
@@ -181,7 +181,7 @@ def simulate(
     """
     require_problem(problem)
     attitude = problem.attitude("attitude", attitude)
-    checker = None if limits is None else LimitChecker(problem, limits)
+    checker = None if limits is None else LimitChecker(problem.model, limits)
     branches, requested = _branches(problem, attitude, branch, joints)
     simulated = [
         _simulated(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
@@ -246,6 +246,6 @@ def _unreachable(problem: Problem, attitude: Array) -> UnreachableError:
         "attitude",
         f"from {np.round(attitude, 6).tolist()} no arm configuration puts the end-effector at the "
         f"start of the path, {np.round(start, 6).tolist()} m from the centre of mass"
-        + light_spacecraft(problem),
+        + light_spacecraft_hint(problem),
         "an attitude from which the arm reaches it, or a path that begins nearer",
     )

@@ -30,7 +30,7 @@ class Tolerance:
     """Tolerated deviations of momentum and duration, with the planned initial state.
 
     Attributes:
-        momentum: The margin is kept with the angular momentum off by this much in any direction
+        momentum: Deviation of the angular momentum, in any direction, with which the margin is kept
             [N m s].
         momentum_limit: The largest deviation tried [N m s]: it rotates the locked system once
             during the motion. ``momentum`` equal to it means at least that.
@@ -87,7 +87,8 @@ def _momentum_tolerance(
 ) -> float:
     """Deviation of the momentum ``h`` tolerated in any direction, at most ``limit`` [N m s]."""
     directions = sphere_directions(low_discrepancy(_DIRECTIONS, 2))
-    smallest, worst = limit, np.zeros(3)
+    smallest = limit
+    worst = np.zeros(3)
     for spread in _SPREADS:
         tried = worst + spread * directions
         tried = tried / np.linalg.norm(tried, axis=1)[:, None]

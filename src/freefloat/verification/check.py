@@ -30,7 +30,9 @@ from freefloat.verification.checks import (
 if TYPE_CHECKING:
     from freefloat.verification.mujoco import ForwardRun, InverseRun
 
-PINOCCHIO, MUJOCO = ENGINES = ("pinocchio", "mujoco")
+PINOCCHIO = "pinocchio"
+MUJOCO = "mujoco"
+ENGINES = (PINOCCHIO, MUJOCO)
 _WRENCH = 1e-4
 """Allowed wrench on the base as a fraction of the largest torque."""
 _ROUNDING = 1e-9
@@ -140,7 +142,8 @@ def _verify(
     result: Plan | Simulation, chosen: SimulatedBranch, kind: str, engine: str
 ) -> CheckReport:
     """All checks of a motion."""
-    motion, runs = chosen.motion, None
+    motion = chosen.motion
+    runs = None
     certificate = certify(motion)
     limits = check_limits(motion, result.limits or Limits())
     checks = [
@@ -158,7 +161,8 @@ def _verify(
         from freefloat.verification.mujoco_model import Engine
 
         robot = Engine(motion.problem.model)
-        inverse, forward = inverse_run(motion, robot), forward_run(motion, robot)
+        inverse = inverse_run(motion, robot)
+        forward = forward_run(motion, robot)
         checks += _engine_checks(motion, inverse, forward)
         runs = {"name": MUJOCO, "inverse": asdict(inverse), "forward": asdict(forward)}
     return CheckReport(kind, tuple(checks), certificate, limits, runs)
@@ -205,7 +209,9 @@ def _branch_checks(chosen: SimulatedBranch) -> Iterator[Check]:
 def _limit_check(
     recomputed: LimitResult, stated: LimitResult | None, checked: bool, feasible: bool
 ) -> Check:
-    worst, time, where = recomputed.worst, recomputed.time, recomputed.where
+    worst = recomputed.worst
+    time = recomputed.time
+    where = recomputed.where
     accuracy = _CLEARANCE if recomputed.limit is LimitKind.CLEARANCE else _ABSOLUTE
     allowed = accuracy + _RELATIVE * abs(worst)
     passed, detail = True, where
@@ -229,7 +235,7 @@ def _same_certificate(stated: Certificate | None, recomputed: Certificate) -> It
         yield Check("certificate", False, "the plan has none")
         return
     for proven in recomputed.least:
-        entry = next((least for least in stated.least if least.measure == proven.measure), None)
+        entry = next((e for e in stated.least if e.measure == proven.measure), None)
         for key in ("value", "time", "bound"):
             value = getattr(proven, key)
             yield comparison_check(
@@ -244,11 +250,13 @@ def _same_certificate(stated: Certificate | None, recomputed: Certificate) -> It
     )
     for key in ("end_effector_position", "end_effector_attitude", "momentum", "rates",
                 "centre_of_mass"):  # fmt: skip
-        worst, again = getattr(stated, key), getattr(recomputed, key)
+        worst = getattr(stated, key)
+        again = getattr(recomputed, key)
         yield _error_comparison(key, worst and worst.value, again and again.value)
     for key in ("attitude", "joints", "halving_attitude", "halving_joints"):
-        values = (getattr(entry.integration, key) for entry in (stated, recomputed))
-        yield _error_comparison(f"integration.{key}", *values)
+        value = getattr(stated.integration, key)
+        again = getattr(recomputed.integration, key)
+        yield _error_comparison(f"integration.{key}", value, again)
 
 
 def _error_comparison(key: str, stated: float | None, recomputed: float | None) -> Check:
@@ -263,7 +271,8 @@ def _error_comparison(key: str, stated: float | None, recomputed: float | None) 
 
 
 def _engine_checks(motion: Motion, inverse: InverseRun, forward: ForwardRun) -> list[Check]:
-    problem, duration = motion.problem, motion.problem.path.duration
+    problem = motion.problem
+    duration = problem.path.duration
     inertia = float(np.trace(inertia_matrices(problem.model, motion.initial.joints)[0]))
     momentum = _MOMENTUM * (float(np.linalg.norm(problem.momentum)) + inertia / duration)
     wrench = _WRENCH * inverse.torque + _ROUNDING * inertia / duration**2

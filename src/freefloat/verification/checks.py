@@ -18,9 +18,11 @@ from freefloat.so3 import angle_between
 _ON_PATH = 1e-7
 """Fraction of the reach, and angle [rad], by which a motion may leave its path, per revolution of
 the spacecraft."""
-_MOMENTUM, _ROUNDING = 1e-6, 1e-12
-"""Error of the momentum as a fraction of the arm's own, and of what the system has when it rotates
-by one radian in the duration: an arm that hardly moves has next to none."""
+_MOMENTUM = 1e-6
+"""Error of the momentum as a fraction of the arm's own."""
+_ROUNDING = 1e-12
+"""The same as a fraction of what the system has when it rotates by one radian in the duration: an
+arm that hardly moves has next to none."""
 _ENDS = 1e-9
 """Fraction of the duration by which a motion may miss its ends."""
 _CENTRE = 1e-9
@@ -31,8 +33,10 @@ _SECOND = 1e-6
 """Difference of the second integration [rad, m]."""
 _HALVING = 1e-4
 """Change of its end when its steps are halved [rad, m]."""
-_MAGNITUDE, _SMALL = 10.0, 1e-7
-"""Factor between errors of the same order of magnitude; errors that are negligible."""
+_MAGNITUDE = 10.0
+"""Factor between errors of the same order of magnitude."""
+_SMALL = 1e-7
+"""Errors that are negligible."""
 _VANISHED = 1e-3
 """Fraction of its largest value that the smallest singular value may have at a singular end."""
 
@@ -68,7 +72,7 @@ class Check:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
-        keys = {"detail": "told", "recomputed": "found"}  # the document's keys since 0.1.0
+        keys = {"detail": "told", "recomputed": "found"}  # unchanged since 0.1.0
         return {
             keys.get(key, key): None
             if isinstance(value, float) and not np.isfinite(value)
@@ -83,7 +87,7 @@ def error_check(
     """Check that an error is not larger than allowed."""
     passed = bool(error <= allowed)
     where = "" if time is None else f" at t = {time:.6g} s"
-    words = f"{detail or 'it is off'} by {error:.3g} {unit}{where}, more than {allowed:.3g}"
+    words = f"{detail or 'it differs'} by {error:.3g} {unit}{where}, more than {allowed:.3g}"
     return Check(name, passed, "" if passed else words, 0.0, error, allowed, unit, time)
 
 
@@ -130,7 +134,8 @@ def _reach(motion: Motion) -> float:
 
 def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool) -> list[Check]:
     """Check the errors and bounds of a certificate."""
-    model, duration = motion.problem.model, motion.problem.path.duration
+    model = motion.problem.model
+    duration = motion.problem.path.duration
     distance, angle = path_tolerances(motion)
     inertia = float(np.trace(inertia_matrices(model, motion.initial.joints)[0]))
     momentum = _MOMENTUM * certificate.momentum_scale + _ROUNDING * inertia / duration
@@ -138,7 +143,7 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
     halving = max(again.halving_attitude, again.halving_joints)
     errors = [
         ("end-effector position", certificate.end_effector_position, distance, "m"),
-        ("end-effector attitude", certificate.end_effector_attitude, angle, "rad"),
+        ("end-effector orientation", certificate.end_effector_attitude, angle, "rad"),
         ("centre of mass", certificate.centre_of_mass, _CENTRE * _reach(motion), "m"),
         ("angular momentum", certificate.momentum, momentum, "N m s"),
         ("joint rates", certificate.rates, _RATES, "of the largest"),
@@ -171,11 +176,11 @@ def _margin_check(minimum: CertifiedMinimum, motion: Motion, feasible: bool) -> 
     required = None
     if feasible and minimum.measure == problem.margin.measure.name:
         required = problem.margin.threshold
-    detail, passed = f"lower bound between the nodes: {minimum.bound:.4g}", True
+    passed, detail = True, f"lower bound between the nodes: {minimum.bound:.4g}"
     if feasible and not is_kept(minimum.value, required or 0.0):
-        detail, passed = f"{minimum.value:.6g} is below the margin {required or 0.0:.6g}", False
+        passed, detail = False, f"{minimum.value:.6g} is below the margin {required or 0.0:.6g}"
     elif not minimum.bound and motion.completed:
-        detail, passed = "nothing is proven between the nodes", not feasible
+        passed, detail = not feasible, "nothing is proven between the nodes"
     elif not minimum.bound:
         detail = "the motion ends where it vanishes"
     return Check(name, passed, detail, None, minimum.value, required, unit, minimum.time)

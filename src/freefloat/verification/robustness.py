@@ -31,12 +31,16 @@ _PRECISE = 1e-8
 """Tolerance of the motions that try them."""
 _ALL_ROUND = 720
 """Headings tried all round."""
-_SAMPLES, _SEED = 1024, 8128
-"""Attitudes tried in the ball of the robust radius; not those of the planner."""
+_SAMPLES = 1024
+"""Attitudes tried in the ball of the robust radius."""
+_SEED = 8128
+"""Seed of these, for they are not those of the planner."""
 _MAY_FAIL = 1e-3
 """Fraction of them that may fail: thousands confirmed the ball, not all attitudes."""
-_DIRECTIONS, _PRECISE_COUNT = 96, 3
-"""Directions of momentum that are tried; the worst of them are integrated precisely."""
+_DIRECTIONS = 96
+"""Directions of momentum that are tried."""
+_PRECISE_COUNT = 3
+"""How many of them, the worst, are integrated precisely."""
 _ANGLE = 1e-7
 """Accuracy of the robust radius in the plane [rad]."""
 _INSIDE = 0.999
@@ -145,7 +149,8 @@ def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:
 
 def _ball_check(plan: Plan, chosen: SimulatedBranch) -> Check:
     """Attitudes within the robust radius keep the margin."""
-    evaluator, radius = FeasibilityEvaluator(plan.problem), plan.robust_radius or 0.0
+    evaluator = FeasibilityEvaluator(plan.problem)
+    radius = plan.robust_radius or 0.0
     branch = None if plan.problem.redundant else chosen.branch.index
     count = _SAMPLES // evaluator.sample_reduction
     attitude = chosen.motion.initial.attitude

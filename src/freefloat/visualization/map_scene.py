@@ -158,7 +158,7 @@ def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
     yield f"{percentage:.2f} % of {result.samples:,} attitudes keep {measure}"
     best, robust, nearest = result.best, result.robust, result.nearest
     if best is not None and group.has(best.branch):
-        yield f"best: {measure} {best.margin:.6g}"
+        yield f"best: {measure} {best.minimum_margin:.6g}"
     if robust is not None and group.has(robust.branch):
         yield f"robust: {np.degrees(robust.radius):.4g}° around keep the margin"
     if nearest is not None and group.has(nearest.branch):

@@ -176,7 +176,7 @@ def _draw(
         draw_areas(builder, root, problem, areas)
         path = f"{root}/{AREAS}/{areas.point}"
         builder.mesh(path, g.Sphere(2.0 * size), _POINT_COLOUR)
-        points = positions[-1] + sampled.rotations[:, -1] @ areas.tip
+        points = positions[-1] + sampled.rotations[:, -1] @ areas.offset
         builder.move(path, times, points, quaternions[-1])
     return {
         "begin": float(times[0]),

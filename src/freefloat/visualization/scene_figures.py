@@ -124,7 +124,7 @@ def _sampled_path(problem: Problem, workspace: Workspace | None) -> tuple[Array,
     """Path parameter (K,), positions of the end-effector and of the reference point (K, 3) [m]."""
     s = np.linspace(0.0, 1.0, 301)
     poses = [problem.path.path.pose(float(value)) for value in s]
-    offset = np.zeros(3) if workspace is None else workspace.tip
+    offset = np.zeros(3) if workspace is None else workspace.offset
     path = np.array([pose.position for pose in poses])
     return s, path, path + np.array([pose.rotation @ offset for pose in poses])
 
@@ -217,7 +217,7 @@ def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None
     """Draw a planar path and the path of the reference point (point 3 of the paper)."""
     _, path, points = _sampled_path(problem, workspace)
     axes.plot(*path[:, :2].T, color=BLUE, linestyle="-", linewidth=1.6, label="path")
-    if workspace is not None and workspace.tip.any():
+    if workspace is not None and workspace.offset.any():
         style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
         axes.plot(*points[:, :2].T, label=workspace.point, **style)
     _mark_ends(axes, path[:, :2])

@@ -124,7 +124,7 @@ class PlanarArm:
         """
         D, v = self.momentum_coefficients(angles), 1j * self.vectors(angles)
         h = momentum - (D[..., 3] * last_rate if len(self.links) == 4 else 0.0)
-        right = np.stack([h + 0.0 * velocity.real, velocity.real, velocity.imag], axis=-1)
+        right = np.stack(np.broadcast_arrays(h, velocity.real, velocity.imag), axis=-1)
         matrix = np.stack([D[..., :3], v[..., :3].real, v[..., :3].imag], axis=-2)
         first = np.linalg.solve(matrix, right[..., None])[..., 0]
         if len(self.links) == 3:
@@ -195,7 +195,8 @@ def _joint_grid() -> tuple[Array, Array]:
 
 def _polished(arm: PlanarArm, joints: Array, level: float) -> Array:
     """Points of a contour after small Newton steps along the gradient of S."""
-    step, around = 1e-6, np.array([[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]])[:, None]
+    step = 1e-6
+    around = np.array([[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]])[:, None]
     for _ in range(_POLISHES):
         S, *moved = arm.determinant(two_angles(arm, joints + step * around))
         gradient = np.stack(moved[:2], axis=-1) - np.stack(moved[2:], axis=-1)
@@ -243,7 +244,8 @@ def _flat(vector: Array) -> complex:
 
 def _inertia(model: FreeFloatingModel, rotations: list[Array]) -> Complex:
     """Coefficients of the angular momentum, from link vectors to the centres of mass."""
-    bodies, count = model.bodies, len(model.bodies)
+    bodies = model.bodies
+    count = len(bodies)
     masses = np.array([body.mass for body in bodies])
     steps = np.zeros((count, count), dtype=complex)  # body i's centre of mass from the root frame
     for i, body in enumerate(bodies):

@@ -32,7 +32,7 @@ class Workspace:
 
     Attributes:
         point: ``"end-effector"``, ``"last joint"`` or ``"wrist centre"``.
-        tip: That point in the end-effector's frame [m], shape (3,).
+        offset: That point in the end-effector's frame [m], shape (3,).
         measure: Name of the measure S: ``system``, ``arm`` or ``gjm``.
         reach: Smallest and largest distance.
         path_dependent: Intervals where S can vanish, inner to outer; None if unknown.
@@ -46,7 +46,7 @@ class Workspace:
     """
 
     point: str
-    tip: Array
+    offset: Array
     measure: str
     reach: Interval
     path_dependent: tuple[Interval, ...] | None
@@ -99,17 +99,23 @@ def exact_workspace(problem: Problem) -> Workspace | None:
     Returns:
         None for other arms.
     """
-    virtual, name, tip = VirtualManipulator.of(problem.model), "system", np.zeros(3)
+    virtual = VirtualManipulator.of(problem.model)
+    name = "system"
+    offset = np.zeros(3)
     if has_two_angle_form(problem.model, problem.task):
-        arm, point = PlanarArm.of(problem.model), "end-effector"
+        arm = PlanarArm.of(problem.model)
+        point = "end-effector"
         if problem.task is Task.PLANAR_POSE:
-            point, tip = "last joint", -virtual.last_link
+            point = "last joint"
+            offset = -virtual.last_link
     elif problem.task is Task.POSE:
         try:
-            arm, name, point = elbow_arm(problem.model), "arm", "wrist centre"
+            arm = elbow_arm(problem.model)
         except InputError:
             return None
-        tip = wrist_in_tool(virtual)
+        name = "arm"
+        point = "wrist centre"
+        offset = wrist_in_tool(virtual)
     else:
         return None
     dependent = merged([(float(c.radii.min()), float(c.radii.max()))
@@ -117,7 +123,7 @@ def exact_workspace(problem: Problem) -> Workspace | None:
     measure = singularity_measure(problem.model, problem.task, name)
     extremes = joint_space_extremes(problem.model, measure)
     return Workspace(
-        point, frozen(tip), name, arm.reach, dependent, _complement(dependent, arm.reach), True,
+        point, frozen(offset), name, arm.reach, dependent, _complement(dependent, arm.reach), True,
         extremes.largest, extremes.smallest,
     )  # fmt: skip
 
@@ -129,8 +135,10 @@ def _sampled_workspace(problem: Problem) -> Workspace:
     """
     measure = singularity_measure(problem.model, problem.task, "gjm")
     reach = sampled_reach(problem)
-    extremes, gap = joint_space_extremes(problem.model, measure), _GAP * reach[1]
-    dependent, independent = None, None
+    extremes = joint_space_extremes(problem.model, measure)
+    gap = _GAP * reach[1]
+    dependent = None
+    independent = None
     if not problem.redundant:
         areas = sampled_areas(problem, measure, extremes.magnitude, gap)
         dependent = merged(areas, 1e-3 * gap)
@@ -167,7 +175,7 @@ def _path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval,
         return ()
     s = np.linspace(0.0, 1.0, 1001)
     poses = [problem.path.path.pose(float(value)) for value in s]
-    points = np.array([pose.position + pose.rotation @ workspace.tip for pose in poses])
+    points = np.array([pose.position + pose.rotation @ workspace.offset for pose in poses])
     radii = np.linalg.norm(points[:, :2] if problem.task.planar else points, axis=1)
     inside = np.zeros(len(s), dtype=bool)
     for low, high in workspace.path_dependent:

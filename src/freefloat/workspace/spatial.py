@@ -23,8 +23,10 @@ from freefloat.workspace.planar import Complex, Interval, PlanarArm, point_3, tw
 
 _GRID = 8
 """Angles per joint; S is a trigonometric polynomial of degree two, which fewer determine."""
-_LINES, _STEPS = 1024, 32
-"""Sweeps of one joint, and intervals of each."""
+_LINES = 1024
+"""Sweeps of one joint."""
+_STEPS = 32
+"""Intervals of each."""
 _ENDS = 4
 """Singular configurations from which each end of an area is extended."""
 _EXTENSION = 5.0
@@ -42,7 +44,8 @@ def elbow_arm(model: FreeFloatingModel) -> PlanarArm:
         InputError: For arms without that measure, see
             :func:`~freefloat.dynamics.measures.singularity_measure`.
     """
-    axes, virtual = plane_axes(model, Task.POSE), VirtualManipulator.of(model)
+    axes = plane_axes(model, Task.POSE)
+    virtual = VirtualManipulator.of(model)
     _, _, points, joint_axes = virtual.kinematics(np.zeros(6))
     corners = [points[1, 0], points[2, 0], _wrist(virtual)]
     links = np.diff([0.0, *(complex(axes[1] @ p, axes[2] @ p) for p in corners)])
@@ -131,7 +134,8 @@ def sampled_areas(
     order = np.argsort(radii)
     singular, radii = singular[order], radii[order]
     breaks = np.flatnonzero(np.diff(radii) > gap) + 1
-    extend, areas = partial(_extended, problem, measure, scale), []
+    extend = partial(_extended, problem, measure, scale)
+    areas = []
     for first, last in zip([0, *breaks], [*breaks, len(radii)], strict=True):
         down = np.array([extend(joints, 1.0) for joints in singular[first:last][:_ENDS]])
         up = np.array([extend(joints, -1.0) for joints in singular[first:last][-_ENDS:]])
@@ -154,9 +158,11 @@ def singular_configurations(problem: Problem, measure: SingularityMeasure) -> Ar
     from scipy.optimize import brentq  # imported late: it takes a third of a second
 
     lower, upper = joint_box(problem.model)
-    n, singular = problem.model.dof, []
+    n = problem.model.dof
+    singular = []
     for number, fraction in enumerate(low_discrepancy(_LINES, n)):
-        start, moving = lower + (upper - lower) * fraction, np.arange(n) == number % n
+        start = lower + (upper - lower) * fraction
+        moving = np.arange(n) == number % n
 
         def along(value: float, start: Array = start, moving: Array = moving) -> float:
             return measure(np.where(moving, value, start))
