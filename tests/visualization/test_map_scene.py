@@ -14,6 +14,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint, Peak
 from freefloat.planning.mapping import sample_attitudes
+from freefloat.visualization.description import MarginColours
 from freefloat.visualization.map_scene import (
     BACK,
     BEST_BRANCH,
@@ -23,7 +24,7 @@ from freefloat.visualization.map_scene import (
     MARKS,
     map_scene,
 )
-from freefloat.visualization.scene_builder import MarginColours, Scene
+from freefloat.visualization.scene_builder import Scene
 
 SECOND = "shoulder+ elbow- wrist±"
 LABELS = [f"shoulder{a} elbow{b} wrist{c}" for a in "+-" for b in "+-" for c in "+-"]
@@ -81,8 +82,8 @@ def test_points_are_rotation_vectors_coloured_by_the_margin(
 def test_marks_and_boundary_belong_to_their_branch(scene: Scene) -> None:
     """Wrist-flipped branches share a scene."""
     labels = {
-        item["title"]: [label["text"] for label in item["labels"] if label["item"] == MARKS]
-        for item in scene.about["scenes"]
+        item.title: [label.text for label in item.labels if label.item == MARKS]
+        for item in scene.description.scenes
     }
     assert list(labels) == [BEST_BRANCH, *(f"{label[:-1]}±" for label in LABELS[::2])]
     assert labels[BEST_BRANCH] == ["best", "robust"]

@@ -22,9 +22,10 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
+from freefloat.visualization.description import MarginColours
 from freefloat.visualization.playback import Playback, playback
 from freefloat.visualization.scene import key_times, motion_scene
-from freefloat.visualization.scene_builder import MarginColours, Scene
+from freefloat.visualization.scene_builder import Scene
 from freefloat.visualization.visuals import body_poses, robot_visuals
 
 GOOD, BAD = [0.46008, 0.09337, 0.73519, -0.48898], [0.1, 0.5, 0.2, -0.8367]
@@ -102,15 +103,16 @@ def test_motions_are_nearly_straight_between_key_times(
 
 
 def test_the_trail_shows_the_measure_by_time_and_colour(scene: Scene, motion: Motion) -> None:
-    trail = scene.about["scenes"][0]["trail"]
-    states = motion.sample(trail["times"][::50])
+    trail = scene.description.scenes[0].trail
+    assert trail is not None
+    states = motion.sample(trail.times[::50])
     wanted = [abs(motion.problem.margin.measure(state.joints)) for state in states]
-    assert trail["values"][::50] == pytest.approx(wanted, rel=1e-4)
-    s = [motion.problem.path.timing.s(t) for t in trail["times"][::50]]
-    assert trail["fractions"][::50] == pytest.approx(s, abs=1e-5)
+    assert trail.values[::50] == pytest.approx(wanted, rel=1e-4)
+    s = [motion.problem.path.timing.s(t) for t in trail.times[::50]]
+    assert trail.fractions[::50] == pytest.approx(s, abs=1e-5)
     tube = objects(scene)["/meshcat/good/Trail"]
     shades = attribute(tube, "color")[::10]  # of each ring
-    assert shades[np.argmin(trail["values"])].sum() < shades[np.argmax(trail["values"])].sum()
+    assert shades[np.argmin(trail.values)].sum() < shades[np.argmax(trail.values)].sum()
     start, end = (motion.problem.path.pose(t).position for t in (0.0, 100.0))
     points, along = attribute(tube) - start, (end - start) / np.linalg.norm(end - start)
     assert np.linalg.norm(points - np.outer(points @ along, along), axis=1).max() < 0.03
@@ -174,11 +176,11 @@ def test_colours_show_what_is_below_the_margin() -> None:
 
 
 def test_the_first_view_covers_the_motion(scene: Scene, motion: Motion) -> None:
-    view, (positions, _) = scene.about["view"], body_poses(motion, motion.node_parameters)
+    view, (positions, _) = scene.description.view, body_poses(motion, motion.node_parameters)
     points = np.concatenate([positions[:, 0], positions[:, -1]])
-    assert np.linalg.norm(points - view["centre"], axis=1).max() <= view["radius"] + 0.05
+    assert np.linalg.norm(points - view.centre, axis=1).max() <= view.radius + 0.05
     arm = positions[:, 1:-1].mean(axis=1) - positions[:, 0]
-    assert (arm @ view["direction"]).mean() > 0.0  # in front of the spacecraft
+    assert (arm @ view.direction).mean() > 0.0  # in front of the spacecraft
 
 
 def test_a_page_carries_the_commands_and_may_request_nothing(scene: Scene) -> None:

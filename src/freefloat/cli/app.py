@@ -73,7 +73,8 @@ def _report(error: Exception, as_json: bool, debug: bool) -> int:
 
 def _usage_error(error: Any) -> InputError:
     """The error for a command line that typer cannot parse."""
-    parameter, context = getattr(error, "param", None), getattr(error, "ctx", None)
+    parameter = getattr(error, "param", None)
+    context = getattr(error, "ctx", None)
     key = parameter.opts[-1] if parameter else getattr(error, "option_name", "command")
     command = f" {context.info_name}" if context and context.parent else ""
     return InputError(key, error.format_message(), f"see freefloat{command} --help")
@@ -82,8 +83,9 @@ def _usage_error(error: Any) -> InputError:
 app = typer.Typer(
     cls=_Commands,
     help="Plan end-effector paths for free-floating space manipulators.",
-    epilog="Exit codes: 0 done; 1 the answer is no (infeasible, singular, discrepancies); 2 the "
-    "input is wrong; 3 internal error, with a traceback after freefloat --debug COMMAND.",
+    epilog="Exit codes: 0 done; 1 infeasible, singular, limits violated, discrepancies, or runs "
+    "with errors; 2 the input is wrong; 3 internal error, with a traceback after freefloat "
+    "--debug COMMAND.",
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -164,7 +164,8 @@ def _assembled(
     from freefloat.robot.parts import Attachment, Payload, Spacecraft
     from freefloat.robot.validation import read_urdf
 
-    urdf, attached = find_robot(robot, Path()), []
+    urdf = find_robot(robot, Path())
+    attached = []
     for key, prefix in (("tool", "tool_"), ("second_arm", "second_")):
         if key not in parts:
             continue

@@ -71,7 +71,8 @@ def batch(
     from freefloat.studies.study import load_study
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
-    console, loaded = Console(as_json, quiet), load_study(study)
+    console = Console(as_json, quiet)
+    loaded = load_study(study)
     if dry_run:
         with console.progress("timing two runs"):
             estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler)
@@ -103,7 +104,7 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
     """The runs, and how long they will take."""
     study = estimate.study
     yield f"{study.source}: {_runs(study.count)}, command {study.content.command}"
-    runs = table("case", *study.content.vary)
+    runs = table("run", *study.content.vary)
     for number in range(min(study.count, _MAX_ROWS)):
         cells = [Text(_short(value)) for value in study.parameters(number).values()]
         runs.add_row(f"{number} done" if number in estimate.finished else str(number), *cells)
@@ -122,7 +123,8 @@ def _estimate_tables(estimate: StudyEstimate) -> Iterator[RenderableType]:
 
 def _result_lines(result: StudyResult) -> Iterator[str]:
     """Counts, margins, errors and files of a study."""
-    study, errors = result.study, result.errors
+    study = result.study
+    errors = result.errors
     counts = ", ".join(f"{count:,} {verdict}" for verdict, count in result.verdicts.items())
     yield f"{study.source}: {_runs(len(result.rows))} of command {study.content.command}: {counts}"
     fraction, deviation = result.feasible_fraction, result.feasible_fraction_error

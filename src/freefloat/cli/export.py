@@ -74,7 +74,8 @@ def export(
         return
     prepare_outputs(file, output=target)
     save_trajectory(target, trajectory, kind)
-    console, first, last = Console(as_json, quiet), float(at[0]), float(at[-1])
+    first, last = float(at[0]), float(at[-1])
+    console = Console(as_json, quiet)
     console.json({
         "file": str(target), "format": str(kind), "times": len(at), "from": first, "to": last,
         "joint_names": list(motion.problem.model.joint_names), "completed": motion.completed,

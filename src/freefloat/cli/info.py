@@ -117,7 +117,8 @@ class RobotSummary:
         from freefloat.dynamics.virtual_manipulator import VirtualManipulator
         from freefloat.robot.description import Severity
 
-        model, measure, virtual = self.model, self.measure, VirtualManipulator.of(self.model)
+        model, measure = self.model, self.measure
+        virtual = VirtualManipulator.of(model)
         return {
             "urdf": model.description.source,
             "end_effector": model.end_effector,

@@ -96,8 +96,10 @@ def map_(
     from freefloat.planning.heading_map import HeadingMap
     from freefloat.planning.mapping import attitude_map
 
-    console, loaded = Console(as_json, quiet), load_scenario(scenario)
-    problem, search = loaded.problem(), loaded.search()
+    console = Console(as_json, quiet)
+    loaded = load_scenario(scenario)
+    problem = loaded.problem()
+    search = loaded.search()
     prepare_outputs(loaded.source, output=output, folder=plots)
     with loaded.error_context(), console.progress("integrating motions") as progress:
         result = attitude_map(

@@ -94,7 +94,8 @@ def catalogue() -> dict[str, list[BundledFile]]:
     """Return all bundled robots, scenarios and studies."""
     from freefloat.robot import names as bundled
 
-    robots, scenarios = bundled.bundled_robots(), bundled.bundled_scenarios()
+    robots = bundled.bundled_robots()
+    scenarios = bundled.bundled_scenarios()
     return {
         "robots": [_robot(name, bundled.find_robot(name, Path())) for name in robots],
         "scenarios": [_scenario(name, bundled.find_scenario(name)) for name in scenarios],

@@ -39,9 +39,7 @@ robot_names = _completion("robots", "scenarios", suffixes=_URDF + _YAML)
 file_names = _completion("robots", "scenarios", "studies")
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print errors only; the exit code is the answer.")
-]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only; see the exit code.")]
 ScenarioName = Annotated[
     str,
     typer.Argument(metavar="SCENARIO", help="A file or a bundled name: spatial_6dof/line",

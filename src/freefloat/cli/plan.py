@@ -69,8 +69,10 @@ def plan(
     from freefloat.io.scenario import load_scenario
     from freefloat.planning.planner import plan as find_plan
 
-    console, loaded = Console(as_json, quiet), load_scenario(scenario)
-    problem, limits = loaded.problem(), loaded.limits()
+    console = Console(as_json, quiet)
+    loaded = load_scenario(scenario)
+    problem = loaded.problem()
+    limits = loaded.limits()
     prepare_outputs(loaded.source, output=output, html=html, folder=plots)
     with loaded.error_context(), console.progress("integrating motions") as progress:
         result = find_plan(

@@ -46,7 +46,8 @@ def plot(
     from freefloat.visualization.figures import figures
 
     results = {name: load(file) for name, file in zip(distinct_stems(files), files, strict=True)}
-    console, folder = Console(as_json, quiet), output or Path(f"{files[0].stem}_figures")
+    console = Console(as_json, quiet)
+    folder = output or Path(f"{files[0].stem}_figures")
     make_folder("output", folder)
     written: list[Path] = []
     motions: dict[str, Motion] = {}

@@ -68,9 +68,10 @@ def simulate(
 ) -> None:
     """Integrate the motions of all arm branches from one initial attitude.
 
-    Joint ranges and the scenario's limits are checked along the chosen motion. The file of -o
-    contains that motion, the page of --html those of all branches. Exit code 1: the chosen motion
-    ends before the path does.
+    One motion is chosen: that of --branch or --joints, else the feasible one with the largest
+    minimum margin that keeps the joint ranges and the scenario's limits, which are checked along
+    it. The files of -o and --html contain all motions. Exit code 1: the chosen motion ends before
+    the path does, or violates a limit.
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
@@ -78,8 +79,10 @@ def simulate(
     from freefloat.io.scenario import load_scenario
     from freefloat.planning.simulation import simulate as simulate_branches
 
-    console, loaded = Console(as_json, quiet), load_scenario(scenario)
-    problem, limits = loaded.problem(), loaded.limits()
+    console = Console(as_json, quiet)
+    loaded = load_scenario(scenario)
+    problem = loaded.problem()
+    limits = loaded.limits()
     start = _start_attitude(problem, attitude, heading)
     prepare_outputs(loaded.source, output=output, html=html)
     with loaded.error_context(only="path"), console.progress("integrating motions"):
@@ -95,7 +98,8 @@ def simulate(
 
         playback(simulation, scenario).save(html)
     console.json(simulation.to_dict())
-    raise typer.Exit(DONE if simulation.chosen.motion.completed else NO)
+    kept = all(result.kept for result in simulation.limit_results)
+    raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NO)
 
 
 def _start_attitude(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from freefloat.motion.motion import Motion
     from freefloat.visualization.playback import Playback
 
-_ACCEPTED = "plans and motions, several together, or one attitude map (others: map --plots)"
+_ACCEPTED = "plans and motions, several together, or one map"
 
 
 _Files = Annotated[
@@ -109,7 +109,8 @@ def view(
         scene=(scene, {"--html": html, "--snapshots": snapshots, "--video": video}),
     )
     shown: dict[str, Any] = {"size": _pixels(size), "scene": scene}
-    console, playback = Console(as_json, quiet), _playback(files)
+    console = Console(as_json, quiet)
+    playback = _playback(files)
     if html is None and snapshots is None and video is None:
         _serve(console, playback, port, open_page=not (no_open or as_json))
         return
@@ -179,10 +180,11 @@ def _playback(files: Sequence[Path]) -> Playback:
     """The playback of motions, which are shown together, or of one map."""
     from freefloat.io.results import load
     from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.heading_map import HeadingMap
     from freefloat.visualization.playback import playback
 
     results = [load(file) for file in files]
-    if len(results) == 1 and isinstance(results[0], AttitudeMap):
+    if len(results) == 1 and isinstance(results[0], AttitudeMap | HeadingMap):
         return playback(results[0], files[0].stem)
     motions = {
         name: _motion_of(result, file)

@@ -22,7 +22,8 @@ def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = Fals
     from freefloat.io.scenario import load_scenario
     from freefloat.workspace.regions import workspace_regions
 
-    console, loaded = Console(as_json, quiet), load_scenario(scenario)
+    console = Console(as_json, quiet)
+    loaded = load_scenario(scenario)
     with loaded.error_context(), console.progress("searching the joint space"):
         result = workspace_regions(loaded.problem())
     console.json(result.to_dict())

@@ -85,8 +85,9 @@ class Simulation:
 
     Attributes:
         branches: Every arm branch that reaches the start of the path.
-        chosen: The requested one; else the one that completes with the largest minimum margin, or,
-            where none completes, comes nearest to completing.
+        chosen: The requested one; else, of the feasible ones, the one with the largest minimum
+            margin that keeps the limits, or, where none does, with the largest minimum margin; or,
+            where none is feasible, the one that comes nearest to it.
         limits: Limits checked in addition to the joint ranges; None where none were checked.
         limit_results: Limits along the chosen motion.
     """
@@ -160,9 +161,9 @@ def simulate(
     Args:
         problem: Robot, path and momentum.
         attitude: Of the spacecraft at the start, quaternion x, y, z, w.
-        branch: Choose the branch with this number.
+        branch: Choose the branch with this number; see :class:`Simulation` for the default.
         joints: Choose the branch near these joint values, shape (n,).
-        limits: Check these limits and the joint ranges along the chosen motion.
+        limits: Check these limits and the joint ranges.
         stop_at_margin: End motions where the problem's margin is used up.
         tolerance: As for :func:`~freefloat.motion.integration.integrate_motion`.
 
@@ -187,8 +188,10 @@ def simulate(
         _simulated(problem, attitude, start, stop_at_margin=stop_at_margin, tolerance=tolerance)
         for start in branches
     ]
-    chosen = max(simulated, key=_score) if requested is None else simulated[requested]
-    results = () if checker is None else checker.results(chosen.motion)
+    candidates = _ranked(simulated) if requested is None else [simulated[requested]]
+    if checker is None:
+        return Simulation(tuple(simulated), candidates[0], limits)
+    chosen, results = _within_limits(candidates, checker)
     return Simulation(tuple(simulated), chosen, limits, results)
 
 
@@ -225,6 +228,24 @@ def _branches(
         numbers = ", ".join(map(str, indices))
         raise InputError("branch", f"there is no branch {branch} here", numbers)
     return branches, None if branch is None else indices.index(branch)
+
+
+def _ranked(branches: list[SimulatedBranch]) -> list[SimulatedBranch]:
+    """Return the feasible branches, the best first; where none is, the best of all."""
+    ranked = sorted(branches, key=_score, reverse=True)
+    return [branch for branch in ranked if branch.feasible] or ranked[:1]
+
+
+def _within_limits(
+    branches: list[SimulatedBranch], checker: LimitChecker
+) -> tuple[SimulatedBranch, tuple[LimitResult, ...]]:
+    """Return the first branch whose motion keeps the limits, else the first, and its limits."""
+    checked = []
+    for branch in branches:
+        checked.append((branch, checker.results(branch.motion)))
+        if all(result.kept for result in checked[-1][1]):
+            return checked[-1]
+    return checked[0]
 
 
 def _score(branch: SimulatedBranch) -> tuple[bool, float, float]:

@@ -59,7 +59,8 @@ def save_summary(result: StudyResult, report: bool = True) -> dict[str, Path | N
     from freefloat.visualization.figure_style import save_figures
     from freefloat.visualization.study_figure import study_figure
 
-    tables, table = save_tables(result.folder, result.rows), study_table(result.rows)
+    tables = save_tables(result.folder, result.rows)
+    table = study_table(result.rows)
     varied = tuple(result.study.content.vary)
     prefixes = tuple(f"{key}." for key in varied)
     columns = [key for key in table.column_names if key in varied or key.startswith(prefixes)]

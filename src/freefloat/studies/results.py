@@ -117,7 +117,8 @@ class StudyDatabase:
     """
 
     def __init__(self, folder: Path, connection: sqlite3.Connection) -> None:
-        self.folder, self._connection = folder, connection
+        self.folder = folder
+        self._connection = connection
         stored = connection.execute("SELECT * FROM runs ORDER BY number")
         self.rows = {values[0]: Row(*map(_parsed, COLUMNS.values(), values)) for values in stored}
 

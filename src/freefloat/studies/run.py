@@ -90,32 +90,49 @@ def error_result(run: Run, error: BaseException | str) -> RunResult:
 
 def execute(run: Run) -> RunResult:
     """Execute a run on one core; any error becomes its row."""
-    began, begin = datetime.now(UTC).isoformat(timespec="milliseconds"), time.perf_counter()
-    root = _copies(run.files).name if run.files else "/"
-    try:
-        result = _execute(run, root / run.source.relative_to("/"))
-    except Exception as error:
-        result = error_result(run, error)
-        if run.files:  # name the original files instead of their copies
-            message = str(result.row.error).replace(root, "")
-            result = RunResult(replace(result.row, error=message))
+    began = datetime.now(UTC).isoformat(timespec="milliseconds")
+    begin = time.perf_counter()
+    result = _execute_on_copies(run) if run.files else _execute(run, run.source)
     row = replace(result.row, began=began, seconds=time.perf_counter() - begin)
     return RunResult(row, result.content)
 
 
-@lru_cache(maxsize=2)
+def _execute_on_copies(run: Run) -> RunResult:
+    """Execute a run with the files that were sent along."""
+    folder = _copies(run.files).name
+    source = _below(folder, run.source)
+    source.parent.mkdir(parents=True, exist_ok=True)  # for names that begin with ..
+    result = _execute(run, source)
+    if result.row.error is None:
+        return result
+    message = result.row.error.replace(folder, "")  # names the original files
+    return RunResult(replace(result.row, error=message))
+
+
+@lru_cache(maxsize=2)  # for all runs of a study, as meshes are cached by their paths
 def _copies(files: Files) -> tempfile.TemporaryDirectory[str]:
     """Write copies of files below a temporary folder, each at its own path."""
     folder = tempfile.TemporaryDirectory(prefix="freefloat-")
     for path, content in files:
-        copy = Path(folder.name) / Path(path).relative_to("/")
+        copy = _below(folder.name, Path(path))
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_bytes(content)
     return folder
 
 
+def _below(folder: str, path: Path) -> Path:
+    return folder / path.relative_to(path.anchor)
+
+
 def _execute(run: Run, source: Path) -> RunResult:
-    source.parent.mkdir(parents=True, exist_ok=True)  # for names that begin with ..
+    try:
+        return _computed(run, source)
+    except Exception as error:
+        return error_result(run, error)
+
+
+def _computed(run: Run, source: Path) -> RunResult:
+    """Execute the command on the scenario whose file is the source."""
     scenario = scenario_from(run.document, source)
     problem = scenario.problem()
     record: Any
@@ -134,7 +151,8 @@ def _execute(run: Run, source: Path) -> RunResult:
             record = plan(problem, scenario.search(), limits, threads=1)
         values = _plan_values(record)
     else:
-        attitude, branch = _initial_attitude(problem, run.start), run.start.get("branch")
+        attitude = _initial_attitude(problem, run.start)
+        branch = run.start.get("branch")
         record = simulate(problem, attitude, branch=branch, limits=scenario.limits())
         values = _simulation_values(record)
     row = Row(run.number, parameters=run.parameters, **finite(values))
@@ -160,7 +178,8 @@ def _file_content(record: Any) -> bytes:
 
 
 def _simulation_values(simulation: Simulation) -> dict[str, Any]:
-    chosen, limits = simulation.chosen, simulation.limit_results
+    chosen = simulation.chosen
+    limits = simulation.limit_results
     violated = [str(result.limit) for result in limits if not result.kept]
     reason = ""
     if not chosen.motion.completed:
@@ -201,25 +220,36 @@ def _covered_fraction(ranges: dict[str, list[list[float]]]) -> float:
 
 
 def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
-    document, problem = result.to_dict(), result.problem
-    best, robust = document["best"] or {}, document["robust"] or {}
-    feasible = result.feasible_found
-    return {
+    from freefloat.planning.heading_map import HeadingMap  # compiled kernels are slow to import
+
+    feasible, margin = result.feasible_found, result.problem.margin
+    values: dict[str, Any] = {
         "verdict": FEASIBLE if feasible else INFEASIBLE,
         "reason": "" if feasible else "no attitude tried keeps the margin",
-        "measure": None if problem.task.planar else problem.margin.measure.name,
-        "margin": best.get("value"),
-        "margin_required": problem.margin.threshold,
-        "robust_radius_deg": robust.get("radius_deg"),
+        "margin": result.best and result.best.margin,
+        "margin_required": margin.threshold,
         "feasible_fraction": result.feasible_fraction,
         "motion_fraction": result.motion_fraction,
-        **{key: best.get(key) for key in ("branch", "attitude", "heading_deg")},
+        "branch": result.best and result.best.branch,
     }
+    if not isinstance(result, HeadingMap):
+        radius = result.robust and degrees(result.robust.radius)
+        attitude = result.best and result.best.attitude.tolist()
+        measure = margin.measure.name
+        return values | {"robust_radius_deg": radius, "attitude": attitude, "measure": measure}
+    if result.regions:
+        values["robust_radius_deg"] = max(region.size for region in result.regions) / 2.0
+    if result.best is not None:
+        values["heading_deg"] = degrees(result.best.heading)
+        values["attitude"] = heading_quaternion(result.best.heading).tolist()
+    return values
 
 
 def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
-    motion, margin = chosen.motion, chosen.closest_approach
-    attitude, planar = motion.initial.attitude.tolist(), motion.problem.task.planar
+    motion = chosen.motion
+    margin = chosen.closest_approach
+    attitude = motion.initial.attitude.tolist()
+    planar = motion.problem.task.planar
     return {
         "completed": motion.completed,
         "measure": margin.measure,

@@ -18,6 +18,7 @@ from typing import Any
 
 import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
+from distributed.comm import get_address_host_port
 
 from freefloat.errors import InputError
 from freefloat.studies.results import DATABASE, ERROR, Row, StudyResult, open_results
@@ -75,7 +76,8 @@ def run_study(
 
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
-    begin, folder = time.perf_counter(), Path(folder)
+    begin = time.perf_counter()
+    folder = Path(folder)
     files = study_files(study)
     with open_results(folder, study, files) as database:
         missing = [number for number in range(study.count) if number not in database.rows]
@@ -114,7 +116,9 @@ def execute_all(
         InputError: If the scheduler does not answer, is lost, or lacks workers with this version.
     """
     with _local_client(workers) if scheduler is None else _remote_client(scheduler) as client:
-        waiting, submitted, completed = iter(runs), dict[Any, Run](), as_completed(loop=client.loop)
+        waiting = iter(runs)
+        submitted: dict[Any, Run] = {}
+        completed = as_completed(loop=client.loop)
 
         def submit() -> None:
             while len(submitted) < max(1, sum(client.nthreads().values())):
@@ -185,6 +189,7 @@ def _remote_client(scheduler: str) -> Iterator[Client]:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     expected = version("freefloat")
     try:
+        get_address_host_port(scheduler)  # a client of an invalid address does not end
         with Client(scheduler, timeout=_TIMEOUT, set_as_default=False) as client:
             client.wait_for_workers(1, timeout=_TIMEOUT)
             try:

@@ -200,7 +200,7 @@ class ValuesSection(Section):
         elif self.normal is not None:
             value = rng.normal(self.normal.mean, np.abs(self.normal.sd))  # -0.0 is refused
         else:
-            value = (self.ball or self.so3 or RotationSection()).draw(rng)
+            value = next(filter(None, (self.ball, self.so3))).draw(rng)
         return np.asarray(value).tolist()
 
 

@@ -63,7 +63,8 @@ def comparison_figure(motions: Mapping[str, Motion]) -> Figure:
 
 def _draw(panels: Any, motion: Motion) -> None:
     """Draw the panels of one motion."""
-    problem, trajectory = motion.problem, Trajectory.of(motion, shown_times(motion))
+    problem = motion.problem
+    trajectory = Trajectory.of(motion, shown_times(motion))
     measure, threshold = problem.margin.measure, problem.margin.threshold
     scale, unit = joint_scale(problem.model)
     attitude, angles, names = attitude_curves(problem, trajectory)

@@ -80,9 +80,11 @@ def _map_figures(
 
 
 def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
-    problem, chosen, areas = plan.problem, plan.chosen, workspace_regions(plan.problem)
+    problem, chosen = plan.problem, plan.chosen
+    areas = workspace_regions(problem)
     drawn = {"workspace": workspace_figure(problem, areas)}
-    marks, heading = [], None
+    marks = []
+    heading = None
     if chosen is not None:
         initial, branch = chosen.motion.initial.attitude, chosen.branch.index
         marks.append(Mark(_NAMES[plan.search.objective], initial, branch))

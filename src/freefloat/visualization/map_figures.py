@@ -45,7 +45,8 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
         result: Map with the measure and its range.
         slices: Three slices per mark.
     """
-    rows, threshold = len(slices) // 3, result.problem.margin.threshold
+    rows = len(slices) // 3
+    threshold = result.problem.margin.threshold
     figure = new_figure(PAGE, 0.75 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
     highest = max(float(np.nanmax(m)) for m in (result.margins, *(p.margins for p in slices)))
@@ -73,7 +74,8 @@ def _label(result: AttitudeMap, words: str = "") -> str:
 
 def _draw_slice(axes: Any, plane: Slice, norm: Normalize) -> Any:
     """Draw a slice: coloured if feasible, grey if not, hatched if the start is not reached."""
-    ticks, inside = np.degrees(plane.ticks), ~np.isnan(plane.margins)
+    ticks = np.degrees(plane.ticks)
+    inside = ~np.isnan(plane.margins)
     radius = np.degrees(np.sqrt(max(0.0, np.pi**2 - plane.offset**2)))
     ball = Circle((0.0, 0.0), radius, facecolor="white", edgecolor=GREY, linewidth=0.8)
     axes.add_patch(ball)
@@ -115,7 +117,8 @@ def histogram_figure(result: AttitudeMap) -> Figure:
 
     The titles give the percentages of all outcomes.
     """
-    groups, names = result.branch_margins(), result.branch_labels()
+    groups = result.branch_margins()
+    names = result.branch_labels()
     flipped = has_wrist_flipped_branches(result.problem)
     margin = result.problem.margin
     rows = max(1, len(groups))

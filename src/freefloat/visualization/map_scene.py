@@ -15,15 +15,15 @@ from meshcat import geometry as g
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array, Pose
-from freefloat.visualization.overlays import Labels, draw_axes, tube
-from freefloat.visualization.scene_builder import (
-    ROOT,
+from freefloat.visualization.description import (
+    Label,
     MarginColours,
-    Scene,
-    SceneBuilder,
-    label,
-    node,
+    SceneDescription,
+    TitledScene,
+    View,
 )
+from freefloat.visualization.overlays import draw_axes, tube
+from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, node
 from freefloat.visualization.slices import Mark, map_marks, rotation_vectors
 
 FRONT, BACK = "Feasible, y < 0", "Feasible, y > 0"
@@ -44,10 +44,13 @@ _GREY = (0.45, 0.50, 0.60, 1.0)
 _MARK_COLOURS: dict[str, tuple[float, float, float, float]] = {
     "best": (1.0, 0.25, 0.45, 1.0), "robust": (1.0, 0.6, 0.1, 1.0), "nearest": (0.3, 0.8, 1.0, 1.0),
 }  # fmt: skip
-_VIEW = {
-    "centre": (0.0, 0.0, 0.0), "radius": 3.6, "direction": (0.45, -1.0, 0.4), "flat": False,
-    "points": tuple(product((-2.2, 2.2), repeat=3)),  # with a margin for labels
-}  # fmt: skip
+_VIEW = View(
+    centre=[0.0, 0.0, 0.0],
+    radius=3.6,
+    points=[list(corner) for corner in product((-2.2, 2.2), repeat=3)],  # with a margin for labels
+    direction=[0.45, -1.0, 0.4],
+    flat=False,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +67,16 @@ class _Group:
 
 def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
     """Return the scene of a map over all attitudes, for a page with a title."""
-    margin, groups = result.problem.margin, list(_groups(result))
-    vectors, chosen = rotation_vectors(result.attitudes), np.arange(result.samples)
+    margin = result.problem.margin
+    vectors = rotation_vectors(result.attitudes)
+    chosen = np.arange(result.samples)
     if result.samples > _MAX_SAMPLES:
         chosen = np.random.default_rng(0).choice(result.samples, _MAX_SAMPLES, replace=False)
     colours = MarginColours.over(margin, [result.margins.ravel()])
     edges = [*(result.boundary or ()), *(result.tangency or ())]
-    builder, scenes = SceneBuilder(), []
-    for group in groups:
+    builder = SceneBuilder()
+    scenes = []
+    for group in _groups(result):
         name = node(group.title)
         root = f"{ROOT}/{name}"
         _draw_samples(builder, root, vectors[chosen], group.margins[chosen], colours)
@@ -81,25 +86,19 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
             builder.points(f"{root}/{BOUNDARY}", rotation_vectors(edge), white, _EDGE)
         marks = [mark for mark in map_marks(result) if group.has(mark.branch)]
         labels = _draw_ball(builder, root) + _draw_marks(builder, root, marks)
-        scenes.append({
-            "title": group.title, "node": name, "begin": 0.0, "end": 0.0,
-            "lines": list(_lines(result, group)), "labels": labels, "trail": None,
-        })  # fmt: skip
+        scenes.append(TitledScene(group.title, name, labels, lines=tuple(_lines(result, group))))
     feasible = result.feasible_fraction
     # those that cover the inside of the ball start hidden
     items = {FRONT: feasible < _SPARSE, BACK: True, INFEASIBLE: 1.0 - feasible < _SPARSE}
     items |= dict.fromkeys((BOUNDARY, MARKS, BALL, AXES), True)
-    return builder.scene({
-        "title": title, "duration": 0.0, "scenes": scenes,
-        "items": [{"name": name, "visible": visible} for name, visible in items.items()],
-        "scale": colours.to_dict(), "view": _VIEW, "remarks": [],
-    })  # fmt: skip
+    return builder.scene(SceneDescription(title, tuple(scenes), items, colours, _VIEW))
 
 
 def _groups(result: AttitudeMap) -> Iterator[_Group]:
     """Yield the best branch, then the branches; wrist-flipped ones share a group."""
     yield _Group(BEST_BRANCH, None, result.margins.max(axis=1, initial=0.0))
-    flipped, labels = has_wrist_flipped_branches(result.problem), result.branch_labels()
+    flipped = has_wrist_flipped_branches(result.problem)
+    labels = result.branch_labels()
     for branch, margins in result.branch_margins():
         if branch is None:
             continue
@@ -112,7 +111,8 @@ def _draw_samples(
     builder: SceneBuilder, root: str, vectors: Array, margins: Array, colours: MarginColours
 ) -> None:
     """Draw feasible samples as two hemispheres, which can be hidden, and other samples small."""
-    feasible, front = colours.margin.is_kept(margins), vectors[:, 1] < 0.0
+    feasible = colours.margin.is_kept(margins)
+    front = vectors[:, 1] < 0.0
     spacing = float(np.cbrt(4.0 / 3.0 * np.pi**4 / len(vectors)))
     parts = (
         (FRONT, feasible & front, _FEASIBLE), (BACK, feasible & ~front, _FEASIBLE),
@@ -124,7 +124,7 @@ def _draw_samples(
             builder.points(f"{root}/{name}", vectors[part], colours(values), size * spacing)
 
 
-def _draw_ball(builder: SceneBuilder, root: str) -> Labels:
+def _draw_ball(builder: SceneBuilder, root: str) -> list[Label]:
     """Draw circles of 180 and 90 degrees in the coordinate planes, and the axes."""
     angles = np.linspace(0.0, 2.0 * np.pi, 97)
     circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
@@ -135,24 +135,26 @@ def _draw_ball(builder: SceneBuilder, root: str) -> Labels:
             builder.mesh(path, ring, _GREY, shaded=False)
     draw_axes(builder, f"{root}/{AXES}", np.pi, 0.015)
     return [
-        label(f"{name} 180°", np.pi * axis, AXES)
+        Label(f"{name} 180°", (np.pi * axis).tolist(), AXES)
         for name, axis in zip("xyz", np.eye(3), strict=True)
     ]
 
 
-def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> Labels:
-    labels = []
+def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> list[Label]:
+    labels: list[Label] = []
     for mark in marks:
-        vector, path = rotation_vectors([mark.attitude])[0], f"{root}/{MARKS}/{mark.name}"
+        vector = rotation_vectors([mark.attitude])[0]
+        path = f"{root}/{MARKS}/{mark.name}"
         builder.mesh(path, g.Sphere(_MARK), _MARK_COLOURS[mark.name])
         builder.place(path, Pose(vector, np.eye(3)))
-        labels.append(label(mark.name, vector, MARKS))
+        labels.append(Label(mark.name, vector.tolist(), MARKS))
     return labels
 
 
 def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
     """Text of a scene: the percentage of feasible attitudes and the scores of the marks."""
-    margin, measure = result.problem.margin, f"|{result.problem.margin.measure.name}|"
+    margin = result.problem.margin
+    measure = f"|{margin.measure.name}|"
     percentage = 100.0 * margin.is_kept(group.margins).mean()
     yield "rotation vectors of the initial attitude"
     yield f"{percentage:.2f} % of {result.samples:,} attitudes keep {measure}"

@@ -103,7 +103,8 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
     figure = new_figure(PAGE, 5.0)
     panels = figure.subplots(3, 2, sharex=True)
     scale, unit = joint_scale(problem.model)
-    joints, axes = joint_names(problem.model), _AXES[: 2 if problem.task.planar else 3]
+    joints = joint_names(problem.model)
+    axes = _AXES[: 2 if problem.task.planar else 3]
     spins = np.degrees(trajectory.angular_velocities)[:, 2 if problem.task.planar else 0 :]
     spin_names = [rf"$\omega_{axis}$" for axis in ("z" if problem.task.planar else "xyz")]
     rate_unit = ", ".join(f"{part}/s" for part in unit.split(", "))
@@ -162,9 +163,11 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
         level = closest.sign * threshold
         axes.axhspan(0.0, level, color=PALE, linewidth=0.0, zorder=0)
         axes.axhline(level, label=f"margin {digits(level)}", **MARGIN_LINE)
-    lowest, singular = closest.sign * closest.value, motion.ending is Ending.SINGULAR
+    lowest = closest.sign * closest.value
+    singular = motion.ending is Ending.SINGULAR
     name = "singular" if singular else f"minimum {digits(lowest)}"
-    label, marker = f"{name} at {digits(closest.time)} s", "X" if singular else "o"
+    label = f"{name} at {digits(closest.time)} s"
+    marker = "X" if singular else "o"
     draw_point(
         axes, np.array([closest.time, lowest]), marker, 4.0, color=BLACK, zorder=5, label=label
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 from meshcat import geometry as g
@@ -13,7 +11,8 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray, Pose
-from freefloat.visualization.scene_builder import SceneBuilder, label
+from freefloat.visualization.description import Label
+from freefloat.visualization.scene_builder import SceneBuilder
 from freefloat.workspace.regions import Workspace
 
 PATH, TRAIL, AREAS = "End-effector path", "Trail", "Areas"
@@ -32,23 +31,22 @@ _AXES = np.array([[0.90, 0.25, 0.20], [0.25, 0.75, 0.30], [0.30, 0.50, 1.00]])
 SIDES = 10
 """Corners of the cross-section of a tube."""
 
-Labels = list[dict[str, Any]]
-
 
 def thickness(problem: Problem) -> float:
     """Return the radius of lines [m]."""
     return 0.006 * VirtualManipulator.of(problem.model).reach
 
 
-def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> Labels:
+def draw_path(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:
     """Draw the path as a thin tube; return the labels of its ends."""
     curve = problem.path.path.curve
     points = np.array([curve(float(s)) for s in np.linspace(0.0, 1.0, 201)])
     if not np.ptp(points, axis=0).any():
-        return [label("path", points[0], PATH)]
+        return [Label("path", points[0].tolist(), PATH)]
     line = tube(points, 0.5 * thickness(problem))
     builder.mesh(f"{root}/{PATH}", line, _PALE, shaded=False)
-    return [label("start", points[0], PATH), label("end", points[-1], PATH)]
+    ends = {"start": points[0], "end": points[-1]}
+    return [Label(text, point.tolist(), PATH) for text, point in ends.items()]
 
 
 def draw_trail(
@@ -90,7 +88,7 @@ def _ring(inner: float, outer: float, z: float) -> tuple[Array, IntArray]:
     return vertices, np.vstack(faces)
 
 
-def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> Labels:
+def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> list[Label]:
     """Draw the centre of mass and, from it, the angular momentum as an arrow."""
     size = thickness(problem)
     builder.mesh(f"{root}/{CENTRE}", g.Sphere(2.5 * size), _GOLD, overlay=True)
@@ -99,7 +97,7 @@ def draw_centre(builder: SceneBuilder, root: str, problem: Problem) -> Labels:
         return []
     end = 60.0 * size * problem.momentum / magnitude
     builder.mesh(f"{root}/{MOMENTUM}", arrow(end, 0.8 * size), _GOLD, overlay=True)
-    return [label(f"h = {magnitude:.3g} N m s", end, MOMENTUM)]
+    return [Label(f"h = {magnitude:.3g} N m s", end.tolist(), MOMENTUM)]
 
 
 def draw_axes(builder: SceneBuilder, path: str, length: float, radius: float) -> None:
@@ -115,7 +113,7 @@ def draw_axes(builder: SceneBuilder, path: str, length: float, radius: float) ->
     )
 
 
-def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> Labels:
+def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> list[Label]:
     """Mark the end of a motion that became singular or fell below the margin."""
     if motion.ending is Ending.COMPLETED:
         return []
@@ -126,7 +124,8 @@ def draw_ending(builder: SceneBuilder, root: str, motion: Motion) -> Labels:
     builder.place(path, Pose(position, np.eye(3)))
     builder.appear(path, final.time)
     word = "singular" if motion.ending is Ending.SINGULAR else "below the margin"
-    return [label(f"{word} at t = {final.time:.3f} s", position, SINGULARITY, final.time)]
+    text = f"{word} at t = {final.time:.3f} s"
+    return [Label(text, position.tolist(), SINGULARITY, final.time)]
 
 
 def tube(points: Array, radii: npt.ArrayLike) -> tuple[Array, IntArray]:
@@ -142,7 +141,8 @@ def tube(points: Array, radii: npt.ArrayLike) -> tuple[Array, IntArray]:
     """
     directions = _directions(points)
     angles = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
-    normal, rings = np.eye(3)[int(np.argmin(np.abs(directions[0])))], []
+    normal = np.eye(3)[int(np.argmin(np.abs(directions[0])))]
+    rings = []
     widths = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
     for point, direction, radius in zip(points, directions, widths, strict=True):
         normal = normal - (normal @ direction) * direction

@@ -43,7 +43,8 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
     """
     figure = new_figure(COLUMN, 3.9)
     axes = figure.subplots()
-    arm, margin = PlanarArm.of(problem.model), problem.margin
+    arm = PlanarArm.of(problem.model)
+    margin = problem.margin
     levels: list[tuple[float, Any, float]] = [(0.0, "-", 1.2)]
     if margin.threshold > 0.0 and margin.measure.name == "system":  # the S of (21a)
         levels += [(margin.threshold, (0, (5, 1.5)), 0.8), (-margin.threshold, (0, (1, 1.2)), 0.8)]
@@ -120,7 +121,8 @@ def headings_figure(
         ranges: Feasible heading ranges; by default those of the map's samples.
         chosen: Branch and heading [rad] to mark.
     """
-    curves, measure = _curves(result, ranges), result.problem.margin.measure
+    curves = _curves(result, ranges)
+    measure = result.problem.margin.measure
     figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
     panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):

@@ -28,11 +28,12 @@ from freefloat.visualization.server import open_browser
 
 if TYPE_CHECKING:  # imports compiled kernels
     from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.heading_map import HeadingMap
 
 SIDE_BY_SIDE = "side by side"
 _HERE = Path(__file__).parent
 _MESHCAT = Path(meshcat.viewer_assets_path())
-_ACCEPTED = "a Motion, Plan, Simulation or AttitudeMap, or motions by name: a Motion for each name"
+_ACCEPTED = "a Motion, Plan, Simulation, AttitudeMap or HeadingMap, or a Motion for each name"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,17 +49,17 @@ class Playback:
     @property
     def duration(self) -> float:
         """Duration of the longest motion [s]; zero for a map."""
-        return float(self.scene.about["duration"])
+        return self.scene.description.duration
 
     @property
     def titles(self) -> tuple[str, ...]:
         """Titles of the motions, or of a map's arm branches."""
-        return tuple(scene["title"] for scene in self.scene.about["scenes"])
+        return tuple(scene.title for scene in self.scene.description.scenes)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Visuals of the robot's URDF that cannot be drawn, such as missing meshes."""
-        return tuple(self.scene.about["remarks"])
+        return self.scene.description.remarks
 
     def scene_duration(self, title: str | None = None) -> float:
         """Return the duration [s] of a motion by its title; of the first by default.
@@ -66,7 +67,7 @@ class Playback:
         Raises:
             InputError: If the title is unknown.
         """
-        ends = {scene["title"]: float(scene["end"]) for scene in self.scene.about["scenes"]}
+        ends = {scene.title: scene.end for scene in self.scene.description.scenes}
         if len(ends) > 1:
             ends[SIDE_BY_SIDE] = self.duration
         title = next(iter(ends)) if title is None else title
@@ -80,10 +81,11 @@ class Playback:
         Args:
             opens: Title of the motion shown first, or ``"side by side"``.
         """
-        about = {**self.scene.about, "copies": self.scene.copies, "opens": opens}
+        description = self.scene.description
+        about = {**description.to_dict(), "copies": self.scene.copies, "opens": opens}
         animation = self.scene.animation
         parts = {
-            "TITLE": html.escape(str(self.scene.about["title"])),
+            "TITLE": html.escape(description.title),
             "LICENCES": _licences(),
             "VIEWER": (_MESHCAT / "dist" / "main.min.js").read_text(encoding="utf-8"),
             "SCENE": _packed(self.scene.objects),
@@ -164,14 +166,14 @@ def show(result: Any, title: str = "freefloat", *, height: int = 600) -> None:
 
 
 def playback(
-    result: Motion | Plan | Simulation | AttitudeMap | Mapping[str, Motion],
+    result: Motion | Plan | Simulation | AttitudeMap | HeadingMap | Mapping[str, Motion],
     title: str = "freefloat",
 ) -> Playback:
     """Return the playback of a result.
 
     Args:
         result: A motion, motions by name, a plan (its chosen motion), a simulation (its arm
-            branches) or a map over all attitudes.
+            branches) or a map.
         title: Title of the page.
 
     Raises:
@@ -186,8 +188,12 @@ def playback(
     if isinstance(result, Motion | Plan | Simulation | Mapping):
         return Playback(motion_scene(_named_motions(result), title))
     from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.heading_map import HeadingMap
+    from freefloat.visualization.heading_scene import heading_scene
     from freefloat.visualization.map_scene import map_scene
 
+    if isinstance(result, HeadingMap):
+        return Playback(heading_scene(result, title))
     require_type("result", result, AttitudeMap, _ACCEPTED)
     return Playback(map_scene(result, title))
 

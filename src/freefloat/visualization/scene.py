@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 from meshcat import geometry as g
@@ -14,6 +13,13 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array
+from freefloat.visualization.description import (
+    MarginColours,
+    SceneDescription,
+    TitledScene,
+    Trail,
+    View,
+)
 from freefloat.visualization.overlays import (
     AREAS,
     BASE_AXES,
@@ -27,7 +33,7 @@ from freefloat.visualization.overlays import (
     draw_trail,
     thickness,
 )
-from freefloat.visualization.scene_builder import ROOT, MarginColours, Scene, SceneBuilder, node
+from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, node
 from freefloat.visualization.visuals import RobotVisuals, body_poses, bounding_box, robot_visuals
 from freefloat.workspace.regions import Workspace, exact_workspace
 
@@ -59,33 +65,25 @@ def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Sce
     if not nodes or len(set(nodes)) < len(nodes):
         raise InputError("motions", f"names: {', '.join(motions)}", "motions with distinct names")
     _require_same_margin(motions)
-    visuals_of, areas_of, limit = (
-        cache(robot_visuals),
-        cache(exact_workspace),
-        _MAX_KEYS // len(nodes),
-    )
+    visuals_of = cache(robot_visuals)
+    areas_of = cache(exact_workspace)
+    limit = _MAX_KEYS // len(nodes)
     samples = [
         _sampled(motion, visuals_of(motion.problem.model), areas_of(motion.problem), limit)
         for motion in motions.values()
     ]
     problem = samples[0].motion.problem
+    planar = problem.task.planar
     colours = MarginColours.over(problem.margin, [sampled.values for sampled in samples])
     builder = SceneBuilder()
-    scenes = [
-        {"title": str(name), "node": path} | _draw(builder, path, sampled, colours)
-        for name, path, sampled in zip(motions, nodes, samples, strict=True)
-    ]
-    planar = problem.task.planar
-    remarks = [remark for sampled in samples for remark in sampled.visuals.problems]
-    return builder.scene({
-        "title": title,
-        "duration": float(max(sampled.times[-1] for sampled in samples)),
-        "scenes": scenes,
-        "items": [{"name": item, "visible": item != AREAS or planar} for item in (ROBOT, *ITEMS)],
-        "scale": colours.to_dict(),
-        "view": _view(samples, planar),
-        "remarks": list(dict.fromkeys(remarks)),
-    })  # fmt: skip
+    scenes = tuple(
+        _draw(builder, name, sampled, colours)
+        for name, sampled in zip(motions, samples, strict=True)
+    )
+    items = {item: item != AREAS or planar for item in (ROBOT, *ITEMS)}
+    remarks = dict.fromkeys(text for sampled in samples for text in sampled.visuals.problems)
+    view = _view(samples, planar)
+    return builder.scene(SceneDescription(title, scenes, items, colours, view, tuple(remarks)))
 
 
 def _require_same_margin(motions: Mapping[str, Motion]) -> None:
@@ -134,7 +132,8 @@ class _Sampled:
 def _sampled(
     motion: Motion, visuals: RobotVisuals, areas: Workspace | None, limit: int
 ) -> _Sampled:
-    problem, times = motion.problem, key_times(motion, limit)
+    problem = motion.problem
+    times = key_times(motion, limit)
     parameters = motion.parameter_at(times)
     # Exact end points: a singular motion has no state after its end.
     parameters[[0, -1]] = motion.parameter_at([motion.times.min(), motion.times.max()])
@@ -151,11 +150,15 @@ def _sampled(
 
 
 def _draw(
-    builder: SceneBuilder, name: str, sampled: _Sampled, colours: MarginColours
-) -> dict[str, Any]:
-    """Draw a motion below a node; return its description for the page."""
-    root, motion, problem = f"{ROOT}/{name}", sampled.motion, sampled.motion.problem
-    times, areas, size = sampled.times, sampled.areas, thickness(problem)
+    builder: SceneBuilder, title: str, sampled: _Sampled, colours: MarginColours
+) -> TitledScene:
+    """Draw a motion below the node of its title; return its description."""
+    motion = sampled.motion
+    problem = motion.problem
+    root = f"{ROOT}/{node(title)}"
+    times = sampled.times
+    areas = sampled.areas
+    size = thickness(problem)
     positions = sampled.positions.swapaxes(0, 1)
     quaternions = [
         Rotation.from_matrix(sampled.rotations[:, body]).as_quat() for body in range(len(positions))
@@ -178,28 +181,26 @@ def _draw(
         builder.mesh(path, g.Sphere(2.0 * size), _POINT_COLOUR)
         points = positions[-1] + sampled.rotations[:, -1] @ areas.offset
         builder.move(path, times, points, quaternions[-1])
-    return {
-        "begin": float(times[0]),
-        "end": float(times[-1]),
-        "ending": motion.ending.name.lower(),
-        "verdict": motion.ending.value,
-        "labels": labels,
-        "trail": {
-            "times": times.round(6).tolist(),
-            "values": [float(f"{value:.6g}") for value in sampled.values],
-            "fractions": sampled.fractions.round(6).tolist(),
-            "indices": indices,
-        },
-    }
+    trail = Trail(
+        times.round(6).tolist(),
+        [float(f"{value:.6g}") for value in sampled.values],
+        sampled.fractions.round(6).tolist(),
+        indices,
+    )
+    return TitledScene(
+        title,
+        node(title),
+        labels,
+        begin=float(times[0]),
+        end=float(times[-1]),
+        ending=motion.ending.name.lower(),
+        verdict=motion.ending.value,
+        trail=trail,
+    )
 
 
-def _view(samples: Sequence[_Sampled], planar: bool) -> dict[str, Any]:
-    """Return the page's first view.
-
-    Its keys are ``centre`` and ``radius`` of a ball that contains the motions and, in the plane,
-    the reach [m]; ``points`` that the picture must contain [m]; ``direction`` to the eye;
-    ``flat`` for planar motions.
-    """
+def _view(samples: Sequence[_Sampled], planar: bool) -> View:
+    """Return the page's first view, which covers the motions and, in the plane, the reach."""
     parts = [np.zeros((1, 3))]
     for sampled in samples:
         parts += _extent(sampled)
@@ -209,13 +210,13 @@ def _view(samples: Sequence[_Sampled], planar: bool) -> dict[str, Any]:
     points = np.vstack(parts)
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     direction = np.array([0.0, -0.02, 1.0]) if planar else _direction(samples)
-    return {
-        "centre": centre.round(4).tolist(),
-        "radius": float(np.linalg.norm(points - centre, axis=1).max()),
-        "points": points.round(4).tolist(),
-        "direction": direction.round(4).tolist(),
-        "flat": planar,
-    }
+    return View(
+        centre=centre.round(4).tolist(),
+        radius=float(np.linalg.norm(points - centre, axis=1).max()),
+        points=points.round(4).tolist(),
+        direction=direction.round(4).tolist(),
+        flat=planar,
+    )
 
 
 def _extent(sampled: _Sampled) -> list[Array]:

@@ -5,22 +5,20 @@ Objects and tracks are separate, as a viewer drops the tracks of unknown objects
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
 
 import numpy as np
 import umsgpack
-from matplotlib import colormaps
-from matplotlib.colors import to_hex
 from meshcat import geometry as g
 from meshcat.commands import SetObject, SetProperty, SetTransform
 from meshcat.path import Path
 
-from freefloat.motion.margin import Margin
 from freefloat.robot.description import Box, Cylinder, Sphere
 from freefloat.so3 import Array, IntArray, Pose
+from freefloat.visualization.description import SceneDescription
 from freefloat.visualization.visuals import Visual
 
 ROOT = "meshcat"
@@ -29,10 +27,6 @@ _FLOAT32 = 0x17
 _UPRIGHT = Pose(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]))
 """Rotates MeshCat's cylinder from its y axis to z."""
 _BACKGROUND = {"top_color": [0.10, 0.13, 0.20], "bottom_color": [0.02, 0.03, 0.05]}
-_BELOW = (0.835, 0.369, 0.0)
-_DARKEST = 0.25
-"""Lower end of the colour map; darker colours are invisible on the background."""
-_STOPS = 9
 
 Colour = Sequence[float]
 
@@ -45,13 +39,13 @@ class Scene:
         objects: Commands that create the scene, as MessagePack.
         copies: Pairs of paths; the second has the object of the first.
         animation: Command with all tracks, as MessagePack; None without an animation.
-        about: Titles, labels, colour scale and first view, as on the page.
+        description: Titles, labels, colour scale and first view, for the page.
     """
 
     objects: tuple[bytes, ...]
     copies: tuple[tuple[str, str], ...]
     animation: bytes | None
-    about: Mapping[str, Any]
+    description: SceneDescription
 
     def commands(self) -> Iterator[dict[str, Any]]:
         """Yield MeshCat's commands, unpacked: the objects, their copies, the animation."""
@@ -65,44 +59,6 @@ class Scene:
             yield objects[f"/{source}"] | {"path": f"/{target}"}
         if self.animation is not None:
             yield umsgpack.unpackb(self.animation)
-
-
-@dataclass(frozen=True)
-class MarginColours:
-    """Scale from the margin (dark) to the largest value (bright); a single colour below.
-
-    Attributes:
-        margin: Measure and threshold.
-        largest: Value of the brightest colour.
-    """
-
-    margin: Margin
-    largest: float
-
-    @classmethod
-    def over(cls, margin: Margin, values: Iterable[Array]) -> MarginColours:
-        """Return the scale that covers arrays of values of the measure."""
-        highest = [float(np.max(array)) for array in values if len(array)]
-        return cls(margin, max([1.2 * margin.threshold, 1e-12, *highest]))
-
-    def __call__(self, values: Array) -> Array:
-        """Return RGB colours, shape (K, 3), of values of the measure, shape (K,)."""
-        fraction = (values - self.margin.threshold) / (self.largest - self.margin.threshold)
-        shades = _DARKEST + (1.0 - _DARKEST) * fraction
-        bright = np.asarray(colormaps["viridis"](shades))[:, :3]
-        return np.where((fraction < 0.0)[:, None], _BELOW, bright)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content of the page's legend."""
-        stops = np.linspace(self.margin.threshold, self.largest, _STOPS)
-        return {
-            "measure": self.margin.measure.name,
-            "unit": self.margin.measure.unit,
-            "margin": self.margin.threshold,
-            "largest": self.largest,
-            "below": to_hex(_BELOW),
-            "stops": [to_hex(colour) for colour in self(stops)],
-        }
 
 
 class SceneBuilder:
@@ -121,10 +77,11 @@ class SceneBuilder:
             self._set(f"Lights/{light}/<object>", "distance", 0.0)
             self._set(f"Lights/{light}/<object>", "intensity", 0.25)
 
-    def scene(self, about: Mapping[str, Any]) -> Scene:
-        """Return the scene; all clips have the duration ``about["duration"]``, else they freeze."""
-        duration, animation = float(about["duration"]), None
+    def scene(self, description: SceneDescription) -> Scene:
+        """Return the scene; all clips have the duration of the description, else they freeze."""
+        animation = None
         if self._tracks:
+            duration = description.duration
             clips = [
                 {"path": path, "clip": {"name": "default", "duration": duration, "tracks": tracks}}
                 for path, tracks in self._tracks.items()
@@ -133,7 +90,7 @@ class SceneBuilder:
             animation = bytes(umsgpack.packb(
                 {"type": "set_animation", "path": "", "animations": clips, "options": options}
             ))  # fmt: skip
-        return Scene(tuple(self._objects), tuple(self._copies), animation, about)
+        return Scene(tuple(self._objects), tuple(self._copies), animation, description)
 
     def mesh(
         self,
@@ -177,13 +134,15 @@ class SceneBuilder:
 
     def visual(self, path: str, visual: Visual) -> None:
         """Add a shape of a robot at its placement in the body."""
-        shape, at = visual.shape, visual.placement
+        shape = visual.shape
+        at = visual.placement
         if isinstance(shape, Box):
             geometry = g.Box([float(edge) for edge in shape.size])
         elif isinstance(shape, Sphere):
             geometry = g.Sphere(float(shape.radius))
         elif isinstance(shape, Cylinder):
-            geometry, at = g.Cylinder(float(shape.length), float(shape.radius)), at @ _UPRIGHT
+            geometry = g.Cylinder(float(shape.length), float(shape.radius))
+            at = at @ _UPRIGHT
         else:
             geometry = g.TriangularMeshGeometry(shape.vertices, shape.faces)
         self.place(path, at)
@@ -238,11 +197,6 @@ class SceneBuilder:
 def node(name: str) -> str:
     """Return a name as a single node of a path, its slashes replaced."""
     return name.replace("/", "∕").strip() or "unnamed"
-
-
-def label(text: str, position: Array, item: str, since: float = 0.0) -> dict[str, Any]:
-    """Return a label of the page at a position [m], shown with an item from a time [s] on."""
-    return {"text": text, "position": [float(x) for x in position], "item": item, "since": since}
 
 
 def _path(path: str) -> Path:

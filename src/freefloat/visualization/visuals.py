@@ -89,12 +89,14 @@ def robot_visuals(model: FreeFloatingModel) -> RobotVisuals:
         key=lambda link: link.mass,
     )
     shapes: list[Visual] = []
-    problems, drawn = [], set[int]()
+    problems = []
+    drawn = set[int]()
     for link in model.description.links:
         body, place = model.link_places[link.name]
         parts: list[tuple[Pose, Shape, Colour]] = []
         for number, visual in enumerate(link.visuals, start=1):
-            geometry, at = visual.geometry, place @ visual.origin
+            geometry = visual.geometry
+            at = place @ visual.origin
             colour = visual.colour or (_SPACECRAFT if body == 0 else _LINK)
             if geometry is None or geometry == MeshFile(""):
                 problems.append(f"link {link.name}: its <visual> {number} cannot be read")

@@ -1,0 +1,175 @@
+"""Description of a scene for the page around it: titles, labels, texts, colours, first view."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+
+from freefloat.motion.margin import Margin
+from freefloat.so3 import Array
+
+_BELOW = (0.835, 0.369, 0.0)
+_DARKEST = 0.25
+"""Lower end of the colour map; darker colours are invisible on the background."""
+_STOPS = 9
+
+
+@dataclass(frozen=True)
+class Label:
+    """A text at a point of the scene.
+
+    Attributes:
+        text: The text.
+        position: The point [m].
+        item: Item that the label is shown and hidden with.
+        since: Time from which on it is shown [s].
+    """
+
+    text: str
+    position: list[float]
+    item: str
+    since: float = 0.0
+
+
+@dataclass(frozen=True)
+class Trail:
+    """Values at the key times of a motion.
+
+    Attributes:
+        times: Key times [s].
+        values: Magnitudes of the margin's measure.
+        fractions: Path parameters s.
+        indices: Number of triangle indices of the trail per segment; zero if there is none.
+    """
+
+    times: list[float]
+    values: list[float]
+    fractions: list[float]
+    indices: int
+
+
+@dataclass(frozen=True)
+class TitledScene:
+    """A motion, or an arm branch of a map, which the page shows by its title.
+
+    Attributes:
+        title: The title.
+        node: Name of its node in the scene tree.
+        labels: Its labels.
+        begin: Start of the motion [s].
+        end: End of the motion [s].
+        ending: How the motion ended, a word; None for maps.
+        verdict: How the motion ended, a sentence; None for maps.
+        trail: Values over time; None for maps.
+        lines: Text of a map.
+    """
+
+    title: str
+    node: str
+    labels: list[Label]
+    begin: float = 0.0
+    end: float = 0.0
+    ending: str | None = None
+    verdict: str | None = None
+    trail: Trail | None = None
+    lines: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class View:
+    """First view of a scene.
+
+    Attributes:
+        centre: Centre of a ball that contains the scene [m].
+        radius: Its radius [m].
+        points: Points that the picture must contain [m].
+        direction: From the centre to the eye.
+        flat: Whether the scene lies in the x-y plane.
+    """
+
+    centre: list[float]
+    radius: float
+    points: list[list[float]]
+    direction: list[float]
+    flat: bool
+
+
+@dataclass(frozen=True)
+class MarginColours:
+    """Scale from the margin (dark) to the largest value (bright); a single colour below.
+
+    Attributes:
+        margin: Measure and threshold.
+        largest: Value of the brightest colour.
+    """
+
+    margin: Margin
+    largest: float
+
+    @classmethod
+    def over(cls, margin: Margin, values: Iterable[Array]) -> MarginColours:
+        """Return the scale that covers arrays of values of the measure."""
+        highest = [float(np.max(array)) for array in values if len(array)]
+        return cls(margin, max([1.2 * margin.threshold, 1e-12, *highest]))
+
+    def __call__(self, values: Array) -> Array:
+        """Return RGB colours, shape (K, 3), of values of the measure, shape (K,)."""
+        fraction = (values - self.margin.threshold) / (self.largest - self.margin.threshold)
+        shades = _DARKEST + (1.0 - _DARKEST) * fraction
+        bright = np.asarray(colormaps["viridis"](shades))[:, :3]
+        return np.where((fraction < 0.0)[:, None], _BELOW, bright)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of the page's legend."""
+        stops = np.linspace(self.margin.threshold, self.largest, _STOPS)
+        return {
+            "measure": self.margin.measure.name,
+            "unit": self.margin.measure.unit,
+            "margin": self.margin.threshold,
+            "largest": self.largest,
+            "below": to_hex(_BELOW),
+            "stops": [to_hex(colour) for colour in self(stops)],
+        }
+
+
+@dataclass(frozen=True)
+class SceneDescription:
+    """What a page needs to know of a scene.
+
+    Attributes:
+        title: Title of the page.
+        scenes: Motions, or arm branches of a map.
+        items: Names of the nodes that can be hidden, and whether they are visible at first.
+        scale: Colours of the margin.
+        view: First view.
+        remarks: Messages on visuals of the robot that cannot be drawn.
+    """
+
+    title: str
+    scenes: tuple[TitledScene, ...]
+    items: Mapping[str, bool]
+    scale: MarginColours
+    view: View
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """Duration of the longest motion [s]; zero for a map."""
+        return max(scene.end for scene in self.scenes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the description as the page's script reads it."""
+        return {
+            "title": self.title,
+            "duration": self.duration,
+            "scenes": [asdict(scene) for scene in self.scenes],
+            "items": [{"name": name, "visible": shown} for name, shown in self.items.items()],
+            "scale": self.scale.to_dict(),
+            "view": asdict(self.view),
+            "remarks": list(self.remarks),
+        }

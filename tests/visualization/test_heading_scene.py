@@ -1,0 +1,40 @@
+"""Rings of headings are coloured by the minimum margin, where the path is reached."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import umsgpack
+
+import freefloat as ff
+from freefloat.planning.heading_map import HeadingMap, even_headings
+from freefloat.visualization.heading_scene import NODE, heading_scene
+
+MARGINS = np.array([[9.0, 6.0, 4.0, 0.0], [np.nan, 20.0, np.nan, 7.0]])
+
+
+def attribute(item: dict[str, Any], name: str) -> np.ndarray:
+    packed = item["geometries"][0]["data"]["attributes"][name]["array"]
+    return np.frombuffer(packed.data, dtype="<f4").reshape(-1, 4, 3)
+
+
+def test_a_quadrilateral_stands_for_each_motion() -> None:
+    problem = ff.load_scenario("planar_3dof/parabola").problem()  # the margin is 5
+    result = HeadingMap(problem, even_headings(4), (0, 3), MARGINS, np.full((2, 4), 100.0))
+    scene = heading_scene(result)
+    commands = map(umsgpack.unpackb, scene.objects)
+    drawn = {c["path"]: c["object"] for c in commands if c["type"] == "set_object"}
+    for number, name in enumerate(("branch 0", "branch 3")):
+        (reached,) = np.nonzero(np.isfinite(MARGINS[number]))
+        centres = attribute(drawn[f"/meshcat/{NODE}/{name}"], "position").mean(axis=1)
+        angles = np.arctan2(centres[:, 1], centres[:, 0]) % (2.0 * np.pi)
+        assert angles == pytest.approx(result.headings[reached], abs=1e-6)
+        colours = attribute(drawn[f"/meshcat/{NODE}/{name}"], "color")[:, 0]
+        wanted = scene.description.scale(MARGINS[number, reached])
+        assert colours == pytest.approx(wanted, abs=1e-6)
+    below, kept = scene.description.scale(np.array([4.0, 6.0]))
+    assert np.abs(below - kept).max() > 0.3
+    assert scene.description.scenes[0].lines[1].startswith("75.00% of 4 headings")
+    assert [label.text for label in scene.description.scenes[0].labels][-1] == "best"
