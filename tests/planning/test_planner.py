@@ -180,3 +180,11 @@ def test_headings_next_to_the_limits_of_the_reach_are_sampled(problem):
     headings = _headings(stretched, 12)
     for edge in edges:
         assert np.abs(np.angle(np.exp(1j * (headings - edge)))).min() < 1e-5
+
+
+def test_a_plan_is_a_table_in_notebooks(robust):
+    table = robust._repr_html_()
+    rows = table.count("<tr>")
+    assert rows == table.count("</tr>") == 5
+    assert f"{robust.chosen.closest_approach.value:.6g} at" in table
+    assert f"{np.degrees(robust.robust_radius):.4f} deg" in table

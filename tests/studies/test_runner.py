@@ -246,6 +246,17 @@ def test_a_scheduler_that_does_not_answer_is_an_error(
     assert caught.value.key == "scheduler"
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("address", ["nonsense", "tcp://127.0.0.1:99999"])
+def test_a_command_with_an_invalid_scheduler_ends(address: str, folder: Path) -> None:
+    """Its threads, too."""
+    write_study(folder, RANDOM, base=SHORT, cases=2)
+    process = started("study.yaml", "-o", "out", "--scheduler", address)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert errors.startswith("freefloat: scheduler: ")
+
+
 def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
     write_study(folder, RANDOM | {"timing.duration": {"list": [5, 6]}}, base=SHORT, cases=30)
     before = sorted(folder.iterdir())

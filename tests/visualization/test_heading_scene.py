@@ -29,8 +29,10 @@ def test_a_quadrilateral_stands_for_each_motion() -> None:
     for number, name in enumerate(("branch 0", "branch 3")):
         (reached,) = np.nonzero(np.isfinite(MARGINS[number]))
         centres = attribute(drawn[f"/meshcat/{NODE}/{name}"], "position").mean(axis=1)
-        angles = np.arctan2(centres[:, 1], centres[:, 0]) % (2.0 * np.pi)
-        assert angles == pytest.approx(result.headings[reached], abs=1e-6)
+        directions = centres[:, :2] / np.linalg.norm(centres, axis=1)[:, None]
+        angles = result.headings[reached]
+        wanted = np.column_stack([np.cos(angles), np.sin(angles)])
+        assert directions == pytest.approx(wanted, abs=1e-6)
         colours = attribute(drawn[f"/meshcat/{NODE}/{name}"], "color")[:, 0]
         wanted = scene.description.scale(MARGINS[number, reached])
         assert colours == pytest.approx(wanted, abs=1e-6)

@@ -18,7 +18,7 @@ from typing import Any
 
 import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
-from distributed.comm import get_address_host_port
+from distributed.comm.addressing import get_address_host_port
 
 from freefloat.errors import InputError
 from freefloat.studies.results import DATABASE, ERROR, Row, StudyResult, open_results

@@ -193,14 +193,16 @@ class ValuesSection(Section):
         """
         key_number = int.from_bytes(sha256(key.encode()).digest()[:16])
         rng = np.random.default_rng([seed, key_number, number])
-        value: Any
+        value: Any = None
         if self.uniform is not None:
             low, high = self.uniform
             value = rng.uniform(np.add(low, 0.0), np.add(high, 0.0))  # no -0.0, which it orders
         elif self.normal is not None:
             value = rng.normal(self.normal.mean, np.abs(self.normal.sd))  # -0.0 is refused
-        else:
-            value = next(filter(None, (self.ball, self.so3))).draw(rng)
+        elif self.ball is not None:
+            value = self.ball.draw(rng)
+        elif self.so3 is not None:
+            value = self.so3.draw(rng)
         return np.asarray(value).tolist()
 
 

@@ -70,7 +70,7 @@ class StudyFile(Section):
     heading_deg: Number | None = None
     """Command simulate, planar tasks: initial heading [degrees]."""
     branch: Annotated[int, Field(strict=True, ge=0)] | None = None
-    """Command simulate: arm branch to follow; default is the one with the largest margin."""
+    """Command simulate: arm branch to follow; default is the one that simulate chooses."""
 
 
 @dataclass(frozen=True, eq=False)

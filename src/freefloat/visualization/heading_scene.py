@@ -24,7 +24,7 @@ _INNERMOST = 0.3
 _FILLED = 0.8
 """Width of a ring as a fraction of the distance between rings."""
 _GREY, _WHITE = (0.45, 0.50, 0.60, 1.0), (0.95, 0.96, 0.98, 1.0)
-_CORNERS = [[x, y, 0.0] for x in (-1.2, 1.2) for y in (-1.1, 1.1)]
+_CORNERS = [[x, y, 0.0] for x in (-1.3, 1.2) for y in (-1.1, 1.5)]
 _VIEW = View([0.0, 0.0, 0.0], 1.2, _CORNERS, direction=[0.0, -0.02, 1.0], flat=True)
 
 
@@ -36,8 +36,9 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
     builder, root = SceneBuilder(), f"{ROOT}/{NODE}"
     circle = tube(_points(1.02, np.radians(np.arange(0.0, 361.0, 2.0))), 0.003)
     builder.mesh(f"{root}/{CIRCLE}", circle, _GREY, shaded=False)
-    ticks = (0, 90, 180, 270)
-    labels = [Label(f"{k}°", _points(1.03, np.radians(k)).tolist(), CIRCLE) for k in ticks]
+    ticks = {0: 1.02, 90: 1.06, 180: 1.25, 270: 1.06}  # labels extend to the right
+    places = {tick: _points(radius, np.radians(tick)) for tick, radius in ticks.items()}
+    labels = [Label(f"{tick}°", place.tolist(), CIRCLE) for tick, place in places.items()]
     colours = MarginColours.over(result.problem.margin, np.nan_to_num(result.minimum_margins))
     edges = np.linspace(1.0, _INNERMOST, len(result.branches) + 1)
     items, best = [CIRCLE, BEST], result.best
@@ -77,8 +78,10 @@ def _sectors(radii: Array, headings: Array, half: float) -> tuple[Array, IntArra
 def _lines(result: HeadingMap) -> Iterator[str]:
     """Text of the scene: the percentage of feasible headings, and the best one."""
     measure, best = f"|{result.problem.margin.measure.name}|", result.best
-    yield "initial heading, from the x axis; gaps: start of the path not reached"
+    yield "initial heading from the x axis"
     yield f"{result.feasible_fraction:.2%} of {len(result.headings):,} headings keep {measure}"
     if best is not None:
         degrees = f"{np.degrees(best.heading):.4g}°"
         yield f"best: {degrees}, branch {best.branch}, {measure} {best.margin:.6g}"
+    if np.isnan(result.minimum_margins).any():
+        yield "gaps: start of the path not reached"

@@ -227,7 +227,9 @@ def save_snapshots(
     """
     times = np.linspace(0.0, playback.scene_duration(scene), count).tolist()
     shots = take_pictures(playback.html(), times, size or SIZE, scene=scene, progress=progress)
-    plain, digits, files = re.sub(r"[^\w.+-]+", "_", name), len(str(count)), []
+    plain = re.sub(r"[^\w.+-]+", "_", name)
+    digits = len(str(count))
+    files = []
     folder.mkdir(parents=True, exist_ok=True)
     with closing(shots):
         for number, (time, picture) in enumerate(zip(times, shots, strict=True), start=1):
