@@ -24,7 +24,7 @@ _INNERMOST = 0.3
 _FILLED = 0.8
 """Width of a ring as a fraction of the distance between rings."""
 _GREY, _WHITE = (0.45, 0.50, 0.60, 1.0), (0.95, 0.96, 0.98, 1.0)
-_CORNERS = [[x, y, 0.0] for x in (-1.3, 1.2) for y in (-1.1, 1.5)]
+_CORNERS = [[x, y, 0.0] for x in (-1.3, 1.2) for y in (-1.1, 1.3)]
 _VIEW = View([0.0, 0.0, 0.0], 1.2, _CORNERS, direction=[0.0, -0.02, 1.0], flat=True)
 
 
@@ -51,7 +51,8 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
         shades = np.repeat(colours(values), 4, axis=0)
         items.append(f"branch {branch}")
         builder.coloured_mesh(f"{root}/{items[-1]}", vertices, faces, shades)
-        labels.append(Label(items[-1], vertices[0].tolist(), items[-1]))
+        place = _points(radii.mean(), np.radians(280.0))
+        labels.append(Label(items[-1], place.tolist(), items[-1]))
         if best is not None and best.branch == branch:
             line = _points(radii, best.heading)
             builder.mesh(f"{root}/{BEST}", tube(line, 0.006), _WHITE, shaded=False, overlay=True)
