@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError, UnreachableError
+from freefloat.limits.check import check_limits
+from freefloat.limits.limits import Limits
 from freefloat.motion.extrema import closest_approach, joint_extents
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending
@@ -45,6 +47,21 @@ def test_the_branch_with_the_largest_margin_is_chosen(good):
     assert good.chosen in good.branches
     largest = max(entry.closest_approach.value for entry in good.branches)
     assert good.chosen.closest_approach.value == pytest.approx(largest, rel=1e-6)
+
+
+def test_a_feasible_branch_that_keeps_the_limits_comes_first(planar):
+    """From 230 degrees the branch with the smaller margin turns the spacecraft less."""
+    start = heading_quaternion(np.deg2rad(230.0))
+    free = simulate(planar, start)
+    (other,) = (entry for entry in free.branches if entry is not free.chosen)
+    fast, slow = (
+        check_limits(entry.motion, Limits(base_rate=1.0))[0].worst for entry in (free.chosen, other)
+    )
+    chosen = simulate(planar, start, limits=Limits(base_rate=(fast + slow) / 2.0))
+    assert (chosen.chosen.branch.index, chosen.limit_results[0].kept) == (other.branch.index, True)
+    for base_rate in (0.9 * slow, 1.1 * fast):  # kept by none, by both
+        same = simulate(planar, start, limits=Limits(base_rate=base_rate))
+        assert same.chosen.branch.index == free.chosen.branch.index
 
 
 def test_a_branch_that_completes_comes_before_one_that_does_not(planar):

@@ -226,7 +226,7 @@ def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
     values: dict[str, Any] = {
         "verdict": FEASIBLE if feasible else INFEASIBLE,
         "reason": "" if feasible else "no attitude tried keeps the margin",
-        "margin": result.best and result.best.margin,
+        "margin": result.best and result.best.minimum_margin,
         "margin_required": margin.threshold,
         "feasible_fraction": result.feasible_fraction,
         "motion_fraction": result.motion_fraction,

@@ -83,6 +83,6 @@ def _lines(result: HeadingMap) -> Iterator[str]:
     yield f"{result.feasible_fraction:.2%} of {len(result.headings):,} headings keep {measure}"
     if best is not None:
         degrees = f"{np.degrees(best.heading):.4g}°"
-        yield f"best: {degrees}, branch {best.branch}, {measure} {best.margin:.6g}"
+        yield f"best: {degrees}, branch {best.branch}, {measure} {best.minimum_margin:.6g}"
     if np.isnan(result.minimum_margins).any():
         yield "gaps: start of the path not reached"
