@@ -29,7 +29,7 @@ OF_KERNELS = [
     f"tests/{name}.py"
     for name in (
         "dynamics/test_kernel_equation",
-        "motion/test_arc_length",
+        "motion/test_arc_flow",
         "dynamics/test_kernel_null_space",
         "ensemble/test_ensemble",
     )

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.ensemble import TOLERANCE, EnsembleIntegrator, EnsembleResult
+from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator, EnsembleResult
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
@@ -49,7 +49,7 @@ def followed(problem: Problem, attitude: object, branch: int, **options: object)
     return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
 
 
-def rolled(motion: Motion, tolerance: float = TOLERANCE) -> EnsembleResult:
+def rolled(motion: Motion, tolerance: float = STEP_TOLERANCE) -> EnsembleResult:
     """The same motion by the compiled kernels."""
     first, integrator = motion.initial, EnsembleIntegrator(motion.problem, 1, tolerance=tolerance)
     return integrator.integrate(first.attitude[None], first.joints[None])

@@ -13,7 +13,7 @@ from numba.core.dispatcher import Dispatcher
 from freefloat.dynamics.kernels.compilation import compiled
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.io.scenario import load_scenario
-from freefloat.motion.integration import arc_flow
+from freefloat.motion.arc_flow import arc_flow
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem

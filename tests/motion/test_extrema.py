@@ -182,7 +182,7 @@ def test_the_first_of_two_sign_changes_counts(near, first):
 @pytest.mark.parametrize("first", [True, False])
 def test_a_minimum_near_either_end(near, fraction, first):
     """A motion may begin just before its closest approach or end just after it."""
-    low, high = near.node_parameters[:2] if first else near.node_parameters[-2:]
+    low, high = near.node_coordinates[:2] if first else near.node_coordinates[-2:]
     q = near.evaluate([low, low + fraction * (high - low), high])[2]
     joint = int(np.argmax(np.abs(q[2] - q[0])))
     width = q[2, joint] - q[0, joint]
@@ -282,7 +282,7 @@ def test_extents_are_those_of_fine_sampling(ranged):
 def test_extrema_lie_between_nodes(ranged):
     """A wave through three nodes of a panel peaks where none of them is."""
     joints = ranged.joints.copy()
-    joints[:, 0] = 1.0 - (ranged.node_parameters - 3.3) ** 2
+    joints[:, 0] = 1.0 - (ranged.node_coordinates - 3.3) ** 2
     extents = joint_extents(replace(ranged, joints=joints))
     assert_close(extents.high[0], 1.0, atol=1e-13)
     assert_close(extents.high_places[0], 3.3, atol=1e-7)

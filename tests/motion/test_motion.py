@@ -133,12 +133,12 @@ def test_a_cut_motion_has_small_residuals(motion, beyond):
 
 
 def test_places_and_times_belong_together(motion, backwards):
-    """parameter_at is the inverse of evaluate, and nodes are where node_parameters says."""
+    """coordinate_at is the inverse of evaluate, and nodes are where node_coordinates says."""
     for record in (motion, backwards):
         places = np.linspace(0.0, record.panels, 57)
         times = np.clip(record.evaluate(places)[0], 0.0, 100.0)
-        assert_close(record.parameter_at(times), places, atol=1e-7)
-        t, attitudes, joints = record.evaluate(record.node_parameters)
+        assert_close(record.coordinate_at(times), places, atol=1e-7)
+        t, attitudes, joints = record.evaluate(record.node_coordinates)
         assert_close(t, record.times, atol=1e-11)
         assert_close(attitudes, record.attitudes, atol=1e-12)
         assert_close(joints, record.joints, atol=1e-12)
@@ -254,7 +254,7 @@ def test_the_largest_momentum_error_is_the_residual(motion, stopping):
     for entry in (motion, stopping):
         residual = entry.residuals().momentum
         just_before = np.arange(1.0, entry.panels + 1.0) - 1e-9
-        at_nodes = entry.momentum_errors(np.append(entry.node_parameters, just_before))
+        at_nodes = entry.momentum_errors(np.append(entry.node_coordinates, just_before))
         assert np.nanmax(at_nodes) == pytest.approx(residual, rel=1e-2)
         between = entry.momentum_errors(np.linspace(0.0, entry.panels, 100))
         assert np.nanmax(between) < 10.0 * residual
@@ -266,7 +266,7 @@ def test_errors_show_where_they_are(motion):
     errors = shifted.end_effector_errors
     assert int(np.argmax(errors[:, 0])) == node
     assert errors[node, 0] == shifted.residuals().end_effector_position > 1e-5
-    momentum = shifted.momentum_errors(shifted.node_parameters)
+    momentum = shifted.momentum_errors(shifted.node_coordinates)
     first = 8 * (node // 8)
     there = slice(first, first + 9)
     assert np.nanmax(momentum[there]) == np.nanmax(momentum) > 1e-4
@@ -292,7 +292,7 @@ def test_motions_are_read_only(motion):
     (state,) = motion.sample(20.0)
     for array in (
         motion.times, motion.attitudes, motion.joints, motion.base_positions,
-        motion.node_parameters,
+        motion.node_coordinates,
         motion.initial.joints, motion.final.base_position, state.joints, state.attitude,
         state.base_position,
     ):  # fmt: skip

@@ -210,7 +210,7 @@ def test_a_millisecond_and_a_million_seconds_are_one_motion(name, attitude, bran
     assert_equal_ends(motion, usual, 1e-10)
     assert_compiled_agrees(motion, 1e-5)
     certificate, reference = certify(motion), certify(usual)
-    for entry, other in zip(certificate.least, reference.least, strict=True):
+    for entry, other in zip(certificate.minima, reference.minima, strict=True):
         assert (entry.value, entry.bound) == pytest.approx((other.value, other.bound), rel=1e-6)
     assert certificate.momentum.value < 1e-6 * certificate.momentum_scale
     assert certificate.end_effector_position.value < 1e-8

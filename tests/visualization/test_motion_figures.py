@@ -154,7 +154,7 @@ def test_errors_are_those_of_the_motion(drawn: Drawn) -> None:
     motion, (momentum, pose) = drawn[0].motion, drawn[1]["momentum"].axes
     assert momentum.get_yscale() == pose.get_yscale() == "log"
     dots = line(momentum, "momentum")
-    errors = motion.momentum_errors(motion.node_parameters)
+    errors = motion.momentum_errors(motion.node_coordinates)
     shown = np.isfinite(dots[:, 1])
     assert np.array_equal(dots[shown, 1], errors[shown])
     residuals = motion.residuals()

@@ -73,7 +73,7 @@ def test_tracks_are_the_poses_of_the_bodies(scene: Scene, motion: Motion) -> Non
     for body, name in enumerate(names):
         times, positions = values[f"/meshcat/good/Robot/{name}.position"]
         _, quaternions = values[f"/meshcat/good/Robot/{name}.quaternion"]
-        poses = body_poses(motion, motion.parameter_at(np.clip(times, 0.0, 100.0)))
+        poses = body_poses(motion, motion.coordinate_at(np.clip(times, 0.0, 100.0)))
         assert positions.reshape(-1, 3) == pytest.approx(poses[0][:, body], abs=1e-6)
         shown = Rotation.from_quat(quaternions.reshape(-1, 4))
         off = shown * Rotation.from_matrix(poses[1][:, body]).inv()
@@ -91,7 +91,7 @@ def test_motions_are_nearly_straight_between_key_times(
     assert 700 < len(keys) < 6000
     times = np.sort(rng.uniform(0.0, keys[-1], 2000))
     (positions, rotations), exact = (
-        body_poses(motion, motion.parameter_at(t)) for t in (keys, times)
+        body_poses(motion, motion.coordinate_at(t)) for t in (keys, times)
     )
     for body in range(positions.shape[1]):
         columns = positions[:, body].T
@@ -176,7 +176,7 @@ def test_colours_show_what_is_below_the_margin() -> None:
 
 
 def test_the_first_view_covers_the_motion(scene: Scene, motion: Motion) -> None:
-    view, (positions, _) = scene.description.view, body_poses(motion, motion.node_parameters)
+    view, (positions, _) = scene.description.view, body_poses(motion, motion.node_coordinates)
     points = np.concatenate([positions[:, 0], positions[:, -1]])
     assert np.linalg.norm(points - view.centre, axis=1).max() <= view.radius + 0.05
     arm = positions[:, 1:-1].mean(axis=1) - positions[:, 0]

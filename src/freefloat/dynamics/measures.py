@@ -66,6 +66,7 @@ def singularity_measure(
             which is det D times ``gjm`` and the paper's planar S (21a). ``arm``: the factor of
             det A that belongs to the plane of an elbow arm under a spherical wrist, the paper's
             S(q2, q3) (40). ``sigma``: smallest singular value of S*, lengths in units of the reach.
+            (The null-space objective ``sigma`` is the product of all singular values.)
 
     Raises:
         InputError: If there is no such task or measure, or the arm has no factor ``arm``.
@@ -174,19 +175,23 @@ def largest_magnitude(
 
 
 def joint_box(model: FreeFloatingModel) -> tuple[Array, Array]:
-    """Lower and upper bounds of the joint space: a full revolution or a prismatic joint's limits.
+    """Lower and upper bounds of the joint space: a full revolution or a prismatic joint's range.
 
     Raises:
-        InputError: If a prismatic joint has no finite limits.
+        InputError: If a prismatic joint has no finite range.
     """
+    lower, upper = model.joint_ranges
+    prismatic = np.array([body.prismatic for body in model.bodies[1:]])
+    for joint in np.flatnonzero(prismatic & ~np.isfinite(upper - lower)):
+        problem = "it is prismatic and has no limits"
+        raise InputError(f"joint {model.joint_names[joint]}", problem, "a finite range")
+    return np.where(prismatic, lower, -np.pi), np.where(prismatic, upper, np.pi)
+
+
+def optimizer_bounds(model: FreeFloatingModel) -> list[tuple[float | None, float | None]]:
+    """Bounds of the joints for optimizers: :func:`joint_box`, but revolute joints may revolve."""
     arm = model.bodies[1:]
-    for body in arm:
-        if body.prismatic and not np.isfinite([body.lower, body.upper]).all():
-            raise InputError(
-                f"joint {body.joint}", "it is prismatic and has no limits", "a finite range"
-            )
-    lower = np.array([body.lower if body.prismatic else -np.pi for body in arm])
-    return lower, np.array([body.upper if body.prismatic else np.pi for body in arm])
+    return [(body.lower, body.upper) if body.prismatic else (None, None) for body in arm]
 
 
 def _sorted_samples(
@@ -210,7 +215,7 @@ def _minimized(
     minima = [
         # SLSQP: L-BFGS-B uses threaded BLAS for its tiny matrices, which takes ten times as long
         minimize(lambda q: function(q) / scale, start, method="SLSQP",
-                 bounds=model.prismatic_ranges, options={"ftol": 1e-15})
+                 bounds=optimizer_bounds(model), options={"ftol": 1e-15})
         for start in starts
     ]  # fmt: skip
     best = min(minima, key=lambda minimum: float(minimum.fun))

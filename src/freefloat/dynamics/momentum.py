@@ -152,7 +152,8 @@ def system_matrix_derivative(
     model: FreeFloatingModel, joints: npt.ArrayLike, rates: npt.ArrayLike, task: Task = Task.POSE
 ) -> Array:
     """Time derivative of :func:`system_matrix` at joint rates of shape (n,)."""
-    robot, data, mass = model.pin_model, model.scratch, model.total_mass
+    robot, data = model.pin_model, model.scratch
+    mass = model.total_mass
     q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
     dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, pin.LOCAL_WORLD_ALIGNED)
     A_G, J = (np.array(matrix) for matrix in _maps(model, joints))

@@ -15,7 +15,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 SINGULAR_SPEED = 2e4
-"""Joint speed per duration at which a redundant arm counts as singular [rad, m]."""
+"""Joint speed times duration above which integrators take a redundant arm for singular [rad, m]."""
 _LARGEST_WEIGHT = 1e6
 LARGEST_GAIN = 1e6
 """Largest gain and bound of the null-space motion."""
@@ -35,8 +35,8 @@ class Metric(StrEnum):
 class Toward(StrEnum):
     """Objective of the null-space motion.
 
-    ``MANIPULABILITY``: the product of the singular values of S*. ``MIDDLE``: the centres of the
-    joint ranges.
+    ``MANIPULABILITY``: the product of the singular values of S*, which scenarios call ``sigma``, as
+    they do the measure that is the smallest one alone. ``MIDDLE``: the centres of the joint ranges.
     """
 
     NONE = "none"

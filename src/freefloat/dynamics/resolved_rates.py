@@ -22,10 +22,10 @@ same motion. The gain is therefore dimensionless: one over the fraction of the p
 attraction of unit gradient takes effect. A motion integrated backward retraces the forward one,
 because ds/dt changes sign with the end-effector's velocity.
 
-Toward ``sigma`` g is the gradient of ln sqrt(det(S* S*^T)), the logarithm of the manipulability: it
-grows with the smallest singular value but is smooth where two singular values coincide, and it does
-not depend on the unit of length. Toward ``middle`` g is the difference from the joints to the
-centres of their ranges; joints without a range do not count.
+Toward the manipulability g is the gradient of its logarithm, ln sqrt(det(S* S*^T)): that grows with
+the smallest singular value but is smooth where two singular values coincide, and does not depend on
+the unit of length. Toward ``middle`` g is the difference from the joints to the centres of their
+ranges; joints without a range do not count.
 """
 
 from __future__ import annotations
@@ -114,7 +114,8 @@ class ResolvedRateSolver:
     def _redundant_rates(self, speed: float) -> tuple[Array, Array]:
         A_G, J = self._M[:6], self._M[6:]
         B = np.linalg.solve(A_G[:, :6], np.column_stack([A_G[:, 6:], self._b[:6]]))
-        base, drift = np.asarray(B[:, :-1], dtype=float), B[:, -1]
+        base = np.asarray(B[:, :-1], dtype=float)
+        drift = B[:, -1]
         S: Array = J[:, 6:] - J[:, :6] @ base
         m = len(S)
         Q, R = np.linalg.qr(S.T, mode="complete")
@@ -158,13 +159,15 @@ class ResolvedRateSolver:
         momentum and twist, with the base conserving the momentum. Pinocchio differentiates the
         twist at a point fixed in space; the motion of that point with the end-effector is added.
         """
-        model, data, frame = self._model.pin_model, self._model.scratch, self._model.frame_id
-        q, M, world = self._q, self._M, pin.LOCAL_WORLD_ALIGNED
+        model, data = self._model.pin_model, self._model.scratch
+        frame, world = self._model.frame_id, pin.LOCAL_WORLD_ALIGNED
+        q, M = self._q, self._M
         columns = np.linalg.pinv(S)
         motions = np.vstack([-base @ columns, columns])
         recoil = np.linalg.solve(M[:6, :6].T, M[6:, :6].T).T
         J = np.array(pin.computeFrameJacobian(model, data, q, frame, world))
-        gradient, no_acceleration = np.zeros(len(columns)), np.zeros(len(motions))
+        gradient = np.zeros(len(columns))
+        no_acceleration = np.zeros(len(motions))
         for i, row in enumerate(self._rows):
             momentum = pin.computeCentroidalDynamicsDerivatives(
                 model, data, q, np.ascontiguousarray(motions[:, i]), no_acceleration

@@ -50,7 +50,8 @@ class VirtualManipulator:
     @lru_cache(maxsize=16)
     def of(cls, model: FreeFloatingModel) -> VirtualManipulator:
         """The virtual manipulator of a robot."""
-        bodies, arm = model.bodies, model.bodies[1:]
+        bodies = model.bodies
+        arm = bodies[1:]
         fractions = np.array([body.mass for body in bodies]) / model.total_mass
         outward = np.append(np.cumsum(fractions[::-1])[::-1][1:], 0.0)
         steps = [body.placement.position for body in arm] + [model.tool.position]

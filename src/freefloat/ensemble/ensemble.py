@@ -6,9 +6,6 @@ tolerance and takes about a hundredth of its time; results are summaries, withou
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -16,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from freefloat.concurrency import Progress, available_cores, run_chunks
 from freefloat.dynamics.kernels.equation import LEVEL, METRIC, MIDDLE, WEIGHT
 from freefloat.dynamics.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
 from freefloat.dynamics.kernels.right_side import Robot, robot_facts, robot_rows
@@ -34,7 +32,8 @@ from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
 from freefloat.so3 import Array, IntArray
 
-TOLERANCE = 1e-6
+STEP_TOLERANCE = 1e-6
+"""Relative and absolute tolerance of integration steps, by default."""
 _CELLS = 512
 """Number of cubics that approximate the path's tangent."""
 _THIRDS = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
@@ -42,9 +41,6 @@ _THROUGH_THIRDS = np.linalg.inv(np.vander(_THIRDS, increasing=True))
 """Maps values at the thirds of [0, 1] to the cubic's coefficients, lowest power first."""
 _CHUNK = 128
 """Number of motions between two reports of progress or checks for an interruption."""
-
-Progress = Callable[[float], None]
-"""Called with the fraction done, in [0, 1], during a long computation."""
 
 
 class EnsembleResult(NamedTuple):
@@ -99,7 +95,7 @@ class EnsembleIntegrator:
     """Integrator of many motions of one problem."""
 
     def __init__(
-        self, problem: Problem, threads: int | None = None, *, tolerance: float = TOLERANCE
+        self, problem: Problem, threads: int | None = None, *, tolerance: float = STEP_TOLERANCE
     ) -> None:
         """Convert a problem to the arrays that the kernels read.
 
@@ -108,8 +104,7 @@ class EnsembleIntegrator:
             threads: Number of threads; one for each core of this process when left out.
             tolerance: Relative and absolute tolerance of the integration steps.
         """
-        cores = len(os.sched_getaffinity(0))
-        self.threads = cores if threads is None else whole_number("threads", threads, 1)
+        self.threads = whole_number("threads", available_cores() if threads is None else threads, 1)
         self.problem, self.tolerance = problem, tolerance
         self._robot = _robot(problem)
 
@@ -162,32 +157,13 @@ class EnsembleIntegrator:
         return result
 
 
-def run_chunks(
-    work: Callable[[int], None], chunks: range, threads: int, progress: Progress | None = None
-) -> None:
-    """Process independent chunks on several threads; an interruption cancels pending chunks."""
-    report = progress or (lambda fraction: None)
-    if len(chunks) < 2 or threads == 1:
-        for done, chunk in enumerate(chunks, 1):
-            work(chunk)
-            report(done / len(chunks))
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(work, chunk) for chunk in chunks]
-        try:
-            for done, future in enumerate(as_completed(futures), 1):
-                future.result()
-                report(done / len(futures))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-
-
 def _robot(problem: Problem) -> Robot:
     """The arrays that the kernels read of a problem."""
-    model, task, path = problem.model, problem.task, problem.path
+    model, task = problem.model, problem.task
+    path = problem.path
     name = problem.margin.measure.name
-    facts, bodies = robot_facts(model, task), robot_rows(model)
+    facts = robot_facts(model, task)
+    bodies = robot_rows(model)
     if name == "arm":
         facts[LEVEL:METRIC] = plane_axes(model, task).ravel()
     redundancy = problem.redundancy

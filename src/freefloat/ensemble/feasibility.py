@@ -7,15 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.dynamics.momentum import Task
+from freefloat.concurrency import Progress
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.ensemble import (
-    TOLERANCE,
-    EnsembleIntegrator,
-    EnsembleResult,
-    Progress,
-)
+from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator, EnsembleResult
 from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
+from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array
 
@@ -62,7 +58,7 @@ class FeasibilityEvaluator:
     """
 
     def __init__(
-        self, problem: Problem, threads: int | None = None, *, tolerance: float = TOLERANCE
+        self, problem: Problem, threads: int | None = None, *, tolerance: float = STEP_TOLERANCE
     ) -> None:
         """Prepare a problem.
 
@@ -78,7 +74,7 @@ class FeasibilityEvaluator:
         self.problem = problem
         self.integrator = EnsembleIntegrator(problem, threads, tolerance=tolerance)
         self.wrist_flipped = has_wrist_flipped_branches(problem)
-        self.sample_reduction = 1 if has_closed_form(problem) else _REDUCTION
+        self.sample_reduction = 1 if closed_form(problem.model, problem.task) else _REDUCTION
 
     def evaluate(
         self,
@@ -149,13 +145,6 @@ def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
     return np.asarray(determinant_ratios > _REGULAR_RATIO)
 
 
-def has_closed_form(problem: Problem) -> bool:
-    """Whether the arm branches have a closed form, see :mod:`freefloat.ik.branches`."""
-    virtual = VirtualManipulator.of(problem.model)
-    solvable = virtual.has_elbow_and_spherical_wrist or virtual.has_three_parallel_axes
-    return problem.task is Task.POSE and solvable
-
-
 def has_wrist_flipped_branches(problem: Problem) -> bool:
     """Whether branches that differ by the wrist flip alone have the same motion.
 
@@ -164,7 +153,7 @@ def has_wrist_flipped_branches(problem: Problem) -> bool:
     pose and moves no mass. Branch 2 k + 1 is then the wrist-flipped branch of branch 2 k.
     """
     virtual, model = VirtualManipulator.of(problem.model), problem.model
-    if problem.task is not Task.POSE or not virtual.has_elbow_and_spherical_wrist:
+    if closed_form(model, problem.task) is not ClosedForm.ELBOW_AND_WRIST:
         return False
     h4, h5, h6 = virtual.axes_at(np.zeros(6))[3:]
     heaviest = max(np.abs(body.inertia).max() for body in model.bodies)

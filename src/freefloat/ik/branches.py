@@ -7,10 +7,9 @@ infinitely many configurations of a redundant arm a reproducible, well-spread se
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from enum import Enum
 from itertools import product
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.concurrency import available_cores, run_chunks
+from freefloat.dynamics.measures import joint_box
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.robot.model import FreeFloatingModel
@@ -96,6 +97,26 @@ class BranchSets:
         return self.labels[name] + (f" {ascii_lowercase[previous]}" if previous else "")
 
 
+class ClosedForm(Enum):
+    """Arms and tasks whose branches have a closed form."""
+
+    ELBOW_AND_WRIST = "elbow arm with a spherical wrist"
+    PLANAR_ELBOW = "planar elbow arm"
+    PARALLEL_AXES = "six revolute joints, the second to fourth parallel"
+
+
+def closed_form(model: FreeFloatingModel, task: Task) -> ClosedForm | None:
+    """The closed form of an arm's branches for a task, None where they are searched for."""
+    virtual = VirtualManipulator.of(model)
+    if task is Task.POSE and virtual.has_elbow_and_spherical_wrist:
+        return ClosedForm.ELBOW_AND_WRIST
+    if task.planar and len(task.rows) == model.dof and not virtual.prismatic.any():
+        return ClosedForm.PLANAR_ELBOW
+    if task is Task.POSE and virtual.has_three_parallel_axes:
+        return ClosedForm.PARALLEL_AXES
+    return None
+
+
 def arm_branches(model: FreeFloatingModel, target: Pose, task: Task) -> tuple[ArmBranch, ...]:
     """All arm branches at an end-effector pose.
 
@@ -130,22 +151,27 @@ def many_arm_branches(
     Returns:
         The branches at each pose, as in :func:`arm_branches`.
     """
+    form = closed_form(model, task)
+    if form is None or form is ClosedForm.PARALLEL_AXES:
+        parallel_axes = form is ClosedForm.PARALLEL_AXES
+        return search_arm_branches(
+            model, positions, rotations, task, threads, parallel_axes=parallel_axes
+        )
     # imported late: Numba takes half a second
     from freefloat.ik import analytic as kernels
 
     virtual = VirtualManipulator.of(model)
-    chain, rows, poses = _chain(virtual, model), np.array(task.rows), _poses(positions, rotations)
-    if task is Task.POSE and virtual.has_elbow_and_spherical_wrist:
-        joints = np.empty((len(poses[0]), 8, 6))
-        fixed = (chain, rows, np.array(virtual.wrist_centre))
+    arm = (_chain(virtual, model), np.array(task.rows))
+    poses = _poses(positions, rotations)
+    labels = _SIGNS if form is ClosedForm.ELBOW_AND_WRIST else _ELBOWS
+    joints = np.empty((len(poses[0]), len(labels), model.dof))
+    if form is ClosedForm.ELBOW_AND_WRIST:
+        fixed = (*arm, np.array(virtual.wrist_centre))
         _in_slices(kernels.solve_elbow_and_wrist, fixed, (*poses, joints), threads)
-        return _closed(joints, _SIGNS)
-    if task.planar and len(task.rows) == model.dof and not virtual.prismatic.any():
-        joints = np.empty((len(poses[0]), 2, model.dof))
-        _in_slices(kernels.solve_planar_elbow, (chain, rows), (*poses, joints), threads)
-        return _closed(joints, _ELBOWS)
-    parallel = task is Task.POSE and virtual.has_three_parallel_axes
-    return search_arm_branches(model, positions, rotations, task, threads, parallel)
+    else:
+        _in_slices(kernels.solve_planar_elbow, arm, (*poses, joints), threads)
+    names = np.where(np.isfinite(joints).all(axis=2), np.arange(len(labels)), -1)
+    return BranchSets(joints, names, labels)
 
 
 def search_arm_branches(
@@ -154,22 +180,25 @@ def search_arm_branches(
     rotations: npt.ArrayLike,
     task: Task,
     threads: int | None = None,
-    parallel: bool = False,
+    *,
+    parallel_axes: bool = False,
 ) -> BranchSets:
     """:func:`many_arm_branches` by Newton's method, also for arms with a closed form.
 
-    With ``parallel`` only where the closed form of three parallel axes is ill-conditioned.
+    With ``parallel_axes`` the closed form of three parallel axes is used where it is
+    well-conditioned.
     """
     from freefloat.ik.numeric import MAX_BRANCHES, solve_numerically
 
     chain = _chain(VirtualManipulator.of(model), model)
-    poses, n, m = _poses(positions, rotations), model.dof, len(task.rows)
+    poses = _poses(positions, rotations)
+    n, m = model.dof, len(task.rows)
     joints = np.empty((len(poses[0]), MAX_BRANCHES, n))
     names = np.empty((len(joints), MAX_BRANCHES), dtype=np.int64)
     fractions = low_discrepancy(_REDUNDANT_STARTS if n > m else _STARTS, n)
-    lower = np.where(chain.prismatic, chain.lower, -np.pi)
-    upper = np.where(chain.prismatic, chain.upper, np.pi)
-    fixed = (chain, np.array(task.rows), lower + (upper - lower) * fractions, parallel)
+    lower, upper = joint_box(model)
+    starts = lower + (upper - lower) * fractions
+    fixed = (chain, np.array(task.rows), starts, parallel_axes)
     _in_slices(solve_numerically, fixed, (*poses, joints, names), threads)
     signs = n == m == 6 and not chain.prismatic.any()
     labels = _SIGNS if signs else tuple(str(number) for number in range(MAX_BRANCHES))
@@ -197,19 +226,14 @@ def _chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:
     from freefloat.ik.chain import Chain
 
     arrays = (virtual.links, virtual.rotations, virtual.axes, virtual.prismatic, virtual.strokes)
-    lower, upper = np.array([(body.lower, body.upper) for body in model.bodies[1:]]).T
+
     # writable copies in C order, for which the kernels are compiled
-    return Chain(*(np.array(a, order="C") for a in (*arrays, virtual.tool, lower, upper)))
+    return Chain(*(np.array(a, order="C") for a in (*arrays, virtual.tool, *model.joint_ranges)))
 
 
 def _poses(positions: npt.ArrayLike, rotations: npt.ArrayLike) -> tuple[Array, Array]:
     p, R = (np.array(values, dtype=float, order="C") for values in (positions, rotations))
     return p.reshape(-1, 3), R.reshape(-1, 3, 3)
-
-
-def _closed(joints: Array, labels: tuple[str, ...]) -> BranchSets:
-    names = np.where(np.isfinite(joints).all(axis=2), np.arange(len(labels)), -1)
-    return BranchSets(joints, names, labels)
 
 
 def _in_slices(
@@ -219,11 +243,11 @@ def _in_slices(
     threads: int | None,
 ) -> None:
     """Run a kernel, which releases the global lock, on slices of the poses in parallel."""
-    workers, count = threads or os.cpu_count() or 1, len(sliced[0])
+    workers = threads or available_cores()
+    count = len(sliced[0])
     size = max(_SLICE, -(-count // (4 * workers)))
-    parts = [[array[i : i + size] for array in sliced] for i in range(0, count, size)]
-    if workers == 1 or len(parts) == 1:
-        kernel(*fixed, *sliced)
-        return
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(lambda part: kernel(*fixed, *part), parts))
+
+    def run(first: int) -> None:
+        kernel(*fixed, *(array[first : first + size] for array in sliced))
+
+    run_chunks(run, range(0, count, size), workers)

@@ -36,7 +36,7 @@ _MAX = 1e12
 """Largest number in a motion."""
 _ROUNDING = 1e-9
 """Deviation of the length of a stored quaternion from 1, and of the centre of mass [m]."""
-_WORST = ("end_effector_position", "end_effector_attitude", "momentum", "centre_of_mass", "rates")
+_WORST = ("end_effector_position", "end_effector_attitude", "momentum", "rates")
 _CAUSES_BEFORE_0_2 = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
 """Causes of the ends of a range in files without causes, which freefloat 0.1.0 wrote."""
 _SEGMENT_RANGES = {
@@ -223,10 +223,11 @@ def _certificate(document: Document | None) -> Certificate | None:
     if document is None:
         return None
     worst = {key: None if document[key] is None else Worst(**document[key]) for key in _WORST}
+    fields = {key: document[key] for key in document.keys() - {"least", "centre_of_mass"}}
     return Certificate(**{
-        **document,
+        **fields,
         **worst,
-        "least": tuple(CertifiedMinimum(**entry) for entry in document["least"]),
+        "minima": tuple(CertifiedMinimum(**entry) for entry in document["least"]),
         "integration": Comparison(**document["integration"]),
     })  # fmt: skip
 

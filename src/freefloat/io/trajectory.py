@@ -73,7 +73,7 @@ class Trajectory:
             InputError: If a time lies outside the motion.
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        _, attitudes, joints = motion.evaluate(motion.parameter_at(times))
+        _, attitudes, joints = motion.evaluate(motion.coordinate_at(times))
         problem = motion.problem
         dynamics, n = InverseDynamics(problem), problem.model.dof
         efforts = np.full((len(times), 6 + 3 * n), np.nan)

@@ -19,7 +19,7 @@ from freefloat.motion.extrema import (
     joint_extents,
     maximum,
 )
-from freefloat.motion.margin import TOLERANCE
+from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import NODES
 from freefloat.robot.model import FreeFloatingModel
@@ -208,7 +208,7 @@ def _clearance(
     """The smallest distance, or, to decide only, one that shows whether the limit is kept."""
     from freefloat.limits.clearance import clearance
 
-    threshold = allowed * (1.0 - TOLERANCE)
+    threshold = allowed * (1.0 - ROUNDING)
     nearest = clearance(motion, pairs, threshold if decide_only else None)
     ratio = np.inf if nearest.distance <= 0.0 else allowed / nearest.distance
     name = pairs.name(nearest.pair)
@@ -227,5 +227,5 @@ def _peak(motion: Motion, values: Function, nodes: Array | None = None) -> Extre
 def _result(
     limit: LimitKind, worst: float, allowed: float, ratio: float, time: float, where: str
 ) -> LimitResult:
-    kept = bool(ratio <= 1.0 + TOLERANCE)
+    kept = bool(ratio <= 1.0 + ROUNDING)
     return LimitResult(limit, float(worst), float(allowed), time, where, kept, float(ratio))

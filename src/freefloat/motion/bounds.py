@@ -74,9 +74,11 @@ def lower_bounds(motion: Motion, smallest: Mapping[str, float]) -> Bounds:
     parts: list[_MatrixBounds | _ArmBounds] = [_MatrixBounds(motion, smallest)]
     if "arm" in smallest:
         parts.append(_ArmBounds(motion, smallest["arm"]))
-    bounds, count = dict(smallest), 0
+    bounds = dict(smallest)
+    count = 0
     for interval_bounds in (part.in_panel(k) for part in parts for k in range(motion.panels)):
-        todo, before = [(0.0, 1.0)], count
+        todo = [(0.0, 1.0)]
+        before = count
         while todo:
             middle, half = todo.pop()
             count += 1
@@ -130,7 +132,8 @@ class _MatrixBounds:
     def _bounds(
         self, A: Array, slope: Array, half: float, second_derivatives: tuple[float, float]
     ) -> dict[str, float] | None:
-        k, bounds = self._system.base, {}
+        bounds = {}
+        k = self._system.base
         near = _Neighbourhood.about(A, slope, k, half, second_derivatives, self._joint_units)
         if near is None:
             return None
@@ -184,7 +187,8 @@ class _Neighbourhood:
         space of a redundant arm; they cancel where the matrix is square.
         """
         second_derivative = second_derivatives[0]
-        D, trend_D = A[:k, :k], np.linalg.solve(A[:k, :k], slope[:k, :k])
+        D = A[:k, :k]
+        trend_D = np.linalg.solve(D, slope[:k, :k])
         if A.shape[0] < A.shape[1]:
             S = A[k:, k:] - A[k:, :k] @ np.linalg.solve(D, A[:k, k:])
             V = np.linalg.svd(S / joint_units, full_matrices=False)[2].T

@@ -89,7 +89,8 @@ class Certificate:
     """Margins and largest errors of a motion.
 
     Attributes:
-        least: |det S*| (``gjm``), the smallest singular value (``sigma``) and the margin's measure.
+        minima: Those of |det S*| (``gjm``), of the smallest singular value (``sigma``) and of the
+            measure of the margin.
         method: Method of the proof of bounds.
         intervals: Number of intervals of the proof.
         end_effector_position: Distance from the path [m].
@@ -99,49 +100,40 @@ class Certificate:
             where time nearly stands still, or in panels without motion.
         momentum_scale: Scale of that deviation [N m s]: the largest angular momentum of the arm
             relative to the spacecraft, or the prescribed one if larger.
-        centre_of_mass: Its distance from the inertial origin [m].
         rates: Joint rates differentiated from the panels' polynomials, minus those of (4), relative
             to the largest rate; not evaluated where time nearly stands still.
         integration: Comparison with a second integrator.
         integrator: Name of that integrator.
     """
 
-    least: tuple[CertifiedMinimum, ...]
+    minima: tuple[CertifiedMinimum, ...]
     method: str
     intervals: int
     end_effector_position: Worst
     end_effector_attitude: Worst | None
     momentum: Worst
     momentum_scale: float
-    centre_of_mass: Worst
     rates: Worst
     integration: Comparison
     integrator: str = _INTEGRATOR
 
     def to_dict(self) -> dict[str, Any]:
         """The certificate as a JSON document."""
-        return {**asdict(self), "least": [asdict(minimum) for minimum in self.least]}
+        document = asdict(self)
+        least = list(document.pop("minima"))
+        # positions are computed from the centre of mass; the key is of version 0.1.0
+        return {"least": least, **document, "centre_of_mass": asdict(Worst(0.0, 0.0))}
 
 
-def certify(motion: Motion, base_positions: Array | None = None) -> Certificate:
-    """The certificate of a motion.
-
-    Args:
-        motion: The motion.
-        base_positions: Recorded positions of the spacecraft [m], shape (N, 3); by default those
-            that keep the centre of mass.
-    """
-    nodes = motion.node_parameters
+def certify(motion: Motion) -> Certificate:
+    """The certificate of a motion."""
+    nodes = motion.node_coordinates
     u = np.sort(np.append(nodes, (nodes[:-1] + nodes[1:]) / 2.0))
     times, attitudes, joints = motion.evaluate(u)
     poses = path_errors(motion.problem, times, attitudes, joints)
-    recorded = motion.base_positions if base_positions is None else base_positions
-    exact = motion.problem.model.base_position  # with the centre of mass at the origin
-    states = zip(recorded, motion.attitudes, motion.joints, strict=True)
-    drift = [np.linalg.norm(position - exact(*state)) for position, *state in states]
     minima, intervals = _certified_minima(motion)
     return Certificate(
-        least=minima,
+        minima=minima,
         method=METHOD,
         intervals=intervals,
         end_effector_position=_worst(poses[:, 0], times),
@@ -150,7 +142,6 @@ def certify(motion: Motion, base_positions: Array | None = None) -> Certificate:
         else None,
         momentum=_worst(motion.momentum_errors(u), times),
         momentum_scale=_momentum_scale(motion),
-        centre_of_mass=_worst(np.array(drift), motion.times),
         rates=_rate_errors(motion),
         integration=integrate_again(motion),
     )
@@ -165,14 +156,17 @@ def _worst(errors: Array, times: Array) -> Worst:
 
 def _rate_errors(motion: Motion) -> Worst:
     """The largest of :attr:`Certificate.rates`."""
-    problem, errors, times = motion.problem, [], []
-    equation, fastest = problem.resolved_rate_solver(), 0.0
+    path = motion.problem.path
+    solver = motion.problem.resolved_rate_solver()
+    errors, times = [], []
+    fastest = 0.0
     for panel in range(motion.panels):
         segment = motion.timing_segment(panel)
         for _, state, slope in with_slopes(motion.coefficients[panel], NODES):
-            attitude, joints, rates = state[1:5] / np.linalg.norm(state[1:5]), state[5:], slope[5:]
-            task = problem.path.twist_and_speed(float(state[0]), segment)
-            exact = equation.rates(attitude, joints, *task)[1]
+            attitude = state[1:5] / np.linalg.norm(state[1:5])
+            rates = slope[5:]
+            twist, speed = path.twist_and_speed(float(state[0]), segment)
+            exact = solver.rates(attitude, state[5:], twist, speed)[1]
             fastest = max(fastest, float(np.abs(rates).max()))
             errors.append(float(np.abs(rates - exact).max()))
             times.append(float(state[0]))
@@ -183,7 +177,8 @@ def _rate_errors(motion: Motion) -> Worst:
 
 def _momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
-    n, scale = motion.problem.model.dof, float(np.linalg.norm(motion.problem.momentum))
+    n = motion.problem.model.dof
+    scale = float(np.linalg.norm(motion.problem.momentum))
     for coefficients in motion.coefficients:
         for _, state, slope in with_slopes(coefficients, NODES):
             _, Dq = inertia_matrices(motion.problem.model, state[-n:])
@@ -241,7 +236,8 @@ def integrate_again(motion: Motion) -> Comparison:
 
 def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
     """Attitudes (N, 4) and joints (N, n) at the nodes, with ``parts`` steps between nodes."""
-    path, solver = motion.problem.path, motion.problem.resolved_rate_solver()
+    path = motion.problem.path
+    solver = motion.problem.resolved_rate_solver()
 
     def rates(t: float, attitude: Array, z: Array, segment: int) -> Array:
         """Rates of z: the rotation vector (the exponential's derivative inverted) and joints."""
@@ -255,7 +251,8 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
         nodes = motion.times[DEGREE * panel : DEGREE * (panel + 1) + 1]
         segment = motion.timing_segment(panel)
         for start, end in pairwise(nodes.tolist()):
-            h, attitude = (end - start) / parts, attitudes[-1]
+            h = (end - start) / parts
+            attitude = attitudes[-1]
             z = np.append(np.zeros(3), joints[-1])
             for part in range(parts):
                 t = start + part * h

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from math import tau
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,6 @@ _LAST = 3
 _MOST_REFINED = 8
 _XATOL = 1e-9
 """Tolerance of refined parameters; a minimum is flat: its value is exact up to rounding."""
-_REVOLUTION = 2.0 * np.pi
 
 Function = Callable[[int, float], Array]
 """Values of c functions, shape (c,), in a panel at its parameter x in [-1, 1]. Functions are smooth
@@ -127,7 +127,8 @@ def _stationary(values: Array, level: float) -> list[tuple[Extremum, float]]:
     slack = errors + 0.01 * np.ptp(values, axis=1)  # the second: of the grid
     minima = []
     for panel, index in np.argwhere(lowest - slack <= level):
-        c, error = coefficients[panel, :, index], float(errors[panel, index])
+        c = coefficients[panel, :, index]
+        error = float(errors[panel, index])
         slope = chebyshev.chebder(c)
         if not slope[1:].any():
             continue
@@ -268,22 +269,23 @@ def unwrapped(motion: Motion) -> Motion:
     A joint is shifted by as few revolutions as put all of the motion inside its range; where none
     do, by those that leave the smallest excess. Nothing else of the motion changes.
     """
-    extents, model = joint_extents(motion), motion.problem.model
+    extents = joint_extents(motion)
+    model = motion.problem.model
     joints = zip(model.bodies[1:], extents.low, extents.high, *model.joint_ranges, strict=True)
     shifts = [0 if body.prismatic else _revolutions(*values) for body, *values in joints]
     if not any(shifts):
         return motion
-    return replace(motion, joints=motion.joints + _REVOLUTION * np.array(shifts, dtype=float))
+    return replace(motion, joints=motion.joints + tau * np.array(shifts, dtype=float))
 
 
 def _revolutions(low: float, high: float, lower: float, upper: float) -> int:
     """Revolutions to add to values from low to high to get them between lower and upper."""
-    first, last = np.ceil((lower - low) / _REVOLUTION), np.floor((upper - high) / _REVOLUTION)
+    first, last = np.ceil((lower - low) / tau), np.floor((upper - high) / tau)
     if first <= last:
         return int(min(max(0.0, first), last))
 
     def excess(shift: int) -> float:
-        return max(lower - low - _REVOLUTION * shift, high + _REVOLUTION * shift - upper)
+        return max(lower - low - tau * shift, high + tau * shift - upper)
 
-    middle = ((lower + upper) - (low + high)) / (2.0 * _REVOLUTION)
+    middle = ((lower + upper) - (low + high)) / (2.0 * tau)
     return min((int(np.floor(middle)), int(np.ceil(middle)), 0), key=excess)

@@ -6,7 +6,6 @@ joints) stays smooth; the singularity is the point of its largest time.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 
@@ -16,20 +15,15 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from freefloat.dynamics.momentum import generalized_jacobian
-from freefloat.dynamics.redundancy import SINGULAR_SPEED
 from freefloat.errors import InputError, IntegrationError, finite_number
+from freefloat.motion.arc_flow import ArcFlow, arc_flow
 from freefloat.motion.extrema import first_crossing
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES, path_errors
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.paths.timing import Leg
-from freefloat.so3 import Array, cross
+from freefloat.so3 import Array
 
-_TIME_UNITS = 10.0
-"""Length of the time axis, comparable with radians and metres."""
-_STALLED = 0.1 * _TIME_UNITS / SINGULAR_SPEED
-"""Pace of time per arc length below which a redundant arm moves along a singularity. The small
-steps near one allow ten times the speed at which the coarse steps of an ensemble end."""
 _LONGEST_STEP = 1.0
 _MAX_STEPS = 20_000
 _FINEST, _ROUGHEST = 1e-13, 1e-2
@@ -82,10 +76,11 @@ def integrate_motion(
     if not _FINEST <= finite_number("tolerance", tolerance, accepted) <= _ROUGHEST:
         raise InputError("tolerance", f"{tolerance} was given", accepted)
     end = problem.path.duration if end is None else end
-    first, flow = _first_node(problem, attitude, joints, start, end), arc_flow(problem)
+    first = _first_node(problem, attitude, joints, start, end)
+    flow = arc_flow(problem)
     rows, ending = _integrate(problem, flow, first, end, float(tolerance))
     motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
-    if isinstance(flow, _CompiledFlow):
+    if flow.determinant is not None:
         motion = _cut(motion, flow.determinant, 0.0, Ending.SINGULAR)
     if stop_at_margin and problem.margin.threshold > 0.0:
         motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
@@ -97,7 +92,8 @@ def _first_node(
 ) -> Array:
     """Time, attitude and joints of a checked start, shape (5 + n,)."""
     attitude = problem.attitude("attitude", attitude)
-    joints, duration = problem.model.joint_vector(joints), problem.path.duration
+    joints = problem.model.joint_vector(joints)
+    duration = problem.path.duration
     for key, time in (("start", start), ("end", end)):
         if not 0.0 <= time <= duration:
             raise InputError(key, f"{time} was given", f"a time from 0 to {duration:g} s")
@@ -132,7 +128,8 @@ def _integrate(
     breaks, (low, high) = problem.path.breaks, sorted((start, end))
     between = breaks[(breaks > low) & (breaks < high)]
     times = [start, *(between if end > start else between[::-1]).tolist(), end]
-    panels, reference = [row[None]], np.zeros(len(row))
+    panels = [row[None]]
+    reference = np.zeros(len(row))
     reference[0] = 1.0 if end > start else -1.0
     stepper = _Stepper(flow, tolerance, reference, bool(len(problem.path.path.breaks)))
     for leg_start, leg_end in pairwise(times):
@@ -154,14 +151,18 @@ class _Stepper:
 
     def __init__(self, flow: ArcFlow, tolerance: float, reference: Array, breaks: bool) -> None:
         """Prepare; ``reference`` is a tangent (5 + n,) in whose direction to start."""
-        self._flow, self._tolerance, self._breaks = flow, tolerance, breaks
-        self._reference, self._direction = reference, float(reference[0])
+        self._flow = flow
+        self._tolerance = tolerance
+        self._breaks = breaks
+        self._reference = reference
+        self._direction = float(reference[0])
         self._proposed: float | None = None
         self._steps_left = _MAX_STEPS
 
     def panels(self, row: Array, leg: Leg, end: float) -> Iterator[tuple[Array, bool]]:
         """Panels up to a time [s], each with whether the arm is singular at its end."""
-        unit, sign = self._flow.unit, self._direction
+        unit = self._flow.unit
+        sign = self._direction
         goal = end / unit
         y = np.concatenate([[row[0] / unit], row[1:]])
 
@@ -181,7 +182,8 @@ class _Stepper:
             message = solver.step()
             if solver.status == "failed":
                 raise IntegrationError(float(solver.y[0] * unit), str(message))
-            dense, stop = solver.dense_output(), solver.t
+            dense = solver.dense_output()
+            stop = solver.t
             singular = bool(sign * solver.f[0] <= self._flow.stalled)
             if sign * solver.f[0] < 0.0:
                 stop = brentq(
@@ -208,94 +210,3 @@ def _nodes(unit: float, dense: Callable[[Array], Array], start: float, stop: flo
     values[:, 0] *= unit
     values[:, 1:5] /= np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
     return values
-
-
-class _CompiledFlow:
-    """Flow of an arm with as many joints as its task has rows.
-
-    The kernel takes a timed path; it is called with one of constant twist, that of the moment.
-    """
-
-    stalled = 0.0
-
-    def __init__(self, problem: Problem) -> None:
-        # compiled code takes half a second to import: not before it is needed
-        from freefloat.dynamics.kernels import right_side as kernels
-        from freefloat.dynamics.kernels.equation import DEMAND, WORK_COLUMNS
-
-        model, task, n = problem.model, problem.task, problem.model.dof
-        self.unit = problem.path.duration / _TIME_UNITS
-        self._timing = problem.path.timing
-        self._kernels = kernels
-        rows = np.array(task.rows, np.int64)
-        self._robot = kernels.robot_rows(model), kernels.robot_facts(model, task), rows
-        self._speed, self._twist = np.zeros((1, 2, 1)), np.zeros((1, 6, 4))
-        self._clock = np.array([[0.0], [1.0]])
-        self._duration, self._momentum = problem.path.duration, np.array(problem.momentum)
-        self._buffers = np.zeros((n + 1, WORK_COLUMNS)), np.zeros((n, n)), np.zeros((n, n + 1))
-        self._vectors = np.zeros((3, max(n, DEMAND)))
-
-    def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
-        t = float(y[0]) * self.unit
-        self._speed[0, 1, 0] = self._timing.s(t, 1, leg.segment)
-        self._twist[0, :, 3] = leg.tangent(self._timing.s(t, 0, leg.segment))
-        tangent = np.empty(len(y))
-        tangent[0] = _TIME_UNITS
-        regular = self._kernels.tangent_at(
-            *self._robot, self._clock, self._speed, self._twist, self._duration, self._momentum,
-            y, reference, tangent, *self._buffers, self._vectors,
-        )  # fmt: skip
-        return tangent if regular else _without_time(reference)
-
-    def determinant(self, joints: Array) -> float:
-        """Det S* at joint values (n,)."""
-        # joints are copied: kernels are compiled for arrays that may be written to
-        return float(self._kernels.determinant_at(*self._robot, np.array(joints), *self._buffers))
-
-
-class _RedundantFlow:
-    """Flow of a redundant arm."""
-
-    stalled = _STALLED
-
-    def __init__(self, problem: Problem) -> None:
-        self.unit = problem.path.duration / _TIME_UNITS
-        self._timing = problem.path.timing
-        self._solver = problem.resolved_rate_solver()
-
-    def __call__(self, y: Array, leg: Leg, reference: Array) -> Array:
-        attitude = y[1:5] / math.sqrt(y[1:5] @ y[1:5])
-        t = y[0] * self.unit
-        speed = self._timing.s(t, 1, leg.segment)
-        twist = leg.tangent(self._timing.s(t, 0, leg.segment)) * speed
-        omega, rates = self._solver.rates(attitude, y[5:], twist, speed)
-        x, w = attitude[:3], attitude[3]
-        change = 0.5 * (w * omega + cross(x, omega)), [-0.5 * (x @ omega)]  # (8c)
-        tangent = np.concatenate([[1.0 / self.unit], *change, rates])
-        square = tangent @ tangent
-        if not math.isfinite(square):
-            return _without_time(reference)
-        tangent /= math.sqrt(square)
-        return tangent if tangent @ reference >= 0.0 else -tangent
-
-
-ArcFlow = _CompiledFlow | _RedundantFlow
-"""The unit tangent of the curve (time, attitude, joints) along which (8) moves the system.
-
-It is a function of a point (5 + n,) of the curve, its attitude of any length, of the leg of the
-path, and of the last tangent (5 + n,). It keeps to the side of the latter, and so stays continuous
-across a singularity, where time reverses. The curve counts time in units of ``unit`` seconds; at a
-pace of time per arc length of ``stalled`` or less, rates by time have no bound.
-"""
-
-
-def arc_flow(problem: Problem) -> ArcFlow:
-    """The flow of a problem."""
-    return _RedundantFlow(problem) if problem.redundant else _CompiledFlow(problem)
-
-
-def _without_time(reference: Array) -> Array:
-    """The tangent where (4) is singular to the last digit: in the limit no time passes."""
-    tangent = reference.copy()
-    tangent[0] = 0.0
-    return tangent

@@ -12,7 +12,7 @@ from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import InputError, finite_number, require_type
 from freefloat.so3 import Array
 
-TOLERANCE = 1e-6
+ROUNDING = 1e-6
 """Relative deviation from a threshold or limit that is attributed to rounding."""
 
 
@@ -69,5 +69,5 @@ def is_kept(values: Array, threshold: float) -> npt.NDArray[np.bool_]: ...
 def is_kept(values: float | Array, threshold: float) -> bool | npt.NDArray[np.bool_]:
     """The rule of :meth:`Margin.is_kept` for any threshold."""
     if isinstance(values, np.ndarray):
-        return np.asarray((values > 0.0) & (values >= threshold * (1.0 - TOLERANCE)))
-    return bool(values > 0.0 and values >= threshold * (1.0 - TOLERANCE))
+        return np.asarray((values > 0.0) & (values >= threshold * (1.0 - ROUNDING)))
+    return bool(values > 0.0 and values >= threshold * (1.0 - ROUNDING))

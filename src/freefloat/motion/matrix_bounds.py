@@ -86,7 +86,8 @@ class ScaledSystem:
     def __init__(self, motion: Motion) -> None:
         """Prepare the robot of a motion, with its strokes of prismatic joints."""
         model, task = motion.problem.model, motion.problem.task
-        reach, m = VirtualManipulator.of(model).reach, model.total_mass
+        reach = VirtualManipulator.of(model).reach
+        m = model.total_mass
         prismatic = np.array([body.prismatic for body in model.bodies[1:]])
         L = max(_chain_length(motion, prismatic), reach) / reach
         unit = m * reach**2
@@ -135,7 +136,8 @@ class ScaledSystem:
 
 def _chain_length(motion: Motion, prismatic: Array) -> float:
     """Largest distance along the chain between points that the matrix depends on [m]."""
-    model, extents = motion.problem.model, joint_extents(motion)
+    model = motion.problem.model
+    extents = joint_extents(motion)
     centres = max(float(np.linalg.norm(body.centre)) for body in model.bodies)
     last = max(float(np.linalg.norm(model.tool.position)), centres)
     links = sum(float(np.linalg.norm(body.placement.position)) for body in model.bodies[1:])

@@ -152,7 +152,7 @@ class Motion:
         return np.asarray(TO_COEFFICIENTS @ values[self.panel_nodes])
 
     @cached_property
-    def node_parameters(self) -> Array:
+    def node_coordinates(self) -> Array:
         """Panel coordinates of the nodes, see :meth:`evaluate`, shape (N,)."""
         inner = np.arange(self.panels)[:, None] + (NODES[:-1] + 1.0) / 2.0
         return frozen(np.append(inner.ravel(), self.panels))
@@ -170,7 +170,7 @@ class Motion:
 
     def timing_segment(self, panel: int) -> int:
         """Number of the segment of the time law that holds in a panel."""
-        first, last = self.times[DEGREE * panel], self.times[DEGREE * (panel + 1)]
+        first, last = self.times[[DEGREE * panel, DEGREE * (panel + 1)]]
         return self.problem.path.timing.segment_at(float(first + last) / 2.0)
 
     def evaluate(self, u: npt.ArrayLike) -> tuple[Array, Array, Array]:
@@ -195,7 +195,7 @@ class Motion:
         """The time at a panel coordinate, within the motion [s]."""
         return float(np.clip(self.evaluate(u)[0][0], self.times.min(), self.times.max()))
 
-    def parameter_at(self, times: npt.ArrayLike) -> Array:
+    def coordinate_at(self, times: npt.ArrayLike) -> Array:
         """Panel coordinates at which the motion is at given times [s], by bisection, shape (K,).
 
         Raises:
@@ -226,7 +226,7 @@ class Motion:
             InputError: If a time lies outside the motion.
         """
         times = np.atleast_1d(np.asarray(times, dtype=float))
-        _, attitudes, joints = self.evaluate(self.parameter_at(times))
+        _, attitudes, joints = self.evaluate(self.coordinate_at(times))
         model = self.problem.model
         return tuple(
             State(float(t), frozen(a), frozen(q), frozen(model.base_position(a, q)))
@@ -244,25 +244,25 @@ class Motion:
 
     def residuals(self) -> Residuals:
         """Largest distance from the path and deviation of the momentum."""
-        position, attitude = np.max(self.end_effector_errors, axis=0)
+        position, orientation = np.max(self.end_effector_errors, axis=0)
         panel = np.repeat(np.arange(self.panels), DEGREE + 1)
-        momentum = self._momentum_errors(panel, np.tile(NODES, self.panels))
+        momentum = momentum_errors(self, panel, np.tile(NODES, self.panels))
         return Residuals(
             float(position),
-            float(attitude) if self.problem.task.prescribes_orientation else None,
+            float(orientation) if self.problem.task.prescribes_orientation else None,
             float(np.max(momentum, initial=0.0, where=np.isfinite(momentum))),
         )
 
     @cached_property
     def end_effector_errors(self) -> Array:
-        """Distance from the path [m] and angle from its orientation [rad] at the nodes, (N, 2).
-
-        Only components prescribed by the task count.
-        """
+        """Errors of the end-effector at the nodes, see :func:`path_errors`, shape (N, 2)."""
         return frozen(path_errors(self.problem, self.times, self.attitudes, self.joints))
 
     def momentum_errors(self, u: npt.ArrayLike) -> Array:
-        """Deviation of the angular momentum from the prescribed one, from the record alone.
+        """Deviation of the angular momentum from the prescribed one.
+
+        It is recomputed from the recorded configurations alone, by the derivatives of the panels'
+        polynomials, time included.
 
         Args:
             u: Panel coordinates, shape (K,).
@@ -273,8 +273,4 @@ class Motion:
         """
         if not self.panels:
             return np.full(np.size(u), np.nan)
-        return self._momentum_errors(*self._located(u))
-
-    def _momentum_errors(self, panel: IntArray, x: Array) -> Array:
-        rows = np.column_stack([self.times, self.attitudes, self.joints, self.base_positions])
-        return momentum_errors(self.problem, rows[self.panel_nodes], panel, x)
+        return momentum_errors(self, *self._located(u))

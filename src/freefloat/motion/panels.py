@@ -7,6 +7,8 @@ parameter x in [-1, 1]. The panel coordinate u is k + (x + 1) / 2 in panel k.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.polynomial import chebyshev
 
@@ -20,6 +22,9 @@ from freefloat.so3 import (
     rotation_matrix,
     rotation_vector_between,
 )
+
+if TYPE_CHECKING:
+    from freefloat.motion.motion import Motion
 
 DEGREE = 8
 """Degree of the polynomials; one above the integrator's dense output."""
@@ -62,9 +67,9 @@ def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array)
         attitudes: Of the spacecraft, unit quaternions x, y, z, w, shape (K, 4).
         joints: Joint values, shape (K, n).
     """
-    model, rows = problem.model, problem.task.rows
+    rows = problem.task.rows
     states = zip(attitudes, joints, strict=True)
-    poses = [model.end_effector_pose(attitude, q) for attitude, q in states]
+    poses = [problem.model.end_effector_pose(attitude, q) for attitude, q in states]
     path = [problem.path.pose(float(t)) for t in times]
     offsets = np.array([a.position - b.position for a, b in zip(poses, path, strict=True)])
     angles = rotation_vector_between(
@@ -75,36 +80,27 @@ def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array)
     return np.column_stack([np.linalg.norm(errors[:, part], axis=1) for part in (linear, angular)])
 
 
-def momentum_errors(problem: Problem, values: Array, panel: IntArray, x: Array) -> Array:
-    """Magnitude of the angular momentum's deviation from the prescribed one [N m s], shape (K,).
-
-    The momentum is recomputed from the recorded configurations alone, by the derivatives of the
-    panels' polynomials, time included. nan in panels without motion and where time nearly stands
-    still.
-
-    Args:
-        problem: Robot and momentum.
-        values: (time, attitude, joints, base position) at the nodes of every panel, shape
-            (panels, 9, 8 + n).
-        panel: Panels, shape (K,).
-        x: Parameters, shape (K,).
-    """
+def momentum_errors(motion: Motion, panel: IntArray, x: Array) -> Array:
+    """See :meth:`Motion.momentum_errors`, by panels (K,) and their parameters (K,)."""
+    states = [motion.times, motion.attitudes, motion.joints, motion.base_positions]
+    values = np.column_stack(states)[motion.panel_nodes]
     errors = np.full(len(x), np.nan)
     scale = np.ones(values.shape[2] - 3)
-    scale[0] = problem.path.duration
+    scale[0] = motion.problem.path.duration
     for k in np.unique(panel):
         if (np.ptp(values[k, :, :-3], axis=0) / scale).max() < _UNRESOLVED:
             continue
         points = np.flatnonzero(panel == k)
         for i, value, rate in with_slopes(TO_COEFFICIENTS @ values[k], x[points]):
-            errors[points[i]] = _momentum_error(problem, value, rate)
+            errors[points[i]] = _momentum_error(motion.problem, value, rate)
     return errors
 
 
 def _momentum_error(problem: Problem, values: Array, rates: Array) -> float:
     """The deviation from (time, attitude, joints, base position) and their derivatives by time."""
     size = np.linalg.norm(values[1:5])
-    attitude, change = values[1:5] / size, rates[1:5] / size
+    attitude = values[1:5] / size
+    change = rates[1:5] / size
     x, w = attitude[:3], attitude[3]
     omega = 2.0 * (w * change[:3] - change[3] * x - cross(x, change[:3]))  # (8c) inverted
     base = rotation_matrix(attitude).T @ rates[-3:]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.momentum import Task, inertia_matrices, momentum_map
+from freefloat.dynamics.momentum import Task, inertia_matrices, momentum_map, require_enough_joints
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
@@ -70,7 +70,9 @@ class Problem:
         require_type("margin", self.margin, Margin, accepted)
         object.__setattr__(self, "task", Task.of(self.task))
         object.__setattr__(self, "momentum", frozen(finite_vector("momentum", self.momentum, 3)))
-        self.resolved_rate_solver()  # checks task and redundancy
+        require_enough_joints(self.model, self.task)
+        if self.redundancy is not None:
+            self.redundancy.require_applicable(self.model, self.task)
         if self.task.prescribes_orientation and isinstance(
             self.path.path.orientation, FreeOrientation
         ):
@@ -131,7 +133,8 @@ class Problem:
 
     def _require_few_turns(self) -> None:
         """The time of an integration grows with the rotations of the spacecraft."""
-        momentum, duration = float(np.linalg.norm(self.momentum)), self.path.duration
+        momentum = float(np.linalg.norm(self.momentum))
+        duration = self.path.duration
         locked_inertia = inertia_matrices(self.model, np.zeros(self.model.dof))[0]
         rate = momentum / (np.trace(locked_inertia) / 3.0)
         turns = rate * duration / (2.0 * np.pi)

@@ -22,7 +22,8 @@ def out_of_reach(problem: Problem) -> float | None:
     Returns:
         0 where the path begins out of reach, None where all of it lies within the reach.
     """
-    reach, curve = VirtualManipulator.of(problem.model).reach, problem.path.path.curve
+    reach = VirtualManipulator.of(problem.model).reach
+    curve = problem.path.path.curve
 
     def excess(s: float) -> float:
         return float(np.linalg.norm(curve(s))) - reach

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.ensemble import TOLERANCE, Progress
+from freefloat.concurrency import Progress
+from freefloat.ensemble.ensemble import STEP_TOLERANCE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
@@ -159,7 +160,7 @@ class HeadingMap:
 
 def evaluator_for(problem: Problem, threads: int | None = None) -> FeasibilityEvaluator:
     """The evaluator of a problem, for planar tasks precise enough for the limits of ranges."""
-    tolerance = _TOLERANCE if problem.task.planar else TOLERANCE
+    tolerance = _TOLERANCE if problem.task.planar else STEP_TOLERANCE
     return FeasibilityEvaluator(problem, threads, tolerance=tolerance)
 
 

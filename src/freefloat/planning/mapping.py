@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.ensemble.ensemble import Progress
+from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.errors import InputError, whole_number
 from freefloat.motion.problem import Problem, require_problem

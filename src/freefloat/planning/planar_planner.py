@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from freefloat.ensemble.ensemble import Progress
+from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import (

@@ -164,19 +164,9 @@ class FreeFloatingModel:
 
     @cached_property
     def joint_ranges(self) -> tuple[Array, Array]:
-        """Lower and upper ends of the joints' ranges [rad or m], infinite where there are none.
-
-        A range whose ends are not in order is ignored; the URDF's warnings name it.
-        """
+        """Lower and upper ends of the joints' ranges [rad or m], infinite where there are none."""
         lower, upper = np.array([(body.lower, body.upper) for body in self.bodies[1:]]).T
-        ordered = lower < upper
-        return frozen(np.where(ordered, lower, -np.inf)), frozen(np.where(ordered, upper, np.inf))
-
-    @property
-    def prismatic_ranges(self) -> list[tuple[float | None, float | None]]:
-        """Bounds of the joints for optimizers: none for revolute joints, which may revolve."""
-        arm = self.bodies[1:]
-        return [(body.lower, body.upper) if body.prismatic else (None, None) for body in arm]
+        return frozen(lower), frozen(upper)
 
     @cached_property
     def tool(self) -> Pose:

@@ -30,7 +30,8 @@ class Body:
         placement: The joint's frame in the previous body's frame, the joint at zero.
         axis: Unit vector of the joint in its own frame, shape (3,); zeros for the spacecraft.
         prismatic: Whether the joint is prismatic and not revolute.
-        lower: Lower end of the joint's range [rad or m]; minus infinity where there is none.
+        lower: Lower end of the joint's range [rad or m]; minus infinity where there is none, or one
+            whose ends are not in order, of which the URDF's diagnostics warn.
         upper: Upper end of the joint's range [rad or m]; infinity where there is none.
         rated_speed: Rated speed in the URDF [rad/s or m/s]; infinite where there is none.
         rated_effort: Rated torque or force in the URDF [N m or N]; infinite where there is none.
@@ -135,6 +136,9 @@ def _displacement(joint: Joint, value: float) -> Pose:
 def body_of(model: Any, index: int, joint: Joint | None) -> Body:
     """The body of a joint of the Pinocchio model; the spacecraft's joint is None."""
     inertia = model.inertias[index]
+    lower, upper = -np.inf, np.inf
+    if joint is not None and joint.lower < joint.upper:
+        lower, upper = joint.lower, joint.upper
     rated = (None, None) if joint is None else (joint.velocity, joint.effort)
     speed, effort = (value if value and 0.0 < value < UNLIMITED else np.inf for value in rated)
     return Body(
@@ -142,8 +146,8 @@ def body_of(model: Any, index: int, joint: Joint | None) -> Body:
         placement=pose_of(model.jointPlacements[index]),
         axis=frozen(np.zeros(3) if joint is None else joint.axis / np.linalg.norm(joint.axis)),
         prismatic=joint is not None and joint.type == "prismatic",
-        lower=-np.inf if joint is None else joint.lower,
-        upper=np.inf if joint is None else joint.upper,
+        lower=lower,
+        upper=upper,
         rated_speed=speed,
         rated_effort=effort,
         mass=float(inertia.mass),

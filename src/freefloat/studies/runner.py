@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import signal
 import threading
 import time
@@ -20,6 +19,7 @@ import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
 from distributed.comm.addressing import get_address_host_port
 
+from freefloat.concurrency import available_cores
 from freefloat.errors import InputError
 from freefloat.studies.results import DATABASE, ERROR, Row, StudyResult, open_results
 from freefloat.studies.run import Run, RunResult, error_result, execute, finite, study_files
@@ -102,7 +102,7 @@ def run_study(
 
 
 def _processes(workers: int | None) -> int:
-    return workers or len(os.sched_getaffinity(0))
+    return workers or available_cores()
 
 
 def execute_all(

@@ -25,8 +25,6 @@ _ROUNDING = 1e-12
 arm that hardly moves has next to none."""
 _ENDS = 1e-9
 """Fraction of the duration by which a motion may miss its ends."""
-_CENTRE = 1e-9
-"""Fraction of the reach by which the centre of mass may move."""
 _RATES = 1e-5
 """Fraction of the largest joint rate by which rates may differ from those of equation (4)."""
 _SECOND = 1e-6
@@ -144,7 +142,6 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
     errors = [
         ("end-effector position", certificate.end_effector_position, distance, "m"),
         ("end-effector orientation", certificate.end_effector_attitude, angle, "rad"),
-        ("centre of mass", certificate.centre_of_mass, _CENTRE * _reach(motion), "m"),
         ("angular momentum", certificate.momentum, momentum, "N m s"),
         ("joint rates", certificate.rates, _RATES, "of the largest"),
     ]
@@ -160,7 +157,7 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
                     max(_SECOND, 8.0 * again.halving_joints), "rad or m", again.joints_time),
         error_check("step halving", halving, _HALVING, "rad or m", again.until),
     ]  # fmt: skip
-    checks += [_margin_check(minimum, motion, feasible) for minimum in certificate.least]
+    checks += [_margin_check(minimum, motion, feasible) for minimum in certificate.minima]
     if motion.ending is Ending.SINGULAR:
         checks.append(_singular_end(motion))
     if feasible and not motion.completed:

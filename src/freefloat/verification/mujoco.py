@@ -176,7 +176,7 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
     )
     steps = int(np.clip(wanted_steps, _STEPS, _MAX_STEPS))
     nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
-    _, _, rows = motion.evaluate(motion.parameter_at(nodes))
+    _, _, rows = motion.evaluate(motion.coordinate_at(nodes))
     wanted = CubicSpline(nodes, rows)
     h = (last - first) / steps
     stiff, damp = (_STIFFNESS / h) ** 2, 2.0 * _STIFFNESS / h

@@ -186,7 +186,7 @@ def _momentum_figure(motion: Motion) -> Figure:
     oriented = motion.problem.task.prescribes_orientation
     position, orientation = motion.end_effector_errors.T
     curves = [
-        (momentum, "momentum", motion.momentum_errors(motion.node_parameters), "."),
+        (momentum, "momentum", motion.momentum_errors(motion.node_coordinates), "."),
         (pose, "end-effector position", position, "."),
     ]
     if oriented:

@@ -134,9 +134,9 @@ def _sampled(
 ) -> _Sampled:
     problem = motion.problem
     times = key_times(motion, limit)
-    parameters = motion.parameter_at(times)
+    parameters = motion.coordinate_at(times)
     # Exact end points: a singular motion has no state after its end.
-    parameters[[0, -1]] = motion.parameter_at([motion.times.min(), motion.times.max()])
+    parameters[[0, -1]] = motion.coordinate_at([motion.times.min(), motion.times.max()])
     measure = problem.margin.measure
     return _Sampled(
         motion,

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.ensemble.ensemble import Progress
+from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array, frozen

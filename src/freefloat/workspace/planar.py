@@ -17,6 +17,7 @@ from contourpy import contour_generator
 
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.problem import Problem
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, frozen
@@ -135,8 +136,7 @@ class PlanarArm:
 
 def has_two_angle_form(model: FreeFloatingModel, task: Task) -> bool:
     """Whether S of a planar problem depends on the first two joint angles alone."""
-    plain = not any(body.prismatic for body in model.bodies[1:])
-    return task.planar and plain and model.dof == len(task.rows)
+    return closed_form(model, task) is ClosedForm.PLANAR_ELBOW
 
 
 def two_angles(arm: PlanarArm, joints: npt.ArrayLike) -> Array:

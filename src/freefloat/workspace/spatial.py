@@ -10,6 +10,7 @@ from freefloat.dynamics.measures import (
     SingularityMeasure,
     joint_box,
     joint_space_extremes,
+    optimizer_bounds,
     plane_axes,
     singularity_measure,
 )
@@ -189,7 +190,7 @@ def _extended(
 
     end = minimize(
         lambda q: sense * _distance(problem, q) ** 2, joints, method="SLSQP",
-        bounds=problem.model.prismatic_ranges,
+        bounds=optimizer_bounds(problem.model),
         constraints={"type": "eq", "fun": lambda q: measure(q) / scale},
         options={"ftol": 1e-12, "maxiter": 100},
     )  # fmt: skip

@@ -7,7 +7,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.dynamics.momentum import generalized_determinant
-from freefloat.motion.integration import arc_flow
+from freefloat.motion.arc_flow import arc_flow
 from freefloat.motion.problem import Problem
 from freefloat.so3 import attitude_grid, heading_quaternion
 
