@@ -152,15 +152,13 @@ def parallel_branches(
     solutions: Array, scratch: Scratch,
 ) -> int:  # fmt: skip
     """Write all solutions, sorted, into ``solutions``; return their number or ILL_CONDITIONED."""
-    points = zero.points
-    rotation_change = required_rotation(rotation, zero)
+    points, rotation_change = zero.points, required_rotation(rotation, zero)
     offset = times(rotation_change, plus(zero.position, row(points, 5), -1.0))
     u = plus(plus(position, offset, -1.0), row(points, 0), -1.0)
     q1, q5 = np.empty(4), np.empty(4)
-    pairs = first_and_fifth(zero, u, times(rotation_change, row(zero.axes, 5)), q1, q5)
+    pairs, count = first_and_fifth(zero, u, times(rotation_change, row(zero.axes, 5)), q1, q5), 0
     if pairs == ILL_CONDITIONED:
         return ILL_CONDITIONED
-    count = 0
     for pair in range(pairs):
         for bit in range(2):
             q = solutions[count]
