@@ -225,10 +225,12 @@ def newton_configuration(
 def _chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:
     from freefloat.ik.chain import Chain
 
-    arrays = (virtual.links, virtual.rotations, virtual.axes, virtual.prismatic, virtual.strokes)
-
+    arrays: tuple[npt.NDArray[Any], ...] = (
+        virtual.links, virtual.rotations, virtual.axes, virtual.prismatic, virtual.strokes,
+        virtual.tool, *model.joint_ranges,
+    )  # fmt: skip
     # writable copies in C order, for which the kernels are compiled
-    return Chain(*(np.array(a, order="C") for a in (*arrays, virtual.tool, *model.joint_ranges)))
+    return Chain(*(np.array(array, order="C") for array in arrays))
 
 
 def _poses(positions: npt.ArrayLike, rotations: npt.ArrayLike) -> tuple[Array, Array]:
