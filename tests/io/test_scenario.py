@@ -427,6 +427,23 @@ def test_a_misspelt_key_and_word_come_with_the_nearest_one(folder: Path) -> None
         scenario(folder, task="poes")
 
 
+@pytest.mark.parametrize(
+    ("path", "key"),
+    [
+        (
+            "arc: {center: [0, 0, 0], normal: [0, 0, 0], from: [1, 0, 0], angle_deg: 9}",
+            "arc.normal",
+        ),
+        ("arc: {center: [0, 0, 0], normal: [0, 0, 1], from: [1, 0, 1], angle_deg: 9}", "arc.from"),
+        ("line: {from: [1, 0, 0], to: [1, 0, 0]}", "line"),
+    ],
+)
+def test_errors_of_curves_name_keys_of_the_file(path: str, key: str, folder: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        path_of(folder, f"{path}, {UPRIGHT}")
+    assert caught.value.key == f"path.{key}"
+
+
 # --- the inverse: a problem as a scenario ---------------------------------------------------------
 
 

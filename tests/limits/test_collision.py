@@ -1,11 +1,14 @@
 """Meshes cut into convex parts: nothing of the mesh lost, less air inside."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import ConvexHull, Delaunay
 
 from freefloat.limits.collision import convex_parts
+from freefloat.robot.names import MeshFileError
 
 
 def volume(parts):
@@ -60,3 +63,23 @@ def test_flat_meshes_have_a_hull():
     (part,) = convex_parts(np.array([[[0.0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0],
                                                                         [0, 1, 0]]]))  # fmt: skip
     assert np.ptp(part.points, axis=0) == pytest.approx([1.0, 1.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.7])
+def test_flat_meshes_are_thin_plates(slope):
+    """Of three points, of a strip, of an angled panel in two parts."""
+    angled = np.array([[0.0, 0], [4, 0], [4, 1], [1, 1], [1, 4], [0, 4]])
+    for corners, most in (([[0.0, 0], [2, 0], [0, 1]], 1), (angled, 6)):
+        flat = np.insert(np.asarray(corners), 2, 1.0, axis=1)
+        flat[:, 2] += slope * flat[:, 0]
+        fan = np.array([[flat[0], a, b] for a, b in pairwise(flat[1:])])
+        parts = convex_parts(fan)
+        assert 1 <= len(parts) <= most
+        points = np.vstack([part.points for part in parts])
+        assert np.ptp(points, axis=0)[:2] == pytest.approx(np.ptp(flat, axis=0)[:2], abs=1e-5)
+        assert np.abs(points[:, 2] - 1.0 - slope * points[:, 0]).max() < 1e-6
+
+
+def test_meshes_on_a_line_are_refused():
+    with pytest.raises(MeshFileError, match="line"):
+        convex_parts(np.array([[[0.0, 0, 0], [1, 1, 0], [2, 2, 0]]]))

@@ -264,8 +264,8 @@ def test_impossible_bodies_are_refused(name: str, part: type) -> None:
 @pytest.mark.parametrize(
     ("make", "key"),
     [
-        (lambda: Mount([0.0, 0.0]), "spacecraft.mount.xyz"),
-        (lambda: Mount(rpy=[0.0, 0.0, np.nan]), "spacecraft.mount.rpy"),
+        (lambda: Mount([0.0, 0.0]), "mount.xyz"),
+        (lambda: Mount(rpy=[0.0, 0.0, np.nan]), "mount.rpy"),
         (lambda: Spacecraft(1.0, CUBE, size=[1.0, 1.0, 0.0]), "spacecraft.size"),
         (lambda: Payload(1.0, CUBE, [0.0]), "payload.com"),
     ],

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import json
+import time
 from pathlib import Path
+from typing import Any
 
 import coal
 import numpy as np
@@ -113,6 +117,77 @@ def test_a_file_that_is_no_mesh_is_refused_with_a_reason(
     with pytest.raises(MeshFileError) as caught:
         read_mesh(path)
     assert len(str(caught.value).splitlines()) == 1
+
+
+def collada(nodes: str) -> str:
+    """A triangle ``#g`` and library nodes, ``#n0`` in the scene."""
+    return f"""<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+      <asset><unit meter="1"/></asset><library_geometries><geometry id="g"><mesh><source id="p">
+      <float_array id="a" count="9">0 0 0 1 0 0 0 1 0</float_array><technique_common>
+      <accessor source="#a" count="3" stride="3"><param name="X" type="float"/>
+      <param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common>
+      </source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+      <triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p>
+      </triangles></mesh></geometry></library_geometries><library_nodes>{nodes}</library_nodes>
+      <library_visual_scenes><visual_scene id="s"><node><instance_node url="#n0"/></node>
+      </visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene>
+      </COLLADA>"""
+
+
+def doubled(levels: int) -> str:
+    """Library nodes each of which has the next one twice."""
+    twice = '<node id="n{}"><instance_node url="#n{}"/><instance_node url="#n{}"/></node>'
+    nodes = [twice.format(k, k + 1, k + 1) for k in range(levels)]
+    return "".join(nodes) + f'<node id="n{levels}"><instance_geometry url="#g"/></node>'
+
+
+def gltf(nodes: list[dict[str, Any]], primitives: int = 1, count: int = 3) -> str:
+    """A mesh whose primitives share one triangle, in nodes of which the first is in the scene."""
+    triangle = base64.b64encode(np.eye(3, dtype=np.float32).tobytes()).decode()
+    uri = f"data:application/octet-stream;base64,{triangle}"
+    accessor = {"componentType": 5126, "count": count, "type": "VEC3"}
+    return json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes,
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}] * primitives}],
+        "accessors": [accessor | ({"bufferView": 0} if count == 3 else {})],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": uri}],
+    })  # fmt: skip
+
+
+CHAIN = [{"mesh": 0, "children": [k + 1]} for k in range(200)] + [{"mesh": 0}]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text"),
+    [
+        ("dae", collada(doubled(26))),
+        ("dae", collada('<node id="n0">' + '<instance_geometry url="#g"/>' * 10_001 + "</node>")),
+        ("gltf", gltf(CHAIN)),
+        ("gltf", gltf([{"mesh": 0}], primitives=10_001)),
+        ("gltf", gltf([{"mesh": 0}], count=10**9)),
+    ],
+    ids=["doubled nodes", "instances", "nested nodes", "primitives", "vertices without data"],
+)
+def test_a_small_file_that_expands_is_refused_at_once(
+    tmp_path: Path, suffix: str, text: str
+) -> None:
+    path = tmp_path / f"small.{suffix}"
+    path.write_text(text)
+    begin = time.process_time()
+    with pytest.raises(MeshFileError, match="more than"):
+        read_mesh(path)
+    assert time.process_time() - begin < 10.0
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text"),
+    [("dae", collada(doubled(3))), ("gltf", gltf([{"mesh": 0, "children": [1]}, {"mesh": 0}]))],
+)
+def test_instances_of_nodes_are_read(tmp_path: Path, suffix: str, text: str) -> None:
+    path = tmp_path / f"nested.{suffix}"
+    path.write_text(text)
+    assert read_mesh(path)
 
 
 def test_a_mesh_scaled_to_nothing_is_refused(tmp_path: Path) -> None:

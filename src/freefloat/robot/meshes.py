@@ -21,8 +21,9 @@ from freefloat.so3 import Array, IntArray, frozen
 _FORMATS = (".dae", ".stl", ".obj", ".ply", ".off", ".gltf", ".glb")
 _MAX_BYTES = 200_000_000
 _MAX_TRIANGLES = 5_000_000
-_MAX_NODES = 10_000
-"""Limits of a mesh file, of what it instances several times too."""
+_MAX_NODES, _NODES = 10_000, "nodes, instances counted"
+_MAX_DEPTH = 100
+"""Limits of a mesh file, also of what it instances several times and of nested nodes."""
 _FARTHEST = 1e9
 """Largest accepted coordinate, in the file's unit."""
 _SMOOTH = np.radians(30.0)
@@ -133,6 +134,7 @@ def _require_few_instances(content: bytes) -> None:
     """Raise a ValueError for COLLADA that is too large with every instance written out."""
     root = etree.fromstring(content, etree.XMLParser(huge_tree=True, resolve_entities=False))
     named = {f"#{item.get('id')}": item for item in root.iter("{*}node", "{*}geometry")}
+    _require_at_most(_MAX_NODES, len(named), _NODES)
 
     @cache
     def size(item: Any) -> tuple[int, int]:
@@ -148,14 +150,15 @@ def _require_few_instances(content: bytes) -> None:
 
     for item in (*named.values(), *root.iter("{*}visual_scene")):
         nodes, indices = size(item)
-        _require_at_most(_MAX_NODES, nodes, "nodes")
-        _require_at_most(_MAX_BYTES, indices, "bytes of triangles")
+        _require_at_most(_MAX_NODES, nodes, _NODES)
+        _require_at_most(_MAX_BYTES, indices, "bytes of triangles, instances counted")
 
 
 def _require_few_vertices(header: Any) -> None:
-    """Raise a ValueError for a glTF file whose primitives share arrays that are too large."""
+    """Raise a ValueError for a glTF file whose primitives are too many or too large."""
     accessors = header.get("accessors", [])
     primitives = [entry for mesh in header.get("meshes", []) for entry in mesh["primitives"]]
+    _require_at_most(_MAX_NODES, len(primitives), "primitives")
     used = [primitive["attributes"].get("POSITION") for primitive in primitives]
     used += [primitive.get("indices") for primitive in primitives]
     used += [index for index, entry in enumerate(accessors) if "bufferView" not in entry]
@@ -164,17 +167,24 @@ def _require_few_vertices(header: Any) -> None:
 
 
 def _require_few_triangles(scene: Any) -> None:
-    """Raise a ValueError for a scene that is too large with every instance written out."""
+    """Raise a ValueError for a scene that is too deep, or too large with all instances."""
     nodes = scene.graph.geometry_nodes
-    _require_at_most(_MAX_NODES, sum(map(len, nodes.values())), "nodes")
+    _require_at_most(_MAX_NODES, sum(map(len, nodes.values())), _NODES)
     triangles = {name: len(getattr(scene.geometry[name], "faces", ())) for name in nodes}
     total = sum(triangles[name] * len(nodes[name]) for name in nodes)
-    _require_at_most(_MAX_TRIANGLES, total, "triangles")
+    _require_at_most(_MAX_TRIANGLES, total, "triangles, instances counted")
+    parents = scene.graph.transforms.parents
+    for node in scene.graph.nodes_geometry:
+        depth = 0
+        while node in parents and depth <= _MAX_DEPTH:
+            node = parents[node]
+            depth += 1
+        _require_at_most(_MAX_DEPTH, depth, "levels of nodes")
 
 
 def _require_at_most(limit: int, number: int, what: str) -> None:
     if number > limit:
-        raise ValueError(f"it has more than {limit:,} {what}, instances counted")
+        raise ValueError(f"it has more than {limit:,} {what}")
 
 
 def _checked(mesh: Any) -> Any:
