@@ -147,6 +147,13 @@ def test_a_map_is_viewed_alone(files: Path, elsewhere: Path) -> None:
     assert error("view", *words)["key"] == "file"
 
 
+def test_a_map_over_headings_is_one_scene(elsewhere: Path) -> None:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    ff.save(ff.attitude_map(problem, 24), "headings.h5")
+    shown = document("view", "headings.h5", "--html", "headings.html")["scenes"]
+    assert shown == scenes(elsewhere / "headings.html") == ["all arm branches"]
+
+
 def started(*words: str | Path) -> subprocess.Popen[str]:
     program = [sys.executable, "-m", "freefloat", "view", *map(str, words), "--no-open"]
     return subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -78,6 +78,19 @@ def test_a_page_shows_a_map(browser: Browser, spatial: Problem, tmp_path: Path) 
         assert page.errors == []
 
 
+@pytest.mark.slow
+def test_a_page_shows_a_map_over_headings(browser: Browser, tmp_path: Path) -> None:
+    problem = ff.load_scenario("planar_2dof/line").problem()
+    file = ff.playback(ff.attitude_map(problem, 24)).save(tmp_path / "map.html")
+    with opened(browser, file) as page:
+        page.only()
+        empty = page.picture()
+        for item in ("Circle", "Best heading", "branch 0", "branch 1"):
+            page.only(item)
+            assert differing(page.picture(), empty) > 50
+        assert page.errors == []
+
+
 def test_what_cannot_be_shown_is_refused(spatial: Problem) -> None:
     infeasible = Plan(spatial, ff.Search(), False, "for a test")
     for result in (infeasible, spatial, {"name": spatial}, {}):
