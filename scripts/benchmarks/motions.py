@@ -87,23 +87,23 @@ def maps(quick: bool) -> list[Result]:
     second line follows every motion on its own, as arms with a heavy wrist need.
     """
     problem = ff.load_scenario("spatial_6dof/line").problem()
-    outlook, plain = FeasibilityEvaluator(problem), PlainMotion(problem)
+    evaluator, plain = FeasibilityEvaluator(problem), PlainMotion(problem)
     samples, picks = (64, 2) if quick else (4096, 48)
-    sample_attitudes(outlook, 64)
+    sample_attitudes(evaluator, 64)
     attitudes = attitude_grid(512, seed=1)
     branches = problem.many_branches(attitudes)
     where, _ = np.nonzero(branches.exist)
     starts, joints = attitudes[where], branches.joints[branches.exist]
     picked = np.random.default_rng(0).choice(len(where), picks, replace=False)
-    motions = sample_attitudes(outlook, 64).motions * samples // 64
+    motions = sample_attitudes(evaluator, 64).motions * samples // 64
 
     def loop() -> None:
         for k in picked:
             plain.least(starts[k], joints[k])
 
     whole, each, sample = race(
-        lambda: sample_attitudes(outlook, samples),
-        lambda: outlook.integrator.integrate(starts, joints),
+        lambda: sample_attitudes(evaluator, samples),
+        lambda: evaluator.integrator.integrate(starts, joints),
         loop, rounds=1 if quick else 4,
     )  # fmt: skip
     motion = sample / picks

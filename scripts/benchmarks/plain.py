@@ -42,8 +42,8 @@ class PlainMotion:
         twist = self.path.twist(t)[self.rows]
         v = np.linalg.solve(self.matrix(y), np.concatenate([np.zeros(3), self.momentum, twist]))
         x, w = y[:3], y[3]
-        turning = v[3:6]
-        quaternion = 0.5 * np.append(w * turning + np.cross(x, turning), -x @ turning)
+        omega = v[3:6]
+        quaternion = 0.5 * np.append(w * omega + np.cross(x, omega), -x @ omega)
         return np.concatenate([quaternion, v[6:]])
 
     def final(self, attitude: np.ndarray, joints: np.ndarray, tolerance: float) -> np.ndarray:

@@ -24,11 +24,11 @@ POSE = 6
 
 
 def with_samples(quick: bool) -> list[Result]:
-    outlook = FeasibilityEvaluator(ff.load_scenario("spatial_6dof/line").problem())
-    sample_attitudes(outlook, 64)
+    evaluator = FeasibilityEvaluator(ff.load_scenario("spatial_6dof/line").problem())
+    sample_attitudes(evaluator, 64)
     sizes = SAMPLES if not quick else (16, 64)
     seconds = race(
-        *(lambda size=size: sample_attitudes(outlook, size) for size in sizes),
+        *(lambda size=size: sample_attitudes(evaluator, size) for size in sizes),
         rounds=1 if quick else 2,
     )
     return [

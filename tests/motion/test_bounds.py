@@ -6,7 +6,8 @@ from numpy.polynomial import chebyshev
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
-from freefloat.motion.bounds import lower_bounds
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.motion.bounds import _ArmBounds, _Neighbourhood, lower_bounds
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.margin import Margin
 from freefloat.motion.matrix_bounds import ScaledSystem
@@ -19,7 +20,7 @@ from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.robot.model import FreeFloatingModel
 from tests.motions import GOOD, followed, heading
-from tests.robots import random_robot
+from tests.robots import inertial_text, joint_text, link_text, random_robot
 
 ROBOTS = [
     ("RRRRRR", Task.POSE), ("RPRRCR", Task.POSE), ("RRRRRRR", Task.POSE), ("PRRRRRP", Task.POSE),
@@ -31,13 +32,18 @@ def wandering(rng, chain, task, size):
     """Smooth joints of a random robot in two panels, which solve no equation of motion."""
     robot = random_robot(rng, chain)
     model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    c = size * rng.normal(size=(5, model.dof)) / np.arange(1, 6)[:, None] ** 2
+    c[0] = rng.uniform(-1.5, 1.5, model.dof)
+    return moving(model, task, c)
+
+
+def moving(model, task, c):
+    """Joints by Chebyshev coefficients (K, n) in two panels."""
     curve = PolynomialCurve.line((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     path = TimedPath(EndEffectorPath(curve, FixedOrientation(np.eye(3))), Timing(1.0))
     problem = Problem(
         model, path, task, np.zeros(3), Margin(singularity_measure(model, task, "gjm"), 0.0)
     )
-    c = size * rng.normal(size=(5, model.dof)) / np.arange(1, 6)[:, None] ** 2
-    c[0] = rng.uniform(-1.5, 1.5, model.dof)
     x = np.append((NODES[:-1] - 1.0) / 2.0, (NODES + 1.0) / 2.0)
     joints = chebyshev.chebval(x, c).T
     attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (len(x), 1))
@@ -71,7 +77,7 @@ TIGHT = {"D": 0.02, "Dq": 0.02, "base": 0.05, "linear": 0.05, "angular": 0.2}
 
 
 def test_second_derivatives_of_every_block_are_bounded(rng):
-    """By differences, for arms of all kinds: no factor of a bound can be dropped."""
+    """By differences, for arms of all kinds."""
     reached = dict.fromkeys(BLOCKS, 0.0)
     for chain, task in ROBOTS:
         for system, joints, c, x in states(rng, chain, task, 4):
@@ -99,13 +105,103 @@ def test_second_derivatives_of_every_block_are_bounded(rng):
     assert all(reached[name] >= fraction for name, fraction in TIGHT.items()), reached
 
 
+def arm_of_three(kinds):
+    """Joints at x = 1, 2, 3 m; two links of 1 kg with centres in their middles; 4 kg in all."""
+    text = link_text("link0", inertial_text(2.0, np.eye(3)))
+    for number, kind in enumerate(kinds, 1):
+        ends = f"link{number - 1}", f"link{number}"
+        text += joint_text(f"q{number}", kind, *ends, "1 0 0", axis="0 1 0", limits=(-1.0, 3.0))
+    for number, moments in ((1, [0.1, 0.2, 0.3]), (2, [0.1, 0.25, 0.25])):
+        text += link_text(f"link{number}", inertial_text(1.0, np.diag(moments), "0.5 0 0"))
+    text += link_text("link3") + link_text("end_effector")
+    text += joint_text("tool", "F", "link3", "end_effector", "0.5 0 0")
+    return FreeFloatingModel.from_urdf(f'<robot name="three">{text}</robot>')
+
+
+def test_bounds_of_second_derivatives_have_every_factor():
+    """By hand: the reach of the virtual manipulator is 0.5 + 0.625 + 0.875 + 0.5 = 2.5 m."""
+    motion = moving(arm_of_three("RRR"), Task.POSITION, np.array([[0.3, 0.2, 0.1], [0.1] * 3]))
+    system = ScaledSystem(motion)
+    L, a, p1, p2, p3 = 4.0 / 2.5, 0.5, 7.0, 22.0, 45.0  # 0.5 + 3 + 0.5 m; w = 2, w' = 3
+    spread = (np.sqrt(0.02) + np.sqrt(0.015)) / 25.0
+    moved = 0.25 * L**2 + np.array([0.3, 0.25]) / 25.0
+    bounds = system.second_derivatives(2.0, 3.0)
+    locked = p2 * (np.sqrt(2.0) * a * (1.0 + a * (1.0 - a)) * L**2 + spread)
+    np.testing.assert_allclose(bounds.D, locked)
+    np.testing.assert_allclose(bounds.Dq, p3 * np.array([moved.sum(), moved[1], 0.0]))
+    assert bounds.base == pytest.approx(np.sqrt(2.0) * L * p1)
+    assert (bounds.linear, bounds.angular) == (pytest.approx(L * p2), pytest.approx(p1))
+    columns = 3.0 * (bounds.linear**2 + bounds.angular**2)
+    squares = bounds.D**2 + (bounds.Dq**2).sum() + bounds.base**2 + columns
+    assert bounds.whole == pytest.approx(np.sqrt(squares))
+    assert system.joint_speed(np.array([-0.5, 0.25, 0.0])) == pytest.approx(0.75)
+
+
+def test_strokes_lengthen_the_chain_and_count_in_units_of_the_reach():
+    """The second joint moves from -0.1 to 0.5 m."""
+    c = np.array([[0.3, 0.2, 0.1], [0.1, 0.3, 0.1]])
+    motion = moving(arm_of_three("RPR"), Task.POSITION, c)
+    reach, system = VirtualManipulator.of(motion.problem.model).reach, ScaledSystem(motion)
+    linear = system.second_derivatives(1.0, 0.0).linear / 4.0
+    assert linear == pytest.approx(max(1.0, (4.0 + 0.5) / reach))
+    assert system.joint_speed(np.array([0.0, 1.0, 0.0])) == pytest.approx(1.0 / reach)
+
+
+@pytest.mark.parametrize("half", [0.1, 0.3])
+def test_neighbourhoods_are_exact_where_the_matrix_shrinks_evenly(half):
+    """A = diag(D, S): the largest decrease that slope and second derivative allow."""
+    A, ones, b = np.diag([3.0, 0.5]), np.ones(1), 0.4
+    shrinking = _Neighbourhood.about(A, np.diag([0.0, -0.4]), 1, half, (0.0, 0.0), ones)
+    assert shrinking.smallest_singular_value() == pytest.approx(0.5 - 0.4 * half)
+    bending = _Neighbourhood.about(A, np.zeros((2, 2)), 1, half, (b, 0.0), ones)
+    assert bending.smallest_singular_value() == pytest.approx(0.5 - half**2 / 2.0 * b)
+    for near, factor in (
+        (_Neighbourhood.about(np.eye(2), -0.2 * np.eye(2), 1, half, (0.0, 0.0), ones),
+         1.0 - 0.2 * half),
+        (_Neighbourhood.about(np.eye(2), np.zeros((2, 2)), 1, half, (b, 0.0), ones),
+         1.0 - half**2 / 2.0 * b / np.sqrt(2.0)),
+    ):  # fmt: skip
+        determinant = 2.0 * np.log(factor)
+        assert 1.01 * determinant < near.log_determinant(by_locked=False) <= determinant
+    growing = _Neighbourhood.about(A, np.zeros((2, 2)), 1, half, (0.0, b), ones)
+    increase = np.log(1.0 + half**2 / 2.0 * b / 3.0)
+    decrease = growing.log_determinant(by_locked=True) - np.log(0.5)
+    assert -1.01 * increase < decrease <= -increase
+    together = _Neighbourhood.about(A, np.diag([0.6, 0.0]), 1, half, (0.0, 0.0), ones)
+    assert together.log_determinant(by_locked=True) - np.log(0.5) > -0.6 * (0.2 * half) ** 2
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_second_derivative_of_the_arm_is_bounded(spatial, order):
+    """By differences, over all angles: of joints that move evenly, and that begin to move."""
+    c, h, value = np.zeros((3, 6)), 1e-3, _measure_of(spatial, "arm")
+    c[order, 1:3] = 0.01, 0.02
+    largest = 0.0
+    for q2, q3 in np.random.default_rng(1).uniform(-np.pi, np.pi, (200, 2)):
+        c[0, 1:3] = q2, q3
+        before, now, after = (value(chebyshev.chebval(x, c)) for x in (-h, 0.0, h))
+        largest = max(largest, abs(before - 2.0 * now + after) / h**2)
+    attitudes = np.tile([0.0, 0.0, 0.0, 1.0], (DEGREE + 1, 1))
+    joints = chebyshev.chebval(NODES, c).T
+    motion = Motion(spatial, Ending.COMPLETED, (NODES + 1.0) / 2.0, attitudes, joints)
+    half = 1e-2
+    bound = _ArmBounds(motion, 0.0).in_panel(0)(0.0, half)["arm"]
+    slope = (value(chebyshev.chebval(h, c)) - value(chebyshev.chebval(-h, c))) / (2.0 * h)
+    second = 2.0 / half**2 * (abs(value(chebyshev.chebval(0.0, c))) - half * abs(slope) - bound)
+    assert largest <= second < 3.0 * largest
+
+
 def proven(motion, names):
     result = {name: closest_approach(motion, _measure(motion, name)).value for name in names}
     return result, lower_bounds(motion, result)
 
 
 def _measure(motion, name):
-    return singularity_measure(motion.problem.model, motion.problem.task, name)
+    return _measure_of(motion.problem, name)
+
+
+def _measure_of(problem, name):
+    return singularity_measure(problem.model, problem.task, name)
 
 
 def assert_holds(motion, bounds):

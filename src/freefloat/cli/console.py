@@ -147,8 +147,8 @@ def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
     motion, closest = chosen.motion, chosen.closest_approach
     problem, initial, final = motion.problem, motion.initial, motion.final
     start = f"from joints {decimals(initial.joints, 3)}"
-    name = start if problem.redundant else f"branch {chosen.branch.index}"
-    yield f"Motion of {name}{mark}: {motion.ending.value}"
+    name = start if problem.redundant else f"of branch {chosen.branch.index}"
+    yield f"Motion {name}{mark}: {motion.ending.value}"
     verdict = "keeps" if chosen.feasible else "violates"
     yield (
         f"  minimum margin |{closest.measure}| {closest.value:.6g} at t = {closest.time:.4f} s, "

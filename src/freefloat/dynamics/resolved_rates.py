@@ -23,9 +23,9 @@ attraction of unit gradient takes effect. A motion integrated backward retraces 
 because ds/dt changes sign with the end-effector's velocity.
 
 Toward the manipulability g is the gradient of its logarithm, ln sqrt(det(S* S*^T)): that grows with
-the smallest singular value but is smooth where two singular values coincide, and does not depend on
-the unit of length. Toward ``middle`` g is the difference from the joints to the centres of their
-ranges; joints without a range do not count.
+the smallest singular value but is smooth where two singular values coincide, and, where all
+joints are revolute, does not depend on the unit of length. Toward ``middle`` g is the difference
+from the joints to the centres of their ranges; joints without a range do not count.
 """
 
 from __future__ import annotations
