@@ -76,7 +76,7 @@ def test_the_help_of_a_command_has_its_options_and_an_example(
         (("info", "a", "b"), "command", ""),
         (("simulate", "planar_3dof/parabola", "--heading"), "--heading", ""),
         (("simulate", "planar_3dof/parabola", "--heading", "north"), "--heading", ""),
-        (("map", "spatial_6dof/line", "--samples", "7"), "--samples", ""),
+        (("map", "spatial_6dof/line", "--samples", "7"), "samples", ""),
         (("plan", "spatial_6dof/lin"), "scenario", "spatial_6dof/line"),
         (("info", "panar_3dof"), "robot", "planar_3dof"),
         (("batch", "spatial_6dof/montecalro", "-o", "d"), "study", "spatial_6dof/montecarlo"),
