@@ -63,7 +63,8 @@ class _Group(NamedTuple):
 
 def _groups(trajectory: Trajectory) -> list[_Group]:
     problem = trajectory.motion.problem
-    measure, model = problem.margin.measure, problem.model
+    measure = problem.margin.measure
+    model = problem.model
 
     def space(key: str, values: Array, unit: str) -> _Group:
         axes = "xyzw"[: values.shape[1]]
@@ -105,7 +106,8 @@ def csv_text(trajectory: Trajectory) -> str:
 
 def json_text(trajectory: Trajectory) -> str:
     """JSON text: robot and problem, units, and an array for each quantity; null for nan."""
-    groups, arrays = _groups(trajectory), {}
+    groups = _groups(trajectory)
+    arrays = {}
     for group in groups:
         values = group.values[:, 0] if group.key in ("time", "measure") else group.values
         arrays[group.key] = np.where(np.isnan(values), np.array(None), values).tolist()

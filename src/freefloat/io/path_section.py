@@ -117,7 +117,8 @@ def section_of(path: EndEffectorPath) -> tuple[dict[str, Any], str | None]:
 
 
 def _csv_text(curve: SplineCurve, law: OrientationLaw) -> str:
-    columns, names = [curve.knots[:, None], curve.points], ["s", "x", "y", "z"]
+    columns = [curve.knots[:, None], curve.points]
+    names = ["s", "x", "y", "z"]
     if isinstance(law, OrientationSpline):
         attitudes = [law.rotation(float(s)) for s in curve.knots]
         columns.append(Rotation.from_matrix(np.array(attitudes)).as_quat())

@@ -160,7 +160,8 @@ def load(path: str | Path) -> Result:
         try:
             return _load_record(file, kind)
         except _INVALID as error:
-            key, problem = "file", str(error).splitlines()[0] or type(error).__name__
+            key = "file"
+            problem = str(error).splitlines()[0] or type(error).__name__
             if isinstance(error, InputError):
                 key, problem = error.key, error.problem
             raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
@@ -233,7 +234,8 @@ def differences(
     """
     if isinstance(stated, dict) and isinstance(recomputed, dict):
         for name in (name for name in stated if name in recomputed):
-            inner, residuals = f"{key}.{name}" if key else name, name == "residuals"
+            inner = f"{key}.{name}" if key else name
+            residuals = name == "residuals"
             yield from differences(stated[name], recomputed[name], inner, errors or residuals)
     elif isinstance(stated, list) and isinstance(recomputed, list):
         if len(stated) != len(recomputed):

@@ -75,7 +75,8 @@ class Trajectory:
         times = np.atleast_1d(np.asarray(times, dtype=float))
         _, attitudes, joints = motion.evaluate(motion.coordinate_at(times))
         problem = motion.problem
-        dynamics, n = InverseDynamics(problem), problem.model.dof
+        dynamics = InverseDynamics(problem)
+        n = problem.model.dof
         efforts = np.full((len(times), 6 + 3 * n), np.nan)
         for row, t, a, q in zip(efforts, times.tolist(), attitudes, joints, strict=True):
             if motion.ending is Ending.SINGULAR and t == motion.final.time:
@@ -85,7 +86,8 @@ class Trajectory:
         base, angular, rates, accelerations, torques = np.split(
             efforts, [3, 6, 6 + n, 6 + 2 * n], axis=1
         )
-        base_axes, states = Rotation.from_quat(attitudes), list(zip(attitudes, joints, strict=True))
+        base_axes = Rotation.from_quat(attitudes)
+        states = list(zip(attitudes, joints, strict=True))
         poses = [problem.model.end_effector_pose(*state) for state in states]
         orientations = Rotation.from_matrix(np.array([pose.rotation for pose in poses]))
         return cls(

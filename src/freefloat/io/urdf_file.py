@@ -39,7 +39,8 @@ class UrdfFile:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat assemble``."""
-        model, robot = self.model, ET.fromstring(self.model.description.text)
+        model = self.model
+        robot = ET.fromstring(model.description.text)
         joints = np.zeros(model.dof)
         centre = -model.base_position([0.0, 0.0, 0.0, 1.0], joints)
         return {
@@ -78,7 +79,8 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
         InputError: If the file cannot be written.
         ModelError: If another reader of URDFs refuses the robot.
     """
-    robot, source = ET.fromstring(model.description.text), model.description.source
+    robot = ET.fromstring(model.description.text)
+    source = model.description.source
     _require_readable(robot)
     found: dict[str, Path] = {}
     missing: dict[str, str] = {}
@@ -96,7 +98,8 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
     ET.indent(robot)
     with written_beside(file) as temporary:
         ET.ElementTree(robot).write(temporary, encoding="utf-8", xml_declaration=True)
-    meshes, sentences = sorted(set(names.values())), sorted(missing.values())
+    meshes = sorted(set(names.values()))
+    sentences = sorted(missing.values())
     return UrdfFile(file, model, tuple(meshes), tuple(sentences))
 
 
@@ -106,9 +109,11 @@ def _require_readable(robot: ET.Element) -> None:
         loaded: Any = yourdfpy.URDF.load(
             io.BytesIO(ET.tostring(robot)), load_meshes=False, build_scene_graph=True
         )
-        valid, errors = loaded.validate(), "; ".join(str(error) for error in loaded.errors)
+        valid = loaded.validate()
+        errors = "; ".join(str(error) for error in loaded.errors)
     except Exception as error:  # of any kind: yourdfpy does not check its input
-        valid, errors = False, str(error).strip() or type(error).__name__
+        valid = False
+        errors = str(error).strip() or type(error).__name__
     if not valid:
         raise ModelError("urdf", f"yourdfpy refuses the assembly ({errors})", "valid URDFs")
 
@@ -120,7 +125,8 @@ def _copy(files: list[Path], folder: Path) -> dict[Path, str]:
         folder.mkdir(exist_ok=True)
         for file in files:
             taken = {name.casefold() for name in names.values()}
-            name, number = file.name, 2
+            name = file.name
+            number = 2
             while name.casefold() in taken:
                 name, number = f"{file.stem}_{number}{file.suffix}", number + 1
             names[file] = name

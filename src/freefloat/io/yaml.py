@@ -83,12 +83,15 @@ def parse_yaml(text: str, path: Path) -> dict[str, Any]:
     try:
         _require_plain(text)
         data = yaml.load(text, Loader=_PlainLoader)
-        problem, mark = "it is empty" if data is None else f"it is a {type(data).__name__}", None
+        problem = "it is empty" if data is None else f"it is a {type(data).__name__}"
+        mark = None
     except yaml.MarkedYAMLError as error:
-        problem, mark = str(error.problem or error.context), error.problem_mark
+        problem = str(error.problem or error.context)
+        mark = error.problem_mark
         mark = mark or error.context_mark
     except yaml.YAMLError as error:
-        problem, mark = str(error).splitlines()[0], None
+        problem = str(error).splitlines()[0]
+        mark = None
     if isinstance(data, dict):
         return data
     raise InputError("file", problem, accepted, str(path), None if mark is None else mark.line + 1)
@@ -121,7 +124,8 @@ def _line_of(text: str, keys: Sequence[str | int]) -> int:
             pairs = [pair for pair in node.value if pair[0].value == step]
             if not pairs:
                 break
-            line, node = pairs[0][0].start_mark.line + 1, pairs[0][1]
+            line = pairs[0][0].start_mark.line + 1
+            node = pairs[0][1]
         elif isinstance(node, yaml.SequenceNode) and isinstance(step, int):
             node = node.value[step]
             line = node.start_mark.line + 1
@@ -238,7 +242,8 @@ def _section_at(
     for key in location:
         for name, info in schema.model_fields.items():
             if key in (name, info.alias):
-                description, schema = info.description, next(_sections_in(info.annotation), schema)
+                description = info.description
+                schema = next(_sections_in(info.annotation), schema)
                 break
     return schema, None if description is None else " ".join(description.split())
 

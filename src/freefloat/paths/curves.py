@@ -172,7 +172,8 @@ class SplineCurve(Curve):
 
 def segments_within(spline: PPoly, low: float, high: float) -> PPoly:
     """The segments of a spline that hold somewhere between low and high, but for rounding."""
-    knots, last = spline.x, len(spline.x) - 2
+    knots = spline.x
+    last = len(knots) - 2
     first = min(max(int(np.searchsorted(knots, low + _ROUNDING, side="right")) - 1, 0), last)
     final = min(max(int(np.searchsorted(knots, high - _ROUNDING)) - 1, first), last)
     return PPoly(spline.c[:, first : final + 1], knots[first : final + 2])

@@ -20,12 +20,7 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from freefloat.errors import InputError, finite_vector
-from freefloat.paths.curves import (
-    Curve,
-    Segmented,
-    segments_within,
-    significant_breaks,
-)
+from freefloat.paths.curves import Curve, Segmented, segments_within, significant_breaks
 from freefloat.so3 import (
     Array,
     attitude_axes,
@@ -254,7 +249,8 @@ def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
     best = [(float(values.min()), float(_SAMPLES[np.argmin(values)]))]
     minima = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
     for i in minima[np.argsort(values[minima])][:_MOST_REFINED]:
-        bounds, options = (_SAMPLES[i - 1], _SAMPLES[i + 1]), {"xatol": 1e-12}
+        bounds = (_SAMPLES[i - 1], _SAMPLES[i + 1])
+        options = {"xatol": 1e-12}
         refined = minimize_scalar(function, bounds=bounds, method="bounded", options=options)
         best.append((float(refined.fun), float(refined.x)))
     return min(best)
@@ -272,7 +268,8 @@ class OrientationSpline(OrientationLaw):
 
     def __init__(self, quaternions: npt.ArrayLike, s: npt.ArrayLike) -> None:
         """Interpolate quaternions x, y, z, w (N, 4) at ``s`` (N,)."""
-        self._knots, rotations = np.asarray(s, dtype=float), Rotation.from_quat(quaternions)
+        self._knots = np.asarray(s, dtype=float)
+        rotations = Rotation.from_quat(quaternions)
         self._starts = rotations.as_matrix()[:-1]
         self._vectors = RotationSpline(self._knots, rotations).interpolator
         rates = [[self.within(low, high).rate(low + k * (high - low) / 2.0) for k in range(3)]

@@ -88,7 +88,8 @@ class TimeSegment:
 
     def __call__(self, t: float, order: int) -> float:
         """s, or its derivative of order 1 or 2, at a time [s]."""
-        tau, value = (t - self.origin) / self.span, 0.0
+        tau = (t - self.origin) / self.span
+        value = 0.0
         for coefficient in self.orders[order]:
             value = value * tau + coefficient
         return value
@@ -217,7 +218,9 @@ class TimedPath:
     @cached_property
     def breaks(self) -> Array:
         """Times [s], rising, at which high derivatives of the path or of the law jump."""
-        times, law, apart = [0.0], self.timing, _APART * self.duration
+        times = [0.0]
+        law = self.timing
+        apart = _APART * self.duration
         for k, (low, high) in enumerate(pairwise((0.0, *law.ends))):
             first, last = law.s(low, 0, k), law.s(high, 0, k)
             for s in self.path.breaks[(self.path.breaks > first) & (self.path.breaks < last)]:

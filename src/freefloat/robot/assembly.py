@@ -63,7 +63,8 @@ def assemble(
     for index, attachment in enumerate(attached):
         require_type(f"attached.{index}", attachment, Attachment, accepted)
     arm = read_urdf(urdf, mounted=spacecraft is not None)
-    robot, root = etree.fromstring(arm.text), arm.roots[0]
+    robot = etree.fromstring(arm.text)
+    root = arm.roots[0]
     if spacecraft is not None:
         carrier = _add_body(robot, "spacecraft", spacecraft, np.zeros(3))
         _mount_root(robot, root, carrier, spacecraft.mount, _free_name(robot, "spacecraft_mount"))
@@ -140,7 +141,8 @@ def _attach(robot: Element, attachment: Attachment, root: str, source: str) -> N
     link, prefix = attachment.link, attachment.prefix
     carrier = root if link is None else _link(decode(robot, source), "link", link)
     part = read_urdf(attachment.urdf)
-    other, foot = etree.fromstring(part.text), prefix + part.roots[0]
+    other = etree.fromstring(part.text)
+    foot = prefix + part.roots[0]
     for element in other.iter(*_NAMED):
         key = _NAMED[element.tag]
         if element.get(key):

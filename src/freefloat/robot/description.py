@@ -255,8 +255,7 @@ class RobotDescription:
     @cached_property
     def roots(self) -> tuple[str, ...]:
         """Links that no joint carries; a valid robot has one."""
-        names = dict.fromkeys(link.name for link in self.links)
-        return tuple(name for name in names if name not in self.parent_joints)
+        return tuple(name for name in self.links_by_name if name not in self.parent_joints)
 
     @cached_property
     def leaves(self) -> tuple[str, ...]:
@@ -266,9 +265,8 @@ class RobotDescription:
     @cached_property
     def rigid_groups(self) -> Mapping[str, RigidGroup]:
         """Links that fixed joints connect, by their first link, those of the roots first."""
-        moved = [joint.child for joint in self.joints if joint.moving]
-        first = [name for name in (*self.roots, *moved) if name in self.links_by_name]
-        return {name: self._rigid_group(name) for name in first}
+        heads = (*self.roots, *(joint.child for joint in self.joints if joint.moving))
+        return {name: self._rigid_group(name) for name in heads if name in self.links_by_name}
 
     def _rigid_group(self, first: str) -> RigidGroup:
         links = {first: IDENTITY}

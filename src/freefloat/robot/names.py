@@ -87,7 +87,8 @@ def find_robot(name: str, folder: Path) -> Path:
         if short not in robots:
             raise unknown("urdf", name, [EXAMPLE + robot for robot in sorted(robots)], "one of")
         return robots[short]
-    path, stem = folder / name, name.removesuffix(".urdf")
+    path = folder / name
+    stem = name.removesuffix(".urdf")
     if is_file(path):
         return path
     if stem in bundled_robots():

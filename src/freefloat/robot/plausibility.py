@@ -132,7 +132,8 @@ def _centre_of_mass(
 
 def _gyration(robot: RobotDescription, link: Link) -> Faults:
     """A gyration radius that the extent of the link, its joints and shapes, does not explain."""
-    moments, inertial = _principal_moments(link), link.inertial
+    moments = _principal_moments(link)
+    inertial = link.inertial
     if inertial is None or moments is None or not min(link.mass, moments[2]) > 0.0:
         return
     radius = float(np.sqrt(moments[2]) / np.sqrt(link.mass))
@@ -163,7 +164,8 @@ def _span(group: RigidGroup) -> Array:
 
 def _reach(robot: RobotDescription, root: str) -> float:
     """Sum of the distances between the joints of the longest arm, to its last frame [m]."""
-    longest, seen = 0.0, {root}
+    longest = 0.0
+    seen = {root}
     arms = [(link, 0.0) for link in robot.rigid_groups[root].joints]
     for link, length in arms:
         group = robot.rigid_groups.get(link)

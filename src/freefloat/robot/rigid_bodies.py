@@ -116,7 +116,8 @@ def build_model(
 
 
 def _joint_model(joint: Joint) -> Any:
-    axis, prismatic = joint.axis / np.linalg.norm(joint.axis), joint.type == "prismatic"
+    axis = joint.axis / np.linalg.norm(joint.axis)
+    prismatic = joint.type == "prismatic"
     for aligned, direction in zip(_ALIGNED[prismatic], np.eye(3), strict=True):
         if (axis == direction).all():
             return aligned()

@@ -204,7 +204,8 @@ class _Decoder:
     def numbers(self, element: Element, key: str, default: str) -> Array:
         """The numbers of an attribute, as many as the default has; NaN where they are wrong."""
         text = default if element is None else element.get(key, default)
-        words, count = text.split(), len(default.split())
+        words = text.split()
+        count = len(default.split())
         accepted = "a finite number" if count == 1 else f"{count} finite numbers"
         if len(words) == count and all(map(_is_number, words)):
             values = np.array([float(word) for word in words])
