@@ -76,7 +76,7 @@ def test_arms_without_the_measure_are_refused(
     """No symmetry about the first axis, or no spherical wrist."""
     text = spatial_6dof.description.text.replace(*change, 1)
     for model in (FreeFloatingModel.from_urdf(text), ur5):
-        with pytest.raises(InputError, match=r"^margin\.measure"):
+        with pytest.raises(InputError, match=r"^measure:"):
             elbow_arm(model)
 
 
