@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
@@ -514,12 +515,10 @@ def test_a_curve_of_the_users_own_class_has_no_scenario(folder: Path) -> None:
     assert caught.value.key == "path.curve"
 
 
-def test_the_robot_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_robot_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     loaded, calls = load_scenario("planar_3dof/parabola"), []
-    read = FreeFloatingModel.from_urdf
-    monkeypatch.setattr(
-        FreeFloatingModel, "from_urdf", lambda *a, **k: calls.append(1) or read(*a, **k)
-    )
+    parse = etree.fromstring
+    monkeypatch.setattr(etree, "fromstring", lambda *a, **k: calls.append(1) or parse(*a, **k))
     assert loaded.problem() is loaded.problem()
     loaded.limits()
     loaded.search()

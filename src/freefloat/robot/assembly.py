@@ -63,6 +63,8 @@ def assemble(
     for index, attachment in enumerate(attached):
         require_type(f"attached.{index}", attachment, Attachment, accepted)
     arm = read_urdf(urdf, mounted=spacecraft is not None)
+    if spacecraft is None and payload is None and not attached:
+        return arm
     robot = etree.fromstring(arm.text)
     root = arm.roots[0]
     if spacecraft is not None:
