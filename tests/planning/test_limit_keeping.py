@@ -176,3 +176,13 @@ def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     assert base.ratio > 0.98  # at the limit: nearer would violate it
     assert result.deviation is not None
     assert np.degrees(result.deviation) == pytest.approx(19.6, abs=1.5)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("fewer")
+def test_with_momentum_a_stretched_plan_keeps_the_limits() -> None:
+    """Longer motions rotate farther; the factor is one with which a motion was integrated."""
+    limits = Limits(joint_rate=np.full(3, 0.05))
+    result = plan(bundled("planar_3dof/parabola_nonstop"), Search(), limits, stretch=True)
+    assert_keeps(result, limits)
+    assert result.stretch > 1.0

@@ -28,6 +28,8 @@ _SPACING = np.radians(5.0)
 nearer than the spacing of the grid."""
 _NEAREST = 16
 """Screened-out or skipped candidates that are integrated precisely after all."""
+_STRETCHED = 256
+"""Attitudes from which longer motions are tried where no candidate is known to keep the limits."""
 _BISECTIONS = 10
 
 
@@ -66,7 +68,7 @@ def keep_limits(
     plan = replace(plan, limits=limits)
     if plan.chosen is None:
         return plan
-    trials = Trials(plan.problem, limits)
+    trials = Trials(evaluator, limits)
     if (passed := trials.check(plan.chosen)) is not None:
         return replace(plan, limit_results=passed[1])
     passed = _first_passing(evaluator, plan, limits, trials, progress)
@@ -168,7 +170,11 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         trials.check_candidate(candidate)
     count = trials.count
     results = trials.nearest_results()
-    stretch, start = trials.sufficient_stretch()
+    if plan.map is None:
+        attitudes = attitudes_at(even_headings(_STRETCHED))
+    else:
+        attitudes = plan.map.attitudes[:: max(1, plan.map.samples // _STRETCHED)]
+    stretch, start = trials.sufficient_stretch(attitudes)
     longer_tried = bool(trials.too_fast)
     return replace(
         plan,

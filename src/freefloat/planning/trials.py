@@ -6,13 +6,16 @@ from collections import Counter
 
 import numpy as np
 
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
 from freefloat.motion.motion import Motion
-from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import rounded_up
+from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
+from freefloat.so3 import Array
 
 _TIMED = {LimitKind.JOINT_RATE, LimitKind.BASE_RATE, LimitKind.JOINT_TORQUE}
 """Limits that a longer duration helps to keep."""
@@ -20,6 +23,8 @@ _STRETCHED = 8
 """Candidates that are integrated with longer durations."""
 _STRETCHES = 6
 """Durations that are tried for each of them."""
+_STEP = 1.25
+"""Smallest ratio of these durations where attitudes are searched."""
 OVER = 1.0 + 1e-5
 """Slightly more than what just keeps a limit."""
 
@@ -40,8 +45,11 @@ class Trials:
         screened_out: Candidates that violate a limit without a precise motion.
     """
 
-    def __init__(self, problem: Problem, limits: Limits) -> None:
+    def __init__(self, evaluator: FeasibilityEvaluator, limits: Limits) -> None:
+        problem = evaluator.problem
         self.problem = problem
+        self._threads = evaluator.integrator.threads
+        self._joint_rate = limits.joint_rate
         self.checker = LimitChecker(problem.model, limits)
         self.violations: Counter[str] = Counter()
         self.count = 0
@@ -76,11 +84,16 @@ class Trials:
         """All limits along the motion that comes nearest to keeping them."""
         return () if self._nearest is None else self.checker.results(self._nearest[1])
 
-    def sufficient_stretch(self) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
+    def sufficient_stretch(
+        self, attitudes: Array
+    ) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
         """Factor on the duration with which a candidate keeps everything, and that candidate.
 
         Without momentum its motion is the same, only slower. With momentum the system rotates
         farther during a longer motion; the factor is then one with which it was integrated.
+
+        Args:
+            attitudes: Others to try with momentum where joint rates are limited, shape (K, 4).
         """
         ranked = sorted(self.too_fast, key=lambda entry: entry[0])
         for needed, simulated in ranked[:_STRETCHED]:
@@ -91,7 +104,12 @@ class Trials:
                 enough = self._integrated_stretch(candidate, needed)
             if enough is not None:
                 return enough, candidate
-        return None, None
+        if not ranked or self._joint_rate is None or not self.problem.momentum.any():
+            return None, None
+        try:
+            return self._searched_stretch(attitudes, self._joint_rate, ranked[0][0])
+        except InputError:  # the system would rotate too often
+            return None, None
 
     def _integrated_stretch(self, candidate: ScreenedCandidate, needed: float) -> float | None:
         """Factor with which a candidate's motion, integrated again, keeps everything.
@@ -103,17 +121,45 @@ class Trials:
         factor = 1.0
         for _ in range(_STRETCHES):
             factor = rounded_up(OVER * needed * factor)
-            stretched = self.problem.stretched(factor)
-            simulated = integrate_branch(stretched, candidate.attitude, candidate.branch)
-            if not simulated.feasible:
+            try:
+                violated = self._violations(candidate, factor)
+            except InputError:  # the system would rotate too often
                 return None
-            violated = self.checker.violations(simulated.motion)
-            if not violated:
+            if violated == ():
                 return factor
-            if not _is_too_fast(violated) or needed_stretch(violated) >= needed:
+            if not violated or not _is_too_fast(violated) or needed_stretch(violated) >= needed:
                 return None
             needed = needed_stretch(violated)
         return None
+
+    def _searched_stretch(
+        self, attitudes: Array, joint_rate: Array, factor: float
+    ) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
+        """The same from the slowest compiled motions of many attitudes, for growing factors."""
+        for _ in range(_STRETCHES):
+            factor = rounded_up(factor)
+            stretched = self.problem.stretched(factor)
+            results = evaluator_for(stretched, self._threads).evaluate(attitudes)
+            ratios = (results.motions.rates / joint_rate).max(axis=2)
+            ratios[~self.problem.margin.is_kept(results.margins)] = np.inf
+            for index in np.argsort(ratios, axis=None)[:_STRETCHED]:
+                row, branch = np.unravel_index(int(index), ratios.shape)
+                candidate = ScreenedCandidate(attitudes[row], int(branch))
+                if ratios[row, branch] <= 1.0 and self._violations(candidate, factor) == ():
+                    return factor, candidate
+            smallest = float(ratios.min())
+            if not np.isfinite(smallest):
+                break
+            factor *= max(_STEP, smallest)
+        return None, None
+
+    def _violations(
+        self, candidate: ScreenedCandidate, factor: float
+    ) -> tuple[LimitResult, ...] | None:
+        """Limits that a candidate violates with a longer duration; None for the margin."""
+        stretched = self.problem.stretched(factor)
+        simulated = integrate_branch(stretched, candidate.attitude, candidate.branch)
+        return self.checker.violations(simulated.motion) if simulated.feasible else None
 
 
 def _is_too_fast(violated: tuple[LimitResult, ...]) -> bool:
