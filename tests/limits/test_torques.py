@@ -103,6 +103,6 @@ def test_nothing_is_known_where_the_arm_is_singular():
     """At a state without rates there are no torques either, rather than made-up ones."""
     motion = prismatic_motion(prismatic_robot())
     dynamics = InverseDynamics(motion.problem)
-    dynamics._equation.rates = lambda *_: (np.full(3, np.inf), np.full(3, np.inf))
+    dynamics._solver.rates = lambda *_: (np.full(3, np.inf), np.full(3, np.inf))
     effort = dynamics.effort(1.0, motion.attitudes[0], motion.joints[0])
     assert np.isnan(effort.joint_torques).all()
