@@ -19,7 +19,7 @@ from rich.table import Table
 from scipy.optimize import brentq
 
 import freefloat as ff
-from freefloat.dynamics.measures import joint_space_extremes
+from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation

@@ -20,7 +20,8 @@ from rich.progress import track
 from rich.table import Table
 
 import freefloat as ff
-from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
+from freefloat.dynamics.joint_space import joint_space_extremes
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin

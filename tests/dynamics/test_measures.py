@@ -12,13 +12,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import (
-    NAMES,
-    joint_box,
-    joint_space_extremes,
-    largest_magnitude,
-    singularity_measure,
-)
+from freefloat.dynamics.joint_space import joint_box, joint_space_extremes, largest_magnitude
+from freefloat.dynamics.measures import NAMES, singularity_measure
 from freefloat.dynamics.momentum import Task, generalized_jacobian, inertia_matrices, system_matrix
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
+from freefloat.dynamics.joint_space import joint_space_extremes
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, generalized_jacobian
 from freefloat.errors import InputError
 from freefloat.motion.integration import integrate_motion

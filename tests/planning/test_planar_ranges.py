@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import freefloat as ff
-from freefloat.dynamics.measures import largest_magnitude
+from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.planning.planar_ranges import (
     TURN,
     BranchRanges,

@@ -18,7 +18,8 @@ from freefloat.cli.options import Json, Quiet, robot_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.dynamics.measures import Extremes, SingularityMeasure
+    from freefloat.dynamics.joint_space import Extremes
+    from freefloat.dynamics.measures import SingularityMeasure
     from freefloat.dynamics.momentum import Task
     from freefloat.robot.description import UrdfDiagnostic
     from freefloat.robot.model import FreeFloatingModel
@@ -54,7 +55,8 @@ def info(
 
     Example: freefloat info example-robot-data:ur5 --end-effector tool0
     """
-    from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
+    from freefloat.dynamics.joint_space import joint_space_extremes
+    from freefloat.dynamics.measures import singularity_measure
     from freefloat.io.scenario import load_scenario
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.names import (

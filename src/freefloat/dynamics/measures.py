@@ -25,12 +25,10 @@ from freefloat.dynamics.momentum import (
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
 from freefloat.errors import InputError
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, low_discrepancy
+from freefloat.so3 import Array, low_discrepancy
 
 MeasureName = Literal["gjm", "system", "arm", "sigma"]
 NAMES: tuple[str, ...] = get_args(MeasureName)
-_REFINED = 8
-"""Samples from which each extremum over the joint space is refined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,101 +123,6 @@ def _sigma(model: FreeFloatingModel, task: Task, reach: float, joints: Array) ->
     S[[i for i, row in enumerate(task.rows) if row < 3]] /= reach
     S[:, [body.prismatic for body in model.bodies[1:]]] *= reach
     return float(np.linalg.svd(S, compute_uv=False)[-1])
-
-
-@dataclass(frozen=True, eq=False)
-class Extremes:
-    """Maximum and minimum of a measure over the joint space.
-
-    Attributes:
-        largest: Maximum S_max.
-        largest_at: Joint values of the maximum, shape (n,).
-        smallest: Minimum; negative for determinants.
-        smallest_at: Joint values of the minimum, shape (n,).
-    """
-
-    largest: float
-    largest_at: Array = field(repr=False)
-    smallest: float
-    smallest_at: Array = field(repr=False)
-
-    @property
-    def magnitude(self) -> float:
-        """Largest magnitude, to which a margin's ``fraction`` refers."""
-        return max(abs(self.largest), abs(self.smallest))
-
-
-def joint_space_extremes(
-    model: FreeFloatingModel, function: Callable[[Array], float], samples: int = 4096
-) -> Extremes:
-    """The extremes of a function of the joints over the joint space, see :func:`joint_box`.
-
-    The best of ``samples`` points of a low-discrepancy sequence are refined by a quasi-Newton
-    method.
-    """
-    points, _ = _sorted_samples(model, function, samples)
-    smallest, smallest_at = _minimized(model, function, points[:_REFINED])
-    largest, largest_at = _minimized(model, lambda q: -function(q), points[-_REFINED:])
-    return Extremes(-largest, frozen(largest_at), smallest, frozen(smallest_at))
-
-
-def largest_magnitude(
-    model: FreeFloatingModel, measure: SingularityMeasure, samples: int = 4096
-) -> float:
-    """:attr:`Extremes.magnitude`, without the slow search for the minimum if none is negative."""
-    points, values = _sorted_samples(model, measure, samples)
-    largest = abs(_minimized(model, lambda q: -measure(q), points[-_REFINED:])[0])
-    if values[0] >= 0.0:
-        return largest
-    return max(largest, abs(_minimized(model, measure, points[:_REFINED])[0]))
-
-
-def joint_box(model: FreeFloatingModel) -> tuple[Array, Array]:
-    """Lower and upper bounds of the joint space: a full revolution or a prismatic joint's range.
-
-    Raises:
-        InputError: If a prismatic joint has no finite range.
-    """
-    lower, upper = model.joint_ranges
-    prismatic = np.array([body.prismatic for body in model.bodies[1:]])
-    for joint in np.flatnonzero(prismatic & ~np.isfinite(upper - lower)):
-        problem = "it is prismatic and has no limits"
-        raise InputError(f"joint {model.joint_names[joint]}", problem, "a finite range")
-    return np.where(prismatic, lower, -np.pi), np.where(prismatic, upper, np.pi)
-
-
-def optimizer_bounds(model: FreeFloatingModel) -> list[tuple[float | None, float | None]]:
-    """Bounds of the joints for optimizers: :func:`joint_box`, but revolute joints may revolve."""
-    arm = model.bodies[1:]
-    return [(body.lower, body.upper) if body.prismatic else (None, None) for body in arm]
-
-
-def _sorted_samples(
-    model: FreeFloatingModel, function: Callable[[Array], float], samples: int
-) -> tuple[Array, Array]:
-    """Points of the joint space (K, n) and the function there (K,), in ascending order."""
-    lower, upper = joint_box(model)
-    points = lower + (upper - lower) * low_discrepancy(samples, model.dof)
-    values = np.array([function(point) for point in points])
-    order = np.argsort(values)
-    return points[order], values[order]
-
-
-def _minimized(
-    model: FreeFloatingModel, function: Callable[[Array], float], starts: Array
-) -> tuple[float, Array]:
-    """The smallest local minimum of a function from several starts, and its joint values."""
-    from scipy.optimize import minimize  # imported late: it takes a third of a second
-
-    scale = max(abs(function(start)) for start in starts) or 1.0
-    minima = [
-        # SLSQP: L-BFGS-B uses threaded BLAS for its tiny matrices, which takes ten times as long
-        minimize(lambda q: function(q) / scale, start, method="SLSQP",
-                 bounds=optimizer_bounds(model), options={"ftol": 1e-15})
-        for start in starts
-    ]  # fmt: skip
-    best = min(minima, key=lambda minimum: float(minimum.fun))
-    return float(function(best.x)), best.x
 
 
 _WRIST = (0.0, np.pi / 2, 0.0)

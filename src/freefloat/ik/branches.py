@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import available_cores, run_chunks
-from freefloat.dynamics.measures import joint_box
+from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.robot.model import FreeFloatingModel

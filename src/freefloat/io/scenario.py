@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from freefloat.dynamics.measures import largest_magnitude, singularity_measure
+from freefloat.dynamics.joint_space import largest_magnitude
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.redundancy import Redundancy, Toward
 from freefloat.errors import InputError, did_you_mean
 from freefloat.io.path_section import path_of, section_of

@@ -33,8 +33,7 @@ from freefloat.so3 import (
 
 _SAMPLES = np.linspace(0.0, 1.0, 201)
 """Values of s at which a moving direction is checked."""
-_MOST_REFINED = 5
-"""Largest number of minima between samples that are refined."""
+_REFINED = 5  # minima between samples
 _GAP = 1e-6
 """Fraction of its largest length below which a direction is undefined."""
 _NEGLIGIBLE = 1e-8
@@ -50,9 +49,9 @@ class OrientationLaw(Segmented, ABC):
     def rotation(self, s: float) -> Array:
         """End-effector axes in the inertial frame, shape (3, 3)."""
 
-    @abstractmethod
     def rate(self, s: float) -> Array:
-        """Angular velocity per unit of s [rad], inertial frame, shape (3,)."""
+        """Angular velocity per unit of s [rad], inertial frame, shape (3,); zero by default."""
+        return np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +72,6 @@ class FixedOrientation(OrientationLaw):
         """See :class:`OrientationLaw`."""
         return self.axes
 
-    def rate(self, s: float) -> Array:
-        """See :class:`OrientationLaw`."""
-        return np.zeros(3)
-
 
 class FreeOrientation(OrientationLaw):
     """An orientation that is not prescribed, for position tasks; drawn as the inertial axes."""
@@ -84,10 +79,6 @@ class FreeOrientation(OrientationLaw):
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
         return np.eye(3)
-
-    def rate(self, s: float) -> Array:
-        """See :class:`OrientationLaw`."""
-        return np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,10 +239,9 @@ def _smallest(function: Callable[[float], float]) -> tuple[float, float]:
     values = np.array([function(s) for s in _SAMPLES])
     best = [(float(values.min()), float(_SAMPLES[np.argmin(values)]))]
     minima = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
-    for i in minima[np.argsort(values[minima])][:_MOST_REFINED]:
-        bounds = (_SAMPLES[i - 1], _SAMPLES[i + 1])
-        options = {"xatol": 1e-12}
-        refined = minimize_scalar(function, bounds=bounds, method="bounded", options=options)
+    for i in minima[np.argsort(values[minima])][:_REFINED]:
+        bounds = _SAMPLES[[i - 1, i + 1]]
+        refined = minimize_scalar(function, bounds=bounds, options={"xatol": 1e-12})
         best.append((float(refined.fun), float(refined.x)))
     return min(best)
 
@@ -306,5 +296,5 @@ class OrientationSpline(OrientationLaw):
             half = math.sin(angle / 2.0) / angle
             third = (angle - math.sin(angle)) / angle**3
         once = cross(vector, slope)
-        rate = slope + 2.0 * half**2 * once + third * cross(vector, once)
-        return np.asarray(self._start(s) @ rate)
+        body_rate = slope + 2.0 * half**2 * once + third * cross(vector, once)
+        return np.asarray(self._start(s) @ body_rate)

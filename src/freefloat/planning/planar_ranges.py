@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.measures import largest_magnitude
+from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.errors import IntegrationError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion

@@ -7,9 +7,9 @@ import os
 import re
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -17,19 +17,16 @@ from typing import TYPE_CHECKING, Any
 
 from freefloat.errors import FreeFloatError, InputError
 from freefloat.io.results import save
-from freefloat.limits.limits import LimitResult
-from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
-from freefloat.planning.plan import Plan, degrees
-from freefloat.planning.simulation import SimulatedBranch, Simulation, simulate
+from freefloat.planning.simulation import simulate
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
-from freefloat.so3 import heading_of, heading_quaternion
-from freefloat.studies.results import ERROR, FEASIBLE, INFEASIBLE, Files, Row
+from freefloat.so3 import heading_quaternion
+from freefloat.studies.results import ERROR, Files, Row
 from freefloat.studies.study import Command, Study, scenario_from
+from freefloat.studies.values import finite, map_values, plan_values, simulation_values
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
-    from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.heading_map import HeadingMap
+    pass
 
 _MESH = re.compile(rb"""<mesh\s[^>]*filename\s*=\s*["']([^"'&]+)["']""")
 
@@ -142,19 +139,19 @@ def _computed(run: Run, source: Path) -> RunResult:
         search = scenario.search()
         with scenario.error_context():
             record = attitude_map(problem, search.samples, seed=search.seed, threads=1)
-        values = _map_values(record)
+        values = map_values(record)
     elif run.command is Command.PLAN:
         from freefloat.planning.planner import plan
 
         limits = scenario.limits()
         with scenario.error_context():
             record = plan(problem, scenario.search(), limits, threads=1)
-        values = _plan_values(record)
+        values = plan_values(record)
     else:
         attitude = _initial_attitude(problem, run.start)
         branch = run.start.get("branch")
         record = simulate(problem, attitude, branch=branch, limits=scenario.limits())
-        values = _simulation_values(record)
+        values = simulation_values(record)
     row = Row(run.number, parameters=run.parameters, **finite(values))
     return RunResult(row, _file_content(record) if run.save else None)
 
@@ -175,110 +172,6 @@ def _file_content(record: Any) -> bytes:
         file = Path(folder) / "result.h5"
         save(record, file)
         return file.read_bytes()
-
-
-def _simulation_values(simulation: Simulation) -> dict[str, Any]:
-    chosen = simulation.chosen
-    limits = simulation.limit_results
-    violated = [str(result.limit) for result in limits if not result.kept]
-    reason = ""
-    if not chosen.motion.completed:
-        reason = chosen.motion.ending.value
-    elif not chosen.feasible:
-        reason = "The margin is not kept."
-    elif violated:
-        reason = f"Limits are not kept: {', '.join(violated)}."
-    verdict = INFEASIBLE if reason else FEASIBLE
-    return {"verdict": verdict, "reason": reason, **_motion_values(chosen), **_limit_values(limits)}
-
-
-def _plan_values(plan: Plan) -> dict[str, Any]:
-    motion = {"completed": False} if plan.chosen is None else _motion_values(plan.chosen)
-    values = {
-        "verdict": FEASIBLE if plan.feasible else INFEASIBLE,
-        "reason": plan.reason,
-        **motion,
-        **_limit_values(plan.limit_results),
-        "robust_radius_deg": degrees(plan.robust_radius),
-        "deviation_deg": degrees(plan.deviation),
-        "feasible_fraction": None if plan.map is None else plan.map.feasible_fraction,
-    }
-    if plan.ranges:
-        ranges = {str(entry.branch): entry.degrees for entry in plan.ranges}
-        values["attitude_ranges_deg"] = ranges
-        values["feasible_fraction"] = _covered_fraction(ranges)
-    return values
-
-
-def _covered_fraction(ranges: dict[str, list[list[float]]]) -> float:
-    """Fraction of all headings in a range of any arm branch, from ranges in degrees."""
-    fraction, covered = 0.0, 0.0
-    for low, high in sorted(span for spans in ranges.values() for span in spans):
-        fraction += max(0.0, high - max(low, covered)) / 360.0
-        covered = max(covered, high)
-    return fraction
-
-
-def _map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
-    from freefloat.planning.heading_map import HeadingMap  # compiled kernels are slow to import
-
-    feasible, margin = result.feasible_found, result.problem.margin
-    values: dict[str, Any] = {
-        "verdict": FEASIBLE if feasible else INFEASIBLE,
-        "reason": "" if feasible else "no attitude tried keeps the margin",
-        "margin": result.best and result.best.minimum_margin,
-        "margin_required": margin.threshold,
-        "feasible_fraction": result.feasible_fraction,
-        "motion_fraction": result.motion_fraction,
-        "branch": result.best and result.best.branch,
-    }
-    if not isinstance(result, HeadingMap):
-        radius = result.robust and degrees(result.robust.radius)
-        attitude = result.best and result.best.attitude.tolist()
-        measure = margin.measure.name
-        return values | {"robust_radius_deg": radius, "attitude": attitude, "measure": measure}
-    if result.regions:
-        values["robust_radius_deg"] = max(region.size for region in result.regions) / 2.0
-    if result.best is not None:
-        values["heading_deg"] = degrees(result.best.heading)
-        values["attitude"] = heading_quaternion(result.best.heading).tolist()
-    return values
-
-
-def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
-    motion = chosen.motion
-    margin = chosen.closest_approach
-    attitude = motion.initial.attitude.tolist()
-    planar = motion.problem.task.planar
-    return {
-        "completed": motion.completed,
-        "measure": margin.measure,
-        "margin": margin.value,
-        "margin_time": margin.time,
-        "margin_required": motion.problem.margin.threshold,
-        "singular_time": motion.final.time if motion.ending is Ending.SINGULAR else None,
-        "branch": chosen.branch.index,
-        "attitude": attitude,
-        "heading_deg": math.degrees(heading_of(attitude)) if planar else None,
-        "joints": motion.initial.joints.tolist(),
-        "residuals": asdict(motion.residuals()),
-    }
-
-
-def _limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
-    return {
-        "limits_kept": all(result.kept for result in limits) if limits else None,
-        "limits": {str(result.limit): result.ratio for result in limits},
-    }
-
-
-def finite(value: Any) -> Any:
-    """Replace numbers that JSON does not know by None."""
-    if isinstance(value, dict):
-        return {key: finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def study_files(study: Study) -> Files:

@@ -22,8 +22,9 @@ from distributed.comm.addressing import get_address_host_port
 from freefloat.concurrency import available_cores
 from freefloat.errors import InputError
 from freefloat.studies.results import DATABASE, ERROR, Row, StudyResult, open_results
-from freefloat.studies.run import Run, RunResult, error_result, execute, finite, study_files
+from freefloat.studies.run import Run, RunResult, error_result, execute, study_files
 from freefloat.studies.study import Study
+from freefloat.studies.values import finite
 
 _REPETITIONS = 2
 """How often a run is repeated after the death of its worker."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import UnreachableError, require_type
 from freefloat.motion.extrema import closest_approach
@@ -28,8 +29,6 @@ from freefloat.workspace.regions import workspace_regions
 
 _HEADINGS = 720
 _NAMES = {Objective.MARGIN: "best", Objective.NEAREST: "nearest", Objective.ROBUST: "robust"}
-
-Progress = Callable[[float], None]
 
 
 def figures(

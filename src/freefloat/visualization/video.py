@@ -9,7 +9,7 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
+from freefloat.concurrency import Progress
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
 from freefloat.visualization.playback import Playback
@@ -44,8 +45,6 @@ _TIMEOUT = 120_000
 """Timeout of the browser's start and of a picture [ms]."""
 _TWO_FRAMES = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
-Progress = Callable[[float], None]
-
 
 @dataclass(frozen=True)
 class FrameTimes:
@@ -64,8 +63,8 @@ class FrameTimes:
     def to_dict(self) -> dict[str, float]:
         """Return numbers of pictures and of pictures per second, speed, and length [s]."""
         count = len(self.times)
-        return {"pictures": count, "fps": self.rate, "speed": self.speed,
-                "duration": count / self.rate}  # fmt: skip
+        length = count / self.rate
+        return {"pictures": count, "fps": self.rate, "speed": self.speed, "duration": length}
 
 
 def frame_times(
@@ -99,8 +98,7 @@ def frame_times(
         speed = next(factor for factor in factors if factor >= duration / _MAX_DURATION)
     else:
         _positive("speed", speed, 1e6)
-    step = speed / rate
-    count = math.ceil(duration / step - 1e-9) + 1
+    step, count = speed / rate, math.ceil(duration * rate / speed - 1e-9) + 1
     if count > _MAX_FRAMES:
         accepted = f"at most {_MAX_FRAMES:,}: a smaller --fps or a larger --speed"
         raise InputError("video", f"the video has {count:,} frames", accepted)

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from freefloat.dynamics.measures import joint_space_extremes, singularity_measure
+from freefloat.dynamics.joint_space import joint_space_extremes
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError

@@ -6,14 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from freefloat.dynamics.measures import (
-    SingularityMeasure,
-    joint_box,
-    joint_space_extremes,
-    optimizer_bounds,
-    plane_axes,
-    singularity_measure,
-)
+from freefloat.dynamics.joint_space import joint_box, joint_space_extremes, optimizer_bounds
+from freefloat.dynamics.measures import SingularityMeasure, plane_axes, singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError

@@ -1,0 +1,126 @@
+"""Values of a run's row, by column, from the record of its result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from freefloat.limits.limits import LimitResult
+from freefloat.motion.motion import Ending
+from freefloat.planning.plan import Plan, degrees
+from freefloat.planning.simulation import SimulatedBranch, Simulation
+from freefloat.so3 import heading_of, heading_quaternion
+from freefloat.studies.results import FEASIBLE, INFEASIBLE
+
+if TYPE_CHECKING:  # compiled kernels are slow to import
+    from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.heading_map import HeadingMap
+
+
+def simulation_values(simulation: Simulation) -> dict[str, Any]:
+    """Return the values of a simulation."""
+    chosen = simulation.chosen
+    limits = simulation.limit_results
+    violated = [str(result.limit) for result in limits if not result.kept]
+    reason = ""
+    if not chosen.motion.completed:
+        reason = chosen.motion.ending.value
+    elif not chosen.feasible:
+        reason = "The margin is not kept."
+    elif violated:
+        reason = f"Limits are not kept: {', '.join(violated)}."
+    verdict = INFEASIBLE if reason else FEASIBLE
+    return {"verdict": verdict, "reason": reason, **_motion_values(chosen), **_limit_values(limits)}
+
+
+def plan_values(plan: Plan) -> dict[str, Any]:
+    """Return the values of a plan."""
+    motion = {"completed": False} if plan.chosen is None else _motion_values(plan.chosen)
+    values = {
+        "verdict": FEASIBLE if plan.feasible else INFEASIBLE,
+        "reason": plan.reason,
+        **motion,
+        **_limit_values(plan.limit_results),
+        "robust_radius_deg": degrees(plan.robust_radius),
+        "deviation_deg": degrees(plan.deviation),
+        "feasible_fraction": None if plan.map is None else plan.map.feasible_fraction,
+    }
+    if plan.ranges:
+        ranges = {str(entry.branch): entry.degrees for entry in plan.ranges}
+        values["attitude_ranges_deg"] = ranges
+        values["feasible_fraction"] = _covered_fraction(ranges)
+    return values
+
+
+def _covered_fraction(ranges: dict[str, list[list[float]]]) -> float:
+    """Fraction of all headings in a range of any arm branch, from ranges in degrees."""
+    fraction, covered = 0.0, 0.0
+    for low, high in sorted(span for spans in ranges.values() for span in spans):
+        fraction += max(0.0, high - max(low, covered)) / 360.0
+        covered = max(covered, high)
+    return fraction
+
+
+def map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
+    """Return the values of a map."""
+    from freefloat.planning.heading_map import HeadingMap  # compiled kernels are slow to import
+
+    feasible, margin = result.feasible_found, result.problem.margin
+    values: dict[str, Any] = {
+        "verdict": FEASIBLE if feasible else INFEASIBLE,
+        "reason": "" if feasible else "no attitude tried keeps the margin",
+        "margin": result.best and result.best.minimum_margin,
+        "margin_required": margin.threshold,
+        "feasible_fraction": result.feasible_fraction,
+        "motion_fraction": result.motion_fraction,
+        "branch": result.best and result.best.branch,
+    }
+    if not isinstance(result, HeadingMap):
+        radius = result.robust and degrees(result.robust.radius)
+        attitude = result.best and result.best.attitude.tolist()
+        measure = margin.measure.name
+        return values | {"robust_radius_deg": radius, "attitude": attitude, "measure": measure}
+    if result.regions:
+        values["robust_radius_deg"] = max(region.size for region in result.regions) / 2.0
+    if result.best is not None:
+        values["heading_deg"] = degrees(result.best.heading)
+        values["attitude"] = heading_quaternion(result.best.heading).tolist()
+    return values
+
+
+def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
+    motion = chosen.motion
+    margin = chosen.closest_approach
+    attitude = motion.initial.attitude.tolist()
+    planar = motion.problem.task.planar
+    return {
+        "completed": motion.completed,
+        "measure": margin.measure,
+        "margin": margin.value,
+        "margin_time": margin.time,
+        "margin_required": motion.problem.margin.threshold,
+        "singular_time": motion.final.time if motion.ending is Ending.SINGULAR else None,
+        "branch": chosen.branch.index,
+        "attitude": attitude,
+        "heading_deg": math.degrees(heading_of(attitude)) if planar else None,
+        "joints": motion.initial.joints.tolist(),
+        "residuals": asdict(motion.residuals()),
+    }
+
+
+def _limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
+    return {
+        "limits_kept": all(result.kept for result in limits) if limits else None,
+        "limits": {str(result.limit): result.ratio for result in limits},
+    }
+
+
+def finite(value: Any) -> Any:
+    """Replace numbers that JSON does not know by None."""
+    if isinstance(value, dict):
+        return {key: finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
