@@ -189,7 +189,7 @@ def generalized_jacobian(
         array([[-0.772 , -0.8337],
                [ 0.2823, -0.0525]])
     """
-    task = Task.of(task)
+    task = task if isinstance(task, Task) else Task.of(task)
     try:
         A_G, J = _maps(model, joints)
     except (TypeError, ValueError):  # validated only on failure: valid calls pay nothing
@@ -200,11 +200,12 @@ def generalized_jacobian(
             ) from None
         model.joint_vector(joints)
         raise
-    _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:])
+    A_G = np.asfortranarray(A_G)  # solved in place
+    _, _, base, singular = dgesv(A_G[:, :6], A_G[:, 6:], 1, 1)
     if singular:
         raise np.linalg.LinAlgError("the inertia matrix of the spacecraft's rates is singular")
-    S: Array = J[:, 6:] - J[:, :6] @ base
-    return S[task.rows]
+    S: Array = J[:, 6:] - J[:, :6].dot(base)
+    return S if task is Task.POSE else S[task.rows]
 
 
 def generalized_determinant(
