@@ -124,7 +124,7 @@ def _below(folder: str, path: Path) -> Path:
 def _execute(run: Run, source: Path) -> RunResult:
     try:
         return _computed(run, source)
-    except Exception as error:
+    except Exception as error:  # whatever the run raised is its result
         return error_result(run, error)
 
 
