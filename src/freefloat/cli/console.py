@@ -21,7 +21,8 @@ from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.limits import LimitResult
-    from freefloat.planning.simulation import SimulatedBranch
+    from freefloat.planning.plan import Plan
+    from freefloat.planning.simulation import SimulatedBranch, Simulation
 
 DONE, NO, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
 _PIPE_WIDTH = 120
@@ -190,6 +191,14 @@ def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:
     if limits.row_count:
         yield limits
         yield from lines
+
+
+def contact_lines(result: Plan | Simulation) -> Iterator[RenderableType]:
+    """The warning of contact between bodies, unless a limit on the clearance tells it."""
+    limited = result.limits is not None and result.limits.clearance is not None
+    if result.contact is not None and not limited:
+        yield Text(f"Warning: {result.contact}.", "yellow")
+        yield "  limits: {clearance: 0} in the scenario excludes motions with contact."
 
 
 def _number(value: float) -> str:

@@ -16,6 +16,7 @@ from freefloat.cli.console import (
     DONE,
     NO,
     Console,
+    contact_lines,
     limit_tables,
     motion_lines,
     percentage,
@@ -134,6 +135,7 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
         yield from _segment_lines(plan)
         yield from motion_lines(plan.chosen)
     yield from limit_tables(plan.limit_results)
+    yield from contact_lines(plan)
 
 
 def _chosen_lines(plan: Plan) -> Iterator[str]:

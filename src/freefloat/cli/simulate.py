@@ -14,6 +14,7 @@ from freefloat.cli.console import (
     DONE,
     NO,
     Console,
+    contact_lines,
     decimals,
     limit_tables,
     motion_lines,
@@ -148,6 +149,7 @@ def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
     if reach is not None:
         yield Text(f"  {reach}", "red")
     yield from limit_tables(simulation.limit_results)
+    yield from contact_lines(simulation)
 
 
 def _verdict(entry: SimulatedBranch) -> Text:

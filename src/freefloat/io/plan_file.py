@@ -13,6 +13,7 @@ import numpy as np
 from freefloat.ik.branches import ArmBranch
 from freefloat.io.hdf5 import QUATERNION, TEXT, Document, read_numbers, write_arrays
 from freefloat.io.scenario import Scenario
+from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, CertifiedMinimum, Comparison, Worst
 from freefloat.motion.extrema import closest_approach
@@ -104,7 +105,7 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
 
         samples = read_samples(file["map"], problem) if "map" in file else None
         tolerance = tolerance and Tolerance(**tolerance)
-    limits, results = _read_limits(file, scenario, document)
+    limits, results, contact = _read_limits(file, scenario, document)
     stretched = document["stretched_duration"]
     radius = document["robust_radius_deg"]
     motion = file.get("motion")
@@ -129,6 +130,7 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
         needed_stretch=None if stretched is None else stretched / problem.path.duration,
         stretch=float(file.attrs.get("stretch", 1.0)),
         certificate=_certificate(document.get("certificate")),
+        contact=contact,
     )
 
 
@@ -206,8 +208,8 @@ def _with_causes(
 
 def _read_limits(
     file: Any, scenario: Scenario, document: Document
-) -> tuple[Limits | None, tuple[LimitResult, ...]]:
-    """Limits of a file and their results; version 0.1.0 always checked those of the scenario."""
+) -> tuple[Limits | None, tuple[LimitResult, ...], Contact | None]:
+    """Limits of a file, their results, contact; version 0.1.0 always checked the scenario's."""
     results = []
     for entry in document["limits"]:
         bounds = {key: math.inf if entry[key] is None else entry[key]
@@ -216,7 +218,10 @@ def _read_limits(
         notes = tuple(entry["notes"])
         results.append(LimitResult(**{**entry, **bounds, "limit": kind, "notes": notes}))
     checked = bool(file.attrs.get("limits_checked", True))
-    return scenario.limits() if checked else None, tuple(results)
+    contact = document.get("contact")
+    if contact is not None:
+        contact = Contact(**{**contact, "bodies": tuple(contact["bodies"])})
+    return scenario.limits() if checked else None, tuple(results), contact
 
 
 def _certificate(document: Document | None) -> Certificate | None:

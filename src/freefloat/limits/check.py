@@ -209,7 +209,8 @@ def _clearance(
     from freefloat.limits.clearance import clearance
 
     threshold = allowed * (1.0 - ROUNDING)
-    nearest = clearance(motion, pairs, threshold if decide_only else None)
+    below = threshold if decide_only else np.inf
+    nearest = clearance(motion, pairs, below, decide_only=decide_only)
     ratio = np.inf if nearest.distance <= 0.0 else allowed / nearest.distance
     name = pairs.name(nearest.pair)
     result = _result(LimitKind.CLEARANCE, nearest.distance, allowed, ratio, nearest.time, name)

@@ -8,7 +8,7 @@ bisected until none is left, so that no contact between samples is missed.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,15 +46,23 @@ class CollisionPairs:
     Attributes:
         pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, (P, 2).
         left_out: Pairs of links that are always too near, ``"a - b: why"``.
+        links_left_out: Links of these pairs.
     """
 
-    def __init__(self, model: FreeFloatingModel, clearance: float = 0.0) -> None:
+    def __init__(
+        self, model: FreeFloatingModel, clearance: float = 0.0, hulls: Collection[str] = ()
+    ) -> None:
         """Choose the pairs of a robot that can be farther apart than a clearance [m].
+
+        Args:
+            model: The robot.
+            clearance: The clearance [m].
+            hulls: Links whose meshes are not divided into convex parts.
 
         Raises:
             ModelError: If a shape cannot be read, or there is no pair.
         """
-        self._model, self._shapes = model, collision_shapes(model)
+        self._model, self._shapes = model, collision_shapes(model, hulls)
         connected = {frozenset((joint.parent, joint.child)) for joint in model.moving_joints}
         candidates = np.array([
             (i, j) if a.body < b.body else (j, i)
@@ -66,6 +74,7 @@ class CollisionPairs:
         self.pairs: IntArray = candidates[~near]
         self._numbers = np.flatnonzero(~near)
         names = set(map(self._links, self.pairs))
+        self.links_left_out = {self._shapes[index].link for index in candidates[near].ravel()}
         self.left_out = tuple(sorted({
             f"{name}: {'parts are ' if name in names else ''}always too near"
             for name in map(self._links, candidates[near])
@@ -191,16 +200,17 @@ class Clearance:
     time: float
 
 
-def clearance(motion: Motion, pairs: CollisionPairs, threshold: float | None = None) -> Clearance:
+def clearance(
+    motion: Motion, pairs: CollisionPairs, below: float = np.inf, *, decide_only: bool = False
+) -> Clearance:
     """The smallest distance of any pair along a motion.
 
     Args:
         motion: The motion.
         pairs: Pairs of its robot.
-        threshold: Only decide whether the distance stays at or above this [m]: the search ends at
-            the first smaller distance, and a larger result need not be the smallest.
+        below: Distances of interest [m]; a larger result need not be the smallest.
+        decide_only: End the search at the first distance below that.
     """
-    limit = np.inf if threshold is None else threshold
     edges, lengths = _path_lengths(motion)
     levers = pairs.levers(np.abs(motion.joints).max(axis=0))
     every, panels = np.arange(len(pairs.pairs)), float(motion.panels)
@@ -213,14 +223,14 @@ def clearance(motion: Motion, pairs: CollisionPairs, threshold: float | None = N
     low, high = (np.repeat(ends, len(every)) for ends in (places[:-1], places[1:]))
     before, after = distance[: -len(every)], distance[len(every) :]
     pair = pair[len(every) :]
-    while len(pair) and (threshold is None or nearest[0] >= limit):
+    while len(pair) and not (decide_only and nearest[0] < below):
         change = np.zeros(len(pair))
         for k, path in enumerate(lengths.T):
             change += levers[pair, k] * (np.interp(high, edges, path) - np.interp(low, edges, path))
-        below = (before + after - change) / 2.0 < min(nearest[0] - TOLERANCE, limit)
-        if not below.any():
+        kept = (before + after - change) / 2.0 < min(nearest[0] - TOLERANCE, below)
+        if not kept.any():
             break
-        pair, low, high, before, after = (x[below] for x in (pair, low, high, before, after))
+        pair, low, high, before, after = (x[kept] for x in (pair, low, high, before, after))
         middle = (low + high) / 2.0
         distance = _distances(motion, pairs, middle, pair)
         best = distance.argmin()
@@ -230,7 +240,7 @@ def clearance(motion: Motion, pairs: CollisionPairs, threshold: float | None = N
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         before, after = np.concatenate([before, distance]), np.concatenate([distance, after])
     smallest, number, place, start, end = nearest
-    if threshold is None and start < end:
+    if nearest[0] < below and not decide_only and start < end:
         only = np.array([number])
         refined = minimize_scalar(
             lambda u: _distances(motion, pairs, np.array([u]), only)[0],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -10,12 +11,10 @@ from typing import Any
 
 import coal
 import numpy as np
-import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from freefloat.errors import ModelError
 from freefloat.robot.description import Box, Cylinder, LinkShape, MeshFile, Sphere, corners
-from freefloat.robot.meshes import read_mesh
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.so3 import Array, IntArray, Pose
@@ -29,7 +28,6 @@ _GAIN = 0.03
 _THICKNESS = 1e-6
 """Thickness given to flat meshes [m]."""
 
-_slice: Any = trimesh.intersections.slice_faces_plane
 _Solid = tuple[Any, Array]
 """A coal geometry, and the vertices of a polytope around it, shape (V, 3)."""
 
@@ -53,8 +51,14 @@ class CollisionShape:
     points: Array
 
 
-def collision_shapes(model: FreeFloatingModel) -> tuple[CollisionShape, ...]:
+def collision_shapes(
+    model: FreeFloatingModel, hulls: Collection[str] = ()
+) -> tuple[CollisionShape, ...]:
     """Collision shapes of all links; visuals of links that have none.
+
+    Args:
+        model: The robot.
+        hulls: Links whose meshes are not divided into convex parts.
 
     Raises:
         ModelError: If a shape cannot be read.
@@ -64,7 +68,7 @@ def collision_shapes(model: FreeFloatingModel) -> tuple[CollisionShape, ...]:
         body, pose = model.link_places[link.name]
         for shape in link.collisions or link.visuals:
             try:
-                solids = _solids(shape, source)
+                solids = _solids(shape, source, 1 if link.name in hulls else _MOST)
             except MeshFileError as error:
                 accepted = "a box, cylinder or sphere of positive size, or a readable mesh file"
                 key = f"link {link.name}: <{shape.kind}>"
@@ -79,7 +83,7 @@ def collision_shapes(model: FreeFloatingModel) -> tuple[CollisionShape, ...]:
     return tuple(shapes)
 
 
-def _solids(shape: LinkShape, source: str) -> tuple[_Solid, ...]:
+def _solids(shape: LinkShape, source: str, most: int) -> tuple[_Solid, ...]:
     match shape.geometry:
         case Box(size=size):
             return ((coal.Box(*size), corners(shape.geometry)),)
@@ -89,17 +93,19 @@ def _solids(shape: LinkShape, source: str) -> tuple[_Solid, ...]:
             return ((coal.Sphere(radius), corners(shape.geometry)),)
         case MeshFile(filename=name, scale=scale):
             file = find_mesh(name, source)
-            return _mesh_solids(file, file.stat().st_mtime_ns, *scale)
+            return _mesh_solids(file, file.stat().st_mtime_ns, most, *scale)
     raise MeshFileError("its <geometry> is unknown or has no size")
 
 
 @lru_cache(maxsize=256)
-def _mesh_solids(file: Path, _: int, *scale: float) -> tuple[_Solid, ...]:
-    """The convex parts of a mesh file, cached until it changes."""
+def _mesh_solids(file: Path, _: int, most: int, *scale: float) -> tuple[_Solid, ...]:
+    """At most so many convex parts of a mesh file, cached until it changes."""
+    from freefloat.robot.meshes import read_mesh  # trimesh imports slowly
+
     meshes = [part.mesh for part in read_mesh(file, scale)]
     triangles = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
     solids = []
-    for part in convex_parts(triangles):
+    for part in convex_parts(triangles, most):
         points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         points.extend(list(part.points))
         faces.extend([coal.Triangle(*vertices) for vertices in part.faces.tolist()])
@@ -120,13 +126,14 @@ class ConvexPart:
     faces: IntArray
 
 
-def convex_parts(triangles: Array) -> tuple[ConvexPart, ...]:
+def convex_parts(triangles: Array, most: int = _MOST) -> tuple[ConvexPart, ...]:
     """Convex parts that together contain a mesh; one where its hull is hardly larger.
 
     A part is cut in two by the coordinate plane that saves the largest volume.
 
     Args:
         triangles: Vertices of the triangles [m], shape (F, 3, 3).
+        most: Largest number of parts.
 
     Raises:
         MeshFileError: If all triangles lie on a line.
@@ -137,7 +144,7 @@ def convex_parts(triangles: Array) -> tuple[ConvexPart, ...]:
     except QhullError:
         raise MeshFileError("its triangles lie on a line") from None
     parts = [whole]
-    while len(parts) < _MOST:
+    while len(parts) < most:
         best = max(parts, key=lambda part: part.gain)
         if best.gain <= _GAIN * whole.hull.volume:
             break
@@ -157,12 +164,15 @@ class _MeshPart:
     @cached_property
     def halves(self) -> list[_MeshPart]:
         """Both sides of the trial cut with the smallest hulls; none if no cut divides it."""
+        from trimesh import intersections  # imports slowly
+
+        cut: Any = intersections.slice_faces_plane
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
         best: list[_MeshPart] = []
         for axis in np.eye(3):
             for fraction in _CUTS:
                 origin = low + fraction * (high - low)
-                sides = [_slice(self.vertices, self.faces, normal, origin)[:2]
+                sides = [cut(self.vertices, self.faces, normal, origin)[:2]
                          for normal in (axis, -axis)]  # fmt: skip
                 if min(len(faces) for _, faces in sides) > 0:
                     with suppress(QhullError):  # a side without extent

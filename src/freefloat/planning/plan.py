@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from freefloat.errors import InputError, member, whole_number
+from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
@@ -139,6 +140,7 @@ class Plan:
         stretch_candidate: Attitude and arm branch of that candidate; not stored in files.
         stretch: Factor by which the duration was stretched.
         certificate: Bounds and errors of the chosen motion.
+        contact: The deepest contact of bodies along the chosen motion; None without contact.
     """
 
     problem: Problem = field(repr=False)
@@ -159,6 +161,7 @@ class Plan:
     stretch_candidate: ScreenedCandidate | None = field(default=None, repr=False)
     stretch: float = 1.0
     certificate: Certificate | None = field(default=None, repr=False)
+    contact: Contact | None = None
 
     @property
     def deviation(self) -> float | None:
@@ -190,6 +193,7 @@ class Plan:
             "duration": duration,
             "stretch": self.stretch,
             "limits": [result.to_dict() for result in self.limit_results],
+            "contact": self.contact and self.contact.to_dict(),
             "excluded": {str(limit): count for limit, count in self.excluded.items()},
             "stretched_duration": self.needed_stretch and self.needed_stretch * duration,
             **{key: getattr(self.map, key, None) for key in _MAP_KEYS},
@@ -220,6 +224,8 @@ class Plan:
             str(result.limit): "kept" if result.kept else f"violated at {result.time:.4f} s"
             for result in self.limit_results
         }
+        if self.contact is not None:
+            rows["warning"] = str(self.contact)
         cells = (f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows.items())
         return f"<table>{''.join(cells)}</table>"
 

@@ -9,6 +9,7 @@ from functools import partial
 from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import require_type
+from freefloat.limits.contact import self_contact
 from freefloat.limits.limits import Limits
 from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem, require_problem
@@ -101,7 +102,8 @@ def _plan(
     chosen, radius = result.chosen, result.robust_radius
     if chosen is None:
         return result
-    result = replace(result, certificate=certify(chosen.motion))
+    contact = self_contact(chosen.motion, result.limit_results)
+    result = replace(result, certificate=certify(chosen.motion), contact=contact)
     if result.map is None:
         return result
     attitude, branch = chosen.motion.initial.attitude, chosen.branch

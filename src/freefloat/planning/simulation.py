@@ -12,6 +12,7 @@ from freefloat.dynamics.redundancy import Redundancy
 from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
+from freefloat.limits.contact import Contact, self_contact
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
@@ -90,12 +91,14 @@ class Simulation:
             where none is feasible, the one that comes nearest to it.
         limits: Limits checked in addition to the joint ranges; None where none were checked.
         limit_results: Limits along the chosen motion.
+        contact: The deepest contact of bodies along the chosen motion; None without contact.
     """
 
     branches: tuple[SimulatedBranch, ...]
     chosen: SimulatedBranch = field(repr=False)
     limits: Limits | None = None
     limit_results: tuple[LimitResult, ...] = ()
+    contact: Contact | None = None
 
     @property
     def problem(self) -> Problem:
@@ -114,6 +117,7 @@ class Simulation:
             "branches": [branch.summary() for branch in self.branches],
             "out_of_reach": reach_message(self.problem),
             "limits": [result.to_dict() for result in self.limit_results],
+            "contact": self.contact and self.contact.to_dict(),
         }
 
 
@@ -189,10 +193,11 @@ def simulate(
         for start in branches
     ]
     candidates = _ranked(simulated) if requested is None else [simulated[requested]]
-    if checker is None:
-        return Simulation(tuple(simulated), candidates[0], limits)
-    chosen, results = _within_limits(candidates, checker)
-    return Simulation(tuple(simulated), chosen, limits, results)
+    chosen, results = candidates[0], tuple[LimitResult, ...]()
+    if checker is not None:
+        chosen, results = _within_limits(candidates, checker)
+    contact = self_contact(chosen.motion, results)
+    return Simulation(tuple(simulated), chosen, limits, results, contact)
 
 
 def integrate_branch(problem: Problem, attitude: Array, branch: int) -> SimulatedBranch:

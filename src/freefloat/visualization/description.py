@@ -66,7 +66,7 @@ class TitledScene:
         ending: How the motion ended, a word; None for maps.
         verdict: How the motion ended, a sentence; None for maps.
         trail: Values over time; None for maps.
-        lines: Text of a map.
+        lines: Text of a map; warnings about a motion.
     """
 
     title: str

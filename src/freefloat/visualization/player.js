@@ -154,6 +154,7 @@ class Player {
       `t = ${Math.min(this.time, scene.end).toFixed(2)} s`,
       `s = ${now(fractions).toFixed(3)}`,
       `|${measure}| = ${shortened(now(values))}, margin ${shortened(margin)}`,
+      ...scene.lines.map(warning => ({ verdict: warning, feasible: false })),
     ];
     return ended ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" }] : lines;
   }

@@ -11,6 +11,7 @@ from meshcat import geometry as g
 from scipy.spatial.transform import Rotation
 
 from freefloat.errors import InputError
+from freefloat.limits.contact import self_contact
 from freefloat.motion.motion import Motion
 from freefloat.so3 import Array
 from freefloat.visualization.description import (
@@ -187,6 +188,7 @@ def _draw(
         sampled.fractions.round(6).tolist(),
         indices,
     )
+    contact = self_contact(motion)
     return TitledScene(
         title,
         node(title),
@@ -196,6 +198,7 @@ def _draw(
         ending=motion.ending.name.lower(),
         verdict=motion.ending.value,
         trail=trail,
+        lines=() if contact is None else (f"warning: {contact}",),
     )
 
 

@@ -1,0 +1,83 @@
+"""Contact between bodies of a robot along a motion, whether or not a clearance is required."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from freefloat.errors import ModelError
+from freefloat.limits.clearance import TOLERANCE, CollisionPairs, clearance
+from freefloat.limits.limits import LimitKind, LimitResult
+from freefloat.motion.motion import Motion
+from freefloat.robot.description import MeshFile
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The deepest contact of two bodies along a motion.
+
+    Attributes:
+        bodies: Links that overlap, the one nearer to the spacecraft first.
+        depth: Penetration depth [m].
+        time: Its time [s].
+        s: Path parameter at that time.
+    """
+
+    bodies: tuple[str, str]
+    depth: float
+    time: float
+    s: float
+
+    def __str__(self) -> str:
+        first, second = self.bodies
+        return f"{second} overlaps {first} by {self.depth:.3g} m at t = {self.time:.4f} s"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document."""
+        return {"bodies": [*self.bodies], "depth": self.depth, "time": self.time, "s": self.s}
+
+
+def self_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact | None:
+    """The deepest contact along a motion of bodies that no joint connects; None without contact.
+
+    Less than 0.1 mm is no contact. Robots whose shapes cannot be used have none.
+
+    Args:
+        motion: The motion.
+        results: Limits along it; the result of a clearance saves the search.
+    """
+    known = next((entry for entry in results if entry.limit is LimitKind.CLEARANCE), None)
+    if known is not None:
+        depth, time, names = -known.worst, known.time, known.where
+    else:
+        try:
+            depth, time, names = _deepest(motion)
+        except ModelError:
+            return None
+    first, _, second = names.partition(" - ")
+    if depth < TOLERANCE:
+        return None
+    return Contact((first, second), depth, time, motion.problem.path.timing.s(time))
+
+
+def _deepest(motion: Motion) -> tuple[float, float, str]:
+    """Depth [m], time [s] and pair of the deepest contact; a depth below zero without contact.
+
+    Meshes count as their convex hulls, which are quick to compute, until they are in contact; only
+    then are they divided into convex parts.
+    """
+    model = motion.problem.model
+    hulls = {
+        link.name
+        for link in model.description.links
+        if any(isinstance(shape.geometry, MeshFile) for shape in link.shapes)
+    }
+    while True:
+        pairs = CollisionPairs(model, hulls=hulls)
+        nearest = clearance(motion, pairs, -TOLERANCE)
+        name = pairs.name(nearest.pair)
+        close = {*name.split(" - ")} if nearest.distance <= -TOLERANCE else set[str]()
+        if hulls.isdisjoint(close | pairs.links_left_out):
+            return -nearest.distance, nearest.time, name
+        hulls -= close | pairs.links_left_out

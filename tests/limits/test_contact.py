@@ -1,0 +1,72 @@
+"""Contact between bodies without a limit on the clearance: the same that the limit finds."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import freefloat as ff
+from freefloat.limits.contact import self_contact
+from freefloat.limits.limits import LimitKind
+from freefloat.motion.motion import Motion
+from tests.prismatic import prismatic_motion, prismatic_robot, shape_text
+from tests.robots import joint_text
+
+ATTITUDE = [0.46008, 0.09337, 0.73519, -0.48898]
+CUBE, BALL = shape_text('<box size="1 1 1"/>'), shape_text('<sphere radius="0.1"/>')
+
+
+@pytest.fixture(scope="module")
+def simulation():
+    return ff.simulate(ff.load_scenario("spatial_6dof/line").problem(), ATTITUDE)
+
+
+def test_the_deepest_contact_is_that_of_the_limit(simulation):
+    motion = simulation.chosen.motion
+    results = ff.check_limits(motion, ff.Limits(clearance=0.0))
+    limit = next(entry for entry in results if entry.limit is LimitKind.CLEARANCE)
+    contact = simulation.contact
+    assert " - ".join(contact.bodies) == limit.where
+    np.testing.assert_allclose([contact.depth, contact.time], [-limit.worst, limit.time])
+    assert contact.s == motion.problem.path.timing.s(contact.time)
+    known = self_contact(motion, results)
+    assert (known.bodies, known.depth) == (contact.bodies, -limit.worst)
+
+
+def test_files_keep_the_contact(simulation, tmp_path):
+    ff.save(simulation, tmp_path / "motion.h5")
+    loaded = ff.load(tmp_path / "motion.h5")
+    assert loaded.contact == simulation.contact
+    assert loaded.to_dict()["contact"] == simulation.contact.to_dict()
+
+
+def test_motions_without_contact_have_none(simulation):
+    problem = ff.load_scenario("planar_3dof/parabola").problem()
+    simulation = ff.simulate(problem, [0.0, 0.0, 1.0, 0.0])
+    assert simulation.contact is None
+    assert simulation.to_dict()["contact"] is None
+
+
+def between_cubes(folder, gap: float) -> Motion:
+    """An end-effector of radius 0.1 m that passes between two cubes of one mesh."""
+    away = gap / 2.0 + 0.05
+    cubes = [trimesh.creation.box([0.1] * 3).apply_translation([0, 0, z]) for z in (-away, away)]
+    trimesh.util.concatenate(cubes).export(folder / "gate.stl")
+    mesh = shape_text('<mesh filename="gate.stl"/>')
+    gate = f'<link name="gate">{mesh}</link>'
+    file = folder / "robot.urdf"
+    more = joint_text("gate_joint", "F", "bus", "gate", "1.4 0 0") + gate
+    file.write_text(prismatic_robot(CUBE, BALL, more))
+    return prismatic_motion(file)
+
+
+def test_meshes_in_contact_are_divided_into_convex_parts(tmp_path):
+    """The convex hull of the two cubes closes the gap between them."""
+    assert self_contact(between_cubes(tmp_path, 0.24)) is None
+    contact = self_contact(between_cubes(tmp_path, 0.18))
+    assert contact.bodies == ("gate", "hand")
+    np.testing.assert_allclose(contact.depth, 0.01, atol=1e-6)
+
+
+@pytest.mark.parametrize("shape", ["", shape_text('<mesh filename="none.stl"/>')])
+def test_robots_whose_shapes_cannot_be_used_have_none(shape):
+    assert self_contact(prismatic_motion(prismatic_robot(CUBE, shape))) is None
