@@ -16,6 +16,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import (
     ArmBranch,
     arm_branches,
+    many_arm_branches,
     newton_configuration,
     search_arm_branches,
 )
@@ -27,7 +28,7 @@ from freefloat.so3 import (
     rotation_vector_between,
     unit_quaternion,
 )
-from tests.motions import gaps, virtual_jacobian
+from tests.motions import bundled, gaps, virtual_jacobian
 from tests.robots import (
     inertial_text,
     joint_text,
@@ -463,6 +464,53 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
     again = FreeFloatingModel.from_urdf(robot.text, robot.tip)
     for branch, other in zip(branches, arm_branches(again, target, task), strict=True):
         np.testing.assert_array_equal(branch.joints, other.joints)
+
+
+def redundant_panda(
+    joint: str | None = None, low: float = 0.0, high: float = 0.0
+) -> FreeFloatingModel:
+    """The bundled Panda, the range of one joint changed."""
+    model = bundled("panda_servicer/line").model
+    if joint is None:
+        return model
+    pattern = rf'(<joint name="{joint}".*?<limit[^>]*?)lower="[^"]*" upper="[^"]*"'
+    limits = rf'\1lower="{low}" upper="{high}"'
+    text, count = re.subn(pattern, limits, model.description.text, count=1, flags=re.DOTALL)
+    assert count == 1
+    return FreeFloatingModel.from_urdf(text, model.end_effector)
+
+
+@pytest.mark.parametrize(
+    ("limit", "number", "found"),
+    [((), 12, 1.0), (("panda_joint3", 0.3, 0.4), 1, 0.9), (("panda_joint1", -9.0, 9.0), 12, 1.0)],
+)
+def test_starts_of_redundant_arms_are_inside_the_joint_ranges(
+    limit: tuple, number: int, found: float, rng: np.random.Generator
+) -> None:
+    """All of them where any is, also where a range is so narrow that Newton's method leaves it."""
+    model = redundant_panda(*limit)
+    lower, upper = model.joint_ranges
+    virtual = VirtualManipulator.of(model)
+    poses = [virtual.pose(lower + (upper - lower) * rng.random(model.dof)) for _ in range(20)]
+    positions, rotations = zip(*((pose.position, pose.rotation) for pose in poses), strict=True)
+    sets = many_arm_branches(model, positions, rotations, Task.POSE)
+    inside = ((sets.joints >= lower) & (sets.joints <= upper)).all(axis=2)
+    some = inside.any(axis=1)
+    assert some.mean() >= found
+    assert (inside[some] == sets.exist[some]).all()
+    assert inside[some].sum(axis=1).mean() >= number
+    for pose, branches in zip(poses, sets, strict=True):
+        assert max((missed(virtual, pose, branch.joints) for branch in branches), default=0) < 1e-8
+
+
+def test_starts_outside_the_joint_ranges_are_kept_where_none_is_inside() -> None:
+    """The elbow of the Panda cannot bend the other way; its pose is reached nevertheless."""
+    model = redundant_panda("panda_joint4", 3.0, 3.01)
+    virtual = VirtualManipulator.of(redundant_panda())
+    target = virtual.pose([0.1, 0.4, 0.2, -0.9, 0.3, 1.4, 0.5])
+    branches = arm_branches(model, target, Task.POSE)
+    assert len(branches) == 16
+    assert all(not 3.0 <= branch.joints[3] <= 3.01 for branch in branches)
 
 
 def test_newton_configuration_stays_near(planar_3dof: FreeFloatingModel) -> None:

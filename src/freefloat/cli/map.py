@@ -130,6 +130,7 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
         f"{result.feasible_fraction:.2%} of the headings are feasible for some arm branch, "
         f"{result.motion_fraction:.2%} of the {result.motions} motions"
     )
+    yield from _start_lines(result)
     best = result.best
     if best is not None:
         place = f"{math.degrees(best.heading):.3f} deg, branch {best.branch}"
@@ -164,8 +165,18 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
         f"{feasible} of the attitudes keep {margin.measure.name} {margin.threshold:g} with some "
         f"arm branch, {result.motion_fraction:.2%} of the {int(result.reached.sum()):,} motions do"
     )
+    yield from _start_lines(result)
     yield from _candidate_lines(result)
     yield f"{result.seconds:.1f} s"
+
+
+def _start_lines(result: AttitudeMap | HeadingMap) -> Iterator[str]:
+    """Yield a line on what the fractions of a redundant arm depend on."""
+    if result.problem.redundant:
+        yield (
+            "The arm is redundant: up to 16 of its infinitely many configurations at each attitude "
+            "start a motion; the fractions depend on these."
+        )
 
 
 def _candidate_lines(result: AttitudeMap) -> Iterator[str]:

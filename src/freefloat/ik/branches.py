@@ -2,7 +2,8 @@
 
 Elbow arms with a spherical wrist, arms whose second to fourth axes are parallel and planar elbow
 arms are solved in closed form, every other arm by Newton's method from many starts. Of the
-infinitely many configurations of a redundant arm a reproducible, well-spread set is returned.
+infinitely many configurations of a redundant arm a reproducible, well-spread set is returned, which
+lies inside the joint ranges where any is found there.
 """
 
 from __future__ import annotations
@@ -22,13 +23,12 @@ from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, Pose, frozen, low_discrepancy
+from freefloat.so3 import Array, IntArray, Pose, frozen, low_discrepancy
 
 if TYPE_CHECKING:
     from freefloat.ik.chain import Chain
 
 _STARTS = 512
-_REDUNDANT_STARTS = 64
 _SLICE = 16
 """Minimum number of poses per task of a thread."""
 _ELBOWS = ("elbow+", "elbow-")
@@ -188,21 +188,55 @@ def search_arm_branches(
     With ``parallel_axes`` the closed form of three parallel axes is used where it is
     well-conditioned.
     """
+    n, m = model.dof, len(task.rows)
+    if n > m:
+        return _redundant_branches(model, positions, rotations, task, threads)
+    lower, upper = joint_box(model)
+    starts = lower + (upper - lower) * low_discrepancy(_STARTS, n)
+    poses = _poses(positions, rotations)
+    joints, names = _newton(model, poses, task, starts, threads, parallel_axes)
+    signs = m == 6 and not VirtualManipulator.of(model).prismatic.any()
+    labels = _SIGNS if signs else tuple(map(str, range(joints.shape[1])))
+    return BranchSets(joints, names, labels)
+
+
+def _newton(
+    model: FreeFloatingModel,
+    poses: tuple[Array, Array],
+    task: Task,
+    starts: Array,
+    threads: int | None,
+    parallel_axes: bool = False,
+) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Joint values (K, B, n) and names (K, B) of the branches reached from starts (S, n)."""
     from freefloat.ik.numeric import MAX_BRANCHES, solve_numerically
 
+    joints = np.empty((len(poses[0]), MAX_BRANCHES, model.dof))
+    names = np.empty(joints.shape[:2], dtype=np.int64)
     chain = _chain(VirtualManipulator.of(model), model)
-    poses = _poses(positions, rotations)
-    n, m = model.dof, len(task.rows)
-    joints = np.empty((len(poses[0]), MAX_BRANCHES, n))
-    names = np.empty((len(joints), MAX_BRANCHES), dtype=np.int64)
-    fractions = low_discrepancy(_REDUNDANT_STARTS if n > m else _STARTS, n)
-    lower, upper = joint_box(model)
-    starts = lower + (upper - lower) * fractions
     fixed = (chain, np.array(task.rows), starts, parallel_axes)
     _in_slices(solve_numerically, fixed, (*poses, joints, names), threads)
-    signs = n == m == 6 and not chain.prismatic.any()
-    labels = _SIGNS if signs else tuple(str(number) for number in range(MAX_BRANCHES))
-    return BranchSets(joints, names, labels)
+    return joints, names
+
+
+def _redundant_branches(
+    model: FreeFloatingModel,
+    positions: npt.ArrayLike,
+    rotations: npt.ArrayLike,
+    task: Task,
+    threads: int | None,
+) -> BranchSets:
+    from freefloat.ik.configurations import spread_configurations
+    from freefloat.ik.numeric import MAX_BRANCHES
+
+    p, R = _poses(positions, rotations)
+
+    def solve(starts: Array, index: IntArray) -> Array:
+        return _newton(model, (p[index], R[index]), task, starts, threads)[0]
+
+    joints = spread_configurations(model, len(p), solve, MAX_BRANCHES)
+    names = np.where(np.isfinite(joints).all(axis=2), np.arange(MAX_BRANCHES), -1)
+    return BranchSets(joints, names, tuple(map(str, range(MAX_BRANCHES))))
 
 
 def newton_configuration(
