@@ -76,13 +76,15 @@ def _excess(model: FreeFloatingModel, joints: Array) -> Array:
 def _moved_inside(
     model: FreeFloatingModel, joints: Array, pose: int, solve: Solve, most: int
 ) -> Array:
-    """Configurations (B, n) reached from the values inside the ranges nearest to others (K, n)."""
+    """Configurations (B, n) reached from others (K, n), their joints moved inside the ranges."""
     lower, upper = _box(model)
     inset = _INSET * (upper - lower)
     excess = _excess(model, joints)
     nearest = np.argsort(excess)[:most]
-    nearest = nearest[np.isfinite(excess[nearest])]
-    return solve(np.clip(joints[nearest], lower + inset, upper - inset), np.array([pose]))[0]
+    q = joints[nearest[np.isfinite(excess[nearest])]]
+    first, last = model.joint_ranges
+    starts = np.where((q < first) | (q > last), np.clip(q, lower + inset, upper - inset), q)
+    return np.asarray(solve(starts, np.array([pose]))[0])
 
 
 def _well_spread(
