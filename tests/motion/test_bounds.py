@@ -122,11 +122,12 @@ def test_bounds_of_second_derivatives_have_every_factor():
     """By hand: the reach of the virtual manipulator is 0.5 + 0.625 + 0.875 + 0.5 = 2.5 m."""
     motion = moving(arm_of_three("RRR"), Task.POSITION, np.array([[0.3, 0.2, 0.1], [0.1] * 3]))
     system = ScaledSystem(motion)
-    L, a, p1, p2, p3 = 4.0 / 2.5, 0.5, 7.0, 22.0, 45.0  # 0.5 + 3 + 0.5 m; w = 2, w' = 3
+    L, p1, p2, p3 = 4.0 / 2.5, 7.0, 22.0, 45.0  # 0.5 + 3 + 0.5 m; w = 2, w' = 3
+    pairs = 0.5 * 0.25 + 0.5 * 0.25 + 0.25 * 0.25
     spread = (np.sqrt(0.02) + np.sqrt(0.015)) / 25.0
     moved = 0.25 * L**2 + np.array([0.3, 0.25]) / 25.0
     bounds = system.second_derivatives(2.0, 3.0)
-    locked = p2 * (np.sqrt(2.0) * a * (1.0 + a * (1.0 - a)) * L**2 + spread)
+    locked = p2 * (np.sqrt(2.0) * pairs * L**2 + spread)
     np.testing.assert_allclose(bounds.D, locked)
     np.testing.assert_allclose(bounds.Dq, p3 * np.array([moved.sum(), moved[1], 0.0]))
     assert bounds.base == pytest.approx(np.sqrt(2.0) * L * p1)
@@ -135,6 +136,27 @@ def test_bounds_of_second_derivatives_have_every_factor():
     squares = bounds.D**2 + (bounds.Dq**2).sum() + bounds.base**2 + columns
     assert bounds.whole == pytest.approx(np.sqrt(squares))
     assert system.joint_speed(np.array([-0.5, 0.25, 0.0])) == pytest.approx(0.75)
+
+
+def test_the_second_derivative_of_the_locked_inertia_is_bounded_by_pairs_of_masses():
+    """By hand: c1 - c0 = (1 + cos q, sin q) m; D is the reduced mass times B of it."""
+    text = link_text("bus", inertial_text(3.0, np.eye(3), "-1 0 0"))
+    for parent, child in (("bus", "first"), ("first", "second"), ("second", "arm")):
+        text += joint_text(child + "_joint", "R", parent, child, axis="0 0 1", limits=(-1.0, 3.0))
+    text += link_text("first") + link_text("second") + link_text("end_effector")
+    text += link_text("arm", inertial_text(1.0, np.eye(3), "1 0 0"))
+    text += joint_text("tool", "F", "arm", "end_effector")
+    model = FreeFloatingModel.from_urdf(f'<robot name="two">{text}</robot>')
+    system = ScaledSystem(moving(model, Task.POSITION, np.array([[0.0] * 3, [0.0, 0.0, 1.0]])))
+    h = 1e-3
+    before, now, after = (
+        system.matrix(np.array([0.0, 0.0, q]))[:3, :3] for q in (-h, 0.0, h)
+    )
+    second = np.linalg.norm(before - 2.0 * now + after) / h**2
+    length, reach = 2.0, VirtualManipulator.of(model).reach
+    assert second * reach**2 == pytest.approx(3.0 / 16.0 * 2.0 * np.sqrt(6.0), rel=1e-5)
+    bound = np.sqrt(2.0) * 3.0 / 16.0 * 4.0 * max(length, reach) ** 2
+    assert system.second_derivatives(1.0, 0.0).D * reach**2 == pytest.approx(bound)
 
 
 def test_strokes_lengthen_the_chain_and_count_in_units_of_the_reach():

@@ -17,11 +17,14 @@ the product of their lengths times
 
 **D.** With B(u) = u.u 1 - u u^T, D is the sum of mu_i mu_j B(c_i - c_j) over pairs of bodies, c
 being their centres of mass, and of the bodies' inertias. The polarized B has the Frobenius norm
-sqrt(2) |u| |v| at most. With a, the mass of the arm, the weights of the pairs sum up to a (1 - a /
-2) at most; used is a (1 + a (1 - a)), which is not smaller. An inertia R I R^T is a product of two
-rotations; its isotropic part is constant, the rest counts with its Frobenius norm.
+sqrt(2) |u| |v| at most. As the mu_i sum up to one, the weights of the pairs sum up to
 
-    |D''| <= p_2 (sqrt(2) a (1 + a (1 - a)) L^2 + sum_i |I_i - tr(I_i) / 3|)
+    m_2 = (1 - sum_i mu_i^2) / 2.
+
+An inertia R I R^T is a product of two rotations; its isotropic part is constant, the rest counts
+with its Frobenius norm.
+
+    |D''| <= p_2 (sqrt(2) m_2 L^2 + sum_i |I_i - tr(I_i) / 3|)
 
 **Columns of Dq.** Joint j moves the bodies i >= j: r_i x (a_j x (c_i - p_j)) mu_i + R I R^T a_j,
 r_i from the centre of mass: products of three.
@@ -94,11 +97,11 @@ class ScaledSystem:
         inertias = [body.inertia / unit for body in model.bodies]
         isotropic = [np.trace(inertia) / 3.0 * np.eye(3) for inertia in inertias]
         spread = np.linalg.norm(np.array(inertias) - isotropic, axis=(1, 2))[1:]
-        a = 1.0 - model.bodies[0].mass / m
+        pairs = (1.0 - sum((body.mass / m) ** 2 for body in model.bodies)) / 2.0
         moved = [body.mass / m * L**2 + np.linalg.norm(inertia, 2)
                  for body, inertia in zip(model.bodies[1:], inertias[1:], strict=True)]  # fmt: skip
         self._model, self._task, self._length = model, task, L
-        self._locked = float(np.sqrt(2.0) * a * (1.0 + a * (1.0 - a)) * L**2 + spread.sum())
+        self._locked = float(np.sqrt(2.0) * pairs * L**2 + spread.sum())
         self._moving = np.cumsum(moved[::-1])[::-1]
         self.base = 1 if task.planar else 3
         lengths = [1.0 / reach if row < 3 else 1.0 for row in task.rows]
