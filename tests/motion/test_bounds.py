@@ -149,9 +149,7 @@ def test_the_second_derivative_of_the_locked_inertia_is_bounded_by_pairs_of_mass
     model = FreeFloatingModel.from_urdf(f'<robot name="two">{text}</robot>')
     system = ScaledSystem(moving(model, Task.POSITION, np.array([[0.0] * 3, [0.0, 0.0, 1.0]])))
     h = 1e-3
-    before, now, after = (
-        system.matrix(np.array([0.0, 0.0, q]))[:3, :3] for q in (-h, 0.0, h)
-    )
+    before, now, after = (system.matrix(np.array([0.0, 0.0, q]))[:3, :3] for q in (-h, 0.0, h))
     second = np.linalg.norm(before - 2.0 * now + after) / h**2
     length, reach = 2.0, VirtualManipulator.of(model).reach
     assert second * reach**2 == pytest.approx(3.0 / 16.0 * 2.0 * np.sqrt(6.0), rel=1e-5)

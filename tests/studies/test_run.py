@@ -61,7 +61,7 @@ def test_a_run_in_space_has_no_heading(tmp_path: Path) -> None:
         "timing": {"law": "quintic"},
         "margin": {"measure": "arm", "value": 5},
     }
-    keys = {"base": base, "heading_deg": None, "attitude": [0.0, 0.0, 0.0, 1.0]}
+    keys = {"base": base, "heading_deg": None, "attitude": [0.0, 0.0, 0.0, 1.0], "branch": "best"}
     (row,) = rows(tmp_path, {"timing.duration": {"list": [100]}}, **keys)
     assert row.completed
     assert row.attitude == [0.0, 0.0, 0.0, 1.0]
@@ -100,6 +100,25 @@ def test_a_map_has_the_results_of_map(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_simulations_follow_the_branch_of_the_undisturbed_motion(tmp_path: Path) -> None:
+    """With less momentum the other one is better, but the arm is not on it."""
+    vary = {"momentum.2": {"list": [-0.5]}, "heading_deg": {"list": [120.0, 200.0]}}
+    undisturbed = rows(tmp_path, HEADINGS | {"heading_deg": vary["heading_deg"]})
+    assert [row.branch for row in undisturbed] == [1, 0]
+    default, best = rows(tmp_path, vary), rows(tmp_path, vary, branch="best")
+    assert [(row.branch, row.verdict) for row in default] == [(1, "infeasible"), (0, "infeasible")]
+    assert [(row.branch, row.verdict) for row in best] == [(0, "feasible"), (1, "feasible")]
+    for row, start in zip(default, undisturbed, strict=True):
+        assert row.joints == pytest.approx(start.joints)
+
+
+def test_an_arm_that_is_not_the_bases_has_no_undisturbed_motion(tmp_path: Path) -> None:
+    vary = {"robot.urdf": "planar_2dof", "task": "planar-position", "path.polynomial.x.0": 1.0}
+    (row,) = rows(tmp_path, {key: {"list": [value]} for key, value in vary.items()})
+    assert "branch: " in str(row.error)
+
+
+@pytest.mark.slow
 def test_violated_margins_and_limits_are_infeasible(tmp_path: Path) -> None:
     vary = {"margin.value": {"list": [5, 200]}, "limits.base_rate": {"list": [1.0, 1e-4]}}
     checked = rows(tmp_path, vary, branch=0)
@@ -112,9 +131,9 @@ def test_violated_margins_and_limits_are_infeasible(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("vary", "key"),
     [
-        ({"momentum.2": {"list": [0, float("nan")]}}, "base.yaml: momentum.2: "),
+        ({"momentum.2": {"list": [0, float("nan")]}}, "study.yaml: vary.momentum.2: "),
         ({"path.polynomial.x.0": {"list": [2, 9]}}, "path: "),
-        ({"robot.urdf": {"list": ["planar_3dof", "none.urdf"]}}, "base.yaml: robot.urdf: "),
+        ({"robot.urdf": {"list": ["planar_3dof", "none.urdf"]}}, "study.yaml: vary.robot.urdf: "),
         ({"robot.urdf": {"list": ["planar_3dof", "bad.urdf"]}}, "bad.urdf:1: urdf: "),
         ({"heading_deg": {"list": [9, float("inf")]}}, "heading_deg: "),
         ({"robot.scale_mass.link_9": {"list": [1]}}, "robot.scale_mass.link_9: "),
@@ -156,7 +175,7 @@ def test_files_sent_along_are_enough_on_another_machine(tmp_path: Path) -> None:
     home.rename(tmp_path / "away")
     there, error = (execute(Run.of(study, number, files)).row for number in range(2))
     assert there.margin == here.margin
-    assert str(error.error).startswith(f"{home}/base.yaml: robot.urdf: ")
+    assert str(error.error).startswith(f"{home}/study.yaml: vary.robot.urdf: ")
 
 
 def test_meshes_are_files_of_a_study(tmp_path: Path) -> None:

@@ -116,6 +116,9 @@ LISTED = {"momentum.2": {"list": [0, 1]}}
         ({}, {}, "vary"),
         ({"momentum": {"list": [[0, 0, 0]]}, "momentum.2": {"list": [0]}}, {}, "vary.momentum.2"),
         ({"momentum.3": {"list": [1]}}, {}, "vary.momentum.3"),
+        ({"margin.fraction": {"list": [0.5]}}, {}, "vary.margin.fraction"),
+        ({"task": {"list": ["pose"]}, "path.attitude": {"list": [1]}}, {}, "vary.path.attitude"),
+        ({"margin": {"list": [{}]}}, {}, "vary.margin"),
         (RANDOM, {}, "cases"),
         (LISTED, {"cases": 3}, "cases"),
         (LISTED, {"command": "dance"}, "command"),
@@ -160,8 +163,11 @@ def test_a_base_without_a_valid_run_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         a_study(tmp_path, LISTED, base=broken)
     assert (caught.value.source, caught.value.key) == (str(tmp_path / "base.yaml"), "margin")
-    completed = a_study(tmp_path, {"margin.value": {"list": [1, 5]}}, base=broken)
-    assert completed.count == 2
+    values = {"margin.value": {"list": [1, 5]}}
+    assert a_study(tmp_path, values, base=broken, branch="best").count == 2
+    with pytest.raises(InputError) as caught:  # there is no undisturbed motion
+        a_study(tmp_path, values, base=broken)
+    assert (caught.value.source, caught.value.key) == (str(tmp_path / "study.yaml"), "branch")
 
 
 def test_values_without_a_valid_run_are_an_error(tmp_path: Path) -> None:
@@ -169,6 +175,15 @@ def test_values_without_a_valid_run_are_an_error(tmp_path: Path) -> None:
         a_study(tmp_path, {"momentum": {"ball": {"center": [0, 0], "radius": 1}}}, cases=2)
     assert caught.value.source == str(tmp_path / "study.yaml")
     assert caught.value.key == "vary.momentum"
+
+
+def test_entries_of_a_list_vary_where_the_base_leaves_it_to_its_default(tmp_path: Path) -> None:
+    base = {key: value for key, value in BASE.items() if key != "momentum"}
+    study = a_study(tmp_path, {"momentum.2": {"list": [0.5]}}, base=base)
+    assert study.document(0)["momentum"] == [0.0, 0.0, 0.5]
+    base["robot"] = BASE["robot"] | {"spacecraft": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}}
+    study = a_study(tmp_path, {"robot.spacecraft.mount.rpy.2": {"list": [1.0]}}, base=base)
+    assert study.document(0)["robot"]["spacecraft"]["mount"] == {"rpy": [0.0, 0.0, 1.0]}
 
 
 def test_one_valid_run_is_enough(tmp_path: Path) -> None:

@@ -127,6 +127,8 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     errors = result.errors
     counts = ", ".join(f"{count:,} {verdict}" for verdict, count in result.verdicts.items())
     yield f"{study.source}: {_runs(len(result.rows))} of command {study.content.command}: {counts}"
+    if study.branch_rule is not None:
+        yield f"followed: {study.branch_rule}"
     fraction, deviation = result.feasible_fraction, result.feasible_fraction_error
     if fraction is not None:
         uncertainty = "" if deviation is None else f" ± {deviation:.2%}"

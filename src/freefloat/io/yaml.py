@@ -201,11 +201,11 @@ def _first_error(
             first, keys = entry, path
     kind, location, value = first["type"], first["loc"], first["input"]
     if kind == "extra_forbidden":
-        fields = _section_at(schema, keys[:-1])[0].model_fields
+        fields = section_at(schema, keys[:-1])[0].model_fields
         known = [info.alias or name for name, info in fields.items()]
         hint = did_you_mean(str(keys[-1]), known)
         return keys, f"there is no such key{hint}", ", ".join(known)
-    description = _section_at(schema, location)[1]
+    description = section_at(schema, location)[1]
     if kind == "missing" and isinstance(location[-1], str):
         return [*keys, location[-1]], "it is missing", description or "a value"
     alternatives = [entry for entry, path in zip(errors, paths, strict=True) if path == keys]
@@ -234,7 +234,7 @@ def _keys_in(data: Any, location: Sequence[str | int]) -> list[str | int]:
     return keys
 
 
-def _section_at(
+def section_at(
     schema: type[BaseModel], location: Sequence[str | int]
 ) -> tuple[type[BaseModel], str | None]:
     """The section that a location leads to, and the description of the innermost field on it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import re
@@ -13,20 +14,19 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from freefloat.errors import FreeFloatError, InputError
+from freefloat.errors import FreeFloatError, InputError, UnreachableError
+from freefloat.ik.branches import newton_configuration
 from freefloat.io.results import save
 from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
-from freefloat.so3 import heading_quaternion
+from freefloat.so3 import Array, heading_quaternion, rotation_matrix
+from freefloat.studies.document import error_of_study, scenario_from
 from freefloat.studies.results import ERROR, Files, Row
-from freefloat.studies.study import Command, Study, scenario_from
+from freefloat.studies.study import Command, Study
 from freefloat.studies.values import finite, map_values, plan_values, simulation_values
-
-if TYPE_CHECKING:  # compiled kernels are slow to import
-    pass
 
 _MESH = re.compile(rb"""<mesh\s[^>]*filename\s*=\s*["']([^"'&]+)["']""")
 
@@ -39,6 +39,8 @@ class Run:
         number: Number of the run.
         command: The command to execute.
         document: Data of the scenario file.
+        base: Data of the base scenario's file.
+        study: The study file.
         source: The base scenario's file; relative names in the scenario are relative to its folder.
         start: Start of a simulation: attitude or heading_deg, and branch.
         parameters: The varied keys and their values.
@@ -49,6 +51,8 @@ class Run:
     number: int
     command: Command
     document: dict[str, Any] = field(repr=False)
+    base: dict[str, Any] = field(repr=False)
+    study: str
     source: Path
     start: dict[str, Any]
     parameters: dict[str, Any]
@@ -59,8 +63,9 @@ class Run:
     def of(cls, study: Study, number: int, files: Files = ()) -> Run:
         """Return a run of a study."""
         return cls(
-            number, study.content.command, study.document(number), study.base_source.absolute(),
-            study.start(number), study.parameters(number), study.content.files, files,
+            number, study.content.command, study.document(number), study.base, study.source,
+            study.base_source.absolute(), study.start(number), study.parameters(number),
+            study.content.files, files,
         )  # fmt: skip
 
 
@@ -124,6 +129,11 @@ def _below(folder: str, path: Path) -> Path:
 def _execute(run: Run, source: Path) -> RunResult:
     try:
         return _computed(run, source)
+    except InputError as error:
+        of_study = None
+        if error.source == str(source):
+            of_study = error_of_study(error, run.parameters, run.study)
+        return error_result(run, of_study or error)
     except Exception as error:  # whatever the run raised is its result
         return error_result(run, error)
 
@@ -149,8 +159,8 @@ def _computed(run: Run, source: Path) -> RunResult:
         values = plan_values(record)
     else:
         attitude = _initial_attitude(problem, run.start)
-        branch = run.start.get("branch")
-        record = simulate(problem, attitude, branch=branch, limits=scenario.limits())
+        choice = _branch_choice(run, problem, attitude, source)
+        record = simulate(problem, attitude, limits=scenario.limits(), **choice)
         values = simulation_values(record)
     row = Row(run.number, parameters=run.parameters, **finite(values))
     return RunResult(row, _file_content(record) if run.save else None)
@@ -165,6 +175,41 @@ def _initial_attitude(problem: Problem, start: dict[str, Any]) -> Any:
     if not isinstance(heading, int | float) or not math.isfinite(heading):
         raise InputError("heading_deg", f"{heading} was given", "a finite number of degrees")
     return heading_quaternion(math.radians(heading))
+
+
+def _branch_choice(run: Run, problem: Problem, attitude: Any, source: Path) -> dict[str, Any]:
+    """Return the arguments of simulate that choose the arm branch."""
+    branch = run.start.get("branch")
+    if branch is not None:
+        return {} if branch == "best" else {"branch": branch}
+    branches = problem.branches(problem.attitude("attitude", attitude))
+    if not branches:
+        return {}  # which is an error of simulate
+    joints = _undisturbed_joints(json.dumps(run.base), source, tuple(attitude))
+    if len(joints) != problem.model.dof:
+        raise InputError(
+            "branch", f"the arm of the base scenario has {len(joints)} joints, this one "
+            f"{problem.model.dof}", "branch: best, or the number of an arm branch"
+        )  # fmt: skip
+    if problem.redundant:
+        target = problem.path.pose(0.0).seen_from(rotation_matrix(attitude))
+        nearby = newton_configuration(problem.model, target, problem.task, joints)
+        return {"joints": joints if nearby is None else nearby.joints}
+    distance = problem.model.joint_distance
+    return {"branch": min(branches, key=lambda start: distance(start.joints, joints)).index}
+
+
+@lru_cache(maxsize=8)
+def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) -> Array:
+    """Return the initial joints of the motion that simulate chooses for the base scenario."""
+    scenario = scenario_from(json.loads(base), source)
+    try:
+        simulation = simulate(scenario.problem(), attitude, limits=scenario.limits())
+    except UnreachableError as error:
+        problem = f"there is no undisturbed motion: {error.problem}"
+        accepted = "branch: best, or the number of an arm branch"
+        raise InputError("branch", problem, accepted) from None
+    return simulation.chosen.branch.joints
 
 
 def _file_content(record: Any) -> bytes:

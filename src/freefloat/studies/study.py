@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from copy import deepcopy
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import Field
 
 from freefloat.dynamics.momentum import Task
@@ -20,9 +18,9 @@ from freefloat.io.field_types import Name, Number, Quaternion, Section
 from freefloat.io.scenario import Scenario
 from freefloat.io.schema import ScenarioFile
 from freefloat.io.yaml import parse_yaml, read_text, validated
-from freefloat.paths.path import samples_text
 from freefloat.robot.names import find_scenario, find_study, is_file
 from freefloat.so3 import unit_quaternion
+from freefloat.studies.document import error_of_study, scenario_from, with_values
 from freefloat.studies.sampling import MAX_RUNS, Count, ValuesSection
 
 START_KEYS = ("attitude", "heading_deg")
@@ -69,8 +67,10 @@ class StudyFile(Section):
     """Command simulate: initial attitude of the spacecraft, quaternion x, y, z, w."""
     heading_deg: Number | None = None
     """Command simulate, planar tasks: initial heading [degrees]."""
-    branch: Annotated[int, Field(strict=True, ge=0)] | None = None
-    """Command simulate: arm branch to follow; default is the one that simulate chooses."""
+    branch: Annotated[int, Field(strict=True, ge=0)] | Literal["best"] | None = None
+    """Command simulate: number of the arm branch to follow, or ``best``, the one that simulate
+    chooses in each run. Default: that of the undisturbed motion, which simulate chooses for the
+    base scenario at the same attitude."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +120,16 @@ class Study:
                 values[key] = section.draw(self.content.seed, key, number)
         return {key: values[key] for key in self.content.vary}
 
+    @property
+    def branch_rule(self) -> str | None:
+        """Which arm branch simulations follow; None for other commands."""
+        branch = self.content.branch
+        if self.content.command is not Command.SIMULATE:
+            return None
+        if branch is None:
+            return "the arm branch of the undisturbed motion (the base scenario at that attitude)"
+        return "the best arm branch of each run" if branch == "best" else f"arm branch {branch}"
+
     def document(self, number: int) -> dict[str, Any]:
         """Return the data of a run's scenario file."""
         values = self.parameters(number)
@@ -138,43 +148,6 @@ class Study:
         values = {key: getattr(self.content, key) for key in (*START_KEYS, "branch")}
         values |= {k: v for k, v in self.parameters(number).items() if k in START_KEYS}
         return {key: value for key, value in values.items() if value is not None}
-
-
-def scenario_from(document: dict[str, Any], source: Path) -> Scenario:
-    """Return the scenario with the given data; the source is its file, for relative paths."""
-    content = validated(ScenarioFile, document, source)
-    samples = content.path.samples
-    text = None if samples is None else samples_text(source.parent / samples)
-    return Scenario(source, yaml.safe_dump(document, sort_keys=False), content, text)
-
-
-def with_values(document: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """Return a copy of a file's data with values set at dotted paths, in new sections if needed.
-
-    Raises:
-        InputError: With the path as its key, if it leads through something that is no section.
-    """
-    copy = deepcopy(document)
-    for path, value in values.items():
-        *sections, last = path.split(".")
-        node: Any = copy
-        for section in sections:
-            node = _entry(node, section, path, {})
-        _entry(node, last, path, None)
-        node[last if isinstance(node, dict) else int(last)] = deepcopy(value)
-    return copy
-
-
-def _entry(node: Any, name: str, path: str, default: Any) -> Any:
-    if isinstance(node, dict):
-        return node.setdefault(name, default)
-    if not isinstance(node, list):
-        problem = f"the base scenario has {node!r} above {name!r}"
-        raise InputError(path, problem, "a path through keys or lists")
-    if not (name.isdecimal() and int(name) < len(node)):
-        problem = f"the base scenario has {len(node)} entries there"
-        raise InputError(path, problem, f"an index from 0 to {len(node) - 1}")
-    return node[int(name)]
 
 
 def load_study(name: str | Path) -> Study:
@@ -200,6 +173,7 @@ def load_study(name: str | Path) -> Study:
         _check_values(study)
         _check_start(study)
         _check_runs(study)
+        _check_branch(study)
     except InputError as error:
         raise error.found_in(str(source)) from None
     return study
@@ -266,9 +240,28 @@ def _check_runs(study: Study) -> None:
         except InputError as error:
             errors.append(error)
     first = errors[0]
-    for key in study.content.vary:
-        if f"{first.key}.".startswith(f"{key}."):
-            raise InputError(f"vary.{first.key}", f"run 0: {first.problem}", first.accepted)
-        if first.key == key.partition(".")[0] not in study.base:
-            raise InputError(f"vary.{key}", first.problem, first.accepted)
-    raise first
+    of_study = error_of_study(first, study.content.vary, study.source)
+    if of_study is not None:
+        raise InputError(of_study.key, f"run 0: {of_study.problem}", of_study.accepted)
+    of_base = _error_of_base(study)
+    if of_base is not None and (of_base.key, of_base.problem) == (first.key, first.problem):
+        raise first
+    below = [f"vary.{key}" for key in study.content.vary if key.startswith(f"{first.key}.")]
+    raise InputError([*below, "vary"][0], f"run 0: {first.key}: {first.problem}", first.accepted)
+
+
+def _error_of_base(study: Study) -> InputError | None:
+    try:
+        validated(ScenarioFile, study.base, study.base_source)
+    except InputError as error:
+        return error
+    return None
+
+
+def _check_branch(study: Study) -> None:
+    """Check that there is an undisturbed motion where the arm branch depends on it."""
+    if study.content.command is Command.SIMULATE and study.content.branch is None:
+        error = _error_of_base(study)
+        if error is not None:
+            problem = f"the base has no undisturbed motion: {error.key}: {error.problem}"
+            raise InputError("branch", problem, "best, or the number of an arm branch")
