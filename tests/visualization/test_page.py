@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import Browser
+from scipy.spatial.transform import Rotation
 
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import Plan
 from freefloat.visualization.map_scene import BACK, BALL, BEST_BRANCH, FRONT
@@ -75,19 +77,43 @@ def test_a_page_shows_a_map(browser: Browser, spatial: Problem, tmp_path: Path) 
         for item in (FRONT, BACK, BALL):
             page.only(item)
             assert differing(page.picture(), empty) > 200
+        page.only(BACK)
+        for x in range(100, 540, 10):  # until a sample is below the pointer
+            page.page.mouse.move(x, 240)
+            if page.page.locator("#sample").is_visible():
+                break
+        page.page.mouse.click(x, 240)
+        words = page.page.locator("#sample").inner_text().split()
+        shown = np.array(words[words.index("w") + 1 :][:4], dtype=float)
+        sample = int(np.argmax(np.abs(result.attitudes @ shown)))
+        assert abs(result.attitudes[sample] @ shown) > 1.0 - 1e-10
+        assert Rotation.from_quat(shown).as_rotvec()[1] > 0.0
+        margin = result.margins[sample, 0]
+        assert words[words.index("wrist±") + 1] == (f"{margin:.4g}" if margin > 0.0 else "ends")
+        page.page.locator("#sample button").click()
+        page.page.get_by_text("Copied").wait_for()
         assert page.errors == []
 
 
 @pytest.mark.slow
 def test_a_page_shows_a_map_over_headings(browser: Browser, tmp_path: Path) -> None:
     problem = ff.load_scenario("planar_2dof/line").problem()
-    file = ff.playback(ff.attitude_map(problem, 24)).save(tmp_path / "map.html")
+    result = ff.attitude_map(problem, 24)
+    assert isinstance(result, HeadingMap)
+    file = ff.playback(result).save(tmp_path / "map.html")
     with opened(browser, file) as page:
         page.only()
         empty = page.picture()
         for item in ("Circle", "Best heading", "branch 0", "branch 1"):
             page.only(item)
             assert differing(page.picture(), empty) > 50
+        box = page.page.locator("#meshcat-pane").bounding_box()
+        assert box is not None
+        page.page.mouse.move(box["width"] / 2 + 80, box["height"] / 2 - 80)
+        text = page.page.locator("#sample").inner_text()
+        assert text.startswith("heading 45°")
+        for margins in result.minimum_margins:
+            assert f"{margins[3]:.4g}" in text
         assert page.errors == []
 
 

@@ -80,6 +80,25 @@ class TitledScene:
     lines: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of a map that can be pointed at.
+
+    Attributes:
+        points: Their places in the scene [m], shape (K, 3): rotation vectors or, over headings,
+            points on the unit circle.
+        margins: Minimum margins, shape (K, C), not positive without a motion that completes.
+        columns: What each column is of: the titles of the arm branches.
+        parts: Items that samples are drawn in: feasible ones with y < 0 and others, infeasible
+            ones. None over headings.
+    """
+
+    points: Array
+    margins: Array
+    columns: tuple[str, ...]
+    parts: tuple[str, str, str] | None = None
+
+
 @dataclass(frozen=True)
 class View:
     """First view of a scene.
@@ -106,16 +125,19 @@ class MarginColours:
     Attributes:
         margin: Measure and threshold.
         largest: Value of the brightest colour.
+        used: Whether any value keeps the margin.
     """
 
     margin: Margin
     largest: float
+    used: bool = True
 
     @classmethod
     def over(cls, margin: Margin, values: Iterable[Array]) -> MarginColours:
         """Return the scale that covers arrays of values of the measure."""
         highest = [float(np.max(array)) for array in values if len(array)]
-        return cls(margin, max([1.2 * margin.threshold, 1e-12, *highest]))
+        largest = max([1.2 * margin.threshold, 1e-12, *highest])
+        return cls(margin, largest, any(map(margin.is_kept, highest)))
 
     def __call__(self, values: Array) -> Array:
         """Return RGB colours, shape (K, 3), of values of the measure, shape (K,)."""
@@ -133,7 +155,7 @@ class MarginColours:
             "margin": self.margin.threshold,
             "largest": self.largest,
             "below": to_hex(_BELOW),
-            "stops": [to_hex(colour) for colour in self(stops)],
+            "stops": [to_hex(colour) for colour in self(stops)] if self.used else [],
         }
 
 
@@ -148,6 +170,7 @@ class SceneDescription:
         scale: Colours of the margin.
         view: First view.
         remarks: Messages on visuals of the robot that cannot be drawn.
+        samples: Of a map.
     """
 
     title: str
@@ -156,6 +179,7 @@ class SceneDescription:
     scale: MarginColours
     view: View
     remarks: tuple[str, ...] = ()
+    samples: Samples | None = None
 
     @property
     def duration(self) -> float:
@@ -172,4 +196,6 @@ class SceneDescription:
             "scale": self.scale.to_dict(),
             "view": asdict(self.view),
             "remarks": list(self.remarks),
+            "samples": self.samples
+            and {"columns": self.samples.columns, "parts": self.samples.parts},
         }

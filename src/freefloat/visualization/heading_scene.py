@@ -12,6 +12,7 @@ from freefloat.so3 import Array, IntArray
 from freefloat.visualization.description import (
     Label,
     MarginColours,
+    Samples,
     SceneDescription,
     TitledScene,
     View,
@@ -58,9 +59,11 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
             builder.mesh(f"{root}/{BEST}", tube(line, 0.006), _WHITE, shaded=False, overlay=True)
             labels.append(Label("best", line[1].tolist(), BEST))
     scene = TitledScene("all arm branches", NODE, labels, lines=tuple(_lines(result)))
-    return builder.scene(
-        SceneDescription(title, (scene,), dict.fromkeys(items, True), colours, _VIEW)
-    )
+    shown = dict.fromkeys(items, True)
+    margins = np.nan_to_num(result.minimum_margins, nan=-1.0).T
+    branches = tuple(f"branch {branch}" for branch in result.branches)
+    samples = Samples(_points(1.0, result.headings), margins, branches)
+    return builder.scene(SceneDescription(title, (scene,), shown, colours, _VIEW, samples=samples))
 
 
 def _points(radii: Any, angles: Any) -> Array:

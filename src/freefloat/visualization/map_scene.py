@@ -14,10 +14,11 @@ from meshcat import geometry as g
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.so3 import Array, Pose
+from freefloat.so3 import Array, IntArray, Pose
 from freefloat.visualization.description import (
     Label,
     MarginColours,
+    Samples,
     SceneDescription,
     TitledScene,
     View,
@@ -29,20 +30,20 @@ from freefloat.visualization.slices import Mark, map_marks, rotation_vectors
 FRONT, BACK = "Feasible, y < 0", "Feasible, y > 0"
 INFEASIBLE, BOUNDARY = "Below the margin", "Boundary"
 MARKS, BALL, AXES = "Marks", "Ball", "Axes"
+_PARTS = (FRONT, BACK, INFEASIBLE)
 BEST_BRANCH = "best of all branches"
 
 _MAX_SAMPLES = 40_000
 """Maximum number of samples drawn; a larger map is thinned at random."""
-_FEASIBLE, _OTHERS = 0.5, 0.2
-"""Sizes of feasible and other points as fractions of the distance between samples."""
+_FEASIBLE, _OTHERS = (0.5, 0.12), (0.32, 0.09)
+"""Sizes of feasible and other points: fraction of the distance between samples, least size [m]."""
 _EDGE, _MARK = 0.06, 0.07
 """Size of boundary points and radius of marks [m]."""
-_SPARSE = 0.25
-"""Fraction of the samples up to which points in front are shown at first."""
 _WHITE = (0.95, 0.96, 0.98)
 _GREY = (0.45, 0.50, 0.60, 1.0)
 _MARK_COLOURS: dict[str, tuple[float, float, float, float]] = {
-    "best": (1.0, 0.25, 0.45, 1.0), "robust": (1.0, 0.6, 0.1, 1.0), "nearest": (0.3, 0.8, 1.0, 1.0),
+    "best": (1.0, 0.25, 0.45, 1.0), "robust": (0.75, 0.5, 1.0, 1.0),
+    "nearest": (0.3, 0.8, 1.0, 1.0),
 }  # fmt: skip
 _VIEW = View(
     centre=[0.0, 0.0, 0.0],
@@ -76,7 +77,8 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
     edges = [*(result.boundary or ()), *(result.tangency or ())]
     builder = SceneBuilder()
     scenes = []
-    for group in _groups(result):
+    groups = list(_groups(result))
+    for group in groups:
         name = node(group.title)
         root = f"{ROOT}/{name}"
         _draw_samples(builder, root, vectors[chosen], group.margins[chosen], colours)
@@ -87,11 +89,11 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
         marks = [mark for mark in map_marks(result) if group.has(mark.branch)]
         labels = _draw_ball(builder, root) + _draw_marks(builder, root, marks)
         scenes.append(TitledScene(group.title, name, labels, lines=tuple(_lines(result, group))))
-    feasible = result.feasible_fraction
-    # those that cover the inside of the ball start hidden
-    items = {FRONT: feasible < _SPARSE, BACK: True, INFEASIBLE: 1.0 - feasible < _SPARSE}
-    items |= dict.fromkeys((BOUNDARY, MARKS, BALL, AXES), True)
-    return builder.scene(SceneDescription(title, tuple(scenes), items, colours, _VIEW))
+    items = dict.fromkeys((*_PARTS, BOUNDARY, MARKS, BALL, AXES), True)
+    samples = _samples(result, groups[1:] or groups, chosen)
+    return builder.scene(
+        SceneDescription(title, tuple(scenes), items, colours, _VIEW, samples=samples)
+    )
 
 
 def _groups(result: AttitudeMap) -> Iterator[_Group]:
@@ -107,6 +109,23 @@ def _groups(result: AttitudeMap) -> Iterator[_Group]:
         yield _Group(f"{name[:-1]}±" if flipped else name, branches, margins)
 
 
+def _samples(result: AttitudeMap, groups: Sequence[_Group], chosen: IntArray) -> Samples:
+    """Return the samples that can be pointed at, with a column per group."""
+    reached = [
+        result.reached[:, list(g.branches or range(result.reached.shape[1]))] for g in groups
+    ]
+    margins = [
+        np.where(exist.any(axis=1), group.margins, -1.0)[chosen]
+        for group, exist in zip(groups, reached, strict=True)
+    ]
+    return Samples(
+        rotation_vectors(result.attitudes[chosen]),
+        np.column_stack(margins),
+        tuple(group.title for group in groups),
+        _PARTS,
+    )
+
+
 def _draw_samples(
     builder: SceneBuilder, root: str, vectors: Array, margins: Array, colours: MarginColours
 ) -> None:
@@ -118,10 +137,11 @@ def _draw_samples(
         (FRONT, feasible & front, _FEASIBLE), (BACK, feasible & ~front, _FEASIBLE),
         (INFEASIBLE, ~feasible, _OTHERS),
     )  # fmt: skip
-    for name, part, size in parts:
+    for name, part, (fraction, least) in parts:
         if part.any():
             values = np.where(feasible, margins, -1.0)[part]
-            builder.points(f"{root}/{name}", vectors[part], colours(values), size * spacing)
+            size = max(fraction * spacing, least)
+            builder.points(f"{root}/{name}", vectors[part], colours(values), size)
 
 
 def _draw_ball(builder: SceneBuilder, root: str) -> list[Label]:
@@ -145,7 +165,7 @@ def _draw_marks(builder: SceneBuilder, root: str, marks: Sequence[Mark]) -> list
     for mark in marks:
         vector = rotation_vectors([mark.attitude])[0]
         path = f"{root}/{MARKS}/{mark.name}"
-        builder.mesh(path, g.Sphere(_MARK), _MARK_COLOURS[mark.name])
+        builder.mesh(path, g.Sphere(_MARK), _MARK_COLOURS[mark.name], overlay=True)
         builder.place(path, Pose(vector, np.eye(3)))
         labels.append(Label(mark.name, vector.tolist(), MARKS))
     return labels

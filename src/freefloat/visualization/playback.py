@@ -16,12 +16,14 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import meshcat
+import numpy as np
 
 from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
+from freefloat.visualization.description import Samples
 from freefloat.visualization.scene import motion_scene
 from freefloat.visualization.scene_builder import ROOT, Scene
 from freefloat.visualization.server import open_browser
@@ -83,13 +85,14 @@ class Playback:
         """
         description = self.scene.description
         about = {**description.to_dict(), "copies": self.scene.copies, "opens": opens}
-        animation = self.scene.animation
+        animation, samples = self.scene.animation, description.samples
         parts = {
             "TITLE": html.escape(description.title),
             "LICENCES": _licences(),
             "VIEWER": (_MESHCAT / "dist" / "main.min.js").read_text(encoding="utf-8"),
             "SCENE": _packed(self.scene.objects),
             "TRACKS": _packed([] if animation is None else [animation]),
+            "SAMPLES": _packed([] if samples is None else _floats(samples)),
             "ABOUT": json.dumps(about, allow_nan=False).replace("<", "\\u003c"),
             "PLAYER": (_HERE / "player.js").read_text(encoding="utf-8"),
         }
@@ -140,13 +143,20 @@ class Playback:
 
     def _repr_html_(self, height: int = 600) -> str:
         style = f"width: 100%; height: {height}px; border: 0"
-        return f'<iframe style="{style}" srcdoc="{html.escape(self.html())}"></iframe>'
+        frame = f'<iframe style="{style}" srcdoc="{html.escape(self.html())}"></iframe>'
+        return f"<div>{frame}</div>"  # IPython warns of a lone frame
 
 
 def _packed(commands: Iterable[bytes]) -> str:
     """Commands, each after its length, compressed; an empty text without commands."""
     raw = b"".join(len(command).to_bytes(4, "little") + command for command in commands)
     return base64.b64encode(gzip.compress(raw, 6, mtime=0)).decode() if raw else ""
+
+
+def _floats(samples: Samples) -> list[bytes]:
+    """Points and margins of a map in single precision."""
+    arrays = samples.points, samples.margins
+    return [np.ascontiguousarray(array, dtype="<f4").tobytes() for array in arrays]
 
 
 def _licences() -> str:

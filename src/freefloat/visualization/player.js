@@ -7,6 +7,7 @@ const SIDE_BY_SIDE = "side by side";
 const INK = "#e8ecf2";
 const FIELD_OF_VIEW = 40; // degrees
 const FRAME = 0.88; // fraction of the picture that the scene fills
+const REACH = 8; // from the pointer to a sample that it shows [pixels]
 const element = id => document.getElementById(id);
 
 async function unpacked(text) {
@@ -198,21 +199,160 @@ function shortened(value) {
   return size !== 0 && (size < 1e-3 || size >= 1e5) ? value.toExponential(2) : String(+value.toPrecision(4));
 }
 
+// Copies a text, also where the clipboard is refused: in frames and on insecure pages.
+async function copy(text) {
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch {
+    const area = document.createElement("textarea");
+    area.value = text;
+    document.body.append(area);
+    area.select();
+    document.execCommand("copy");
+    area.remove();
+  }
+}
+
 function plainLine(line) { return typeof line === "string" ? line : line.verdict; }
 
-function lineColour(line) { return typeof line === "string" ? INK : line.feasible ? "#9be3a0" : "#ffb27a"; }
+function verdictColour(good) { return good ? "#9be3a0" : "#ffb27a"; }
 
-function legendTitle() {
-  const { measure, unit } = about.scale;
-  const raised = unit.replace(/\^(-?\d+)/g, (_, power) =>
+function lineColour(line) { return typeof line === "string" ? INK : verdictColour(line.feasible); }
+
+// Unit of the measure with superscripts; empty without a unit.
+function unit() {
+  if (about.scale.unit === "1") return "";
+  return about.scale.unit.replace(/\^(-?\d+)/g, (_, power) =>
     [...power].map(digit => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(digit)]).join(""));
-  return `|${measure}|` + (unit !== "1" ? ` [${raised}]` : "");
 }
+
+// The samples of a map: the pointer shows one, a click keeps it.
+class SamplePicker {
+  static async of(player, packed) {
+    const arrays = [...commands(await unpacked(packed))].map(bytes => new Float32Array(bytes.buffer));
+    return new SamplePicker(player, ...arrays);
+  }
+
+  constructor(player, points, margins) {
+    Object.assign(this, { player, points, margins, current: -1, pinned: false });
+    const pane = element("meshcat-pane");
+    let down = null;
+    pane.addEventListener("pointerdown", event => { down = event; });
+    pane.addEventListener("pointermove", event => {
+      if (!this.pinned && !event.buttons) this.select(this.nearest(event.offsetX, event.offsetY), false);
+    });
+    pane.addEventListener("pointerup", event => {
+      if (!down || Math.hypot(event.clientX - down.clientX, event.clientY - down.clientY) > 4) return;
+      const sample = this.nearest(event.offsetX, event.offsetY);
+      this.select(sample, sample >= 0 && !(this.pinned && sample === this.current));
+    });
+  }
+
+  point(sample) { return this.points.subarray(3 * sample, 3 * sample + 3); }
+
+  row(sample) {
+    const { length } = about.samples.columns;
+    return this.margins.subarray(length * sample, length * sample + length);
+  }
+
+  // Whether the page shows a sample: maps over attitudes draw them in three items.
+  visible(sample) {
+    const { columns, parts } = about.samples, row = this.row(sample);
+    if (!parts) return true;
+    const column = columns.indexOf(this.player.shown[0].title);
+    const margin = column < 0 ? Math.max(...row) : row[column];
+    const part = !feasible(margin) ? 2 : this.point(sample)[1] < 0 ? 0 : 1;
+    return !this.player.hidden.has(parts[part]);
+  }
+
+  // Matrix from the scene to the picture, each coordinate in [-1, 1].
+  projection() {
+    const { camera, scene } = this.player.viewer;
+    camera.updateMatrixWorld();
+    return camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse).multiply(scene.matrixWorld);
+  }
+
+  place(sample, projection) {
+    const { clientWidth, clientHeight } = element("meshcat-pane");
+    const point = new MeshCat.THREE.Vector3(...this.point(sample)).applyMatrix4(projection);
+    return { x: (1 + point.x) * clientWidth / 2, y: (1 - point.y) * clientHeight / 2, depth: point.z };
+  }
+
+  // The foremost sample near a pixel, or -1; over headings the nearest one.
+  nearest(x, y) {
+    const projection = this.projection(), { flat } = about.view;
+    let best = Infinity, found = -1;
+    for (let sample = 0; sample < this.points.length / 3; sample++) {
+      const place = this.place(sample, projection);
+      const distance = Math.hypot(place.x - x, place.y - y), rank = flat ? distance : place.depth;
+      if (rank < best && (flat || distance < REACH) && this.visible(sample)) [best, found] = [rank, sample];
+    }
+    return found;
+  }
+
+  select(sample, pinned) {
+    if (sample === this.current && pinned === this.pinned) return;
+    Object.assign(this, { current: sample, pinned });
+    this.fill();
+    this.player.viewer.set_dirty();
+  }
+
+  // Quaternion x, y, z, w of a sample, and its heading in degrees on maps over headings.
+  attitude(sample) {
+    const [x, y, z] = this.point(sample);
+    if (about.samples.parts) {
+      const angle = Math.hypot(x, y, z), along = angle > 0 ? Math.sin(angle / 2) / angle : 0;
+      return { quaternion: [x * along, y * along, z * along, Math.cos(angle / 2)] };
+    }
+    const heading = (Math.atan2(y, x) + 2 * Math.PI) % (2 * Math.PI);
+    return { quaternion: [0, 0, Math.sin(heading / 2), Math.cos(heading / 2)],
+      heading: `${+(heading * 180 / Math.PI).toFixed(4)}` };
+  }
+
+  fill() {
+    const panel = element("sample");
+    panel.hidden = element("ring").hidden = this.current < 0;
+    if (panel.hidden) return;
+    const { quaternion, heading } = this.attitude(this.current);
+    const attitude = quaternion.map(part => part.toFixed(6)).join(" ");
+    const text = document.createElement("p"), table = document.createElement("table");
+    text.innerText = (heading ? `heading ${heading}°\n` : "") + `attitude x y z w\n${attitude}`;
+    this.row(this.current).forEach((margin, column) => {
+      const row = table.insertRow(), ending = margin < 0 ? "start not reached" : "ends early";
+      row.insertCell().textContent = about.samples.columns[column];
+      row.insertCell().textContent = margin > 0 ? shortened(margin) : ending;
+      row.style.color = verdictColour(feasible(margin));
+    });
+    panel.replaceChildren(text, table, this.pinned ? this.copyButton(heading || attitude) : "click keeps this");
+  }
+
+  copyButton(text) {
+    const button = document.createElement("button");
+    button.textContent = "Copy";
+    button.title = `Copy ${text}`;
+    button.addEventListener("click", async () => {
+      await copy(text);
+      button.textContent = "Copied";
+    });
+    return button;
+  }
+
+  // Puts the ring around the current sample.
+  mark() {
+    if (this.current < 0) return;
+    const { x, y } = this.place(this.current, this.projection());
+    Object.assign(element("ring").style, { left: `${x}px`, top: `${y}px` });
+  }
+}
+
+// The margin is kept up to rounding; see is_kept in margin.py.
+function feasible(value) { return value > 0 && value >= about.scale.margin * (1 - 1e-6); }
 
 // The panels around the 3D view.
 class Panels {
-  constructor(player) {
+  constructor(player, picker) {
     this.player = player;
+    this.picker = picker;
     this.makeItems();
     this.makeBar();
     this.makeLegend();
@@ -259,12 +399,12 @@ class Panels {
       end.textContent = shortened(value);
       ends.append(end);
     }
-    legend.append(legendTitle(), bar, ends);
+    legend.append(`|${about.scale.measure}|` + (unit() && ` [${unit()}]`), ...stops.length ? [bar, ends] : []);
     if (margin > 0) {
       const note = document.createElement("div");
       note.className = "below";
       note.style.setProperty("--below", below);
-      note.textContent = "below the margin";
+      note.textContent = `below the margin ${shortened(margin)} ${unit()}`;
       legend.append(note);
     }
   }
@@ -298,6 +438,7 @@ class Panels {
     element("states").classList.toggle("several", player.shown.length > 1);
     element("states").replaceChildren(...player.shown.map(scene => this.state(scene)));
     this.placeLabels();
+    if (this.picker) this.picker.mark();
   }
 
   state(scene) {
@@ -356,10 +497,11 @@ async function begin() {
   }
   await run("tracks"); // tracks need existing objects
   const { animator } = viewer;
-  animator.folder.domElement.style.display = "none"; // the player has its own clock
   animator.play(); // required before the first seek
   animator.pause();
-  const player = new Player(viewer), panels = new Panels(player);
+  const player = new Player(viewer);
+  const picker = about.samples && await SamplePicker.of(player, element("samples").textContent);
+  const panels = new Panels(player, picker);
   const frame = now => {
     requestAnimationFrame(frame);
     player.tick(now);

@@ -17,7 +17,7 @@ from freefloat.so3 import Array, Pose, axes_rotation
 
 _SPACECRAFT: Colour = (0.75, 0.77, 0.80, 1.0)
 _LINK: Colour = (0.93, 0.94, 0.95, 1.0)
-_JOINT: Colour = (0.95, 0.55, 0.15, 1.0)
+_JOINT: Colour = (0.45, 0.55, 0.68, 1.0)
 _ROD, _HUB = 0.015, 0.026
 """Radii of rods and of joints as fractions of the arm's length."""
 _SMALLEST, _LARGEST = 0.05, 2.0
