@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from freefloat.cli.info import natural_task
+from freefloat.dynamics.summary import natural_task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import FreeFloatError
 from freefloat.io.results import load

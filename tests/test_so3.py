@@ -163,6 +163,9 @@ def test_composition_of_poses(first: np.ndarray, second: np.ndarray, seed: int) 
     """The inner pose is applied first, then the outer one."""
     p, r, point = np.random.default_rng(seed).normal(size=(3, 3))
     outer, inner = Pose(p, rotation_matrix(first)), Pose(r, rotation_matrix(second))
+    np.testing.assert_allclose((outer.inverse() @ outer).position, 0.0, atol=1e-12)
+    np.testing.assert_allclose((outer.inverse() @ outer).rotation, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(rotation_matrix(outer.quaternion), outer.rotation, atol=1e-12)
     both = outer @ inner
     step = inner.rotation @ point + inner.position
     np.testing.assert_allclose(

@@ -52,10 +52,23 @@ class Pose:
         object.__setattr__(self, "position", frozen(self.position))
         object.__setattr__(self, "rotation", frozen(self.rotation))
 
+    def __repr__(self) -> str:
+        position, quaternion = (np.round(x, 9) + 0.0 for x in (self.position, self.quaternion))
+        return f"Pose(position={position.tolist()}, quaternion={quaternion.tolist()})"
+
+    @property
+    def quaternion(self) -> Array:
+        """The rotation as a unit quaternion x, y, z, w with w of at least zero, shape (4,)."""
+        return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True))
+
     def __matmul__(self, inner: Pose) -> Pose:
         """The composition with the pose ``inner`` relative to this frame."""
         position = self.position + self.rotation @ inner.position
         return Pose(position, self.rotation @ inner.rotation)
+
+    def inverse(self) -> Pose:
+        """The pose of the other frame relative to this one."""
+        return Pose(-self.rotation.T @ self.position, self.rotation.T)
 
     def seen_from(self, rotation: Array) -> Pose:
         """The pose relative to a frame with the same origin, rotated by ``rotation`` (3, 3)."""

@@ -227,6 +227,7 @@ def test_a_shell_completes_commands_bundled_names_and_files(tmp_path: Path) -> N
         *("spatial_6dof/above", "spatial_6dof/line", "spatial_mine.yaml")
     ]
     assert robot_names(f"{tmp_path}/ar") == [f"{tmp_path}/arm.urdf"]
+    assert "example-robot-data:ur5" in robot_names("example-robot-data:ur")
     assert study_names("p") == ["planar_3dof/grid"]
     assert scenario_names("no/such/folder/a") == []
     assert file_names("planar_3dof/g") == ["planar_3dof/grid"]

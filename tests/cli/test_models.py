@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
+from scipy.spatial.transform import Rotation
 
 from freefloat.cli.models import catalogue
 from freefloat.io.scenario import load_scenario
 from freefloat.robot.names import bundled_robots, bundled_scenarios, bundled_studies, models_folder
+from freefloat.so3 import Pose, rotation_matrix, unit_quaternion
 from freefloat.studies.study import load_study
 from tests.commands import document, error, run
 
@@ -89,6 +93,45 @@ def test_info_takes_an_end_effector_and_stock_arms() -> None:
     assert math.isclose(robot["total_mass"], 17.451901, abs_tol=1e-9)
     assert error("info", "spatial_6dof/line", "--end-effector", "link_3")["key"] == "end_effector"
     assert error("info", "spatial_6dof", "--end-effector", "none")["key"] == "end_effector"
+
+
+def test_info_shows_the_end_effector_at_given_joints() -> None:
+    """The poses are those of one point seen from three frames."""
+    joints, attitude = [0.3, -0.8, 1.1, 0.4, 0.9, -0.2], [0.1, 0.5, 0.2, -0.8367]
+    words = ["ur5_servicer/arc", "--joints", ",".join(map(str, joints))]
+    shown = document("info", *words, "--attitude", *attitude)["configuration"]
+    problem = load_scenario("ur5_servicer/arc").problem()
+    expected = problem.model.end_effector_pose(unit_quaternion("", attitude), joints)
+    inertial, spacecraft, base = (
+        Pose(np.array(pose["position"]), rotation_matrix(pose["quaternion"]))
+        for pose in map(shown["end_effector"].get, ("inertial", "spacecraft", "base"))
+    )
+    np.testing.assert_allclose(inertial.position, expected.position, atol=1e-12)
+    np.testing.assert_allclose(inertial.rotation, expected.rotation, atol=1e-12)
+    root = Pose(problem.model.base_position(shown["attitude"], joints),
+                rotation_matrix(shown["attitude"]))  # fmt: skip
+    np.testing.assert_allclose((root @ spacecraft).position, expected.position, atol=1e-12)
+    np.testing.assert_allclose(spacecraft.position - base.position, [0.0, 0.0, 0.5], atol=1e-12)
+    angles = Rotation.from_euler("xyz", shown["end_effector"]["base"]["rpy"]).as_matrix()
+    np.testing.assert_allclose(angles, spacecraft.rotation, atol=1e-12)
+    (name,) = shown["measures"]
+    assert shown["measures"][name] == problem.margin.measure(np.array(joints))
+    again = document("info", *words)["configuration"]["end_effector"]
+    np.testing.assert_allclose(again["base"]["position"], base.position, atol=1e-12)
+
+
+def test_info_of_wrong_joints_is_an_error() -> None:
+    assert error("info", "planar_2dof", "--joints", "0,x")["key"] == "joints"
+    assert error("info", "planar_2dof", "--joints", "0.5")["key"] == "joints"
+    assert error("info", "planar_2dof", "--attitude", 0, 0, 0, 1)["key"] == "attitude"
+
+
+def test_info_says_why_contact_is_not_searched_for(tmp_path: Path) -> None:
+    text = (models_folder() / "planar_3dof" / "planar_3dof.urdf").read_text()
+    mesh = '<mesh filename="none.stl"/>'
+    (tmp_path / "arm.urdf").write_text(re.sub("<box [^>]*/>", mesh, text))
+    assert "none.stl" in document("info", tmp_path / "arm.urdf")["contact_unchecked"]
+    assert document("info", "planar_3dof")["contact_unchecked"] is None
 
 
 @pytest.mark.parametrize("name", ["nothing", "nothing.yaml", ".", "", "x" * 300, "ur5_servicer"])

@@ -5,24 +5,21 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import BAD_INPUT, Console, decimals, error_document, say, table
-from freefloat.cli.options import Json, Quiet, robot_names
+from freefloat.cli.options import Attitude, Json, Quiet, joint_values, robot_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.dynamics.joint_space import Extremes
-    from freefloat.dynamics.measures import SingularityMeasure
-    from freefloat.dynamics.momentum import Task
+    from freefloat.dynamics.summary import Configuration, RobotSummary
     from freefloat.robot.description import UrdfDiagnostic
-    from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.rigid_bodies import Body
 
 _EXAMPLES = "example-robot-data:"
@@ -38,26 +35,37 @@ _Robot = Annotated[
 _EndEffector = Annotated[
     str | None, typer.Option(help="For a URDF with several last links: which one.")
 ]
+_Joints = Annotated[
+    str | None,
+    typer.Option(metavar="Q1,Q2,...", help="Show the end-effector pose at these joints, rad or m."),
+]
 
 
 def info(
     robot: _Robot,
     end_effector: _EndEffector = None,
+    joints: _Joints = None,
+    attitude: Attitude = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Describe a robot: bodies, joints, barycentric lengths, errors and warnings of its URDF.
 
-    Errors and warnings have file, line, link or joint, and a correction. Exit code 2: the URDF has
-    errors.
+    Errors and warnings have file, line, link or joint, and a correction. With --joints, the pose of
+    the end-effector in spacecraft, base and inertial axes, the last from --attitude (identity when
+    left out). Exit code 2: the URDF has errors.
 
     Example: freefloat info ur5_servicer/arc
 
     Example: freefloat info example-robot-data:ur5 --end-effector tool0
+
+    Example: freefloat info planar_2dof/line --joints 0.5,1.0
     """
     from freefloat.dynamics.joint_space import joint_space_extremes
     from freefloat.dynamics.measures import singularity_measure
+    from freefloat.dynamics.summary import RobotSummary, configuration_at, natural_task
     from freefloat.io.scenario import load_scenario
+    from freefloat.limits.contact import why_unchecked
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.names import (
         bundled_robots,
@@ -90,81 +98,18 @@ def info(
             raise InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)
         names = (*bundled_robots(), *bundled_scenarios())
         raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
+    configuration = None
+    if joints is not None:
+        measures = (singularity_measure(model, task, "gjm"), measure)
+        configuration = configuration_at(model, measures, joint_values(joints), attitude)
+    elif attitude is not None:
+        raise InputError("attitude", "it was given without --joints", "--joints with it")
     extremes = joint_space_extremes(model, measure)
-    summary = RobotSummary(model, task, measure, extremes, tuple(diagnostics))
+    summary = RobotSummary(
+        model, task, measure, extremes, tuple(diagnostics), configuration, why_unchecked(model)
+    )
     console.json(summary.to_dict())
     console.tables(_tables(summary))
-
-
-@dataclass(frozen=True, eq=False)
-class RobotSummary:
-    """Summary of a robot.
-
-    Attributes:
-        model: The robot.
-        task: The task of the extremes.
-        measure: The singularity measure of the extremes.
-        extremes: Extremes of the measure over the joint space.
-        diagnostics: Warnings of the URDF.
-    """
-
-    model: FreeFloatingModel
-    task: Task
-    measure: SingularityMeasure
-    extremes: Extremes
-    diagnostics: tuple[UrdfDiagnostic, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON document of ``freefloat info``."""
-        from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-        from freefloat.robot.description import Severity
-
-        model, measure = self.model, self.measure
-        virtual = VirtualManipulator.of(model)
-        return {
-            "urdf": model.description.source,
-            "end_effector": model.end_effector,
-            "total_mass": model.total_mass,
-            "dof": model.dof,
-            "task": str(self.task),
-            "spare_joints": model.dof - len(self.task.rows),
-            "joints": [
-                {
-                    "name": body.joint,
-                    "type": "prismatic" if body.prismatic else "revolute",
-                    "lower": body.lower if math.isfinite(body.lower) else None,
-                    "upper": body.upper if math.isfinite(body.upper) else None,
-                }
-                for body in model.bodies[1:]
-            ],
-            "bodies": [
-                {"moved_by": body.joint, "mass": body.mass, "centre_of_mass": body.centre.tolist(),
-                 "inertia": body.inertia.tolist()}
-                for body in model.bodies
-            ],
-            "barycentric_lengths": virtual.lengths.tolist(),
-            "reach": virtual.reach,
-            "measure": {
-                "name": measure.name, "definition": measure.definition, "unit": measure.unit
-            },
-            "s_max": self.extremes.largest,
-            "s_max_at": self.extremes.largest_at.tolist(),
-            "s_min": self.extremes.smallest,
-            "warnings": [
-                str(entry) for entry in self.diagnostics if entry.severity == Severity.WARNING
-            ],
-            "findings": [asdict(entry) for entry in self.diagnostics],
-        }  # fmt: skip
-
-
-def natural_task(model: FreeFloatingModel) -> Task:
-    """The task with the most rows that an arm can do, planar for planar arms."""
-    from freefloat.dynamics.momentum import Task
-    from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-
-    planar = VirtualManipulator.of(model).is_planar
-    tasks = [task for task in Task if task.planar is planar and len(task.rows) <= model.dof]
-    return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)
 
 
 def _require_no_error(
@@ -196,19 +141,37 @@ def _tables(summary: RobotSummary) -> Iterator[RenderableType]:
     for body in model.bodies:
         bodies.add_row(
             body.joint, f"{body.mass:.6g}", _range(body) if body in model.bodies[1:] else "",
-            decimals(body.centre), decimals(body.inertia.diagonal()),
+            decimals(body.centre), " ".join(f"{x:.4g}" for x in body.inertia.diagonal()),
         )  # fmt: skip
     yield bodies
     yield f"end-effector {model.end_effector}, task {summary.task}, {model.dof} joints"
     yield (
-        f"barycentric lengths {decimals(virtual.lengths)} m, "
-        f"reach {virtual.reach:.4f} m from the centre of mass"
+        f"barycentric lengths {decimals(virtual.lengths)} m; no configuration puts the "
+        f"end-effector farther than {virtual.reach:.4f} m from the centre of mass"
     )
     yield (
         f"{measure.name}: {measure.definition}; over the joint space from {extremes.smallest:.6g} "
         f"to {extremes.largest:.6g} {measure.unit}"
     )
+    if summary.contact_unchecked is not None:
+        yield f"Motions are not searched for contact. {summary.contact_unchecked}"
+    if summary.configuration is not None:
+        yield from _configuration_lines(summary.configuration, model.moving_joints[0].parent)
     yield from _diagnostic_lines(summary.diagnostics)
+
+
+def _configuration_lines(configuration: Configuration, carrier: str) -> Iterator[RenderableType]:
+    """The pose of the end-effector in each frame, and the measures."""
+    from freefloat.dynamics.summary import roll_pitch_yaw
+
+    yield f"end-effector at joints {decimals(configuration.joints)}"
+    poses = table("frame", "position [m]", "quaternion x y z w", "roll pitch yaw [rad]")
+    for frame, pose in configuration.poses.items():
+        poses.add_row(frame, decimals(pose.position, 5), decimals(pose.quaternion, 6),
+                      decimals(roll_pitch_yaw(pose.rotation), 5))  # fmt: skip
+    yield poses
+    yield f"base: link {carrier}, which carries the arm; inertial: about the centre of mass"
+    yield ", ".join(f"{name} {value:.6g}" for name, value in configuration.measures.items())
 
 
 def _range(body: Body) -> str:

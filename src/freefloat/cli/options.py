@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from glob import escape, glob
 from pathlib import Path
 from typing import Annotated
@@ -24,6 +24,9 @@ def _completion(*kinds: str, suffixes: tuple[str, ...] = ()) -> Callable[[str], 
         from freefloat.robot import names
 
         bundled = [name for kind in kinds for name in getattr(names, f"bundled_{kind}")()]
+        if incomplete and "robots" in kinds:  # without a first letter they would be too many
+            with suppress(InputError):
+                bundled += [names.EXAMPLE + name for name in sorted(names.example_robots())]
         files = sorted(glob(f"{escape(incomplete)}*")) if suffixes else []
         return [
             *(name for name in bundled if name.startswith(incomplete)),
@@ -59,6 +62,22 @@ Threads = Annotated[
     int | None, typer.Option(min=1, metavar="T", help="Number of cores; default all.")
 ]
 Quaternion = tuple[float, float, float, float]
+Attitude = Annotated[
+    Quaternion | None,
+    typer.Option(metavar="X Y Z W", help="Spacecraft attitude, a quaternion."),
+]
+
+
+def joint_values(text: str) -> list[float]:
+    """Joint values of the option ``--joints``.
+
+    Raises:
+        InputError: If they are not numbers.
+    """
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise InputError("joints", f"{text!r} was given", "numbers separated by commas") from None
 
 
 def prepare_outputs(*inputs: Path, folder: Path | None = None, **files: Path | None) -> None:

@@ -22,12 +22,14 @@ from freefloat.cli.console import (
     table,
 )
 from freefloat.cli.options import (
+    Attitude,
     Json,
     Page,
     Quaternion,
     Quiet,
     ResultFile,
     ScenarioName,
+    joint_values,
     prepare_outputs,
 )
 from freefloat.errors import InputError
@@ -36,10 +38,6 @@ if TYPE_CHECKING:
     from freefloat.motion.problem import Problem
     from freefloat.planning.simulation import SimulatedBranch, Simulation
 
-_Attitude = Annotated[
-    Quaternion | None,
-    typer.Option(metavar="X Y Z W", help="Initial spacecraft attitude, a quaternion."),
-]
 _Heading = Annotated[
     float | None, typer.Option(metavar="DEG", help="The same for planar tasks, in degrees.")
 ]
@@ -57,7 +55,7 @@ _StopAtMargin = Annotated[
 
 def simulate(
     scenario: ScenarioName,
-    attitude: _Attitude = None,
+    attitude: Attitude = None,
     heading: _Heading = None,
     joints: _Joints = None,
     branch: _Branch = None,
@@ -88,8 +86,8 @@ def simulate(
     prepare_outputs(loaded.source, output=output, html=html)
     with loaded.error_context(only="path"), console.progress("integrating motions"):
         simulation = simulate_branches(
-            problem, start, branch=branch, joints=_joint_values(joints), limits=limits,
-            stop_at_margin=stop_at_margin,
+            problem, start, branch=branch, limits=limits, stop_at_margin=stop_at_margin,
+            joints=None if joints is None else joint_values(joints),
         )  # fmt: skip
     console.tables(_tables(scenario, simulation))
     if output is not None:
@@ -119,13 +117,6 @@ def _start_attitude(
     from freefloat.so3 import heading_quaternion
 
     return list(heading_quaternion(math.radians(heading)))
-
-
-def _joint_values(text: str | None) -> list[float] | None:
-    try:
-        return None if text is None else [float(word) for word in text.split(",")]
-    except ValueError:
-        raise InputError("joints", f"{text!r} was given", "numbers separated by commas") from None
 
 
 def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:

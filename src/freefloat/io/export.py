@@ -173,7 +173,7 @@ def ros2_text(trajectory: Trajectory) -> str:
             "positions": trajectory.joints[k].tolist(),
             "velocities": trajectory.joint_rates[k].tolist(),
             "accelerations": trajectory.joint_accelerations[k].tolist(),
-            "effort": [],
+            "effort": [],  # position controllers of ros2_control reject messages with effort
             "time_from_start": {"sec": ns // _NANO, "nanosec": ns % _NANO},
         }
         for k, ns in enumerate(since)

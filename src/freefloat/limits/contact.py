@@ -11,6 +11,7 @@ from freefloat.limits.clearance import TOLERANCE, CollisionPairs, clearance
 from freefloat.limits.limits import LimitKind, LimitResult
 from freefloat.motion.motion import Motion
 from freefloat.robot.description import MeshFile
+from freefloat.robot.model import FreeFloatingModel
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,23 @@ def self_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact
     return Contact((first, second), depth, time, motion.problem.path.timing.s(time))
 
 
+def why_unchecked(model: FreeFloatingModel) -> str | None:
+    """Why motions of a robot cannot be searched for contact; None where they can."""
+    try:
+        CollisionPairs(model, hulls=_links_with_meshes(model))
+    except ModelError as error:
+        return f"{error.key}: {error.problem}"
+    return None
+
+
+def _links_with_meshes(model: FreeFloatingModel) -> set[str]:
+    return {
+        link.name
+        for link in model.description.links
+        if any(isinstance(shape.geometry, MeshFile) for shape in link.shapes)
+    }
+
+
 def _deepest(motion: Motion) -> tuple[float, float, str]:
     """Depth [m], time [s] and pair of the deepest contact; a depth below zero without contact.
 
@@ -68,11 +86,7 @@ def _deepest(motion: Motion) -> tuple[float, float, str]:
     then are they divided into convex parts.
     """
     model = motion.problem.model
-    hulls = {
-        link.name
-        for link in model.description.links
-        if any(isinstance(shape.geometry, MeshFile) for shape in link.shapes)
-    }
+    hulls = _links_with_meshes(model)
     while True:
         pairs = CollisionPairs(model, hulls=hulls)
         nearest = clearance(motion, pairs, -TOLERANCE)

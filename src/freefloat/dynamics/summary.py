@@ -1,0 +1,152 @@
+"""Summary of a robot: bodies, joints, largest measure, and the end-effector at given joints."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from freefloat.dynamics.joint_space import Extremes
+from freefloat.dynamics.measures import SingularityMeasure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.robot.description import Severity, UrdfDiagnostic
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, Pose, rotation_matrix, unit_quaternion
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """A robot at given joints.
+
+    Attributes:
+        joints: [rad or m], shape (n,).
+        attitude: Of the spacecraft, unit quaternion x, y, z, w.
+        poses: Of the end-effector, by the frame that they are relative to.
+        measures: Values of singularity measures by name.
+    """
+
+    joints: Array
+    attitude: Array
+    poses: dict[str, Pose]
+    measures: dict[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The configuration as a JSON document."""
+        poses = {
+            frame: {
+                "position": pose.position.tolist(),
+                "quaternion": pose.quaternion.tolist(),
+                "rpy": roll_pitch_yaw(pose.rotation).tolist(),
+            }
+            for frame, pose in self.poses.items()
+        }
+        return {
+            "joints": self.joints.tolist(),
+            "attitude": self.attitude.tolist(),
+            "end_effector": poses,
+            "measures": self.measures,
+        }
+
+
+def configuration_at(
+    model: FreeFloatingModel,
+    measures: Sequence[SingularityMeasure],
+    joints: Sequence[float],
+    attitude: Sequence[float] | None,
+) -> Configuration:
+    """A robot at joints (n,) and an attitude; the identity for None.
+
+    Raises:
+        InputError: If they are not as many as the robot has, or the attitude is no rotation.
+    """
+    q = model.joint_vector(joints)
+    x = unit_quaternion("attitude", (0.0, 0.0, 0.0, 1.0) if attitude is None else attitude)
+    inertial = model.end_effector_pose(x, q)
+    spacecraft = Pose(model.base_position(x, q), rotation_matrix(x)).inverse() @ inertial
+    _, carrier = model.link_places[model.moving_joints[0].parent]
+    poses = {"spacecraft": spacecraft, "base": carrier.inverse() @ spacecraft, "inertial": inertial}
+    return Configuration(q, x, poses, {measure.name: measure(q) for measure in measures})
+
+
+def roll_pitch_yaw(rotation: Array) -> Array:
+    """Angles about the fixed axes x, y, z, in this order, as in URDF [rad], shape (3,)."""
+    with warnings.catch_warnings(action="ignore"):  # at a pitch of 90 degrees yaw is zero
+        return np.asarray(Rotation.from_matrix(rotation).as_euler("xyz"))
+
+
+@dataclass(frozen=True, eq=False)
+class RobotSummary:
+    """Summary of a robot.
+
+    Attributes:
+        model: The robot.
+        task: The task of the extremes.
+        measure: The singularity measure of the extremes.
+        extremes: Extremes of the measure over the joint space.
+        diagnostics: Warnings of the URDF.
+        configuration: Joints and attitude to describe, if any.
+        contact_unchecked: Why motions are not searched for contact between bodies; None where they
+            are.
+    """
+
+    model: FreeFloatingModel
+    task: Task
+    measure: SingularityMeasure
+    extremes: Extremes
+    diagnostics: tuple[UrdfDiagnostic, ...]
+    configuration: Configuration | None = None
+    contact_unchecked: str | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat info``."""
+        model, measure = self.model, self.measure
+        virtual = VirtualManipulator.of(model)
+        return {
+            "urdf": model.description.source,
+            "end_effector": model.end_effector,
+            "total_mass": model.total_mass,
+            "dof": model.dof,
+            "task": str(self.task),
+            "spare_joints": model.dof - len(self.task.rows),
+            "joints": [
+                {
+                    "name": body.joint,
+                    "type": "prismatic" if body.prismatic else "revolute",
+                    "lower": body.lower if math.isfinite(body.lower) else None,
+                    "upper": body.upper if math.isfinite(body.upper) else None,
+                }
+                for body in model.bodies[1:]
+            ],
+            "bodies": [
+                {"moved_by": body.joint, "mass": body.mass, "centre_of_mass": body.centre.tolist(),
+                 "inertia": body.inertia.tolist()}
+                for body in model.bodies
+            ],
+            "barycentric_lengths": virtual.lengths.tolist(),
+            "reach_bound": virtual.reach,
+            "measure": {
+                "name": measure.name, "definition": measure.definition, "unit": measure.unit
+            },
+            "s_max": self.extremes.largest,
+            "s_max_at": self.extremes.largest_at.tolist(),
+            "s_min": self.extremes.smallest,
+            "configuration": self.configuration and self.configuration.to_dict(),
+            "contact_unchecked": self.contact_unchecked,
+            "warnings": [
+                str(entry) for entry in self.diagnostics if entry.severity == Severity.WARNING
+            ],
+            "findings": [asdict(entry) for entry in self.diagnostics],
+        }  # fmt: skip
+
+
+def natural_task(model: FreeFloatingModel) -> Task:
+    """The task with the most rows that an arm can do, planar for planar arms."""
+    planar = VirtualManipulator.of(model).is_planar
+    tasks = [task for task in Task if task.planar is planar and len(task.rows) <= model.dof]
+    return max(tasks, key=lambda task: len(task.rows), default=Task.PLANAR_POSITION)
