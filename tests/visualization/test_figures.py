@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import warnings
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from IPython.core.formatters import DisplayFormatter
+from IPython.display import HTML
 
 from freefloat.io.scenario import load_scenario
 from freefloat.planning.heading_map import sample_headings
@@ -16,6 +19,7 @@ from freefloat.planning.planner import plan
 from freefloat.planning.simulation import simulate
 from freefloat.visualization import figures as figures_module
 from freefloat.visualization.figures import figures
+from freefloat.visualization.playback import playback
 from tests.commands import document, error
 from tests.figures import labels, line
 from tests.scenarios import PARABOLA
@@ -102,6 +106,18 @@ def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
     plots = document("map", "strict.yaml", "--samples", "36", "--plots", "a/b", code=1)["plots"]
     assert plots == ["a/b/headings.pdf", "a/b/headings.png"]
     assert sorted(os.listdir("a/b")) == ["headings.pdf", "headings.png"]
+
+
+@pytest.mark.slow
+def test_a_notebook_shows_figures_and_pages_without_warnings(folder: Path) -> None:
+    formatter = DisplayFormatter()
+    result = sample_headings(load_scenario("good.yaml").problem(), 12)
+    drawings = figures(result)
+    assert "<img" in formatter.format(drawings)[0]["text/html"]
+    assert formatter.format(drawings["headings"])[0]["image/png"].startswith(b"\x89PNG")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        HTML(playback(result)._repr_html_())
 
 
 def test_a_bad_folder_is_refused(folder: Path) -> None:

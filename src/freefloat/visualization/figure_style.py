@@ -5,6 +5,8 @@ Figures are created without pyplot: no window opens and no global state is kept.
 
 from __future__ import annotations
 
+import base64
+import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
@@ -46,6 +48,8 @@ _STYLE: Any = {
     "axes.titlesize": 8.0,
     "figure.constrained_layout.h_pad": 0.03,
     "figure.constrained_layout.w_pad": 0.03,
+    "figure.titlesize": 8.0,
+    "figure.titleweight": "bold",
     "font.size": 8.0,
     "grid.color": PALE,
     "grid.linewidth": 0.5,
@@ -59,6 +63,8 @@ _STYLE: Any = {
     "ytick.labelsize": 7.0,
     "ytick.major.width": 0.6,
 }
+_SCREEN = 130.0
+"""Resolution of figures in notebooks [dots per inch]."""
 _CROWDED = 6
 """Number of entries above which a one-line legend is set tighter."""
 
@@ -78,9 +84,31 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 
 @styled
+def _png(figure: Figure) -> bytes:
+    with io.BytesIO() as buffer:
+        figure.savefig(buffer, format="png", dpi=_SCREEN)
+        return buffer.getvalue()
+
+
+class _NotebookFigure(Figure):
+    """A figure that a notebook shows, also where pyplot is not imported."""
+
+    def _repr_png_(self) -> bytes:
+        return _png(self)
+
+
+class Figures(dict[str, Figure]):
+    """Figures by name, which a notebook shows one below the other."""
+
+    def _repr_html_(self) -> str:
+        pictures = (base64.b64encode(_png(figure)).decode() for figure in self.values())
+        return "".join(f'<img src="data:image/png;base64,{text}">' for text in pictures)
+
+
+@styled
 def new_figure(width: float = COLUMN, height: float = 2.4) -> Figure:
     """Return an empty figure of a size in inches, with constrained layout."""
-    return Figure(figsize=(width, height), layout="constrained")
+    return _NotebookFigure(figsize=(width, height), layout="constrained")
 
 
 def axis_label(quantity: str, unit: str) -> str:
@@ -116,7 +144,7 @@ def save_figures(
     folder: str | Path,
     figures: Mapping[str, Figure],
     kinds: Sequence[str] = ("pdf", "png"),
-    dots: float = 200.0,
+    dots: float = 300.0,
 ) -> tuple[Path, ...]:
     """Write figures and return the files.
 

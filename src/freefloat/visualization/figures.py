@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -19,6 +20,7 @@ from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.planar_ranges import TURN, BranchRanges
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.so3 import heading_of, heading_quaternion
+from freefloat.visualization.figure_style import Figures, styled
 from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
@@ -28,6 +30,19 @@ from freefloat.workspace.planar import has_two_angle_form
 from freefloat.workspace.regions import workspace_regions
 
 _HEADINGS = 720
+_TITLES = {
+    "workspace": "Workspace and path",
+    "joint_space": "Singularities and motions in joint space",
+    "headings": "Minimum margin by initial heading",
+    "snapshots": "Robot along the motion",
+    "motion": "Motion",
+    "margin": "Singularity measure of the motion",
+    "momentum": "Errors of the motion",
+    "map_slices": "Minimum margin by initial attitude",
+    "map_histogram": "Distribution of the minimum margin",
+}
+_TITLE_HEIGHT = 0.15
+"""Height that a title takes [inch]."""
 _NAMES = {Objective.MARGIN: "best", Objective.NEAREST: "nearest", Objective.ROBUST: "robust"}
 
 
@@ -36,8 +51,8 @@ def figures(
     *,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> dict[str, Figure]:
-    """Return the figures of a result by name.
+) -> Figures:
+    """Return the figures of a result by name; a notebook shows them.
 
     Motions and simulations: ``snapshots``, ``motion``, ``margin`` and ``momentum``. Maps:
     ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
@@ -57,6 +72,19 @@ def figures(
         >>> sorted(ff.figures(plan))
         ['headings', 'joint_space', 'margin', 'momentum', 'motion', 'snapshots', 'workspace']
     """
+    drawn = Figures(_figures(result, threads, progress))
+    for name, figure in drawn.items():
+        _add_title(figure, _TITLES[name])
+    return drawn
+
+
+@styled
+def _add_title(figure: Figure, title: str) -> None:
+    figure.set_figheight(figure.get_figheight() + _TITLE_HEIGHT)
+    figure.suptitle(title)
+
+
+def _figures(result: Any, threads: int | None, progress: Progress | None) -> dict[str, Figure]:
     if isinstance(result, Simulation):
         result = result.chosen.motion
     if isinstance(result, Motion):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from freefloat.visualization.figure_style import (
     PALE,
     VERMILION,
     axis_label,
+    digits,
     draw_point,
     new_figure,
     styled,
@@ -35,6 +37,8 @@ _SHADES = "viridis"
 _MARKERS = {"best": ("*", 11.0), "robust": ("D", 6.0), "nearest": ("^", 7.0)}
 _OTHER_MARKER = ("o", 6.0)
 _BINS = 48
+_TITLE_LENGTH = 58
+"""Characters that fit above a histogram."""
 
 
 @styled
@@ -50,20 +54,22 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     figure = new_figure(PAGE, 0.75 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
     highest = max(float(np.nanmax(m)) for m in (result.margins, *(p.margins for p in slices)))
-    norm = Normalize(threshold, highest if highest > threshold else threshold + 1.0)
+    norm = Normalize(threshold, max(highest, threshold))
     for axes, plane in zip(panels, slices, strict=True):
         shown = _draw_slice(axes, plane, norm)
-    bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
-    bar.set_label(_label(result, " of the best arm branch"))
-    bar.outline.set_linewidth(0.6)
+    if highest > threshold:
+        bar = figure.colorbar(shown, ax=panels.tolist(), shrink=0.9, aspect=30.0, pad=0.02)
+        bar.set_label(_label(result, " of the best arm branch"))
+        bar.outline.set_linewidth(0.6)
+    below = f"all branches below the margin {digits(threshold)}"
     entries: list[Any] = [
-        Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label="all branches below the margin"),
+        Patch(facecolor=PALE, edgecolor=GREY, linewidth=0.5, label=below),
         Patch(facecolor="white", edgecolor=GREY, linewidth=0.5, hatch="////",
               label="start of the path not reached"),
     ]  # fmt: skip
     marks = {str(line.get_label()): line for axes in panels for line in axes.get_lines()}
     handles = [*marks.values(), *entries]
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
 
 
@@ -130,7 +136,8 @@ def histogram_figure(result: AttitudeMap) -> Figure:
         _draw_bars(axes, values, edges, margin.threshold)
         name = f"{names[branch][:-1]}±" if flipped else names[branch]
         feasible, *others = _percentages(result, branch, values)
-        axes.set_title(f"{name}: {feasible}\n{', '.join(others)}", fontsize=7.0, loc="left")
+        lines = fill(", ".join(others), _TITLE_LENGTH)
+        axes.set_title(f"{name}: {feasible}\n{lines}", fontsize=7.0, loc="left")
     panels[-1].set_xlabel(_label(result))
     figure.supylabel("attitudes [%]", fontsize=8.0)
     return figure

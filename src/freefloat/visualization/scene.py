@@ -35,7 +35,13 @@ from freefloat.visualization.overlays import (
     thickness,
 )
 from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, node
-from freefloat.visualization.visuals import RobotVisuals, body_poses, bounding_box, robot_visuals
+from freefloat.visualization.visuals import (
+    RobotVisuals,
+    body_poses,
+    bounding_box,
+    robot_visuals,
+    view_direction,
+)
 from freefloat.workspace.regions import Workspace, exact_workspace
 
 ROBOT = "Robot"
@@ -44,12 +50,8 @@ _RATE, _PLAYBACK = 25.0, 30.0
 """Key frames per second of playback; longest initial playback time [s]."""
 _MAX_KEYS = 6000
 """Key frames of all motions together."""
-_DIRECTIONS, _INSTANTS = 400, 25
-"""View directions that are compared; instants of a motion that the view covers."""
-_ELEVATIONS = (-0.1, 0.75)
-"""Range of the sines of the view's elevation."""
-_PATH_WEIGHT = 0.3
-"""Penalty on viewing a path end-on, relative to viewing the arm in front of the spacecraft."""
+_INSTANTS = 25
+"""Instants of a motion that the view covers."""
 
 
 def motion_scene(motions: Mapping[str, Motion], title: str = "freefloat") -> Scene:
@@ -212,7 +214,8 @@ def _view(samples: Sequence[_Sampled], planar: bool) -> View:
             parts.append(sampled.areas.reach[1] * axes)
     points = np.vstack(parts)
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    direction = np.array([0.0, -0.02, 1.0]) if planar else _direction(samples)
+    flat = np.array([0.0, -0.02, 1.0])
+    direction = flat if planar else view_direction([sampled.positions for sampled in samples])
     return View(
         centre=centre.round(4).tolist(),
         radius=float(np.linalg.norm(points - centre, axis=1).max()),
@@ -229,19 +232,3 @@ def _extent(sampled: _Sampled) -> list[Array]:
     corners = [bounding_box(shape) for shape in sampled.visuals.shapes if shape.body == 0]
     box = np.einsum("kij,cj->kci", rotations, np.vstack(corners)) + positions[:, :1]
     return [positions.reshape(-1, 3), box.reshape(-1, 3)]
-
-
-def _direction(samples: Sequence[_Sampled]) -> Array:
-    """Return the view direction with the arms in front and the paths across the line of sight."""
-    arms = np.vstack([(s.positions[:, 1:-1] - s.positions[:, :1]).mean(axis=1) for s in samples])
-    z = np.linspace(*_ELEVATIONS, _DIRECTIONS)
-    angle = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(_DIRECTIONS)
-    level = np.sqrt(1.0 - z**2)
-    eyes = np.column_stack([level * np.cos(angle), level * np.sin(angle), z])
-    score = eyes @ (arms.mean(axis=0) / np.linalg.norm(arms, axis=1).max())
-    for sampled in samples:
-        path = sampled.positions[-1, -1] - sampled.positions[0, -1]
-        length = float(np.linalg.norm(path))
-        if length > 0.0:
-            score = score - _PATH_WEIGHT / len(samples) * np.abs(eyes @ path) / length
-    return np.asarray(eyes[int(np.argmax(score))])

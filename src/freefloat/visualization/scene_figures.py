@@ -33,7 +33,7 @@ from freefloat.visualization.figure_style import (
     new_figure,
     styled,
 )
-from freefloat.visualization.visuals import body_poses, bounding_box, robot_visuals
+from freefloat.visualization.visuals import body_poses, bounding_box, robot_visuals, view_direction
 from freefloat.workspace.planar import Interval
 from freefloat.workspace.regions import Workspace
 
@@ -113,7 +113,8 @@ def _draw_distances(axes: Any, problem: Problem, workspace: Workspace) -> None:
     for label, (low, high), colour in _labelled_areas(workspace):
         axes.axhspan(low, high, color=colour, linewidth=0.0, zorder=0, label=label)
     for radius in workspace.reach:
-        axes.axhline(radius, color=GREY, linewidth=0.7)
+        label = "reach" if radius == workspace.reach[1] else None
+        axes.axhline(radius, color=GREY, linewidth=0.7, label=label)
     axes.plot(s, np.linalg.norm(points, axis=1), color=BLUE, label=workspace.point)
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.05 * workspace.reach[1]))
     axes.set_xlabel(axis_label("path parameter $s$", "1"))
@@ -160,11 +161,13 @@ def snapshots_figure(motion: Motion, workspace: Workspace | None = None) -> Figu
     robots = outlines(motion, times)
     for axes, robot, time in zip(views, robots, times, strict=True):
         _draw_in_space(axes, motion.problem, robot)
-        axes.set_title(f"{digits(time)} s", y=0.98)
+        axes.set_title(f"{digits(time)} s", y=1.0)
     _mark_singular(views[-1], motion, 3)
-    _set_equal_cubes(views, np.vstack([np.vstack([r.spacecraft, r.arm]) for r in robots]))
+    bodies = np.array([[robot.spacecraft.mean(axis=0), *robot.arm[1:]] for robot in robots])
+    points = np.vstack([np.vstack([robot.spacecraft, robot.arm]) for robot in robots])
+    _set_equal_cubes(views, points, view_direction([bodies]))
     handles, names = views[-1].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper center", ncols=len(handles))
+    figure.legend(handles, names, loc="outside lower center", ncols=len(handles))
     return figure
 
 
@@ -210,7 +213,8 @@ def _draw_areas(axes: Any, workspace: Workspace) -> None:
         axes.add_patch(ring)
     for radius in workspace.reach:
         axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=GREY, linewidth=0.7))
-    draw_point(axes, np.zeros(2), "+", 6.0, color=BLACK)
+    axes.plot([], [], color=GREY, linestyle="-", linewidth=0.7, label="reach")
+    draw_point(axes, np.zeros(2), "+", 6.0, color=BLACK, label="centre of mass")
 
 
 def _draw_path(axes: Any, problem: Problem, workspace: Workspace | None) -> None:
@@ -242,8 +246,9 @@ def _draw_in_space(axes: Any, problem: Problem, robot: Outline) -> None:
     _draw_arm(axes, robot.arm, BLACK)
 
 
-def _set_equal_cubes(views: Any, points: Array) -> None:
-    """Show the same cube in all views."""
+def _set_equal_cubes(views: Any, points: Array, eye: Array) -> None:
+    """Show the same cube in all views, from a direction (3,)."""
+    azimuth, elevation = np.degrees([np.arctan2(eye[1], eye[0]), np.arcsin(eye[2])])
     low, high = points.min(axis=0), points.max(axis=0)
     half = float((high - low).max()) / 2.0
     for axes in views:
@@ -254,5 +259,5 @@ def _set_equal_cubes(views: Any, points: Array) -> None:
             axis.set_label_text(axis_label(f"${letter}$", "m"))
             axis.labelpad = -4.0
             axes.tick_params(axis=letter, pad=-2.0)
-        axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.84)
-        axes.view_init(elev=22.0, azim=-55.0)
+        axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
+        axes.view_init(elev=elevation, azim=azimuth)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -22,6 +22,12 @@ _ROD, _HUB = 0.015, 0.026
 """Radii of rods and of joints as fractions of the arm's length."""
 _SMALLEST, _LARGEST = 0.05, 2.0
 """Limits of the edges of a spacecraft without visuals, as fractions of the arm's length."""
+_DIRECTIONS = 400
+"""View directions that are compared."""
+_ELEVATIONS = (-0.1, 0.75)
+"""Range of the sines of the view's elevation."""
+_PATH_WEIGHT = 0.3
+"""Penalty on viewing a path end-on, relative to viewing the arm in front of the spacecraft."""
 
 Shape = Box | Cylinder | Sphere | Mesh
 
@@ -58,6 +64,26 @@ def body_poses(motion: Motion, parameters: Array) -> tuple[Array, Array]:
     poses = [(*row, row[-1] @ model.tool) for row in poses]
     positions = np.array([[pose.position for pose in row] for row in poses])
     return positions, np.array([[pose.rotation for pose in row] for row in poses])
+
+
+def view_direction(motions: Sequence[Array]) -> Array:
+    """Return the direction to the eye with the arms in front and the paths across the picture.
+
+    Args:
+        motions: Of each motion positions as of :func:`body_poses` [m], shape (K, n + 2, 3).
+    """
+    arms = np.vstack([(bodies[:, 1:-1] - bodies[:, :1]).mean(axis=1) for bodies in motions])
+    z = np.linspace(*_ELEVATIONS, _DIRECTIONS)
+    angle = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(_DIRECTIONS)
+    level = np.sqrt(1.0 - z**2)
+    eyes = np.column_stack([level * np.cos(angle), level * np.sin(angle), z])
+    score = eyes @ (arms.mean(axis=0) / np.linalg.norm(arms, axis=1).max())
+    for bodies in motions:
+        path = bodies[-1, -1] - bodies[0, -1]
+        length = float(np.linalg.norm(path))
+        if length > 0.0:
+            score = score - _PATH_WEIGHT / len(motions) * np.abs(eyes @ path) / length
+    return np.asarray(eyes[int(np.argmax(score))])
 
 
 @dataclass(frozen=True, eq=False)
