@@ -12,9 +12,10 @@ from typing import Any
 
 import pyarrow.parquet
 import pytest
+from playwright.sync_api import Browser
 
 from freefloat.errors import InputError
-from freefloat.studies.report import save_summary, save_tables, study_table
+from freefloat.studies.report import heading, save_summary, save_tables, study_table
 from freefloat.studies.results import COLUMNS, Row, StudyResult, open_results
 from freefloat.studies.run import study_files
 from freefloat.studies.study import Study
@@ -145,6 +146,7 @@ def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
     assert table["attitude_ranges_deg.1"] == ["[[0.0, 9.5]]", "[[0.0, 9.5]]", None]
     assert table["joints.2"] == [0.3, 0.3, None]
     assert table["error"] == [None, None, ERROR.error]
+    assert files["csv"] is not None
     with files["csv"].open(newline="") as stream:
         lines = list(csv.DictReader(stream))
     assert list(lines[0]) == list(table)
@@ -154,8 +156,8 @@ def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
 
 def test_a_varied_result_column_keeps_both_columns() -> None:
     table = study_table({0: replace(FEASIBLE, parameters={"heading_deg": 1.0})})
-    assert table["heading_deg"].to_pylist() == [1.0]
-    assert table["found.heading_deg"].to_pylist() == [73.7]
+    assert table["heading_deg"] == [1.0]
+    assert table["found.heading_deg"] == [73.7]
 
 
 def test_the_summary_counts_verdicts_and_margins(study: Study, tmp_path: Path) -> None:
@@ -165,6 +167,7 @@ def test_the_summary_counts_verdicts_and_margins(study: Study, tmp_path: Path) -
     assert document["verdicts"] == {"feasible": 1, "infeasible": 1, "error": 1}
     assert document["feasible_fraction"] == 0.5
     assert document["feasible_fraction_error"] == pytest.approx(math.sqrt(4 / 5) / 4)
+    assert document["feasible_fraction_interval"] == pytest.approx([0.0945, 0.9055], abs=1e-4)
     assert document["margin"] == {"least": 2.5, "median": 5.0, "largest": 7.5}
     assert document["reasons"] == {INFEASIBLE.reason: 1}
     assert document["errors"] == [{"case": 2, "error": ERROR.error}]
@@ -195,7 +198,48 @@ def test_the_report_has_the_numbers_and_escapes_names(tmp_path: Path) -> None:
     file = save_summary(result)["report"]
     assert file is not None
     page = Tags(file.read_text())
-    assert "script" not in page.tags
+    assert page.tags.count("script") == 1  # its own
     assert page.tags.count("img") == 1
-    for text in ("3 of 6", "50.00% ± 22.36%", "7.5", "timing.duration", str(ERROR.error)):
+    texts = ("3 of 6", "50.00% (95% confidence: 9.45% to 90.55%)", "7.5", "timing.duration [s]")
+    for text in (*texts, str(ERROR.error)):
         assert text in page.text
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("momentum.2", "momentum.2 [N m s]"),
+        ("path.line.from.0", "path.line.from.0 [m]"),
+        ("robot.spacecraft.mass", "robot.spacecraft.mass [kg]"),
+        ("limits.base_rate", "limits.base_rate [rad/s]"),
+        ("heading_deg", "heading_deg"),
+        ("robot.scale_mass", "robot.scale_mass"),
+    ],
+)
+def test_columns_of_parameters_have_the_units_of_the_schema(key: str, text: str) -> None:
+    assert heading(key) == text
+
+
+def test_tables_are_written_without_pyarrow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("freefloat.studies.report.find_spec", lambda _: None)
+    assert save_tables(tmp_path, ROWS) == {"parquet": None, "csv": tmp_path / "cases.csv"}
+
+
+@pytest.mark.slow
+def test_runs_of_the_report_are_sorted_and_linked(
+    study: Study, tmp_path: Path, browser: Browser
+) -> None:
+    rows = finished(study, tmp_path, FEASIBLE, INFEASIBLE, content=b"content")
+    save_summary(StudyResult(study, rows, tmp_path))
+    page = browser.new_page()
+    page.goto((tmp_path / "report.html").as_uri())
+    runs = "[...document.querySelectorAll('#cases tbody tr')].map(row => row.id)"
+    assert page.evaluate(runs) == ["run-0", "run-1"]
+    for order in (["run-1", "run-0"], ["run-0", "run-1"]):
+        page.get_by_role("button", name="minimum margin").click()
+        assert page.evaluate(runs) == order
+    for link in page.locator("a").all():
+        assert (tmp_path / str(link.get_attribute("href"))).is_file()
+    page.close()

@@ -129,10 +129,8 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     yield f"{study.source}: {_runs(len(result.rows))} of command {study.content.command}: {counts}"
     if study.branch_rule is not None:
         yield f"followed: {study.branch_rule}"
-    fraction, deviation = result.feasible_fraction, result.feasible_fraction_error
-    if fraction is not None:
-        uncertainty = "" if deviation is None else f" ± {deviation:.2%}"
-        yield f"feasible: {fraction:.2%}{uncertainty} of the runs without error"
+    if result.feasible_percentage is not None:
+        yield f"feasible: {result.feasible_percentage} of the runs without error"
     for reason, count in result.reasons.items():
         yield f"  {count:,} infeasible: {reason}"
     if result.margins is not None:

@@ -38,7 +38,6 @@ _LIMITS = {
     "joint_torque": "joint torque [N m, N]",
     "clearance": "clearance [m]",
 }
-_SIGNIFICANCE = 0.05
 
 
 @dataclass(frozen=True)
@@ -203,20 +202,3 @@ def contact_lines(result: Plan | Simulation) -> Iterator[RenderableType]:
 
 def _number(value: float) -> str:
     return f"{value:.5g}" if abs(value) < float("inf") else "unbounded"
-
-
-def percentage(fraction: float, error: float | None, samples: int) -> str:
-    """Format a fraction in [0, 1] with its standard error, ``12.34% ± 0.20%``.
-
-    If all samples agree, the error says nothing; the bound of a 95 % confidence interval is given
-    instead. The error is None if the samples are not random.
-    """
-    if error is None or samples < 1:
-        return f"{fraction:.2%}"
-    bound = 1.0 - _SIGNIFICANCE ** (1.0 / samples)  # nearly 3 / samples
-    confidence = f"with {1.0 - _SIGNIFICANCE:.0%} confidence"
-    if fraction >= 1.0:
-        return f"{fraction:.2%} (at least {1.0 - bound:.2%} {confidence})"
-    if fraction <= 0.0:
-        return f"{fraction:.2%} (at most {bound:.2%} {confidence})"
-    return f"{fraction:.2%} ± {error:.2%}"

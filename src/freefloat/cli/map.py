@@ -14,7 +14,6 @@ from freefloat.cli.console import (
     NO,
     Console,
     decimals,
-    percentage,
     short_label,
     table,
 )
@@ -29,6 +28,7 @@ from freefloat.cli.options import (
     prepare_outputs,
 )
 from freefloat.cli.plan import draw
+from freefloat.statistics import percentage
 
 if TYPE_CHECKING:
     from freefloat.planning.attitude_map import AttitudeMap, Candidate
@@ -160,7 +160,7 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
     if len(result.regions) > _MAX_REGIONS:
         yield f"and {len(result.regions) - _MAX_REGIONS} smaller regions"
     margin = result.problem.margin
-    feasible = percentage(result.feasible_fraction, result.feasible_fraction_error, result.samples)
+    feasible = percentage(round(result.feasible_fraction * result.samples), result.samples)
     yield (
         f"{feasible} of the attitudes keep {margin.measure.name} {margin.threshold:g} with some "
         f"arm branch, {result.motion_fraction:.2%} of the {int(result.reached.sum()):,} motions do"

@@ -19,7 +19,6 @@ from freefloat.cli.console import (
     contact_lines,
     limit_tables,
     motion_lines,
-    percentage,
     short_label,
     table,
 )
@@ -33,6 +32,7 @@ from freefloat.cli.options import (
     Threads,
     prepare_outputs,
 )
+from freefloat.statistics import percentage
 
 if TYPE_CHECKING:
     from freefloat.planning.attitude_map import AttitudeMap
@@ -121,8 +121,8 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
             ranges.add_row(number, _ranges(entry))
         yield ranges
     else:
-        samples, error = plan.map.samples, plan.map.feasible_fraction_error
-        feasible = percentage(plan.map.feasible_fraction, error, samples)
+        samples = plan.map.samples
+        feasible = percentage(round(plan.map.feasible_fraction * samples), samples)
         yield f"{name}: {feasible} of {samples:,} initial attitudes are feasible"
     for sentence in plan.disagreements:
         yield Text(f"not confirmed: {sentence}", "yellow")

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import base64
+import csv
+import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
 from jinja2 import Environment, PackageLoader
+from markupsafe import Markup
 
 from freefloat.io.files import written_beside
+from freefloat.io.schema import ScenarioFile
+from freefloat.io.yaml import section_at
 from freefloat.studies.results import COLUMNS, Row, StudyResult
+from freefloat.studies.study import START_KEYS
 
 PARQUET, CSV, REPORT = "cases.parquet", "cases.csv", "report.html"
 _FIRST = (
@@ -27,27 +32,57 @@ _FIRST = (
 )
 """Columns after the parameters; then joints, residuals, limits and heading ranges."""
 _LAST = ("seconds", "began", "file", "bytes", "error")
-_TYPES = {"TEXT": pa.string(), "INTEGER": pa.int64(), "BOOLEAN": pa.bool_()}
-"""Types of columns by those of the database; others are floating-point numbers."""
-_LISTED = ("verdict", "margin", "singular_time", "branch", "heading_deg", "robust_radius_deg",
-           "feasible_fraction", "limits_kept", "seconds", "reason", "error")  # fmt: skip
-"""Columns of the report after the parameters, unless they are empty."""
+_TYPES = {"TEXT": "string", "INTEGER": "int64", "BOOLEAN": "bool"}
+"""Parquet types of columns by those of the database; others are floating-point numbers."""
+_HEADINGS = {
+    "verdict": "verdict", "margin": "minimum margin", "singular_time": "singular at [s]",
+    "branch": "arm branch", "heading_deg": "heading [deg]",
+    "robust_radius_deg": "attitude tolerance [deg]", "feasible_fraction": "feasible fraction",
+    "limits_kept": "limits kept", "seconds": "computed in [s]", "reason": "reason",
+    "error": "error",
+}  # fmt: skip
+"""Columns of the report after the parameters, unless they are empty, and their headings."""
+Table = Mapping[str, list[Any]]
+"""Values of the runs by column."""
 _MAX_LISTED = 2000
 """Runs listed in the report; the tables have all of them."""
 
 
-def save_tables(folder: Path, rows: Mapping[int, Row]) -> dict[str, Path]:
-    """Write the finished runs as Parquet and CSV tables; return the files by kind.
+def save_tables(folder: Path, rows: Mapping[int, Row]) -> dict[str, Path | None]:
+    """Write the finished runs as tables; return the files by kind, None where it was not written.
+
+    The Parquet table needs PyArrow (the extra ``parquet``).
 
     Raises:
         InputError: If they cannot be written.
     """
     table = study_table(rows)
+    with (
+        written_beside(folder / CSV) as beside,
+        beside.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(table)
+        writer.writerows([map(_csv_cell, row) for row in zip(*table.values(), strict=True)])
+    if find_spec("pyarrow") is None:
+        return {"parquet": None, "csv": folder / CSV}
+    import pyarrow
+    import pyarrow.parquet
+
+    arrays = {name: pyarrow.array(column, _type(name, column)) for name, column in table.items()}
     with written_beside(folder / PARQUET) as beside:
-        pyarrow.parquet.write_table(table, beside)
-    with written_beside(folder / CSV) as beside:
-        pyarrow.csv.write_csv(table, beside)
+        pyarrow.parquet.write_table(pyarrow.table(arrays), beside)
     return {"parquet": folder / PARQUET, "csv": folder / CSV}
+
+
+def _csv_cell(value: Any) -> Any:
+    return json.dumps(value) if isinstance(value, bool) else value
+
+
+def _type(name: str, column: list[Any]) -> str:
+    text = any(isinstance(value, str) for value in column)
+    integer = name == "case"
+    return _TYPES.get("TEXT" if text else "INTEGER" if integer else COLUMNS.get(name, ""), "double")
 
 
 def save_summary(result: StudyResult, report: bool = True) -> dict[str, Path | None]:
@@ -63,34 +98,54 @@ def save_summary(result: StudyResult, report: bool = True) -> dict[str, Path | N
     table = study_table(result.rows)
     varied = tuple(result.study.content.vary)
     prefixes = tuple(f"{key}." for key in varied)
-    columns = [key for key in table.column_names if key in varied or key.startswith(prefixes)]
-    figure, picture = save_figures(result.folder, {"summary": study_figure(table, columns)})
+    columns = [key for key in table if key in varied or key.startswith(prefixes)]
+    parameters = {key: heading(key) for key in columns}
+    unit = _margin_unit(result)
+    drawing = study_figure(table, parameters, unit)
+    figure, picture = save_figures(result.folder, {"summary": drawing})
     files = {**tables, "figure": figure, "picture": picture, "report": None}
     if report:
+        linked = [file.name for file in (*tables.values(), figure) if file]
+        page = _page(result, table, parameters, unit, picture.read_bytes(), linked)
         files["report"] = result.folder / REPORT
         with written_beside(result.folder / REPORT) as beside:
-            beside.write_text(_page(result, table, columns, picture), encoding="utf-8")
+            beside.write_text(page, encoding="utf-8")
     return files
 
 
-def study_table(rows: Mapping[int, Row]) -> pa.Table:
-    """Return a table of the finished runs, ordered by number.
+def heading(key: str) -> str:
+    """Return the dotted path of a scenario key with its unit, which the schema describes."""
+    if key.split(".")[0] in START_KEYS:
+        return key
+    description = section_at(ScenarioFile, key.split("."))[1] or ""
+    unit = re.search(r"\[[^\]]*\]", description)
+    return key if unit is None or key.endswith("_deg") else f"{key} {unit[0]}"
+
+
+def _margin_unit(result: StudyResult) -> str:
+    """Return the unit of the margins, nothing where no run has one."""
+    number = next((row.number for row in result.rows.values() if row.margin is not None), None)
+    if number is None:
+        return ""
+    return result.study.scenario(number).problem().margin.measure.unit
+
+
+def study_table(rows: Mapping[int, Row]) -> Table:
+    """Return the values of the finished runs by column, ordered by number.
 
     Parameters are named by their dotted paths, and entries of lists by their index.
     """
     numbers = sorted(rows)
     parameters = [dict(_flat(rows[number].parameters)) for number in numbers]
     results = [dict(_flat_results(rows[number])) for number in numbers]
-    columns: dict[str, pa.Array] = {"case": pa.array(numbers, pa.int64())}
+    columns: dict[str, list[Any]] = {"case": numbers}
     for key in _keys(parameters):
-        columns[key] = _parameter_array([values.get(key) for values in parameters])
+        columns[key] = _parameter_column([values.get(key) for values in parameters])
     varying = [key for key in _keys(results) if key not in (*_FIRST, *_LAST)]
     for key in (*_FIRST, *varying, *_LAST):
-        text = key.startswith("attitude_ranges_deg.")
-        kind = _TYPES.get("TEXT" if text else COLUMNS.get(key, "REAL"), pa.float64())
         name = key if key not in columns else f"found.{key}"
-        columns[name] = pa.array([values.get(key) for values in results], kind)
-    return pa.table(columns)
+        columns[name] = [values.get(key) for values in results]
+    return columns
 
 
 def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -108,12 +163,11 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _parameter_array(values: list[Any]) -> pa.Array:
+def _parameter_column(values: list[Any]) -> list[Any]:
     """Return numbers if all values are numbers, else texts."""
     if all(value is None or _is_number(value) for value in values):
-        return pa.array([None if value is None else float(value) for value in values], pa.float64())
-    texts = [v if v is None or isinstance(v, str) else json.dumps(v) for v in values]
-    return pa.array(texts, pa.string())
+        return [None if value is None else float(value) for value in values]
+    return [v if v is None or isinstance(v, str) else json.dumps(v) for v in values]
 
 
 def _flat_results(row: Row) -> Iterator[tuple[str, Any]]:
@@ -131,26 +185,45 @@ def _keys(rows: Iterable[Mapping[str, Any]]) -> list[str]:
     return list(dict.fromkeys(key for row in rows for key in row))
 
 
-def _page(result: StudyResult, table: pa.Table, parameters: Sequence[str], picture: Path) -> str:
+def _page(
+    result: StudyResult,
+    table: Table,
+    parameters: Mapping[str, str],
+    unit: str,
+    picture: bytes,
+    linked: list[str],
+) -> str:
     """Return the report, one HTML page that needs no other file."""
-    filled = [key for key in _LISTED if table[key].null_count < len(table)]
-    columns = [*dict.fromkeys(["case", *parameters, *filled])]
-    listed = table.select(columns).slice(0, _MAX_LISTED).to_pydict()
+    headings = {"case": "run", **parameters}
+    headings |= {key: text for key, text in _HEADINGS.items() if _filled(table[key])}
+    if unit and "margin" in headings:
+        headings["margin"] += f" [{unit}]"
+    shown = zip(*(table[key][:_MAX_LISTED] for key in headings), strict=True)
+    names = table["file"][:_MAX_LISTED]
     content = result.study.content.model_dump(mode="json", by_alias=True, exclude_unset=True)
     environment = Environment(loader=PackageLoader("freefloat.studies", "."), autoescape=True)
     environment.filters["cell"] = _cell
+    script = environment.get_template("report.js").render()
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return environment.get_template("report.html").render(
         name=Path(result.study.source).stem,
         result=result,
         version=version("freefloat"),
         time=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        figure=base64.b64encode(picture.read_bytes()).decode(),
-        errors=[(row.number, row.error) for row in result.errors],
-        columns=columns,
-        rows=list(zip(*listed.values(), strict=True)),
-        hidden=len(table) - _MAX_LISTED,
+        figure=base64.b64encode(picture).decode(),
+        margin_unit=unit,
+        headings=list(headings.values()),
+        rows=list(zip(names, shown, strict=True)),
+        hidden=len(table["case"]) - _MAX_LISTED,
+        linked=linked,
         text=json.dumps(content, indent=2, ensure_ascii=False),
+        script=Markup(script),
+        digest=digest,
     )
+
+
+def _filled(values: list[Any]) -> bool:
+    return any(value not in (None, "") for value in values)
 
 
 def _cell(value: Any) -> str:
@@ -158,4 +231,6 @@ def _cell(value: Any) -> str:
         return ""
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{0.0 if abs(value) < 1e-12 else value:.6g}"
+    return str(value)

@@ -19,6 +19,7 @@ import numpy as np
 
 from freefloat.errors import InputError
 from freefloat.io.files import written_beside
+from freefloat.statistics import confidence_interval, percentage
 from freefloat.studies.study import Study
 
 DATABASE, _FILES = "study.sqlite", "cases"
@@ -247,6 +248,22 @@ class StudyResult:
         return math.sqrt(a * b / (a + b + 1)) / (a + b)
 
     @property
+    def feasible_interval(self) -> tuple[float, float] | None:
+        """The 95 % confidence interval of the fraction of a random sample."""
+        if self.feasible_fraction_error is None:
+            return None
+        feasible, infeasible, _ = self.verdicts.values()
+        return confidence_interval(feasible, feasible + infeasible)
+
+    @property
+    def feasible_percentage(self) -> str | None:
+        """The fraction with its interval, for people."""
+        feasible, infeasible, _ = self.verdicts.values()
+        if not feasible + infeasible:
+            return None
+        return percentage(feasible, feasible + infeasible, self.feasible_interval is not None)
+
+    @property
     def margins(self) -> dict[str, float] | None:
         """Smallest, median and largest margin; None if no run has one."""
         values = [row.margin for row in self.rows.values() if row.margin is not None]
@@ -283,6 +300,7 @@ class StudyResult:
             "verdicts": self.verdicts,
             "feasible_fraction": self.feasible_fraction,
             "feasible_fraction_error": self.feasible_fraction_error,
+            "feasible_fraction_interval": self.feasible_interval and list(self.feasible_interval),
             "margin": self.margins,
             "reasons": self.reasons,
             "errors": [{"case": row.number, "error": row.error} for row in self.errors],

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 from matplotlib.figure import Figure
 
 from freefloat.so3 import Array
@@ -18,6 +17,7 @@ from freefloat.visualization.figure_style import (
     ORANGE,
     PAGE,
     VERMILION,
+    axis_label,
     new_figure,
     styled,
 )
@@ -32,39 +32,43 @@ _LABEL_LENGTH = 28
 
 
 @styled
-def study_figure(table: pa.Table, parameters: Sequence[str]) -> Figure:
+def study_figure(
+    table: Mapping[str, list[Any]], parameters: Mapping[str, str], unit: str = ""
+) -> Figure:
     """Return the figure of margins over parameters; runs without a margin are drawn at zero.
 
     Args:
-        table: Table of the runs, with columns case, verdict, margin, margin_required and measure.
-        parameters: Columns of the horizontal axes.
+        table: Columns of the runs, among them case, verdict, margin, margin_required and measure.
+        parameters: Labels of the horizontal axes by column.
+        unit: Unit of the margins.
     """
-    varied = [key for key in parameters if len(set(map(repr, table[key].to_pylist()))) > 1]
+    varied = [key for key in parameters if len(set(map(repr, table[key]))) > 1]
     shown = varied[:_MAX_PANELS] or ["case"]
     across = min(_COLUMNS, len(shown))
     down = math.ceil(len(shown) / across)
     figure = new_figure(COLUMN if across == 1 else PAGE, 0.4 + _HEIGHT * down)
     panels = figure.subplots(down, across, squeeze=False, sharey=True)
-    verdicts = np.array(table["verdict"].to_pylist())
-    margins = np.array(table["margin"].to_pylist(), dtype=float)
+    verdicts = np.array(table["verdict"])
+    margins = np.array(table["margin"], dtype=float)
     for axes, key in zip(panels.flat, shown, strict=False):
-        _panel(axes, key, table[key].to_pylist(), margins, verdicts)
+        _panel(axes, parameters.get(key, "run"), table[key], margins, verdicts)
     for axes in list(panels.flat)[len(shown) :]:
         axes.remove()
-    required = {value for value in table["margin_required"].to_pylist() if value is not None}
-    measure = next(filter(None, table["measure"].to_pylist()), None)
+    required = {value for value in table["margin_required"] if value is not None}
+    measure = next(filter(None, table["measure"]), None)
     for axes in panels.flat[: len(shown)] if len(required) == 1 else ():
         axes.axhline(*required, color=GREY, linestyle="--", linewidth=0.8)
     for row in panels:
         row[0].set_ylim(bottom=-0.02 * np.nanmax([*margins, 1e-9]))
-        row[0].set_ylabel("minimum margin" if measure is None else f"minimum |{measure}|")
+        quantity = "minimum margin" if measure is None else f"minimum |{measure}|"
+        row[0].set_ylabel(axis_label(quantity, unit) if unit else quantity)
     handles, labels = panels.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
 
 
 def _panel(
-    axes: Any, key: str, values: Sequence[Any], margins: Array, verdicts: np.ndarray[Any, Any]
+    axes: Any, label: str, values: Sequence[Any], margins: Array, verdicts: np.ndarray[Any, Any]
 ) -> None:
     places, names = _places(values)
     floor = np.where(np.isfinite(margins), margins, 0.0)
@@ -76,7 +80,7 @@ def _panel(
         )  # fmt: skip
     if names is not None:
         axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
-    axes.set_xlabel(_short(key))
+    axes.set_xlabel(_short(label))
 
 
 def _places(values: Sequence[Any]) -> tuple[Array, list[str] | None]:

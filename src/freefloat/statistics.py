@@ -1,0 +1,31 @@
+"""Fractions of samples and their confidence intervals."""
+
+from __future__ import annotations
+
+import math
+
+_CONFIDENCE = 0.95
+_QUANTILE = 1.959963984540054
+"""Of the standard normal distribution, two-sided."""
+
+
+def confidence_interval(count: int, total: int) -> tuple[float, float]:
+    """Return the 95 % confidence interval of a fraction (Wilson 1927), also where it is 0 or 1.
+
+    Args:
+        count: Number of random samples with a property.
+        total: Number of all samples, at least one.
+    """
+    z2 = _QUANTILE**2
+    centre = (count + z2 / 2.0) / (total + z2)
+    half = math.sqrt(z2 * (count * (total - count) / total + z2 / 4.0)) / (total + z2)
+    low = 0.0 if count == 0 else centre - half
+    return low, 1.0 if count == total else centre + half
+
+
+def percentage(count: int, total: int, random: bool = True) -> str:
+    """Format a fraction, that of random samples with its confidence interval."""
+    if not random:
+        return f"{count / total:.2%}"
+    low, high = confidence_interval(count, total)
+    return f"{count / total:.2%} ({_CONFIDENCE:.0%} confidence: {low:.2%} to {high:.2%})"
