@@ -15,8 +15,9 @@ import pytest
 from playwright.sync_api import Browser
 
 from freefloat.errors import InputError
+from freefloat.studies.database import COLUMNS, open_results
 from freefloat.studies.report import heading, save_summary, save_tables, study_table
-from freefloat.studies.results import COLUMNS, Row, StudyResult, open_results
+from freefloat.studies.results import Row, StudyResult
 from freefloat.studies.run import study_files
 from freefloat.studies.study import Study
 from tests.example_studies import BASE, a_study
@@ -129,6 +130,30 @@ def test_a_folder_that_cannot_be_used_is_an_error(study: Study, tmp_path: Path) 
         with pytest.raises(InputError) as caught:
             finished(study, folder)
         assert caught.value.key == "output"
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "ALTER TABLE runs DROP COLUMN seconds",
+        "UPDATE runs SET margin = 'large'",
+        "UPDATE runs SET joints = '[1.0'",
+        "UPDATE runs SET number = 99",
+        "UPDATE runs SET verdict = 'perhaps'",
+        "UPDATE study SET digest = 1",
+    ],
+)
+def test_a_database_that_was_changed_by_hand_is_an_error(
+    statement: str, study: Study, tmp_path: Path
+) -> None:
+    finished(study, tmp_path / "out", FEASIBLE)
+    connection = sqlite3.connect(tmp_path / "out" / "study.sqlite")
+    with connection:
+        connection.execute(statement)
+    connection.close()
+    with pytest.raises(InputError) as caught:
+        finished(study, tmp_path / "out")
+    assert caught.value.key == "output"
 
 
 def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.results import load
 from freefloat.robot.names import bundled_studies, models_folder
-from freefloat.studies.results import Row, open_results
+from freefloat.studies.database import open_results
+from freefloat.studies.results import Row
 from freefloat.studies.run import Run, RunResult, execute, study_files
 from freefloat.studies.runner import _CONFIG, estimate_study, execute_all, run_study
 from freefloat.studies.study import load_study

@@ -20,7 +20,8 @@ from markupsafe import Markup
 from freefloat.io.files import written_beside
 from freefloat.io.schema import ScenarioFile
 from freefloat.io.yaml import section_at
-from freefloat.studies.results import COLUMNS, Row, StudyResult
+from freefloat.studies.database import COLUMNS
+from freefloat.studies.results import Row, StudyResult
 from freefloat.studies.study import START_KEYS
 
 PARQUET, CSV, REPORT = "cases.parquet", "cases.csv", "report.html"

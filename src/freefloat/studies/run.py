@@ -23,8 +23,9 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
 from freefloat.so3 import Array, heading_quaternion, rotation_matrix
+from freefloat.studies.database import Files
 from freefloat.studies.document import error_of_study, scenario_from
-from freefloat.studies.results import ERROR, Files, Row
+from freefloat.studies.results import ERROR, Row
 from freefloat.studies.study import Command, Study
 from freefloat.studies.values import finite, map_values, plan_values, simulation_values
 

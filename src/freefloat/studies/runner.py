@@ -21,7 +21,8 @@ from distributed.comm.addressing import get_address_host_port
 
 from freefloat.concurrency import available_cores
 from freefloat.errors import InputError
-from freefloat.studies.results import DATABASE, ERROR, Row, StudyResult, open_results
+from freefloat.studies.database import DATABASE, open_results
+from freefloat.studies.results import ERROR, Row, StudyResult
 from freefloat.studies.run import Run, RunResult, error_result, execute, study_files
 from freefloat.studies.study import Study
 from freefloat.studies.values import finite
