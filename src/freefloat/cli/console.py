@@ -142,7 +142,7 @@ def short_label(label: str) -> str:
 
 def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
     """Lines on a motion: closest approach, first and last state, residuals."""
-    from freefloat.motion.motion import Ending
+    from freefloat.motion.singularity import singular_event
 
     motion, closest = chosen.motion, chosen.closest_approach
     problem, initial, final = motion.problem, motion.initial, motion.final
@@ -157,11 +157,12 @@ def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
     yield f"  initial attitude x y z w  {decimals(initial.attitude, 5)}"
     yield f"  final attitude   x y z w  {decimals(final.attitude, 5)}, t = {final.time:.4f} s"
     yield f"  final joints              {decimals(final.joints)}"
-    if motion.ending is Ending.SINGULAR:
-        position = problem.model.end_effector_pose(final.attitude, final.joints).position
-        place = ", ".join(f"{x:.4f}" for x in position)
-        s = problem.path.timing.s(final.time)
-        yield f"  singular at t = {final.time:.4f} s, s = {s:.4f}, end-effector at ({place}) m"
+    if (event := singular_event(motion)) is not None:
+        place = ", ".join(f"{x:.4f}" for x in event.end_effector)
+        yield (
+            f"  singular at t = {event.time:.4f} s, s = {event.s:.4f}, end-effector at ({place}) m"
+        )
+        yield f"  kind of singularity: {event.kind.description}"
     residuals = motion.residuals()
     angle = residuals.end_effector_attitude
     yield (

@@ -60,7 +60,8 @@ def plan(
     For planar tasks all feasible headings are listed. For spatial tasks the motions from a grid of
     attitudes are integrated (search.samples in the scenario, default 4,096), and the choice is
     refined between them. The chosen motion keeps joint ranges and the scenario's limits, too. Exit
-    code 1: no feasible attitude was found; then no page is written.
+    code 1: no feasible attitude was found. Where limits alone are violated, the motion that comes
+    nearest to keeping them is shown and written; where no motion keeps the margin, no page is.
 
     Example: freefloat plan planar_3dof/parabola -o plan.h5
 
@@ -88,7 +89,8 @@ def plan(
         if result.chosen is not None:
             from freefloat.visualization.playback import playback
 
-            motions = {f"{scenario}, {result.chosen.branch.label}": result.chosen.motion}
+            words = scenario, result.chosen.branch.label, result.violation
+            motions = {", ".join(filter(None, words)): result.chosen.motion}
             document["html"] = str(playback(motions, scenario).save(html))
         console.tables([f"Page: {document['html'] or 'none, there is no motion to show'}"])
     if plots is not None:
@@ -126,11 +128,14 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
         yield f"{name}: {feasible} of {samples:,} initial attitudes are feasible"
     for sentence in plan.disagreements:
         yield Text(f"not confirmed: {sentence}", "yellow")
-    if plan.chosen is None:
+    heading = "" if plan.heading is None else f"heading {math.degrees(plan.heading):.4f} deg, "
+    if not plan.feasible:
         yield Text(f"Not feasible: {plan.reason}.", "red")
-    else:
-        heading = "" if plan.heading is None else f"heading {math.degrees(plan.heading):.4f} deg, "
-        yield f"Chosen: {heading}{plan.reason}."
+    if plan.chosen is not None:
+        if plan.feasible:
+            yield f"Chosen: {heading}{plan.reason}."
+        else:
+            yield Text(f"Nearest to keeping the limits: {heading}{plan.violation}.", "yellow")
         yield from (f"  {line}" for line in _chosen_lines(plan))
         yield from _segment_lines(plan)
         yield from motion_lines(plan.chosen)

@@ -186,10 +186,10 @@ def _playback(files: Sequence[Path]) -> Playback:
     results = [load(file) for file in files]
     if len(results) == 1 and isinstance(results[0], AttitudeMap | HeadingMap):
         return playback(results[0], files[0].stem)
-    motions = {
-        name: _motion_of(result, file)
-        for name, result, file in zip(distinct_stems(files), results, files, strict=True)
-    }
+    motions = {}
+    for name, result, file in zip(distinct_stems(files), results, files, strict=True):
+        violation = getattr(result, "violation", "")
+        motions[f"{name}, {violation}" if violation else name] = _motion_of(result, file)
     return playback(motions, " · ".join(motions))
 
 
@@ -209,7 +209,7 @@ def _motion_of(result: Any, file: Path) -> Motion:
         raise InputError("file", "it holds a map", _ACCEPTED, str(file))
     if result.chosen is None:
         problem = f"it has no motion, the plan is not feasible: {result.reason}"
-        raise InputError("file", problem, "a feasible plan, or a motion", str(file))
+        raise InputError("file", problem, "a plan or simulation with a motion", str(file))
     motion: Motion = result.chosen.motion
     return motion
 

@@ -7,10 +7,11 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR
+from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
 from freefloat.limits.limits import LimitResult
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import (
@@ -18,6 +19,7 @@ from freefloat.motion.reach import (
     reach_message,
     unreached_start_message,
 )
+from freefloat.motion.singularity import singular_event
 from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude
 from freefloat.planning.heading_map import attitudes_at, even_headings
 from freefloat.planning.plan import Objective, Search
@@ -79,16 +81,48 @@ def no_feasible_attitude_message(evaluator: FeasibilityEvaluator, samples: Attit
         return beyond
     if not samples.reached.any():
         return unreached_start_message(problem, f"none of {N} attitudes")
+    fractions = _ending_fractions(samples.endings)
     peaks = largest_margins(evaluator, samples)
     if not peaks:
-        return f"the arm becomes singular from all of {N} attitudes, with every arm branch"
+        return f"of {N} attitudes none completes the path: {fractions}{_last_singularity(samples)}"
     best = max(peaks, key=lambda peak: peak.minimum_margin)
     name = problem.margin.measure.name
     return (
         f"of {N} attitudes and those near the best of them none keeps {name} "
         f"{problem.margin.threshold:.6g}; the largest minimum {name} is {best.minimum_margin:.6g}, "
-        f"from {np.round(best.attitude, 6).tolist()} with {_arm(evaluator, best)}"
+        f"from {np.round(best.attitude, 6).tolist()} with {_arm(evaluator, best)}; {fractions}"
     )
+
+
+def _ending_fractions(endings: npt.NDArray[np.int8]) -> str:
+    """How attitudes fail: by the arm branch that gets farthest; endings have the shape (K, B)."""
+    words = {
+        UNREACHED: "have no arm configuration at the start",
+        FAILED: "end where the integration gives up",
+        SINGULAR: "end in a singularity",
+        COMPLETED: "complete the path below the margin",
+    }
+    ranks = np.array([list(words).index(code) for code in endings.ravel().tolist()])
+    best = ranks.reshape(endings.shape).max(axis=1)
+    shares = np.bincount(best, minlength=len(words)) / len(best)
+    return ", ".join(
+        f"{100.0 * share:.3g} % {text}"
+        for share, text in zip(shares.tolist(), words.values(), strict=True)
+        if share > 0.0
+    )
+
+
+def _last_singularity(samples: AttitudeMap) -> str:
+    """Time and kind of the singularity of the motion of a map that lasts longest."""
+    times = np.where(samples.endings == SINGULAR, samples.details["ended_at"], -np.inf)
+    n, branch = np.unravel_index(int(np.argmax(times)), times.shape)
+    if not np.isfinite(times[n, branch]):
+        return ""
+    motion = integrate_branch(samples.problem, samples.attitudes[n], int(branch)).motion
+    event = singular_event(motion)
+    if event is None:
+        return ""
+    return f", at the latest at t = {event.time:.4g} s; its kind: {event.kind.description}"
 
 
 def no_feasible_heading_message(evaluator: FeasibilityEvaluator) -> str:
@@ -103,13 +137,13 @@ def no_feasible_heading_message(evaluator: FeasibilityEvaluator) -> str:
         return unreached_start_message(problem, "no heading")
     n, branch = max(tried, key=lambda at: (motions.ended_at[*at], motions.minimum[*at]))
     best = integrate_branch(problem, attitudes[n], branch)
-    approach = best.closest_approach
+    approach, fractions = best.closest_approach, _ending_fractions(motions.endings)
     position = problem.path.pose(approach.time).position
     return (
         f"every heading violates the margin; of {_TRIED} tried the best {_ending(best)} "
         f"{approach.measure} {approach.value:.4g} at "
         f"s = {round(problem.path.timing.s(approach.time), 4):g}, "
-        f"({position[0]:.4g}, {position[1]:.4g}) m"
+        f"({position[0]:.4g}, {position[1]:.4g}) m; {fractions}"
     )
 
 
@@ -174,7 +208,8 @@ def rounded_up(factor: float) -> float:
 
 
 def _ending(simulated: SimulatedBranch) -> str:
-    return "falls to" if simulated.motion.completed else "becomes singular,"
+    event = singular_event(simulated.motion)
+    return "falls to" if event is None else f"becomes singular ({event.kind}),"
 
 
 def _arm(evaluator: FeasibilityEvaluator, candidate: Candidate) -> str:

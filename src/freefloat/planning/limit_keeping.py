@@ -16,6 +16,7 @@ from freefloat.planning.diagnostics import limited_reason, violated_limits_messa
 from freefloat.planning.heading_map import attitudes_at, even_headings
 from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.screening import ScreenedCandidate, screen
+from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.trials import OVER, PassedTrial, Trials
 from freefloat.so3 import Array, angle_between, grid_spacing, heading_of
 
@@ -147,29 +148,24 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
         passed = _moved_nearer(trials, search.from_attitude, passed)
     chosen, results = passed
-    radius = None
-    if plan.map is None:  # the distance of the heading from the limits of its range
-        heading = heading_of(chosen.motion.initial.attitude)
-        entries = [e for e in plan.ranges if e.label == "any" or e.branch == chosen.branch.index]
-        depths = [part.depth(heading) for entry in entries for part in entry.ranges]
-        radius = max(0.0, *depths) if depths else None
     return replace(
         plan,
         chosen=chosen,
         limit_results=results,
         excluded=dict(trials.violations),
-        robust_radius=radius,
+        robust_radius=_heading_depth(plan, chosen),
         reason=limited_reason(search, chosen),
     )
 
 
 def _without_candidate(plan: Plan, trials: Trials) -> Plan:
-    """The infeasible plan with its reason and, where one is known, a sufficient duration."""
+    """The infeasible plan with the candidate that comes nearest to keeping the limits, its reason
+    and, where one is known, a sufficient duration."""
     excluded = trials.violations.copy()
     for candidate in _nearest_to_passing(trials.screened_out):
         trials.check_candidate(candidate)
     count = trials.count
-    results = trials.nearest_results()
+    nearest, results = trials.nearest()
     if plan.map is None:
         attitudes = attitudes_at(even_headings(_STRETCHED))
     else:
@@ -180,13 +176,23 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
         plan,
         feasible=False,
         reason=violated_limits_message(excluded, results, count, stretch, longer_tried),
-        chosen=None,
-        robust_radius=None,
+        chosen=nearest,
+        robust_radius=_heading_depth(plan, nearest),
         limit_results=results,
         excluded=dict(excluded),
         needed_stretch=stretch,
         stretch_candidate=start,
     )
+
+
+def _heading_depth(plan: Plan, chosen: SimulatedBranch | None) -> float | None:
+    """Distance of a heading from the limits of its range [rad]; None for spatial tasks."""
+    if plan.map is not None or chosen is None:
+        return None
+    heading = heading_of(chosen.motion.initial.attitude)
+    entries = [e for e in plan.ranges if e.label == "any" or e.branch == chosen.branch.index]
+    depths = [part.depth(heading) for entry in entries for part in entry.ranges]
+    return max(0.0, *depths) if depths else None
 
 
 def _moved_nearer(trials: Trials, present: Array, passed: PassedTrial) -> PassedTrial:

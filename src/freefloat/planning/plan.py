@@ -124,7 +124,8 @@ class Plan:
         reason: Why the attitude was chosen, or why there is none.
         ranges: Planar tasks: the feasible headings of every arm branch.
         segments: Planar tasks with stops: the segments between them.
-        chosen: The motion from the chosen attitude; None where the problem is infeasible.
+        chosen: The motion from the chosen attitude. Of an infeasible plan the one that keeps the
+            margin and comes nearest to keeping the limits; None where none keeps the margin.
         robust_radius: How far the attitude may deviate in any direction before the chosen arm
             branch (of a redundant arm, every starting configuration tried) violates the margin or
             nears another singularity [rad].
@@ -132,8 +133,7 @@ class Plan:
         tolerance: Spatial tasks: tolerated deviations of momentum and duration.
         disagreements: Candidates that the precise integration did not confirm, a sentence each.
         limits: Limits to keep in addition to the margin; None where none were checked.
-        limit_results: Limits along the chosen motion or, where no motion keeps them, along the
-            candidate that came nearest.
+        limit_results: Limits along the chosen motion.
         excluded: How many candidates violated which limit first.
         needed_stretch: Factor on the duration with which a candidate keeps margin and limits, where
             the duration alone is too short and such a factor is known.
@@ -162,6 +162,12 @@ class Plan:
     stretch: float = 1.0
     certificate: Certificate | None = field(default=None, repr=False)
     contact: Contact | None = None
+
+    @property
+    def violation(self) -> str:
+        """What the motion of an infeasible plan violates; empty for feasible plans."""
+        violated = [str(result.limit) for result in self.limit_results if not result.kept]
+        return "" if self.feasible else f"infeasible: violates {', '.join(violated)}"
 
     @property
     def deviation(self) -> float | None:

@@ -104,7 +104,7 @@ def _plan(
         return result
     contact = self_contact(chosen.motion, result.limit_results)
     result = replace(result, certificate=certify(chosen.motion), contact=contact)
-    if result.map is None:
+    if result.map is None or not result.feasible:
         return result
     attitude, branch = chosen.motion.initial.attitude, chosen.branch
     if radius is None:

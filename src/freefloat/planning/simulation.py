@@ -16,9 +16,10 @@ from freefloat.limits.contact import Contact, self_contact
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.motion import Ending, Motion
+from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.reach import light_spacecraft_hint, out_of_reach, reach_message
+from freefloat.motion.singularity import singular_event
 from freefloat.so3 import Array
 
 
@@ -52,11 +53,12 @@ class SimulatedBranch:
     def _outcome(self) -> dict[str, Any]:
         required = self.motion.problem.margin.threshold
         margin = {**self.closest_approach.to_dict(), "required": required, "kept": self.feasible}
+        event = singular_event(self.motion)
         return {
             "branch": self.branch.index,
             "completed": self.motion.completed,
             "ended_at": self.motion.final.time,
-            "singular": singularity(self.motion),
+            "singular": None if event is None else event.to_dict(),
             "min_margin": margin,
         }
 
@@ -119,20 +121,6 @@ class Simulation:
             "limits": [result.to_dict() for result in self.limit_results],
             "contact": self.contact and self.contact.to_dict(),
         }
-
-
-def singularity(motion: Motion) -> dict[str, Any] | None:
-    """Where a motion became singular, as a JSON document; None where it did not."""
-    if motion.ending is not Ending.SINGULAR:
-        return None
-    final, problem = motion.final, motion.problem
-    end_effector = problem.model.end_effector_pose(final.attitude, final.joints).position
-    return {
-        "time": final.time,
-        "s": problem.path.timing.s(final.time),
-        "end_effector": end_effector.tolist(),
-        "joints": final.joints.tolist(),
-    }
 
 
 def _redundancy(problem: Problem) -> dict[str, Any] | None:

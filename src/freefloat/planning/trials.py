@@ -10,7 +10,6 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.limits import LimitKind, LimitResult, Limits, needed_stretch
-from freefloat.motion.motion import Motion
 from freefloat.planning.diagnostics import rounded_up
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.screening import ScreenedCandidate
@@ -55,7 +54,7 @@ class Trials:
         self.count = 0
         self.too_fast: list[tuple[float, SimulatedBranch]] = []
         self.screened_out: list[ScreenedCandidate] = []
-        self._nearest: tuple[tuple[float, float], Motion] | None = None
+        self._nearest: tuple[tuple[float, float], SimulatedBranch] | None = None
 
     def check_candidate(self, candidate: ScreenedCandidate) -> PassedTrial | None:
         """The same as :meth:`check` for a candidate's precise motion."""
@@ -75,14 +74,17 @@ class Trials:
         violated = self.checker.violations(motion) if first.limit in _TIMED else (first,)
         excess = _excess(violated)
         if self._nearest is None or excess < self._nearest[0]:
-            self._nearest = excess, motion
+            self._nearest = excess, simulated
         if _is_too_fast(violated):
             self.too_fast.append((needed_stretch(violated), simulated))
         return None
 
-    def nearest_results(self) -> tuple[LimitResult, ...]:
-        """All limits along the motion that comes nearest to keeping them."""
-        return () if self._nearest is None else self.checker.results(self._nearest[1])
+    def nearest(self) -> tuple[SimulatedBranch | None, tuple[LimitResult, ...]]:
+        """The motion that keeps the margin and comes nearest to keeping the limits, and these."""
+        if self._nearest is None:
+            return None, ()
+        simulated = self._nearest[1]
+        return simulated, self.checker.results(simulated.motion)
 
     def sufficient_stretch(
         self, attitudes: Array

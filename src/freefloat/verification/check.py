@@ -129,9 +129,6 @@ def check(result: Plan | Simulation, engine: str = PINOCCHIO) -> CheckReport:
     chosen = result.chosen
     if chosen is None:
         return CheckReport(kind, (Check("motion", False, "the plan has none"),))
-    if isinstance(result, Plan) and not result.feasible:
-        words = "the plan is stated to be infeasible, and has a motion"
-        return CheckReport(kind, (Check("motion", False, words, False),))
     span = span_check(chosen.motion)
     if not span.passed:
         return CheckReport(kind, (span,))
@@ -146,8 +143,9 @@ def _verify(
     runs = None
     certificate = certify(motion)
     limits = check_limits(motion, result.limits or Limits())
+    keeps_margin = result.feasible or isinstance(result, Plan)
     checks = [
-        *_completed("certificate", certificate_checks, certificate, motion, result.feasible),
+        *_completed("certificate", certificate_checks, certificate, motion, keeps_margin),
         *_completed("limits", _limit_checks, result, limits),
         *_completed("closest approach", _branch_checks, chosen),
     ]
@@ -156,6 +154,8 @@ def _verify(
 
         checks += _completed("certificate", _same_certificate, result.certificate, certificate)
         checks += _completed("robustness", robustness_checks, result, chosen)
+        if not result.feasible:
+            checks.append(Check("feasible", False, f"the plan is {result.violation}", False))
     if engine == MUJOCO:
         from freefloat.verification.mujoco import forward_run, inverse_run
         from freefloat.verification.mujoco_model import Engine

@@ -114,7 +114,8 @@ def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) ->
     heading = None
     if chosen is not None:
         initial, branch = chosen.motion.initial.attitude, chosen.branch.index
-        marks.append(Mark(_NAMES[plan.search.objective], initial, branch))
+        name = _NAMES[plan.search.objective] if plan.feasible else "infeasible"
+        marks.append(Mark(name, initial, branch))
         heading = branch, heading_of(initial)
     if plan.search.from_attitude is not None:
         marks.append(Mark("now", plan.search.from_attitude))

@@ -219,7 +219,9 @@ def _named_motions(result: Any) -> dict[str, Motion]:
         return dict(result)
     if result.chosen is None:
         problem = f"the plan has no motion: {result.reason}"
-        raise InputError("plan", problem, "a feasible plan")
+        raise InputError("plan", problem, "a plan with a motion")
+    if not isinstance(result, Simulation) and not result.feasible:
+        return {f"{result.chosen.title}, {result.violation}": result.chosen.motion}
     branches = result.branches if isinstance(result, Simulation) else (result.chosen,)
     chosen_first = sorted(branches, key=lambda branch: branch is not result.chosen)
     return {branch.title: branch.motion for branch in chosen_first}

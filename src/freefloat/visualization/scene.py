@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.errors import InputError
 from freefloat.limits.contact import self_contact
 from freefloat.motion.motion import Motion
+from freefloat.motion.singularity import singular_event
 from freefloat.so3 import Array
 from freefloat.visualization.description import (
     MarginColours,
@@ -198,10 +199,16 @@ def _draw(
         begin=float(times[0]),
         end=float(times[-1]),
         ending=motion.ending.name.lower(),
-        verdict=motion.ending.value,
+        verdict=_verdict(motion),
         trail=trail,
         lines=() if contact is None else (f"warning: {contact}",),
     )
+
+
+def _verdict(motion: Motion) -> str:
+    """Return how a motion ended, with the kind of a singularity."""
+    event = singular_event(motion)
+    return motion.ending.value if event is None else f"{motion.ending.value} Kind: {event.kind}."
 
 
 def _view(samples: Sequence[_Sampled], planar: bool) -> View:

@@ -27,7 +27,7 @@ class Mark:
     """A marked attitude.
 
     Attributes:
-        name: One of best, robust, nearest, chosen.
+        name: One of best, robust, nearest, infeasible, now.
         attitude: Quaternion x, y, z, w, shape (4,).
         branch: Number of the arm branch; None for the best of a redundant arm, or for none.
     """
