@@ -92,6 +92,26 @@ def test_a_plan_parses_one_urdf_and_builds_one_model_and_one_evaluator(
     assert built == {"parse_urdf": 1, "FreeFloatingModel": 1, "FeasibilityEvaluator": 1}
 
 
+def test_a_plan_that_violates_limits_alone_has_a_motion_and_a_page(folder: Path) -> None:
+    """Everything that is written says that it is infeasible; check does not verify it."""
+    line = (models_folder() / "planar_2dof" / "line.yaml").read_text("utf-8")
+    path, _, _ = line.partition("limits:")
+    (folder / "fast.yaml").write_text(path + "limits: {joint_rate: 0.001}")
+    result = run("plan", "fast.yaml", "-o", "plan.h5", "--html", "page.html")
+    plan = load("plan.h5")
+    assert result.exit_code == 1
+    assert not plan.feasible
+    assert plan.chosen.feasible
+    assert plan.violation in result.stdout
+    assert plan.violation in (folder / "page.html").read_text("utf-8")
+    assert run("view", "plan.h5", "--html", "view.html").exit_code == 0
+    assert plan.violation in (folder / "view.html").read_text("utf-8")
+    assert plan.violation in run("export", "plan.h5", "-o", "plan.csv").stdout
+    failed = [entry for entry in document("check", "plan.h5", code=1)["checks"]
+              if not entry["passed"]]  # fmt: skip
+    assert [entry["name"] for entry in failed] == ["feasible"]
+
+
 @pytest.mark.slow
 def test_limits_are_printed_with_a_stretched_duration(folder: Path) -> None:
     line = (models_folder() / "planar_2dof" / "line.yaml").read_text("utf-8")

@@ -60,7 +60,7 @@ def test_the_document_has_the_documented_keys(words: tuple[str, ...], dof: int) 
 def test_a_singular_motion_has_place_and_time() -> None:
     motion = simulated(*SINGULAR, code=1)
     singular = motion["singular"]
-    assert singular.keys() == {"time", "s", "end_effector", "joints"}
+    assert singular.keys() == {"time", "s", "end_effector", "joints", "kind"}
     assert singular["time"] == motion["final"]["time"] < 100.0
     assert singular["joints"] == motion["final"]["joints"]
     x, y, z = singular["end_effector"]

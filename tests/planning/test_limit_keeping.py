@@ -101,10 +101,24 @@ def test_each_limit_alone_can_make_a_plan_infeasible(
 ) -> None:
     result = keep_limits(evaluator_for(headings.problem), headings, limits)
     assert not result.feasible
-    assert result.chosen is None
     assert name in result.reason
+    assert name in result.violation
+    assert_is_nearest_candidate(result, limits)
     assert set(result.excluded) == {LimitKind(name)}
     assert_claim_is_true(result, limits)
+
+
+def assert_is_nearest_candidate(result: Plan, limits: Limits) -> None:
+    """Its motion keeps the margin, violates what the plan states, and is a document's motion."""
+    assert result.chosen is not None
+    assert result.chosen.feasible
+    again = check_limits(result.chosen.motion, limits)
+    stated = [(entry.limit, entry.worst) for entry in result.limit_results]
+    assert [(entry.limit, entry.worst) for entry in again] == stated
+    assert not all(entry.kept for entry in again)
+    document = result.to_dict()
+    assert (document["feasible"], document["completed"]) == (False, True)
+    assert document["initial"]["attitude"] == result.chosen.motion.initial.attitude.tolist()
 
 
 def assert_claim_is_true(result: Plan, limits: Limits) -> None:

@@ -241,7 +241,7 @@ ALTERATIONS = {
         "certificate momentum_scale",
     ),
     "the end left out": (shortened(0, -16), "whole motion"),
-    "its feasibility": (lambda plan: replace(plan, feasible=False), "motion"),
+    "its feasibility": (lambda plan: replace(plan, feasible=False), "feasible"),
     "its motion left out": (lambda plan: replace(plan, chosen=None), "motion"),
     "the ending": (
         lambda plan: with_motion(plan, ending=Ending.SINGULAR), "singular end",

@@ -66,7 +66,7 @@ def export(
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
-    motion = load_motion(file)
+    motion, violation = load_motion(file)
     at = even_times(motion, times or _TIMES) if rate is None else times_at_rate(motion, rate)
     trajectory = Trajectory.of(motion, at)
     if target is None:
@@ -83,6 +83,8 @@ def export(
     console.tables([f"{len(at):,} samples from {first:g} to {last:g} s: {target} ({kind})"])
     if not motion.completed:
         console.tables(["The motion ends before the path does."])
+    if violation:
+        console.tables([f"The plan is {violation}."])
 
 
 def _format_and_file(

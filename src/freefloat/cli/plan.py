@@ -156,7 +156,7 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
         more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""
         yield (f"Momentum tolerance{scope}: {tolerance.momentum:.4g} N m s{more} in any direction.")
         yield (f"Feasible durations{scope}: {tolerance.shortest:.5g} to {tolerance.longest:.5g} s.")
-    if plan.excluded:
+    if plan.excluded and plan.feasible:
         counts = ", ".join(f"{limit} {count}" for limit, count in plan.excluded.items())
         yield f"Better candidates that violate a limit: {counts}."
 

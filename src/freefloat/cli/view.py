@@ -188,13 +188,13 @@ def _playback(files: Sequence[Path]) -> Playback:
         return playback(results[0], files[0].stem)
     motions = {}
     for name, result, file in zip(distinct_stems(files), results, files, strict=True):
-        violation = getattr(result, "violation", "")
-        motions[f"{name}, {violation}" if violation else name] = _motion_of(result, file)
+        motion, violation = _motion_of(result, file)
+        motions[f"{name}, {violation}" if violation else name] = motion
     return playback(motions, " · ".join(motions))
 
 
-def load_motion(file: Path) -> Motion:
-    """The motion of a plan or motion file.
+def load_motion(file: Path) -> tuple[Motion, str]:
+    """The motion of a plan or motion file, and what the motion of an infeasible plan violates.
 
     Raises:
         InputError: If it has none.
@@ -204,14 +204,13 @@ def load_motion(file: Path) -> Motion:
     return _motion_of(load(file), file)
 
 
-def _motion_of(result: Any, file: Path) -> Motion:
+def _motion_of(result: Any, file: Path) -> tuple[Motion, str]:
     if not hasattr(result, "chosen"):
         raise InputError("file", "it holds a map", _ACCEPTED, str(file))
     if result.chosen is None:
         problem = f"it has no motion, the plan is not feasible: {result.reason}"
         raise InputError("file", problem, "a plan or simulation with a motion", str(file))
-    motion: Motion = result.chosen.motion
-    return motion
+    return result.chosen.motion, getattr(result, "violation", "")
 
 
 def _lines(document: dict[str, Any]) -> Iterator[str]:

@@ -159,8 +159,10 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
 
 
 def _without_candidate(plan: Plan, trials: Trials) -> Plan:
-    """The infeasible plan with the candidate that comes nearest to keeping the limits, its reason
-    and, where one is known, a sufficient duration."""
+    """The infeasible plan with its reason and the candidate nearest to keeping the limits.
+
+    Where one is known, it has a sufficient duration.
+    """
     excluded = trials.violations.copy()
     for candidate in _nearest_to_passing(trials.screened_out):
         trials.check_candidate(candidate)

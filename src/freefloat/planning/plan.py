@@ -167,7 +167,7 @@ class Plan:
     def violation(self) -> str:
         """What the motion of an infeasible plan violates; empty for feasible plans."""
         violated = [str(result.limit) for result in self.limit_results if not result.kept]
-        return "" if self.feasible else f"infeasible: violates {', '.join(violated)}"
+        return "" if self.feasible else f"infeasible: violates {', '.join(violated) or 'no limit'}"
 
     @property
     def deviation(self) -> float | None:
