@@ -45,7 +45,7 @@ def heading(degrees: float) -> np.ndarray:
 
 def followed(problem: Problem, attitude: object, branch: int, **options: object) -> Motion:
     """The motion of an arm branch."""
-    attitude = problem.attitude("attitude", attitude)
+    attitude = problem.attitude(attitude)
     return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
 
 

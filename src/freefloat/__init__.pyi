@@ -34,6 +34,7 @@ from .planning.planner import plan as plan
 # Files and pictures
 from .io.results import load as load
 from .io.results import save as save
+from .io.export import export as export
 from .verification.check import check as check
 from .visualization.figures import figures as figures
 from .visualization.playback import playback as playback

@@ -40,7 +40,7 @@ def panda(**changes):
 
 
 def panda_motion(problem):
-    attitude = problem.attitude("attitude", np.array(GOOD) / np.linalg.norm(GOOD))
+    attitude = problem.attitude(np.array(GOOD) / np.linalg.norm(GOOD))
     joints = problem.branch_near(attitude, JOINTS, ()).joints
     motion = integrate_motion(problem, attitude, joints)
     assert motion.completed

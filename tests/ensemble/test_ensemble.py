@@ -42,7 +42,7 @@ from tests.robots import planar_robot, random_robot
 @pytest.mark.parametrize("attitude", [GOOD, BAD], ids=["good", "bad"])
 def test_every_branch_of_example_2(spatial: Problem, attitude: list[float]) -> None:
     """From the bad attitude four of eight branches end at C, the others complete."""
-    cases = both(spatial, *states(spatial, spatial.attitude("attitude", attitude)))
+    cases = both(spatial, *states(spatial, spatial.attitude(attitude)))
     assert len(cases) == 8
     for case in cases:
         case.assert_same()
@@ -312,7 +312,7 @@ def test_wrists_that_barely_reach_the_singularity(spatial: Problem) -> None:
 def test_backward_integration_retraces(name: str, attitude: object) -> None:
     """An end before its start retraces the motion, with its stops, minimum and ranges."""
     problem = bundled(name)
-    attitudes, joints = states(problem, problem.attitude("attitude", attitude))
+    attitudes, joints = states(problem, problem.attitude(attitude))
     integrator, T = EnsembleIntegrator(problem, 1, tolerance=FINE), problem.path.duration
     there = integrator.integrate(attitudes, joints)
     done = there.endings == COMPLETED
@@ -376,7 +376,7 @@ def test_rates_at_the_start_count(spatial: Problem, when: float) -> None:
 def test_momenta_are_those_of_problems_with_them(spatial: Problem) -> None:
     """One momentum for all, or one for each motion."""
     momenta = np.array([[0.5, 0.3, 0.1], [0.0, 0.0, 0.0], [-1.0, 0.4, 0.9]])
-    start = spatial.attitude("attitude", GOOD)
+    start = spatial.attitude(GOOD)
     attitudes, joints = np.tile(start, (3, 1)), np.tile(spatial.branches(start)[2].joints, (3, 1))
     integrator = EnsembleIntegrator(spatial, 1)
     mixed = integrator.integrate(attitudes, joints, momenta=momenta)
@@ -418,7 +418,7 @@ def test_stop_below_changes_no_other_motion(spatial: Problem) -> None:
 
 def test_margin_violations_precede_singularities(spatial: Problem) -> None:
     """From the bad attitude; a larger margin is violated at the start."""
-    attitudes, joints = states(spatial, spatial.attitude("attitude", BAD))
+    attitudes, joints = states(spatial, spatial.attitude(BAD))
     integrator = EnsembleIntegrator(spatial, 1)
     plain = integrator.integrate(attitudes, joints)
     stopped = integrator.integrate(attitudes, joints, stop_below=5.0)
@@ -548,7 +548,7 @@ def test_no_motions(planar: Problem) -> None:
 
 
 def test_the_sign_of_a_quaternion_does_not_matter(spatial: Problem) -> None:
-    attitudes, joints = states(spatial, spatial.attitude("attitude", GOOD))
+    attitudes, joints = states(spatial, spatial.attitude(GOOD))
     positive, negative = (
         EnsembleIntegrator(spatial, 1).integrate(sign * attitudes, joints) for sign in (1.0, -1.0)
     )
@@ -565,7 +565,7 @@ def test_margins_allow_for_rounding_and_not_for_zero() -> None:
 
 def test_determinant_ratios(spatial: Problem) -> None:
     """Smallest over largest magnitude of det S*, as far as steps see them; zero where singular."""
-    attitudes, joints = states(spatial, spatial.attitude("attitude", BAD))
+    attitudes, joints = states(spatial, spatial.attitude(BAD))
     result = EnsembleIntegrator(spatial, 1, tolerance=FINE).integrate(attitudes, joints)
     np.testing.assert_array_equal(result.determinant_ratios[result.endings == SINGULAR], 0.0)
     for k in np.flatnonzero(result.endings == COMPLETED):

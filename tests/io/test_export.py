@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from freefloat.cli.app import app
 from freefloat.errors import InputError
-from freefloat.io.export import csv_text, json_text, ros2_text, write_mat
-from freefloat.io.results import save
+from freefloat.io.export import csv_text, export, json_text, ros2_text, write_mat
+from freefloat.io.results import load, save
 from freefloat.io.scenario import load_scenario
 from freefloat.io.trajectory import Trajectory, even_times
 from freefloat.motion.extrema import closest_approach
@@ -232,3 +232,15 @@ def test_bad_input_is_one_line_and_changes_nothing(files, words, key):
     assert len(result.stderr.splitlines()) == 1
     assert json.loads(result.stdout)["error"]["key"] == key
     assert {name: Path(name).read_bytes() for name in os.listdir()} == before
+
+
+def test_a_call_writes_what_the_command_writes(saved, tmp_path):
+    simulation = load(saved / "good.h5")
+    for result in (simulation, simulation.chosen.motion):
+        export(result, tmp_path / "call.csv", rate=2.0)
+        arguments = ["export", str(saved / "good.h5"), "-o", str(tmp_path / "command.csv")]
+        assert CliRunner().invoke(app, [*arguments, "--rate", "2"]).exit_code == 0
+        assert (tmp_path / "call.csv").read_text() == (tmp_path / "command.csv").read_text()
+    for result, file in ((simulation, "call.txt"), (Path(), "call.csv")):
+        with pytest.raises(InputError):
+            export(result, tmp_path / file)

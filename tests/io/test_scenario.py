@@ -523,3 +523,19 @@ def test_the_robot_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     loaded.limits()
     loaded.search()
     assert len(calls) == 1
+
+
+def test_a_dictionary_is_a_scenario() -> None:
+    content: dict[str, Any] = {
+        "robot": {"urdf": "planar_2dof", "end_effector": "end_effector"},
+        "task": "planar-position",
+        "path": {"line": {"from": np.array([1.9, 0.2, 0.0]), "to": [0.5, 1.2, np.int64(0)]}},
+        "timing": {"duration": 30},
+        "margin": {"measure": "system", "value": np.float64(1e-5)},
+    }
+    problem = load_scenario(content).problem()
+    assert problem.margin.threshold == 1e-5
+    assert problem.path.pose(0.0).position == pytest.approx([1.9, 0.2, 0.0])
+    with pytest.raises(InputError) as caught:
+        load_scenario(content | {"task": "dance"})
+    assert caught.value.key == "task"

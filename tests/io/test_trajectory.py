@@ -20,7 +20,7 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 def integrated(name, attitude, branch=0):
     problem = load_scenario(name).problem()
-    attitude = problem.attitude("attitude", attitude)
+    attitude = problem.attitude(attitude)
     return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
 
 

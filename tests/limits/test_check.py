@@ -103,13 +103,13 @@ def test_robots_without_ranges_have_no_such_result():
 
 
 def planar_motion(problem):
-    attitude = problem.attitude("attitude", heading_quaternion(np.deg2rad(200)))
+    attitude = problem.attitude(heading_quaternion(np.deg2rad(200)))
     return integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
 
 
 def spatial_motion():
     problem = load_scenario("spatial_6dof/line").problem()
-    attitude = problem.attitude("attitude", GOOD)
+    attitude = problem.attitude(GOOD)
     return integrate_motion(problem, attitude, problem.branches(attitude)[2].joints)
 
 
@@ -219,7 +219,7 @@ def test_stretch_is_that_of_the_tightest_limit():
 
 def test_rates_towards_a_singularity_have_no_bound():
     problem = load_scenario("spatial_6dof/line").problem()
-    attitude = problem.attitude("attitude", [0.1, 0.5, 0.2, -0.8367])
+    attitude = problem.attitude([0.1, 0.5, 0.2, -0.8367])
     motions = (
         integrate_motion(problem, attitude, result.joints) for result in problem.branches(attitude)
     )

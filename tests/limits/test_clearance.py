@@ -84,7 +84,7 @@ MOTIONS = [
 @pytest.mark.parametrize(("name", "attitude", "branch"), MOTIONS)
 def test_fine_sampling_finds_nothing_nearer(name, attitude, branch):
     problem = load_scenario(name).problem()
-    attitude = problem.attitude("attitude", attitude)
+    attitude = problem.attitude(attitude)
     motion = integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints)
     pairs = CollisionPairs(problem.model)
     nearest = clearance(motion, pairs)

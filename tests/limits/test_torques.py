@@ -29,7 +29,7 @@ STARTS = {
 @pytest.fixture(scope="module", params=NAMES)
 def motion(request):
     problem = load_scenario(request.param).problem()
-    attitude = problem.attitude("attitude", STARTS.get(request.param, [0.0, 0.0, 0.0, 1.0]))
+    attitude = problem.attitude(STARTS.get(request.param, [0.0, 0.0, 0.0, 1.0]))
     return integrate_motion(problem, attitude, problem.branches(attitude)[0].joints)
 
 

@@ -215,7 +215,7 @@ def test_the_margin_of_example_2_is_as_printed(near):
 def test_a_motion_stops_exactly_at_the_margin(spatial, name, fraction):
     """|S| = S0 at the end, and S0 or more before it."""
     measure = singularity_measure(spatial.model, spatial.task, name)
-    attitude = spatial.attitude("attitude", BAD)
+    attitude = spatial.attitude(BAD)
     joints = spatial.branches(attitude)[2].joints
     value = fraction * abs(measure(joints))
     problem = replace(spatial, margin=Margin(measure, value))

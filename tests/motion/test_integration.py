@@ -167,7 +167,7 @@ def test_a_redundant_arm_is_singular_where_it_is_stretched():
 def test_a_redundant_arm_does_not_creep_along_a_singularity(spatial, monkeypatch):
     monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", 600)
     problem = replace(spatial, task=Task.POSITION)
-    attitude = problem.attitude("attitude", GOOD)
+    attitude = problem.attitude(GOOD)
     joints = [-1.3803, 2.2726, 1.971, 1.7142, -2.9989, -0.8725]
     joints = problem.branch_near(attitude, joints, ()).joints
     motion = integrate_motion(problem, attitude, joints)
@@ -231,7 +231,7 @@ def test_rotating_the_whole_problem_rotates_the_motion(spatial):
         spatial, momentum=R @ spatial.momentum,
         path=TimedPath(EndEffectorPath(line, law), spatial.path.timing),
     )  # fmt: skip
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     joints = spatial.branches(attitude)[2].joints
     here = integrate_motion(spatial, attitude, joints)
     there = integrate_motion(problem, (rotation * Rotation.from_quat(attitude)).as_quat(), joints)
@@ -243,7 +243,7 @@ def test_rotating_the_whole_problem_rotates_the_motion(spatial):
 
 
 def test_revolutions_of_a_joint_do_not_matter(spatial):
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     joints = spatial.branches(attitude)[2].joints
     revolutions = 2 * np.pi * np.array([0, 0, 1, -1, 0, 2])
     usual = integrate_motion(spatial, attitude, joints).final.joints
@@ -253,7 +253,7 @@ def test_revolutions_of_a_joint_do_not_matter(spatial):
 
 def test_joints_off_the_path_raise(spatial):
     """A micrometre is the limit; the message says how far off they are."""
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     joints = spatial.branches(attitude)[2].joints
     integrate_motion(spatial, attitude, joints + 1e-8, end=1.0)
     with pytest.raises(InputError, match="off the path at t = 0") as caught:
@@ -268,7 +268,7 @@ def test_joints_off_the_path_raise(spatial):
 @pytest.mark.parametrize("times", [{"start": -1.0}, {"end": 100.5}, {"end": np.nan}, {"end": -0.1}])
 def test_times_outside_the_path_raise(spatial, times):
     """From 0 to the duration."""
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     with pytest.raises(InputError) as caught:
         integrate_motion(spatial, attitude, spatial.branches(attitude)[0].joints, **times)
     assert caught.value.key == next(iter(times))
@@ -352,7 +352,7 @@ def test_no_margin_left_at_a_singularity_is_still_a_singularity(spatial, planar,
         margin = Margin(singularity_measure(problem.model, problem.task, name), 0.0)
         asked_for = replace(problem, margin=margin)
         for attitude in attitudes:
-            for branch in asked_for.branches(asked_for.attitude("attitude", attitude)):
+            for branch in asked_for.branches(asked_for.attitude(attitude)):
                 plainly, stopping = (
                     followed(asked_for, attitude, branch.index, stop_at_margin=stop)
                     for stop in (False, True)
@@ -361,7 +361,7 @@ def test_no_margin_left_at_a_singularity_is_still_a_singularity(spatial, planar,
 
 
 def test_motion_along_a_circle_with_the_end_effector_along_its_tangent(spatial):
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     arc = ArcCurve([0.9, 0.0, 0.0], [1.3, 0.0, 0.0], [0.0, 0.0, 1.0], 1.5)
     law = DirectedOrientation.follow(arc, "y", [0.0, 0.0, 1.0])
     problem = asked(spatial.model, Task.POSE, [0, 0, 0], arc, law, Timing(50.0))

@@ -51,7 +51,7 @@ def stopping(planar):
 def test_a_motion_begins_and_ends_where_it_says(motion, spatial):
     """The first and last states are the first and last nodes, times exact."""
     assert (motion.initial.time, motion.final.time) == (0.0, 100.0)
-    assert_close(motion.initial.attitude, spatial.attitude("a", GOOD), atol=1e-15)
+    assert_close(motion.initial.attitude, spatial.attitude(GOOD), atol=1e-15)
     assert (motion.final.joints == motion.joints[-1]).all()
     assert motion.completed
     assert len(motion.times) == DEGREE * motion.panels + 1
@@ -193,7 +193,7 @@ def test_a_good_motion_has_small_residuals(motion, singular, backwards, stopping
 
 def test_position_tasks_have_no_attitude_residual(spatial):
     """A position task leaves the attitude free."""
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     position = replace(spatial, task=Task.POSITION)
     joints = spatial.branches(attitude)[2].joints
     residuals = integrate_motion(position, attitude, joints, end=20.0).residuals()

@@ -106,22 +106,22 @@ def test_a_planar_path_stays_at_the_height_of_the_end_effector(planar):
 
 
 def test_an_attitude_is_normalized(spatial):
-    result = spatial.attitude("attitude", GOOD)
+    result = spatial.attitude(GOOD)
     assert_close(result, np.array(GOOD) / np.linalg.norm(GOOD), atol=1e-15)
     with pytest.raises(InputError, match="norm 2") as caught:
-        spatial.attitude("somewhere", 2 * np.array(GOOD) / np.linalg.norm(GOOD))
+        spatial.attitude(2 * np.array(GOOD) / np.linalg.norm(GOOD), key="somewhere")
     assert caught.value.key == "somewhere"
 
 
 def test_a_planar_spacecraft_turns_about_z(planar):
-    planar.attitude("attitude", heading_quaternion(2.0))
+    planar.attitude(heading_quaternion(2.0))
     with pytest.raises(InputError, match="leaves the plane"):
-        planar.attitude("attitude", [0.6, 0.0, 0.0, 0.8])
+        planar.attitude([0.6, 0.0, 0.0, 0.8])
 
 
 @pytest.mark.parametrize("t", [0.0, 42.25, 100.0])
 def test_every_branch_puts_the_end_effector_on_the_path(spatial, t):
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     branches, target = spatial.branches(attitude, t), spatial.path.pose(t)
     assert len(branches) == 8
     for branch in branches:
@@ -145,11 +145,11 @@ def test_a_path_out_of_reach_has_no_branches(spatial):
     """No arm is longer than its barycentric vectors together."""
     far = EndEffectorPath(PolynomialCurve.line([4, 0, 0], [5, 0, 0]), FixedOrientation(np.eye(3)))
     problem = replace(spatial, path=TimedPath(far, Timing(10.0)))
-    assert problem.branches(problem.attitude("attitude", GOOD)) == ()
+    assert problem.branches(problem.attitude(GOOD)) == ()
 
 
 def test_branch_near_joints(spatial):
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     branches = spatial.branches(attitude)
     revolutions = 2.0 * np.pi * np.array([1, -1, 0, 2, 0, -3])
     for branch in branches:
@@ -159,7 +159,7 @@ def test_branch_near_joints(spatial):
 
 
 def test_joints_near_no_branch_raise(spatial):
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     branches = spatial.branches(attitude)
     for joint in range(6):
         off = branches[0].joints + 0.06 * np.eye(6)[joint]
@@ -173,7 +173,7 @@ def test_joints_near_no_branch_raise(spatial):
 def test_a_redundant_arm_can_be_asked_for_any_configuration_on_the_path(spatial):
     """Six joints, three coordinates: the configuration given is met, not one of a list."""
     problem = replace(spatial, task=Task.POSITION)
-    attitude = problem.attitude("attitude", GOOD)
+    attitude = problem.attitude(GOOD)
     branches = problem.branches(attitude)
     on_path = spatial.branches(attitude)[3].joints
     chosen = problem.branch_near(attitude, on_path + 0.01, branches)
@@ -194,3 +194,24 @@ def test_a_problem_cannot_be_changed(spatial):
     problem = replace(spatial, momentum=values)
     values[0] = 7.0
     assert problem.momentum.tolist() == [0.1, 0.2, 0.3]
+
+
+def test_a_heading_stands_for_an_attitude_in_the_plane(planar, spatial):
+    attitude = planar.attitude(heading=2.0)
+    assert_close(attitude, heading_quaternion(2.0), atol=1e-15)
+    for problem, wrong in (
+        (spatial, {"heading": 2.0}),
+        (planar, {"heading": 2.0, "values": attitude}),
+        (planar, {"heading": np.nan}),
+        (planar, {}),
+    ):
+        with pytest.raises(InputError) as caught:
+            problem.attitude(**wrong)
+        assert caught.value.key == ("heading" if wrong else "attitude")
+
+
+def test_a_replaced_attribute_is_checked(planar):
+    assert planar.replace(momentum=[0.0, 0.0, 0.2]).momentum[2] == 0.2
+    with pytest.raises(InputError) as caught:
+        planar.replace(momentum=[0.1, 0.0, 0.2])
+    assert caught.value.key == "momentum"

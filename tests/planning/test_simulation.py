@@ -38,7 +38,7 @@ def test_every_branch_starts_at_its_joints(spatial, good):
     assert [entry.branch.index for entry in good.branches] == list(range(8))
     for entry in good.branches:
         assert (entry.motion.initial.joints == entry.branch.joints).all()
-        assert_close(entry.motion.initial.attitude, spatial.attitude("a", GOOD), atol=1e-15)
+        assert_close(entry.motion.initial.attitude, spatial.attitude(GOOD), atol=1e-15)
         assert entry.closest_approach == closest_approach(entry.motion, spatial.margin.measure)
 
 
@@ -176,10 +176,10 @@ def test_a_redundant_arm_starts_from_a_set_of_configurations_and_requested_joint
         margin=Margin(singularity_measure(spatial.model, Task.POSITION, "gjm"), 0.0),
         path=TimedPath(near, Timing(10.0)),
     )  # fmt: skip
-    joints = spatial.branches(spatial.attitude("a", GOOD))[3].joints
+    joints = spatial.branches(spatial.attitude(GOOD))[3].joints
     simulation = simulate(problem, GOOD, joints=joints)
     assert simulation.chosen.branch.label == "given"
-    assert len(simulation.branches) == len(problem.branches(spatial.attitude("a", GOOD))) + 1
+    assert len(simulation.branches) == len(problem.branches(spatial.attitude(GOOD))) + 1
     assert len({entry.branch.index for entry in simulation.branches}) == len(simulation.branches)
     assert_close(simulation.chosen.motion.initial.joints, joints, atol=1e-6)
     for entry in simulation.branches:

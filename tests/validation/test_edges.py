@@ -440,7 +440,7 @@ HALF_ROTATIONS = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 def test_both_signs_of_a_quaternion_are_one_start(spatial, attitude):
     """Expected: same joints, endings and smallest |S| to the last digits; also rotated by pi."""
     evaluator = FeasibilityEvaluator(spatial, 1)
-    unit = spatial.attitude("attitude", attitude)
+    unit = spatial.attitude(attitude)
     first, other = (evaluator.evaluate(sign * unit[None]) for sign in (1.0, -1.0))
     assert (first.motions.endings == other.motions.endings).all()
     assert_close(first.joints, other.joints, atol=1e-12)

@@ -30,7 +30,7 @@ C = [0.1214, 0.4686, 0.1943]
 
 def test_example_2_completes_from_the_printed_attitude(spatial):
     """The branch with q1 near 1.25 follows the line from A to B, between nodes, too."""
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     near = [b for b in spatial.branches(attitude) if abs(b.joints[0] - 1.25) < 0.05]
     assert len(near) == 4  # elbow and wrist either way
     for branch in near:
@@ -62,7 +62,7 @@ def test_example_2_becomes_singular_at_c_from_the_bad_attitude(spatial):
 
 def test_the_printed_tangency_point_leads_back_to_the_printed_attitude(spatial):
     """From q_t, eps_t at tau_t = 0.4225 back to A: [0.46 0.0935 0.7352 -0.489] to 5e-4."""
-    attitude = spatial.attitude("attitude", [0.4295, -0.147, 0.6898, -0.564])
+    attitude = spatial.attitude([0.4295, -0.147, 0.6898, -0.564])
     printed = [0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288]
     gaps = {}
     for branch in spatial.branches(attitude, 42.25):

@@ -90,7 +90,7 @@ def prismatic(momentum):
 
 def example_2():
     problem = bundled("spatial_6dof/line")
-    attitude = problem.attitude("attitude", GOOD)
+    attitude = problem.attitude(GOOD)
     return problem, attitude, problem.branches(attitude)[2].joints
 
 

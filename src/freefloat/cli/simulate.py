@@ -120,19 +120,21 @@ def _start_attitude(
 
 
 def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
+    from freefloat.motion.motion import Ending
     from freefloat.motion.reach import reach_message
 
     problem = simulation.problem
     start, kind = ("start", "configurations") if problem.redundant else ("branch", "branches")
     yield f"{name}: arm {kind} at this attitude"
-    minimum = f"minimum {problem.margin.measure.name}"
+    minimum = f"minimum |{problem.margin.measure.name}|"
     branches = table(start, "initial joints [rad, m]", minimum, "verdict")
     for entry in simulation.branches:
         number = f"{entry.branch.index}{'*' if entry is simulation.chosen else ''}"
-        closest = entry.closest_approach
+        singular = entry.motion.ending is Ending.SINGULAR
+        value = 0.0 if singular else entry.closest_approach.value
         branches.add_row(
             f"{number} {short_label(entry.branch.label)}", decimals(entry.branch.joints, 3),
-            f"{closest.sign * closest.value:.4g}", _verdict(entry),
+            f"{value:.4g}", _verdict(entry),
         )  # fmt: skip
     yield branches
     yield from motion_lines(simulation.chosen, " (*)")

@@ -12,10 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
-from freefloat.io.trajectory import Trajectory
+from freefloat.io.trajectory import Trajectory, even_times, times_at_rate
 from freefloat.motion.motion import Motion
+from freefloat.planning.plan import Plan
+from freefloat.planning.simulation import Simulation
 from freefloat.so3 import Array
 
 _NANO = 1_000_000_000
@@ -199,6 +201,42 @@ def trajectory_text(trajectory: Trajectory, format_: Format) -> str:
     if format_ not in _TEXTS:
         raise InputError("format", f"{format_} is no text", "csv, json or ros2, or a file (-o)")
     return _TEXTS[format_](trajectory)
+
+
+def export(
+    result: Plan | Simulation | Motion,
+    file: str | Path,
+    *,
+    times: int = 501,
+    rate: float | None = None,
+) -> None:
+    """Write the trajectory of a motion for other tools.
+
+    Args:
+        result: A motion, or a plan or simulation, whose chosen motion is written.
+        file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
+            JointTrajectory).
+        times: Number of evenly spaced times.
+        rate: In its place, times per second [Hz].
+
+    Raises:
+        InputError: If the suffix is unknown, there is no motion or the format cannot hold it, or
+            the file cannot be written.
+
+    Example:
+        >>> problem = ff.load_scenario("planar_2dof/line").problem()
+        >>> ff.export(ff.simulate(problem, heading=0.5), "motion.csv", rate=10.0)
+    """
+    kind = Format.of(Path(file))
+    if kind is None:
+        raise InputError(
+            "file", f"{file} was given", f"a name in {', '.join(k.suffix for k in Format)}"
+        )
+    chosen = getattr(result, "chosen", result)
+    motion: Any = getattr(chosen, "motion", chosen)
+    require_type("result", motion, Motion, "a motion, a simulation, or a plan that is feasible")
+    at = even_times(motion, times) if rate is None else times_at_rate(motion, rate)
+    save_trajectory(Path(file), Trajectory.of(motion, at), kind)
 
 
 def save_trajectory(path: Path, trajectory: Trajectory, format_: Format) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -152,11 +153,12 @@ def _joint_limits(key: str, values: JointLimits | None, rated: dict[str, float])
     return np.full(len(rated), values)
 
 
-def load_scenario(name: str | Path) -> Scenario:
-    """Scenario of a file.
+def load_scenario(name: str | Path | dict[str, Any]) -> Scenario:
+    """Scenario of a file, or of a dictionary with the keys of one.
 
     Args:
-        name: A file, or the name of a bundled scenario such as ``spatial_6dof/line``.
+        name: A file, the name of a bundled scenario such as ``spatial_6dof/line``, or a dictionary,
+            whose numbers may be those of NumPy and whose paths are relative to the working folder.
 
     Raises:
         InputError: If it is invalid: file, line, key, value given and values accepted.
@@ -166,8 +168,15 @@ def load_scenario(name: str | Path) -> Scenario:
         >>> scenario.problem().path.duration
         100.0
     """
+    if isinstance(name, dict):
+        plain = json.loads(json.dumps(name, default=_plain))
+        return parse_scenario(yaml.safe_dump(plain, sort_keys=False), Path("scenario"))
     source = find_scenario(str(name))
     return parse_scenario(read_text(source), source)
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
 
 def load_robot(name: str | Path) -> FreeFloatingModel:

@@ -91,7 +91,7 @@ def _first_node(
     problem: Problem, attitude: npt.ArrayLike, joints: npt.ArrayLike, start: float, end: float
 ) -> Array:
     """Time, attitude and joints of a checked start, shape (5 + n,)."""
-    attitude = problem.attitude("attitude", attitude)
+    attitude = problem.attitude(attitude)
     joints = problem.model.joint_vector(joints)
     duration = problem.path.duration
     for key, time in (("start", start), ("end", end)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ from freefloat.dynamics.momentum import Task, inertia_matrices, momentum_map, re
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.errors import InputError, finite_vector, require_type
+from freefloat.errors import InputError, finite_number, finite_vector, require_type
 from freefloat.ik.branches import (
     ArmBranch,
     BranchSets,
@@ -25,7 +26,14 @@ from freefloat.motion.margin import Margin
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, frozen, low_discrepancy, rotation_matrix, unit_quaternion
+from freefloat.so3 import (
+    Array,
+    frozen,
+    heading_quaternion,
+    low_discrepancy,
+    rotation_matrix,
+    unit_quaternion,
+)
 
 _MAX_TURNS = 50
 """Rotations of the system along a path, on which the time of an integration depends."""
@@ -94,6 +102,18 @@ class Problem:
         """The same problem, all times of its path multiplied by a factor."""
         return replace(self, path=replace(self.path, timing=self.path.timing.stretched(factor)))
 
+    def replace(self, **changes: Any) -> Problem:
+        """The same problem with other attributes, checked again.
+
+        With another model or task, the margin needs the measure of these.
+
+        Example:
+            >>> problem = ff.load_scenario("planar_2dof/line").problem()
+            >>> problem.replace(momentum=[0.0, 0.0, 0.1]).momentum
+            array([0. , 0. , 0.1])
+        """
+        return replace(self, **changes)
+
     def resolved_rate_solver(self) -> ResolvedRateSolver:
         """Solver of equation (4) for this problem."""
         return ResolvedRateSolver(self.model, self.task, self.momentum, self.redundancy)
@@ -145,19 +165,36 @@ class Problem:
                 f"momentum and duration of at most {_MAX_TURNS} turns",
             )
 
-    def attitude(self, key: str, values: npt.ArrayLike) -> Array:
+    def attitude(
+        self,
+        values: npt.ArrayLike | None = None,
+        *,
+        heading: float | None = None,
+        key: str = "attitude",
+    ) -> Array:
         """A checked, normalized attitude of the spacecraft.
 
         Args:
-            key: Named in errors.
             values: Quaternion x, y, z, w.
+            heading: For planar tasks, in its place: the angle from the inertial x axis [rad].
+            key: Named in errors.
 
         Returns:
             The unit quaternion, shape (4,).
 
         Raises:
-            InputError: If it is no unit quaternion or, for planar tasks, not a rotation about z.
+            InputError: If it is no unit quaternion or, for planar tasks, not a rotation about z;
+                if both or neither are given, or a heading for another task.
         """
+        accepted = "an attitude x, y, z, w" + " or a heading [rad]" * self.task.planar
+        if heading is not None:
+            if values is not None or not self.task.planar:
+                also = "" if values is None else " and attitude"
+                problem = f"{heading}{also} was given, task {self.task}"
+                raise InputError("heading", problem, accepted)
+            return frozen(heading_quaternion(finite_number("heading", heading, "an angle [rad]")))
+        if values is None:
+            raise InputError(key, "it is missing", accepted)
         attitude = unit_quaternion(key, values)
         if self.task.planar and np.abs(attitude[:2]).max() > 1e-9:
             raise InputError(

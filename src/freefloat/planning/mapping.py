@@ -102,7 +102,7 @@ def attitude_map(
             count = whole_number("samples", samples, FEWEST_SAMPLES, MOST_SAMPLES)
         headings = sample_headings(problem, count, progress, threads)
         return replace(headings, seconds=time.perf_counter() - start)
-    target = None if nearest is None else problem.attitude("nearest", nearest)
+    target = None if nearest is None else problem.attitude(nearest, key="nearest")
     if tangency:
         require_tangency_points(problem)
     result = _searched_map(

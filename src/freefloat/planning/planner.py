@@ -79,7 +79,7 @@ def plan(
         accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
         require_type("limits", limits, Limits, accepted)
     if search.from_attitude is not None:
-        problem.attitude("search.from_attitude", search.from_attitude)
+        problem.attitude(search.from_attitude, key="search.from_attitude")
     plan_problem = partial(_plan, search=search, limits=limits, threads=threads, progress=progress)
     return stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
 

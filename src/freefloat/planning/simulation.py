@@ -138,8 +138,9 @@ def _redundancy(problem: Problem) -> dict[str, Any] | None:
 
 def simulate(
     problem: Problem,
-    attitude: npt.ArrayLike,
+    attitude: npt.ArrayLike | None = None,
     *,
+    heading: float | None = None,
     branch: int | None = None,
     joints: npt.ArrayLike | None = None,
     limits: Limits | None = None,
@@ -153,6 +154,7 @@ def simulate(
     Args:
         problem: Robot, path and momentum.
         attitude: Of the spacecraft at the start, quaternion x, y, z, w.
+        heading: For planar tasks, in place of the attitude: angle from the inertial x axis [rad].
         branch: Choose the branch with this number; see :class:`Simulation` for the default.
         joints: Choose the branch near these joint values, shape (n,).
         limits: Check these limits and the joint ranges.
@@ -166,14 +168,14 @@ def simulate(
 
     Example:
         >>> problem = ff.load_scenario("planar_3dof/parabola").problem()
-        >>> simulation = ff.simulate(problem, [0.0, 0.0, 0.94, 0.342])  # heading 140 degrees
+        >>> simulation = ff.simulate(problem, heading=np.radians(140.0))
         >>> for branch in simulation.branches:
         ...     print(branch.branch.label, branch.motion.completed)
         elbow+ False
         elbow- True
     """
     require_problem(problem)
-    attitude = problem.attitude("attitude", attitude)
+    attitude = problem.attitude(attitude, heading=heading)
     checker = None if limits is None else LimitChecker(problem.model, limits)
     branches, requested = _branches(problem, attitude, branch, joints)
     simulated = [

@@ -183,7 +183,7 @@ def _branch_choice(run: Run, problem: Problem, attitude: Any, source: Path) -> d
     branch = run.start.get("branch")
     if branch is not None:
         return {} if branch == "best" else {"branch": branch}
-    branches = problem.branches(problem.attitude("attitude", attitude))
+    branches = problem.branches(problem.attitude(attitude))
     if not branches:
         return {}  # which is an error of simulate
     joints = _undisturbed_joints(json.dumps(run.base), source, tuple(attitude))
