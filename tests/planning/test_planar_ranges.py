@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import freefloat as ff
 from freefloat.dynamics.joint_space import largest_magnitude
+from freefloat.dynamics.momentum import Task
 from freefloat.planning.planar_ranges import (
     TURN,
     BranchRanges,
@@ -22,7 +23,7 @@ from freefloat.planning.planar_ranges import (
     reach_limits,
 )
 from freefloat.so3 import heading_of, heading_quaternion
-from tests.motions import bundled
+from tests.motions import Z, along, bundled, chain
 
 MARGIN, REACH = RangeLimitCause.MARGIN, RangeLimitCause.REACH
 
@@ -73,7 +74,9 @@ def test_every_heading_is_feasible_in_the_path_independent_area(planar):
     margin, timed = ff.Margin(planar.margin.measure, 0.0), ff.TimedPath(path, ff.Timing(50.0))
     problem = replace(planar, path=timed, momentum=[0, 0, 0], margin=margin)
     span = (0.0, 50.0)
-    for entry in heading_ranges(problem, find_range_limits(problem, span), span, 0.0):
+    entries = heading_ranges(problem, find_range_limits(problem, span), span, 0.0)
+    assert [(entry.branch, entry.label) for entry in entries] == [(0, "elbow+"), (1, "elbow-")]
+    for entry in entries:
         assert [part.width for part in entry.ranges] == [TURN]
         assert entry.limits == ()
 
@@ -86,7 +89,7 @@ def test_a_margin_of_zero_is_replaced_by_a_small_one():
     largest = largest_magnitude(problem.model, problem.margin.measure)
     limits = find_range_limits(zero, (0.0, problem.path.duration))
     assert limits
-    assert all(0.0 < abs(limit.tangency.level) < 1e-3 * largest for limit in limits)
+    assert all(1e-5 < abs(limit.tangency.level) / largest < 1e-3 for limit in limits)
 
 
 def test_a_limit_belongs_to_the_branch_of_its_joints(planar):
@@ -110,13 +113,19 @@ def test_ranges_end_by_the_margin_or_by_the_reach(planar):
     assert causes == {MARGIN, REACH}
 
 
-def test_the_arm_reaches_the_path_from_one_side_of_a_reach_limit(planar):
-    """Arm branches appear or disappear there."""
-    limits = list(reach_limits(planar, 100.0))
-    assert len(limits) in (2, 4)
+@pytest.mark.parametrize("radius", [0.5, 1.5])
+def test_the_arm_reaches_the_path_from_one_side_of_a_reach_limit(radius):
+    """Arm branches appear or disappear there: the arm is folded near the centre, or stretched."""
+    joint, other = ("continuous", Z, (0.4, 0.3, 0)), ("continuous", Z, (1.0, 0.2, 0))
+    body = 4.0, (0.5, 0, 0), (0.01, 0.333, 0.333)
+    text = chain((*joint, *body), (*other, *body), base=(40.0, 7.4, 0.0), tool=(0.6, 0, 0))
+    model = ff.FreeFloatingModel.from_urdf(text, "tool")
+    problem = along(model, Task.PLANAR_POSITION, [radius, 0, 0], [radius, 0.1, 0], np.eye(3))
+    limits = list(reach_limits(problem, 0.0))
+    assert len(limits) == 2
     for heading in limits:
         sides = (heading_quaternion(heading + offset) for offset in (-1e-6, 1e-6))
-        assert {bool(planar.branches(side, 100.0)) for side in sides} == {True, False}
+        assert {bool(problem.branches(side, 0.0)) for side in sides} == {True, False}
 
 
 @pytest.mark.slow
@@ -143,27 +152,46 @@ def test_ranges_across_zero_are_split_in_degrees():
 
 
 @pytest.mark.parametrize(
-    ("feasible", "low", "high", "causes"),
+    ("feasible", "ranges"),
     [
-        ([True, True, True, False], 1.0, 5.0, (REACH, REACH)),
-        ([True, False, False, True], 5.0, 2.0 + TURN, (REACH, MARGIN)),
-        ([False, True, True, False], 2.0, 5.0, (MARGIN, REACH)),
+        ([True, True, True, False], [(1.0, 5.0, (REACH, REACH))]),
+        ([True, False, False, True], [(5.0, 2.0 + TURN, (REACH, MARGIN))]),
+        ([False, True, True, False], [(2.0, 5.0, (MARGIN, REACH))]),
+        (
+            [True, False, True, False],
+            [(1.0, 2.0, (REACH, MARGIN)), (3.0, 5.0, (MARGIN, REACH))],
+        ),
+        ([False] * 4, []),
     ],
 )
-def test_neighbouring_feasible_arcs_are_one_range(feasible, low, high, causes):
-    """Also across zero; limits are in [0, 2 pi), in order."""
+def test_neighbouring_feasible_arcs_are_one_range(feasible, ranges):
+    """Also across zero; ranges are in order, and limits, which are in [0, 2 pi)."""
     arcs = [HeadingRange(1.0, 2.0, (REACH, MARGIN)), HeadingRange(2.0, 3.0, (MARGIN, MARGIN)),
             HeadingRange(3.0, 5.0, (MARGIN, REACH)),
             HeadingRange(5.0, 1.0 + TURN, (REACH, REACH))]  # fmt: skip
     entry = branch_ranges(0, "elbow+", arcs, feasible)
-    assert [(part.low, part.high, part.causes) for part in entry.ranges] == [(low, high, causes)]
-    assert entry.limits == pytest.approx(sorted((low, high % TURN)))
+    assert [(part.low, part.high, part.causes) for part in entry.ranges] == ranges
+    edges = [edge % TURN for low, high, _ in ranges for edge in (low, high)]
+    assert entry.limits == pytest.approx(sorted(edges))
 
 
 def test_equal_limits_leave_no_arc_between_them():
+    """Limits a hundred-millionth of a radian apart are different."""
     arcs = [*arcs_between([(1.0, MARGIN), (1.0 + 1e-12, REACH), (3.0, MARGIN)])]
     ends = [(arc.low, arc.high) for arc in arcs]
     np.testing.assert_allclose(ends, [(1.0, 3.0), (3.0, 1.0 + TURN)], rtol=1e-9)
+    assert len([*arcs_between([(1.0, MARGIN), (1.0 + 1e-8, REACH), (3.0, MARGIN)])]) == 3
+
+
+@pytest.mark.parametrize(
+    ("ends", "expected"),
+    [
+        ([], HeadingRange(0.0, TURN, ())),
+        ([(2.0, REACH)], HeadingRange(2.0, 2.0 + TURN, (REACH, REACH))),
+    ],
+)
+def test_the_arc_of_at_most_one_limit_is_the_full_circle(ends, expected):
+    assert [*arcs_between(ends)] == [expected]
 
 
 def test_depth_is_the_distance_to_the_nearer_end():

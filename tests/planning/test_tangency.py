@@ -14,8 +14,10 @@ from freefloat.dynamics.resolved_rates import ResolvedRateSolver
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import FixedOrientation
+from freefloat.planning import tangency
 from freefloat.planning.tangency import (
     boundary_attitude,
+    require_tangency_points,
     sample_tangency_points,
     tangency_points,
 )
@@ -348,18 +350,35 @@ def test_boundary_attitude_is_on_the_boundary(problem, h):
         assert (True, False) in pairs or (False, True) in pairs
 
 
+BEFORE, AFTER, LATER = "singular before the point", "singular after it", "closer elsewhere"
+
+
 @pytest.mark.slow
-def test_violation_elsewhere_gives_no_boundary_attitude():
-    """None exactly where another part of the motion comes closer to a singularity."""
-    violated = []
-    problem, *_, points = computed("arm", 5.0, MOMENTUM, (-2.5, 2.3656))
+@pytest.mark.parametrize(
+    ("h", "pair", "expected"),
+    [
+        (MOMENTUM, (-2.5, 2.3656), {"", LATER}),
+        ((-2.0, 1.0, 3.0), (2.4612, 0.5351), {"", BEFORE, f"{LATER}, {AFTER}"}),
+        ((-2.0, 1.0, 3.0), (-1.2667, -1.1688), {"", AFTER}),
+    ],
+)
+def test_violation_elsewhere_gives_no_boundary_attitude(h, pair, expected):
+    """None exactly where the motion is singular or closer to a singularity somewhere else.
+
+    At a singularity of the wrist the measure ``arm`` may be anything.
+    """
+    seen = set()
+    problem, *_, points = computed("arm", 5.0, h, pair)
     for point in points[::2]:
-        start = backward(problem, point).final
-        motion = ff.integrate_motion(problem, start.attitude, start.joints)
-        approach = ff.closest_approach(motion, problem.margin.measure)
-        violated.append(approach.value < 4.9)
-        assert (boundary_attitude(problem, point) is None) == violated[-1]
-    assert set(violated) == {True, False}
+        back = backward(problem, point)
+        kinds = [BEFORE]
+        if back.completed:
+            motion = ff.integrate_motion(problem, back.final.attitude, back.final.joints)
+            approach = ff.closest_approach(motion, problem.margin.measure)
+            kinds = [LATER] * (approach.value < 4.9) + [AFTER] * (not motion.completed)
+        assert (boundary_attitude(problem, point) is None) == bool(kinds)
+        seen.add(", ".join(kinds))
+    assert seen == expected
 
 
 @pytest.mark.slow
@@ -381,6 +400,51 @@ def test_a_family_is_spread_and_repeatable(problem):
     assert len(family) == 12
     assert family[0].time == again.time != other.time
     assert len({round(t.joints[1], 6) for t in family}) > 1
+
+
+def test_pairs_are_spread_evenly_and_repeatable(problem, monkeypatch):
+    """Equal seeds give the same (q1, q2) in every version: 50 times as many as are wanted."""
+    pairs = []
+
+    def recorded(_, *pair):
+        pairs.append(pair)
+        return []
+
+    monkeypatch.setattr(tangency, "tangency_points", recorded)
+    assert sample_tangency_points(problem, 4, seed=1) == ()
+    expected = [[-3.06731519, -0.31124578], [1.67572107, -3.01401894]]
+    np.testing.assert_allclose(pairs[:2], expected, atol=1e-8)
+    counts, *_ = np.histogram2d(*np.transpose(pairs), bins=4, range=[[-np.pi, np.pi]] * 2)
+    assert counts.sum() == 200
+    assert 10 <= counts.min() <= counts.max() <= 15
+
+
+def test_no_more_pairs_than_needed_are_tried(problem, monkeypatch):
+    calls = []
+
+    def alike(*arguments):
+        calls.append(arguments)
+        return ["point"] * 2
+
+    monkeypatch.setattr(tangency, "tangency_points", alike)
+    for count, needed in ((3, 2), (4, 2)):
+        calls.clear()
+        assert sample_tangency_points(problem, count, seed=1) == ("point",) * count
+        assert len(calls) == needed
+
+
+def test_only_solutions_inside_the_path_are_kept(problem, monkeypatch):
+    """Where equations are not solved, or outside the duration, there is no tangency point."""
+    for error, tau in ((1e-7, 0.0), (0.0, 1.0), (0.0, -1.0)):
+
+        def altered(*arguments, error=error, tau=tau, **options):
+            solution = root(*arguments, **options)
+            solution.fun[0] += error
+            solution.x[0] += tau
+            return solution
+
+        monkeypatch.setattr(tangency, "root", altered)
+        assert tangency_points(problem, 0.1, 2.0, -5.0) == ()
 
 
 def test_states_without_wrist_solution_are_dropped(problem, tmp_path):
@@ -407,8 +471,10 @@ def test_a_level_is_signed():
 
 def test_problems_without_tangency_points_are_refused(problem, tmp_path):
     """Planar tasks, other arms, zero margins."""
-    with pytest.raises(ff.InputError, match=r"^task: "):
-        tangency_points(bundled("planar_3dof/parabola"), 0.1, 2.0)
+    planar = bundled("planar_3dof/parabola")
+    for refused in (require_tangency_points, lambda task: tangency_points(task, 0.1, 2.0)):
+        with pytest.raises(ff.InputError, match=r"^task: "):
+            refused(planar)
     robot = random_robot(np.random.default_rng(5))
     (tmp_path / "robot.urdf").write_text(robot.text)
     model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf", robot.tip)

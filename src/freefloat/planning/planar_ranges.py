@@ -106,9 +106,7 @@ class HeadingRange:
         if not self.causes:
             return np.pi
         inside = (heading - self.low) % TURN
-        if inside <= self.width:
-            return min(inside, self.width - inside)
-        return -min(inside - self.width, TURN - inside)
+        return max(min(inside, self.width - inside), inside - TURN)
 
 
 @dataclass(frozen=True)
@@ -162,9 +160,8 @@ def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
 
 def _level(problem: Problem) -> float:
     """S0 > 0 for which limits are computed: the margin, or nearly zero where that is zero."""
-    if problem.margin.threshold > 0.0:
-        return problem.margin.threshold
-    return _SMALLEST_LEVEL * largest_magnitude(problem.model, problem.margin.measure)
+    margin = problem.margin
+    return margin.threshold or _SMALLEST_LEVEL * largest_magnitude(problem.model, margin.measure)
 
 
 def _feasible_motions(
@@ -210,12 +207,12 @@ def heading_ranges(
         edges.append((heading, _branch_of(problem, heading, joints, at), RangeLimitCause.MARGIN))
 
     def is_feasible(arc: HeadingRange, index: int) -> bool:
-        heading = arc.low + arc.width / 2.0
-        branches = problem.branches(heading_quaternion(heading), at)
-        joints = next((branch.joints for branch in branches if branch.index == index), None)
-        if joints is None:
-            return False
-        return _feasible_motions(problem, heading, joints, at, span, level) is not None
+        heading = arc.middle
+        return any(
+            branch.index == index
+            and _feasible_motions(problem, heading, branch.joints, at, span, level) is not None
+            for branch in problem.branches(heading_quaternion(heading), at)
+        )
 
     entries = []
     for index, label in enumerate(("elbow+", "elbow-")):
@@ -242,8 +239,8 @@ def reach_limits(problem: Problem, at: float) -> Iterator[float]:
     for length in (abs(b) + abs(c), abs(abs(b) - abs(c))):
         cosine = (abs(point) ** 2 + abs(a) ** 2 - length**2) / product if product else np.inf
         if abs(cosine) < 1.0:
-            for sign in (1.0, -1.0):
-                yield float((np.angle(point) - np.angle(a) + sign * np.arccos(cosine)) % TURN)
+            middle, half = np.angle(point) - np.angle(a), np.arccos(cosine)
+            yield from (float((middle - half) % TURN), float((middle + half) % TURN))
 
 
 def arcs_between(ends: Sequence[tuple[float, RangeLimitCause]]) -> Iterator[HeadingRange]:

@@ -12,6 +12,7 @@ no condition, and the minimum of S does not depend on the speed: rates are then 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -97,18 +98,13 @@ def tangency_points(
     ]
 
     def same(point: TangencyPoint, other: TangencyPoint) -> bool:
-        return bool(
-            abs(point.tau - other.tau) < _SAME
-            and abs(abs(point.attitude @ other.attitude) - 1.0) < _SAME**2
-            and problem.model.joint_distance(point.joints, other.joints) < _SAME
-        )
+        distance = problem.model.joint_distance(point.joints, other.joints)
+        return max(abs(point.tau - other.tau), distance) < _SAME
 
     return distinct(points, same)
 
 
-def sample_tangency_points(
-    problem: Problem, count: int, seed: int = 0
-) -> tuple[TangencyPoint, ...]:
+def sample_tangency_points(problem: Problem, count: int, seed: int) -> tuple[TangencyPoint, ...]:
     """Tangency points of both signs at evenly spread first two joint angles.
 
     There are fewer than ``count`` where 50 times as many pairs (q1, q2) have no more; the seed
@@ -141,10 +137,9 @@ def boundary_attitude(problem: Problem, point: TangencyPoint) -> State | None:
         return None
     start = backward.final
     motion = integrate_motion(problem, start.attitude, start.joints)
-    error = closest_approach(motion, problem.margin.measure).value - abs(point.level)
-    if not motion.completed or abs(error) > _ON_BOUNDARY * abs(point.level):
-        return None
-    return start
+    smallest = closest_approach(motion, problem.margin.measure).value
+    on_boundary = math.isclose(smallest, abs(point.level), rel_tol=_ON_BOUNDARY)
+    return start if motion.completed and on_boundary else None
 
 
 def require_tangency_arm(problem: Problem) -> None:
@@ -172,50 +167,47 @@ def _points_on_line(
     on_path: StatesOnPath, wrist: float, level: float, line: Array
 ) -> Iterator[TangencyPoint]:
     """Minima of the magnitude of S where dS/dt changes sign along a line."""
-    problem = on_path.problem
     slopes = on_path.slopes(line[:, 0], *on_path.configurations(line, wrist))
-    near = roots_between(slopes)
-    if not near:
-        return
-    steepness = float(np.nanmax(np.abs(slopes)))
-    for i in near:
-        state = _refined(on_path, wrist, level, (line[i] + line[i + 1]) / 2.0, steepness)
-        if state is None:
-            continue
-        attitudes, joints = on_path.configurations(state[None], wrist)
-        t, attitude, q = float(state[0]), attitudes[0], joints[0]
-        if on_path.is_minimum(t, attitude, q, level):
-            quaternion = attitude.as_quat()
-            branches = problem.branches(quaternion, t)
-            branch = min(branches, key=lambda b: problem.model.joint_distance(b.joints, q))
-            yield TangencyPoint(
-                t, t / problem.path.duration, frozen(quaternion), branch.joints, level,
-                branch.index, branch.label,
-            )  # fmt: skip
+    for i in roots_between(slopes):
+        steepness = float(np.nanmax(np.abs(slopes)))
+        point = _refined(on_path, wrist, level, (line[i] + line[i + 1]) / 2.0, steepness)
+        if point is not None:
+            yield point
 
 
 def _refined(
     on_path: StatesOnPath, wrist: float, level: float, start: Array, steepness: float
-) -> Array | None:
+) -> TangencyPoint | None:
     """Solve the distance of point 3, S = S0 and dS/dt = 0 to rounding.
 
     Returns:
-        Time, q3 and roll, shape (3,); None where there is no solution inside the path nearby.
+        None where there is no minimum inside the path near the start, a state of
+        :meth:`StatesOnPath.configurations`.
     """
-    units = np.array([on_path.problem.path.duration, 1.0, 1.0])
+    problem, duration = on_path.problem, on_path.problem.path.duration
 
     def errors(x: Array) -> Array:
-        """Three numbers; 1 where the wrist has no solution."""
-        state = (units * x)[None]
+        """Three numbers, NaN where the wrist has no solution."""
+        state = np.array([[duration * x[0], *x[1:]]])
         t, q3, _ = state.T
         attitudes, joints = on_path.configurations(state, wrist)
         radii, point_3 = on_path.wrist(q3), on_path.point_3_at(t)[0]
         distance = np.linalg.norm(radii) - np.linalg.norm(point_3)
         (S,), (slope,) = on_path.measures(joints), on_path.slopes(t, attitudes, joints)
-        deviations = [distance / on_path.reach, S / level - 1.0, slope / steepness]
-        return np.asarray(np.nan_to_num(deviations, nan=1.0))
+        return np.array([distance / on_path.reach, S / level - 1.0, slope / steepness])
 
-    solution = root(errors, start / units, tol=1e-12)
-    if not np.abs(solution.fun).max() < _EXACT or not 0.0 < solution.x[0] < 1.0:
+    solution = root(errors, [start[0] / duration, *start[1:]], tol=1e-12)
+    tau, q3, roll = solution.x.tolist()
+    if not np.abs(solution.fun).max() < _EXACT or not 0.0 < tau < 1.0:
         return None
-    return np.asarray(units * solution.x)
+    t = duration * tau
+    attitudes, joints = on_path.configurations(np.array([[t, q3, roll]]), wrist)
+    attitude, q = attitudes[0], joints[0]
+    if not on_path.is_minimum(t, attitude, q, level):
+        return None
+    quaternion = attitude.as_quat()
+    branches = problem.branches(quaternion, t)
+    branch = min(branches, key=lambda b: problem.model.joint_distance(b.joints, q))
+    return TangencyPoint(
+        t, t / duration, frozen(quaternion), branch.joints, level, branch.index, branch.label
+    )
