@@ -16,7 +16,8 @@ OPERATORS: dict[type, list[type]] = {
 }  # fmt: skip
 NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "minimum": "maximum",
          "maximum": "minimum", "hstack": "vstack"}  # fmt: skip
-SYMMETRIC = {"min", "max", "minimum", "maximum", "joint_distance"}
+SYMMETRIC = {"min", "max", "minimum", "maximum", "joint_distance", "leg"}
+"""Functions whose arguments may be exchanged; ``leg(start, end)`` orders its times."""
 IGNORED = {"dtype", "order", "strict", "frozen", "eq", "repr"}
 """Keywords that change types or checks, not results."""
 

@@ -5,16 +5,17 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy.integrate import DOP853
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.joint_space import joint_space_extremes
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, generalized_jacobian
-from freefloat.errors import InputError
+from freefloat.errors import InputError, IntegrationError
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
-from freefloat.motion.motion import Ending
-from freefloat.paths.curves import ArcCurve, PolynomialCurve
+from freefloat.motion.motion import DEGREE, Ending
+from freefloat.paths.curves import ArcCurve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
@@ -23,6 +24,7 @@ from tests.motions import (
     BAD,
     GOOD,
     PitchOrientation,
+    along,
     asked,
     bundled,
     followed,
@@ -67,6 +69,17 @@ def test_joint_rates_grow_beyond_bounds_towards_the_singularity(spatial):
         before, after = motion.sample(motion.final.time - left * np.array([1.01, 0.99]))
         rates.append(np.linalg.norm(after.joints - before.joints) / (0.02 * left))
     assert rates[1] / rates[0] == pytest.approx(10.0, rel=0.1)
+
+
+def test_a_motion_that_begins_just_before_its_singularity_ends_there(spatial):
+    """In one step, as time reverses smoothly along the curve."""
+    end = followed(spatial, BAD, 2).final
+    for before in (1e-4, 1e-8):
+        (state,) = followed(spatial, BAD, 2).sample(end.time - before)
+        motion = integrate_motion(spatial, state.attitude, state.joints, start=state.time)
+        assert motion.ending is Ending.SINGULAR
+        assert motion.panels == 1
+        assert motion.final.time == pytest.approx(end.time, abs=1e-9)
 
 
 # --- Example 1 --------------------------------------------------------------------------------
@@ -124,10 +137,10 @@ def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial):
 def test_stops_are_passed_in_both_directions(planar):
     """From before F to after F and back again, over the rest and over its exact time."""
     start = on_side(planar, 200.0, 1)
-    (state,) = start.sample(60.0)
-    for t in (69.73, 80.0):
-        on = integrate_motion(planar, state.attitude, state.joints, start=60.0, end=t)
-        back = integrate_motion(planar, on.final.attitude, on.final.joints, start=t, end=60.0)
+    for begin, t in ((60.0, 69.73), (60.0, 80.0), (69.73, 80.0)):
+        (state,) = start.sample(begin)
+        on = integrate_motion(planar, state.attitude, state.joints, start=begin, end=t)
+        back = integrate_motion(planar, on.final.attitude, on.final.joints, start=t, end=begin)
         assert (np.diff(on.times) > 0.0).all()
         assert (np.diff(back.times) < 0.0).all()
         assert_close(back.final.joints, state.joints, atol=1e-8)
@@ -144,6 +157,20 @@ def test_a_motion_retraces_over_several_stops(planar):
     back = integrate_motion(problem, final.attitude, final.joints, start=100.0, end=0.0)
     assert_close(back.final.joints, motion.initial.joints, atol=1e-7)
     assert max(tracking(back, np.linspace(0.0, 100.0, 60))) < 1e-7
+
+
+@pytest.mark.slow
+def test_short_legs_between_breaks_have_precise_rates_and_few_steps(spatial):
+    """About three steps of a spline's segment; rates are differences by the length of a leg."""
+    s = np.linspace(0.0, 1.0, 41)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((len(s), 3))
+    curve = SplineCurve([spatial.path.path.curve(x) for x in s] + noise, s)
+    path = EndEffectorPath(curve, spatial.path.path.orientation)
+    problem = replace(spatial, path=TimedPath(path, spatial.path.timing))
+    motion = followed(problem, GOOD, 2)
+    assert motion.completed
+    assert motion.panels < 120
+    assert motion.residuals().momentum < 6e-8
 
 
 # --- redundant arms ----------------------------------------------------------------------------
@@ -191,6 +218,52 @@ def test_without_momentum_nothing_moves_at_a_stop(spatial):
 # --- long and short ----------------------------------------------------------------------------
 
 
+def test_a_step_is_at_most_a_tenth_of_the_duration(spatial):
+    """Also where next to nothing moves."""
+    attitude = spatial.attitude("attitude", GOOD)
+    joints = spatial.branches(attitude)[2].joints
+    step = from_here(
+        spatial.model, Task.POSE, [0, 0, 0], attitude, joints, [1e-3, 0, 0], [0, 0, 0], Timing(50.0)
+    )
+    times = integrate_motion(step, attitude, joints).times[::DEGREE]
+    assert 4.0 < np.diff(times).max() < 5.0 + 1e-6
+
+
+def test_a_spacecraft_rotates_several_times(planar):
+    """The curve's tangent turns, too."""
+    upright, momentum = np.eye(3), [0, 0, 40.0]
+    problem = along(
+        planar.model, Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], upright, momentum=momentum
+    )
+    motion = followed(problem, heading(10.0), 0)
+    assert motion.completed
+    headings = np.unwrap([heading_of(attitude) for attitude in motion.attitudes])
+    assert headings[-1] - headings[0] > 8.0 * 2.0 * np.pi
+    assert motion.residuals().end_effector_position < 1e-7
+
+
+@pytest.mark.parametrize(("ratio", "panels"), [(0.9e-9, False), (1.1e-9, True)])
+def test_a_start_is_singular_below_a_billionth_of_the_largest_singular_value(
+    spatial, ratio, panels
+):
+    """With the wrist nearly straight; above, the motion begins."""
+
+    def singular_values(q5):
+        joints = np.append(PITCH[:4], [q5, 0.0])
+        S = generalized_jacobian(spatial.model, joints)
+        return joints, np.linalg.svd(S, compute_uv=False)
+
+    _, values = singular_values(1e-6)
+    joints, _ = singular_values(1e-6 * ratio * values[0] / values[-1])
+    problem = from_here(
+        spatial.model, Task.POSE, [0, 0.2, 0], heading(0.0), joints, [-0.3, 0, 0.3], [0, 0.9, 0],
+        Timing(20.0),
+    )  # fmt: skip
+    motion = integrate_motion(problem, heading(0.0), joints)
+    assert motion.ending is Ending.SINGULAR
+    assert (motion.panels > 0) == panels
+
+
 @pytest.mark.parametrize("duration", [1e-2, 1e5])
 def test_where_an_arm_becomes_singular_does_not_depend_on_time_without_momentum(spatial, duration):
     """h = 0: fast or slow, det S* vanishes at the same place of the path."""
@@ -219,6 +292,33 @@ def test_the_error_shrinks_with_the_tolerance(spatial):
         assert (np.array(result[1:]) < 0.1 * np.array(result[:-1])).all()
         assert result[-1] < 1e-8
         assert result[0] > 1e-6  # it was not exact to begin with
+
+
+def test_the_default_tolerance_is_that_of_the_documentation(spatial):
+    usual, same = followed(spatial, GOOD, 2), followed(spatial, GOOD, 2, tolerance=1e-10)
+    assert usual.times.tolist() == same.times.tolist()
+
+
+def test_steps_are_limited(spatial, monkeypatch):
+    """Over all legs."""
+    panels = followed(spatial, GOOD, 2).panels
+    monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", panels)
+    assert followed(spatial, GOOD, 2).panels == panels
+    monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", panels - 1)
+    with pytest.raises(IntegrationError) as caught:
+        followed(spatial, GOOD, 2)
+    assert 50.0 < caught.value.time < 100.0
+
+
+def test_a_step_that_fails_raises(spatial, monkeypatch):
+    def fail(solver):
+        solver.status = "failed"
+        return "no step is small enough"
+
+    monkeypatch.setattr(DOP853, "step", fail)
+    with pytest.raises(IntegrationError, match="no step is small enough") as caught:
+        followed(spatial, GOOD, 2)
+    assert caught.value.time == 0.0
 
 
 def test_rotating_the_whole_problem_rotates_the_motion(spatial):
@@ -272,6 +372,12 @@ def test_times_outside_the_path_raise(spatial, times):
     with pytest.raises(InputError) as caught:
         integrate_motion(spatial, attitude, spatial.branches(attitude)[0].joints, **times)
     assert caught.value.key == next(iter(times))
+
+
+def test_what_is_no_problem_raises():
+    with pytest.raises(InputError) as caught:
+        integrate_motion("spatial_6dof/line", GOOD, np.zeros(6))
+    assert caught.value.key == "problem"
 
 
 # --- singularities passed at finite rates ------------------------------------------------------
@@ -375,7 +481,7 @@ def test_motion_along_a_circle_with_the_end_effector_along_its_tangent(spatial):
         assert max(tracking(motion, np.linspace(0.0, 50.0, 50))) < 1e-8
 
 
-@pytest.mark.parametrize("tolerance", [0, 1e-20, 0.1, np.nan, "1e-8", True])
+@pytest.mark.parametrize("tolerance", [0, 1e-14, 0.015, np.nan, "1e-8", True])
 def test_tolerances_that_no_integrator_meets_raise(spatial, tolerance):
     with pytest.raises(InputError) as caught:
         integrate_motion(spatial, GOOD, np.zeros(6), tolerance=tolerance)

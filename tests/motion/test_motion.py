@@ -178,7 +178,7 @@ def test_a_motion_of_no_duration(spatial, motion):
     (state,) = motion.sample(50.0)
     moment = integrate_motion(spatial, state.attitude, state.joints, start=50.0, end=50.0)
     assert moment.completed
-    assert set(moment.times) == {50.0}
+    assert moment.times.tolist() == [50.0]
     assert_close(moment.sample(50.0)[0].joints, state.joints, atol=1e-13)
     assert moment.residuals().momentum < 1e-6
 

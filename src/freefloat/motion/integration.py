@@ -82,7 +82,7 @@ def integrate_motion(
     motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
     if flow.determinant is not None:
         motion = _cut(motion, flow.determinant, 0.0, Ending.SINGULAR)
-    if stop_at_margin and problem.margin.threshold > 0.0:
+    if stop_at_margin and problem.margin.threshold:
         motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
     return motion
 
@@ -126,11 +126,12 @@ def _integrate(
     if start == end:
         return row[None], Ending.COMPLETED
     breaks, (low, high) = problem.path.breaks, sorted((start, end))
-    between = breaks[(breaks > low) & (breaks < high)]
-    times = [start, *(between if end > start else between[::-1]).tolist(), end]
+    direction = int(np.sign(end - start))
+    between = breaks[(breaks > low) & (breaks < high)][::direction]
+    times = [start, *between.tolist(), end]
     panels = [row[None]]
     reference = np.zeros(len(row))
-    reference[0] = 1.0 if end > start else -1.0
+    reference[0] = direction
     stepper = _Stepper(flow, tolerance, reference, bool(len(problem.path.path.breaks)))
     for leg_start, leg_end in pairwise(times):
         leg = problem.path.leg(leg_start, leg_end)
@@ -171,7 +172,7 @@ class _Stepper:
 
         e = self._tolerance
         if self._breaks:  # rates are differences of states by the leg's length, and as precise
-            e = max(e * min(abs(goal - y[0]), 1.0), min(e, _FINEST))
+            e = max(e * min(abs(goal - y[0]), 1.0), _FINEST)
         solver = DOP853(
             tangent, 0.0, y, np.inf, max_step=_LONGEST_STEP, rtol=e, atol=e,
             first_step=self._proposed,
@@ -184,19 +185,15 @@ class _Stepper:
                 raise IntegrationError(float(solver.y[0] * unit), str(message))
             dense = solver.dense_output()
             stop = solver.t
-            singular = bool(sign * solver.f[0] <= self._flow.stalled)
-            if sign * solver.f[0] < 0.0:
-                stop = brentq(
-                    lambda r, d=dense: tangent(r, d(r))[0], solver.t_old, stop, xtol=1e-14
-                )
-            if sign * (dense(stop)[0] - goal) >= 0.0:
-                stop = brentq(lambda r, d=dense: d(r)[0] - goal, solver.t_old, stop, xtol=1e-14)
+            pace = sign * solver.f[0]
+            if pace < 0.0:
+                stop = brentq(lambda r, d=dense: tangent(r, d(r))[0], solver.t_old, stop)
+            if sign * dense(stop)[0] >= sign * goal:
+                stop = brentq(lambda r, d=dense: d(r)[0] - goal, solver.t_old, stop)
                 yield _nodes(unit, dense, solver.t_old, stop), False
                 self._proposed = solver.h_abs if self._breaks else None
                 return
-            yield _nodes(unit, dense, solver.t_old, stop), singular
-            if singular:
-                return
+            yield _nodes(unit, dense, solver.t_old, stop), bool(pace <= self._flow.stalled)
             self._reference = solver.f
         raise IntegrationError(
             float(solver.y[0] * unit),
