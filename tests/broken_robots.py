@@ -156,9 +156,9 @@ def _pulsar() -> Broken:
     """Expressions in place of numbers."""
     rotated = VALID.replace('<origin xyz="0.5 0 0" rpy="0 0 0"/>\n    <axis',
                            '<origin xyz="0.16/2 0 0"\n rpy="0 0 pi/2"/>\n    <axis')  # fmt: skip
-    return Broken(rotated.replace('lower="-2"', 'lower="${-pi + 0.5}"', 1), (
+    return Broken(rotated.replace('lower="-2"', 'lower="-pi + 0.5"', 1), (
         error("joint shoulder", '"0.16/2', ("0.16/2", "0.08"), ("pi/2", "1.5708")),
-        error("joint shoulder", "${-pi", ("${-pi + 0.5}", "-2.64")),
+        error("joint shoulder", '"-pi', ("-pi + 0.5", "-2.64")),
     ))  # fmt: skip
 
 
@@ -207,6 +207,7 @@ def _spart() -> Broken:
     return Broken(VALID.replace(LIMIT, ""), faults)
 
 
+_MACRO = '  <xacro:property xmlns:xacro="http://ros.org/wiki/xacro" name="a" value="1"/>'
 _MESH = """
     <visual><geometry>
       <mesh filename="package://gone/arm.stl"/>
@@ -271,7 +272,9 @@ BROKEN = {
     "a floating joint": single(
         "error", "joint shoulder", '"shoulder" type="revolute"', '"shoulder" type="floating"'),
     "commas": single("error", "joint shoulder", '<axis xyz="0 0 1"/>', '<axis xyz="0,0,1"/>'),
-    "a macro": single("error", "link upper", '"10"', '"${m_upper}"'),
+    "an expression of xacro": single("error", "urdf", '"10"', '"${m_upper}"', at="<mass value=\"$"),
+    "a macro of xacro": single(
+        "error", "urdf", "</robot>", f"{_MACRO}\n</robot>", (_MACRO, ""), at="<xacro"),
     "XML that is not well-formed": single("error", "urdf", "</robot>", "</robt>"),
     "a DTD": single("error", "urdf", "<!-- A comment\n     of two lines. -->", "<!DOCTYPE robot>"),
 }  # fmt: skip

@@ -152,7 +152,7 @@ def test_info_prints_all_diagnostics_of_a_broken_urdf(
     assert [entry["severity"] for entry in printed["findings"]] == ["error", "error", "warning"]
     assert [entry["line"] for entry in printed["findings"]] == [32, 70, 63]
     assert printed["error"]["line"] == 32
-    assert len(run("info", "arm.urdf").stderr.splitlines()) == 3
+    assert "2 errors, 1 warning" in run("info", "arm.urdf").stderr
 
 
 # --- workspace ----------------------------------------------------------------------------------

@@ -81,11 +81,27 @@ def test_loading_raises_the_first_error_or_keeps_every_warning(
     if first.severity is Severity.ERROR:
         with pytest.raises(ModelError) as caught:
             FreeFloatingModel.from_urdf(path, broken.end_effector)
-        assert str(caught.value) == str(first.exception())
+        assert (caught.value.key, caught.value.problem) == (first.element, first.problem)
         assert (caught.value.source, caught.value.line) == (str(path), first.line)
     else:
         warnings = FreeFloatingModel.from_urdf(path, broken.end_effector).warnings
         assert warnings == tuple(entry for entry in diagnostics if "mesh" not in entry.problem)
+
+
+def test_an_arm_without_mass_needs_a_spacecraft() -> None:
+    text = re.sub(r"<inertial>.*?</inertial>", "", VALID, flags=re.DOTALL)
+    assert ("error", 1, "robot servicer") in diagnosed(text)
+    assert {severity for severity, _, _ in diagnosed(text, mounted=True)} == {"warning"}
+
+
+def test_a_robot_without_inertia_is_refused() -> None:
+    """Two links of the three are points, on the axis of the only moment."""
+    text = re.sub(r"<inertial>.*?</inertial>", "", VALID, flags=re.DOTALL)
+    flat = inertial_text(10.0, np.diag([0.0, 0.0, 1.0]))
+    text = re.sub(r'<link name="bus">', lambda match: match[0] + flat, text)
+    with pytest.raises(ModelError) as caught:
+        FreeFloatingModel.from_urdf(text)
+    assert caught.value.key == "robot"
 
 
 def test_all_faults_are_reported_at_once_errors_first() -> None:
@@ -226,7 +242,7 @@ def test_a_spoilt_robot_has_an_error_or_can_be_built(text: str) -> None:
     if any(entry.severity is Severity.ERROR for entry in diagnostics):
         with pytest.raises(ModelError) as caught:
             read_urdf(text)
-        assert str(caught.value) == str(diagnostics[0].exception())
+        assert caught.value.problem == diagnostics[0].problem
     else:
         key = "end_effector"
         try:

@@ -123,8 +123,7 @@ def _require_no_error(
         return diagnostics
     first = error_document(errors[0].exception())
     console.json({"findings": [asdict(entry) for entry in diagnostics], "error": first})
-    for entry in diagnostics:
-        say(f"{entry.severity}: {entry}")
+    say("\n".join(map(str, _diagnostic_lines(diagnostics))))
     raise typer.Exit(BAD_INPUT)
 
 
@@ -197,6 +196,6 @@ def _diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[Rendera
         lines = ", ".join(str(entry.line) for entry in entries)
         names = ", ".join(entry.element.removeprefix(kind).strip() for entry in entries)
         style = "yellow" if severity == "warning" else ""
-        where = f"line{plural} {lines}, {kind}{plural} {names}"
+        where = f"line{plural} {lines}, {kind}{plural} {names}".rstrip()
         yield Text(f"  {severity}, {where}: {problem}", style)
         yield f"    {remedy}"

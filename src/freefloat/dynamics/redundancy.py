@@ -102,6 +102,9 @@ class Redundancy:
                     f"there is no such moving joint{did_you_mean(joint, model.joint_names)}",
                     ", ".join(model.joint_names),
                 )
+        if self.metric is Metric.ENERGY and not any(body.mass for body in model.bodies[1:]):
+            accepted = "joints, or an arm with mass"
+            raise InputError("redundancy.metric", "energy, but the arm has no mass", accepted)
         if self.toward is Toward.MIDDLE and not np.isfinite(range_centres(model)).any():
             raise InputError(
                 "redundancy.toward", "middle, but no joint of this arm has a range", "none or sigma"

@@ -20,7 +20,12 @@ from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
 from freefloat.robot.urdf import is_text, require_urdf
-from freefloat.so3 import Array, Pose, frozen
+from freefloat.so3 import Array, Pose, frozen, low_discrepancy
+
+_CONFIGURATIONS = 8
+"""Configurations in one of which the inertia must be regular."""
+_REGULAR = 1e-12
+"""Smallest ratio of the moments of a regular inertia."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +44,8 @@ class FreeFloatingModel:
         moving_joints: The joints that move, from the spacecraft to the end-effector.
 
     Raises:
-        ModelError: If the robot has no such end-effector, or no joint moves it.
+        ModelError: If the robot has no such end-effector, no joint moves it, or it resists no
+            rotation about some axis in any configuration.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_3dof", "end_effector")
@@ -57,6 +63,7 @@ class FreeFloatingModel:
     def __post_init__(self) -> None:
         joints = moving_joints(self.description, self._end_effector_link, self.fixed_joints)
         object.__setattr__(self, "moving_joints", joints)
+        self._require_inertia()
 
     @classmethod
     def from_urdf(
@@ -101,6 +108,18 @@ class FreeFloatingModel:
         if end_effector is None:
             end_effector = end_effector_link(description, None)
         return cls(description, end_effector, dict(fixed_joints or {}))
+
+    def _require_inertia(self) -> None:
+        for joints in 2.0 * low_discrepancy(_CONFIGURATIONS, self.dof) - 1.0:
+            q = self.configuration([0.0, 0.0, 0.0, 1.0], joints)
+            inertia = pin.computeCentroidalMap(self.pin_model, self.scratch, q)[3:, 3:6]
+            moments = np.abs(np.linalg.eigvalsh(inertia))
+            if moments.min() > _REGULAR * moments.max():
+                return
+        shown = ", ".join(f"{moment:.3g}" for moment in moments)
+        problem = f"the whole robot has the principal moments of inertia {shown} kg m²"
+        accepted = "positive moments in the <inertia> of the spacecraft or the arm"
+        raise ModelError("robot", problem, accepted, self.description.source)
 
     def __getstate__(self) -> dict[str, Any]:
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}

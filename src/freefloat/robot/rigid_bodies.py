@@ -99,7 +99,8 @@ def build_model(
         body, pose = places[name]
         inertial = robot.links_by_name[name].inertial
         if inertial is not None:
-            inertia = pin.Inertia(inertial.mass, np.zeros(3), inertial.inertia)
+            inertia = pin.Inertia.Zero()  # whose constructor refuses what validation warns of
+            inertia.mass, inertia.inertia = inertial.mass, inertial.inertia
             model.appendBodyToJoint(body + 1, inertia, _placement(pose @ inertial.origin))
         for joint in robot.children.get(name, ()):
             at = pose @ joint.origin

@@ -76,8 +76,14 @@ def parse_urdf(urdf: str | Path) -> RobotDescription:
     try:
         robot = etree.fromstring(text.encode(), parser)
     except etree.XMLSyntaxError as error:
+        if "prefix xacro" in error.msg:  # which is not declared
+            raise _xacro_error(source, error.lineno) from None
         problem = f"not well-formed XML ({error.msg})"
         raise ModelError("urdf", problem, "a URDF file", source, error.lineno) from None
+    for element in robot.iter():
+        expressions = any("${" in value for value in element.attrib.values())
+        if expressions or "xacro" in (etree.QName(element).namespace or ""):
+            raise _xacro_error(source, element.sourceline)
     lines = text.split("\n")
     for element in robot.iter():  # lxml has the line on which the start tag ends
         while element.sourceline > 1 and f"<{element.tag}" not in lines[element.sourceline - 1]:
@@ -86,6 +92,12 @@ def parse_urdf(urdf: str | Path) -> RobotDescription:
         problem = f"its root element is <{robot.tag}>"
         raise ModelError("urdf", problem, "<robot>", source, robot.sourceline)
     return decode(robot, source)
+
+
+def _xacro_error(source: str, line: int) -> ModelError:
+    problem = "it is xacro, macros and expressions from which a URDF is made"
+    remedy = "what `xacro FILE > robot.urdf` writes (pip install xacro)"
+    return ModelError("urdf", problem, remedy, source, line)
 
 
 def decode(robot: Element, source: str) -> RobotDescription:

@@ -29,8 +29,13 @@ def read_urdf(urdf: str | Path, mounted: bool = False) -> RobotDescription:
     """
     robot = parse_urdf(urdf)
     diagnostics = _diagnostics(robot, mounted)
-    if diagnostics and diagnostics[0].severity is Severity.ERROR:
-        raise diagnostics[0].exception()
+    errors = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
+    if errors:
+        first, more = errors[0].exception(), len(errors) - 1
+        if more:
+            remedy = f"{first.accepted} ({more} more error{'s' * (more > 1)}: freefloat info)"
+            raise ModelError(first.key, first.problem, remedy, first.source, first.line)
+        raise first
     return replace(robot, diagnostics=diagnostics)
 
 
@@ -61,18 +66,19 @@ def _diagnostics(
     robot: RobotDescription, mounted: bool, *more: Callable[[RobotDescription], Faults]
 ) -> tuple[UrdfDiagnostic, ...]:
     """Errors of the decoder and of the rules in their order, then warnings by line."""
-    plausibility = (*WARNINGS, *more) if mounted else (*WARNINGS, *more, root_masses)
+    errors = _ERRORS if mounted else (*_ERRORS, _total_mass)
+    warnings = (*WARNINGS, *more) if mounted else (*WARNINGS, *more, root_masses)
     diagnostics = list(robot.diagnostics)
-    for severity, rules in ((Severity.ERROR, _ERRORS), (Severity.WARNING, plausibility)):
+    for severity, rules in ((Severity.ERROR, errors), (Severity.WARNING, warnings)):
         for at, where, problem, remedy in (fault for rule in rules for fault in rule(robot)):
             line = where if isinstance(where, int) else at.lines.get(where, at.lines[at.tag])
             element = f"{at.tag} {at.name}".strip()
             diagnostics.append(
                 UrdfDiagnostic(severity, robot.source, line, element, problem, remedy)
             )
-    errors = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
-    warnings = [entry for entry in diagnostics if entry.severity is Severity.WARNING]
-    return (*errors, *sorted(warnings, key=lambda entry: entry.line))
+    first = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
+    last = [entry for entry in diagnostics if entry.severity is Severity.WARNING]
+    return (*first, *sorted(last, key=lambda entry: entry.line))
 
 
 def _names(robot: RobotDescription) -> Faults:
@@ -144,8 +150,12 @@ def _masses(robot: RobotDescription) -> Faults:
     for link in robot.links:
         if link.mass < 0.0:
             yield link, "mass", f"mass {link.mass} kg", "a mass of zero or more"
+
+
+def _total_mass(robot: RobotDescription) -> Faults:
+    """A robot without mass, unless the arm will be mounted on a spacecraft."""
     if not any(link.mass for link in robot.links):
-        remedy = 'links with <inertial><mass value=".."/> <inertia ../></inertial>'
+        remedy = 'robot.spacecraft, or <inertial><mass value=".."/> <inertia ../></inertial>'
         yield robot, 1, "the total mass is zero", remedy
 
 
