@@ -25,7 +25,7 @@ import time
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from mutants import Mutant, mutants_of
 
@@ -45,8 +45,8 @@ LONGEST = 600.0
 """Of a test run [s]."""
 
 
-class FewExamples:
-    """A pytest plugin: few examples of each property, and no search for smaller ones."""
+class QuickRun:
+    """A pytest plugin: quick tests first, few examples of each property, none made smaller."""
 
     def pytest_collection(self) -> None:
         from hypothesis import Phase, settings
@@ -54,6 +54,9 @@ class FewExamples:
         phases = [Phase.explicit, Phase.generate]
         settings.register_profile("mutants", settings(), max_examples=15, phases=phases)
         settings.load_profile("mutants")
+
+    def pytest_collection_modifyitems(self, items: list[Any]) -> None:
+        items.sort(key=lambda item: item.get_closest_marker("slow") is not None)
 
 
 class Experiment:
@@ -100,7 +103,7 @@ class Experiment:
             arguments = ["-xq", "-p", "no:cacheprovider", "-p", "no:xdist"]
             arguments += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
             tests = shlex.split(TESTS[self.module])
-            code = int(import_module("pytest").main([*arguments, *tests], [FewExamples()]))
+            code = int(import_module("pytest").main([*arguments, *tests], [QuickRun()]))
         finally:
             sys.stdout.flush()
             os._exit(code)

@@ -149,6 +149,8 @@ def test_ranges_across_zero_are_split_in_degrees():
     entry = BranchRanges(0, "elbow+", parts, ())
     expected = [[0.0, 0.05], [0.1, 0.3], [6.0, TURN]]
     np.testing.assert_allclose(np.radians(entry.degrees), expected, rtol=0.0, atol=1e-12)
+    circle = BranchRanges(0, "elbow+", (HeadingRange(0.0, TURN, ()),), ())
+    assert circle.degrees == [[0.0, 360.0]]
 
 
 @pytest.mark.parametrize(
