@@ -76,7 +76,8 @@ def batch(
     if dry_run:
         with console.progress("timing two runs"):
             estimate = estimate_study(loaded, output, workers=workers, scheduler=scheduler)
-        console.json(estimate.to_dict())
+        if as_json:  # a million runs take gigabytes
+            console.json(estimate.to_dict())
         console.tables(_estimate_tables(estimate))
         return
     if output is None:

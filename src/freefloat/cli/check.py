@@ -66,13 +66,14 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
     for entry in report.checks:
         checks.add_row(
             Text(entry.name),
-            _number(entry.recomputed) + (f" {entry.unit}" if entry.unit else ""),
-            _number(entry.allowed),
+            _number(entry.recomputed) + (f" {entry.unit}" if entry.unit not in ("", "1") else ""),
+            "" if entry.allowed is None else f"{entry.relation} {_number(entry.allowed)}",
             "" if entry.time is None else f"{entry.time:.4f}",
             Text("passed", "green") if entry.passed else Text("failed", "red"),
             Text(entry.detail if entry.passed else ""),
         )
     yield checks
+    yield "± is the deviation of the found value from the stated one."
     certificate = report.certificate
     if certificate is not None:
         yield f"Between points: {certificate.method} ({certificate.intervals:,} intervals)."

@@ -212,6 +212,8 @@ def _first_error(
     indices = [int(entry["loc"][-1]) for entry in alternatives if entry["type"] == "missing"]
     message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     accepted = _CONTAINERS.get(kind, message)
+    if kind == "too_short":
+        accepted = f"at least {first['ctx']['min_length']} of them"
     if len(indices) == len(alternatives):
         accepted = f"{1 + max(indices)} entries"
     elif len(alternatives) > 1 and description:  # of a union

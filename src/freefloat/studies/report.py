@@ -45,6 +45,9 @@ _HEADINGS = {
 """Columns of the report after the parameters, unless they are empty, and their headings."""
 Table = Mapping[str, list[Any]]
 """Values of the runs by column."""
+_FIRST_LISTED = ("verdict", "margin")
+"""Of these before the parameters."""
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _MAX_LISTED = 2000
 """Runs listed in the report; the tables have all of them."""
 
@@ -195,10 +198,12 @@ def _page(
     linked: list[str],
 ) -> str:
     """Return the report, one HTML page that needs no other file."""
-    headings = {"case": "run", **parameters}
-    headings |= {key: text for key, text in _HEADINGS.items() if _filled(table[key])}
-    if unit and "margin" in headings:
-        headings["margin"] += f" [{unit}]"
+    unit = re.sub(r"\^(-?[0-9]+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
+    filled = {key: text for key, text in _HEADINGS.items() if _filled(table[key])}
+    if unit and "margin" in filled:
+        filled["margin"] += f" [{unit}]"
+    first = {key: filled[key] for key in _FIRST_LISTED if key in filled}
+    headings = {"case": "run", **first, **parameters, **filled}
     shown = zip(*(table[key][:_MAX_LISTED] for key in headings), strict=True)
     names = table["file"][:_MAX_LISTED]
     content = result.study.content.model_dump(mode="json", by_alias=True, exclude_unset=True)

@@ -226,7 +226,8 @@ def _limit_check(
         passed, detail = False, f"{stated.worst:.6g} is stated, but it is {worst:.6g}"
     name = f"limit {recomputed.limit}".replace("_", " ")
     value = None if stated is None else stated.worst
-    return Check(name, passed, detail, value, worst, recomputed.allowed, "", time)
+    relation = "≤" if (worst <= recomputed.allowed) == recomputed.kept else "≥"
+    return Check(name, passed, detail, value, worst, recomputed.allowed, "", time, relation)
 
 
 def _same_certificate(stated: Certificate | None, recomputed: Certificate) -> Iterator[Check]:

@@ -49,9 +49,10 @@ class Check:
         detail: What was found, and where.
         stated: Value in the record.
         recomputed: Value that was found.
-        allowed: Largest error, or required value.
+        allowed: Largest or smallest value, or largest deviation from the stated one.
         unit: Of these values.
         time: Where on the motion [s].
+        relation: Of the recomputed value to what is allowed: ≤, ≥, or ± about the stated value.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Check:
     allowed: float | None = None
     unit: str = ""
     time: float | None = None
+    relation: str = "≤"
 
     @property
     def reason(self) -> str:
@@ -99,7 +101,8 @@ def comparison_check(
     else:
         passed = bool(stated == recomputed or abs(stated - recomputed) <= allowed)
     words = f"{stated} is stated, but it is {recomputed}"
-    return Check(name, passed, "" if passed else words, stated, recomputed, allowed, unit)
+    detail = "" if passed else words
+    return Check(name, passed, detail, stated, recomputed, allowed, unit, relation="±")
 
 
 def magnitude_range(error: float) -> tuple[float, float]:
@@ -115,7 +118,8 @@ def span_check(motion: Motion) -> Check:
     passed = motion.panels > 0 and error <= _ENDS * duration
     words = f"the path takes {duration:g} s, the motion goes from {first:g} to {last:g} s"
     detail = "" if passed else words
-    return Check("whole motion", passed, detail, duration, last, _ENDS * duration, "s")
+    allowed = _ENDS * duration
+    return Check("whole motion", passed, detail, duration, last, allowed, "s", relation="±")
 
 
 def path_tolerances(motion: Motion) -> tuple[float, float]:
@@ -180,7 +184,7 @@ def _margin_check(minimum: CertifiedMinimum, motion: Motion, feasible: bool) -> 
         passed, detail = not feasible, "nothing is proven between the nodes"
     elif not minimum.bound:
         detail = "the motion ends where it vanishes"
-    return Check(name, passed, detail, None, minimum.value, required, unit, minimum.time)
+    return Check(name, passed, detail, None, minimum.value, required, unit, minimum.time, "≥")
 
 
 def _singular_end(motion: Motion) -> Check:
