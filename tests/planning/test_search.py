@@ -55,6 +55,9 @@ class Landscape:
 
     regular = keeps
 
+    def regularity(self, attitudes: np.ndarray, branch: int) -> np.ndarray:
+        return self.margins(attitudes, branch) / MARGIN
+
     def map(self, samples: int, seed: int = 0) -> AttitudeMap:
         attitudes, minimum = attitude_grid(samples, seed), np.zeros((samples, 8))
         for branch, margins in self.branches.items():

@@ -6,8 +6,10 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -241,9 +243,34 @@ def test_workers_of_a_scheduler_get_the_same_rows(folder: Path, scheduler: str) 
 def test_a_scheduler_that_does_not_answer_is_an_error(
     address: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("freefloat.studies.runner._TIMEOUT", 1.0)
+    monkeypatch.setattr("freefloat.studies.scheduler._TIMEOUT", 1.0)
     with pytest.raises(InputError) as caught:
         run_study(a_study(folder), folder / "out", scheduler=address)
+    assert caught.value.key == "scheduler"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH\r\n"])
+def test_a_server_that_is_no_scheduler_is_an_error(
+    greeting: bytes, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mute, or with a greeting of its own."""
+    monkeypatch.setattr("freefloat.studies.scheduler._TIMEOUT", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+        def greet() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(greeting)
+                connection.recv(1)
+                time.sleep(2.0)
+
+        thread = threading.Thread(target=greet)
+        thread.start()
+        with pytest.raises(InputError) as caught:
+            run_study(a_study(folder), folder / "out", scheduler=address)
+        thread.join()
     assert caught.value.key == "scheduler"
 
 

@@ -134,6 +134,20 @@ class FeasibilityEvaluator:
         keeps = motions.keeps(self.problem.margin.threshold)
         return np.asarray((keeps & is_regular(motions.determinant_ratios)).any(axis=1))
 
+    def regularity(self, attitudes: Array, branch: int | None) -> Array:
+        """How far a branch, or the best of any, is from the margin and singularities, shape (K,).
+
+        The smaller of minimum margin and determinant ratio, each over the smallest that
+        :meth:`regular` accepts; zero for motions that end early.
+        """
+        motions = self.evaluate(attitudes, branch, stop_at_margin=True).motions
+        threshold = max(self.problem.margin.threshold, np.finfo(float).tiny)
+        with np.errstate(over="ignore"):
+            margins = motions.minimum / threshold
+        values = np.minimum(margins, motions.determinant_ratios / _REGULAR_RATIO)
+        completed = motions.endings == COMPLETED
+        return np.asarray(np.where(completed, values, 0.0).max(axis=1, initial=0.0))
+
 
 def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
     """Which motions avoid every singularity, also those at which the measure does not vanish.

@@ -12,15 +12,20 @@ from functools import partial
 import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.motion.margin import is_kept
 from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint
 from freefloat.planning.regions import depths, nearest_among
-from freefloat.planning.search import ROUGH, Flags, bisect, climb, closest, edge
+from freefloat.planning.search import ROUGH, bisect, climb, closest, edge
 from freefloat.so3 import (
     Array,
     angle_between,
     attitude_grid,
     attitudes_within,
     grid_spacing,
+    low_discrepancy,
+    rotated,
+    rotation_vector_to,
+    sphere_directions,
 )
 
 _WIDE = 512
@@ -33,10 +38,16 @@ _COARSE = 8e-3
 """Clouds smaller than this end the search for the closest attitude outside [rad]."""
 _SMALLEST = 2e-5
 """Smallest radius of a ball [rad]."""
-_CONFIRMING = 4096
-"""Attitudes that confirm a ball."""
+_CONFIRMING = 3072
+"""Attitudes that confirm a ball, half of them spread in it, a third on its sphere."""
+_DESCENTS = 6
+"""The worst of those on the sphere, from which worse ones are searched for."""
+_SWEEPS, _SWEEP, _FINEST_SWEEP = 4, 0.15, 2e-3
+"""Clouds of such a search, radius of the first and smallest radius, as fractions of the ball's."""
 _CAUTION = 0.99
 """Fraction of its radius that is reported."""
+_BEYOND = 1.003
+"""Radius of the sphere that confirms a ball, relative to the ball's."""
 _ROUNDS = 60
 """Balls examined, at most."""
 _SETTLED = 0.985
@@ -58,8 +69,8 @@ def robust_radius(
 ) -> float:
     """How far an attitude may deviate before an arm branch leaves the feasible set [rad].
 
-    Confirmed by thousands of attitudes spread within. The search begins at the angle ``spacing``;
-    without a number the best branch of a redundant arm counts.
+    Confirmed by thousands of attitudes spread within and on a slightly larger sphere. The search
+    begins at the angle ``spacing``; without a number the best branch of a redundant arm counts.
     """
     radius, _ = _outside_nearby(evaluator, attitude, branch, spacing, spacing)
     return _confirmed(evaluator, Ball(attitude, branch, radius)).radius
@@ -112,20 +123,29 @@ def _outside_nearby(
 
     They are searched for within ``reach`` first, and farther only where there are none.
     """
-
-    def is_outside(attitudes: Array) -> Flags:
-        return ~evaluator.regular(attitudes, branch)
-
     radius = reach
     outside = np.empty((0, 4))
     while not len(outside) and radius < 2.0 * np.pi:
         cloud = attitudes_within(attitude, min(radius, np.pi), _WIDE // evaluator.sample_reduction)
-        outside, radius = cloud[is_outside(cloud)], 2.0 * radius
+        outside, radius = cloud[~evaluator.regular(cloud, branch)], 2.0 * radius
     if not len(outside):
         return float(np.pi), outside
+    return _closest_outside(evaluator, attitude, branch, outside, spacing / 2.0)
+
+
+def _closest_outside(
+    evaluator: FeasibilityEvaluator,
+    attitude: Array,
+    branch: int | None,
+    outside: Array,
+    cloud: float,
+) -> tuple[float, Array]:
+    """As :func:`_outside_nearby`, from attitudes outside (K, 4), in clouds of a radius [rad]."""
     outside = outside[np.argsort(angle_between(outside, attitude))]
     spread = _spread(outside, _DIRECTIONS // evaluator.sample_reduction)
-    nearest = closest(is_outside, attitude, spread, spacing / 2.0, _COARSE)
+    nearest = closest(
+        lambda attitudes: ~evaluator.regular(attitudes, branch), attitude, spread, cloud, _COARSE
+    )
     return float(angle_between(nearest, attitude).min()), nearest
 
 
@@ -203,14 +223,46 @@ def _farthest(centers: Array, outside: Array) -> tuple[Array, float]:
 
 
 def _confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
-    """The ball, made smaller where one of many attitudes spread in it is outside."""
+    """The ball, made smaller where attitudes in it or on a sphere just beyond it are outside."""
+    center, branch = ball.attitude, ball.branch
     radius = _CAUTION * ball.radius
     seed = 1
     while radius > _SMALLEST:
-        cloud = attitudes_within(ball.attitude, radius, _CONFIRMING, seed)
-        outside = ~evaluator.regular(cloud, ball.branch)
-        if not outside.any():
-            return Ball(ball.attitude, ball.branch, radius)
-        radius = _CAUTION * float(angle_between(cloud[outside], ball.attitude).min())
+        cloud = attitudes_within(center, radius, _CONFIRMING // 2, seed)
+        outside = cloud[~evaluator.regular(cloud, branch)]
+        if not len(outside):
+            outside = _outside_on_sphere(evaluator, center, branch, min(_BEYOND * radius, np.pi))
+        if not len(outside):
+            return Ball(center, branch, radius)
+        nearest, _ = _closest_outside(evaluator, center, branch, outside, radius / 2.0)
+        radius = _CAUTION * nearest
         seed += 1
-    return Ball(ball.attitude, ball.branch, 0.0)
+    return Ball(center, branch, 0.0)
+
+
+def _outside_on_sphere(
+    evaluator: FeasibilityEvaluator, center: Array, branch: int | None, radius: float
+) -> Array:
+    """Attitudes outside at an angle from the centre, searched for where motions are worst, (K, 4).
+
+    Attitudes spread on the sphere come first; where all are inside, the worst of them are moved
+    to worse ones.
+    """
+
+    def on_sphere(attitudes: Array) -> Array:
+        vectors = rotation_vector_to(center, attitudes)
+        return rotated(center, radius * vectors / np.linalg.norm(vectors, axis=1)[:, None])
+
+    def loss(attitudes: Array) -> Array:
+        return -evaluator.regularity(on_sphere(attitudes), branch)
+
+    attitudes = rotated(center, radius * sphere_directions(low_discrepancy(_CONFIRMING // 3, 2)))
+    losses = loss(attitudes)
+    outside = ~is_kept(-losses, 1.0)
+    if not outside.any():
+        starts = _spread(attitudes[np.argsort(-losses)], _DESCENTS)
+        attitudes, losses = climb(
+            loss, starts, loss(starts), _SWEEP * radius, _FINEST_SWEEP * radius, rounds=_SWEEPS
+        )
+        attitudes, outside = on_sphere(attitudes), ~is_kept(-losses, 1.0)
+    return attitudes[outside]

@@ -10,27 +10,24 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
-from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
 import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
-from distributed.comm.addressing import get_address_host_port
 
 from freefloat.concurrency import available_cores
 from freefloat.errors import InputError
 from freefloat.studies.database import DATABASE, open_results
 from freefloat.studies.results import ERROR, Row, StudyResult
 from freefloat.studies.run import Run, RunResult, error_result, execute, study_files
+from freefloat.studies.scheduler import remote_client
 from freefloat.studies.study import Study
 from freefloat.studies.values import finite
 
 _REPETITIONS = 2
 """How often a run is repeated after the death of its worker."""
-_TIMEOUT = 10.0
-"""Time to wait for a scheduler and its first worker [s]."""
 _START_SECONDS = 3.0
 """Typical time until local workers have started."""
 _CONFIG: dict[str, Any] = {
@@ -117,7 +114,7 @@ def execute_all(
     Raises:
         InputError: If the scheduler does not answer, is lost, or lacks workers with this version.
     """
-    with _local_client(workers) if scheduler is None else _remote_client(scheduler) as client:
+    with _local_client(workers) if scheduler is None else remote_client(scheduler) as client:
         waiting = iter(runs)
         submitted: dict[Any, Run] = {}
         completed = as_completed(loop=client.loop)
@@ -183,28 +180,6 @@ def _interrupts_deferred() -> Iterator[None]:
             signal.signal(signal.SIGINT, handler)
     if received:
         signal.raise_signal(signal.SIGINT)
-
-
-@contextmanager
-def _remote_client(scheduler: str) -> Iterator[Client]:
-    accepted = "the address of a running Dask scheduler with workers, such as tcp://host:8786"
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    expected = version("freefloat")
-    try:
-        get_address_host_port(scheduler)  # a client of an invalid address does not end
-        with Client(scheduler, timeout=_TIMEOUT, set_as_default=False) as client:
-            client.wait_for_workers(1, timeout=_TIMEOUT)
-            try:
-                versions = set(client.run(version, "freefloat").values())
-            except PackageNotFoundError:
-                versions = {"none"}
-            if versions != {expected}:
-                accepted = f"workers with freefloat {expected} installed"
-                raise ValueError(f"its workers have {', '.join(sorted(versions))}")
-            yield client
-    except (OSError, ValueError, TypeError, CancelledError) as error:
-        problem = f"{scheduler}: {str(error) or type(error).__name__}"
-        raise InputError("scheduler", problem, accepted) from None
 
 
 @dataclass(frozen=True, eq=False)
