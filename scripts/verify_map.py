@@ -69,7 +69,7 @@ class Check:
 
 def tangency(evaluator: FeasibilityEvaluator, seed: int) -> Iterator[Check]:
     begin = time.perf_counter()
-    points = tangent_boundary(evaluator, POINTS, seed)
+    points = tangent_boundary(evaluator, POINTS, Search(seed=seed))
     gaps = np.degrees([point.gap for point in points if point.gap is not None])
     worst, value = float(gaps.max(initial=0.0)), evaluator.problem.margin.threshold
     yield Check(

@@ -262,9 +262,17 @@ def attitude_grid(count: int, seed: int = 0) -> Array:
     return np.asarray((rotation * Rotation.from_quat(grid)).as_quat())
 
 
-def grid_spacing(count: int) -> float:
-    """Side [rad] of a cube with the volume that each of ``count`` attitudes represents."""
-    return float((8.0 * np.pi**2 / count) ** (1.0 / 3.0))
+def ball_fraction(radius: float) -> float:
+    """Fraction of all attitudes that lie within an angle [rad], at most pi, of one of them."""
+    return float((radius - np.sin(radius)) / np.pi)
+
+
+def grid_spacing(count: int, radius: float = np.pi) -> float:
+    """Side [rad] of a cube with the volume that each of ``count`` attitudes of a ball represents.
+
+    The ball has a radius [rad]; by default it is all of SO(3).
+    """
+    return float((8.0 * np.pi**2 * ball_fraction(radius) / count) ** (1.0 / 3.0))
 
 
 def attitudes_within(center: npt.ArrayLike, radius: float, count: int, seed: int = 0) -> Array:

@@ -17,9 +17,9 @@ from freefloat.ik.branches import (
     ArmBranch,
     arm_branches,
     many_arm_branches,
-    newton_configuration,
     search_arm_branches,
 )
+from freefloat.ik.nearest import newton_configuration
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import (
     Pose,

@@ -146,10 +146,10 @@ def test_points_of_an_edge_lie_between_neighbours(
     def inside(attitudes: np.ndarray) -> np.ndarray:
         return evaluator.keeps(attitudes, 2)
 
-    points = edge(inside, attitudes, keeps, 20, EXACT)
+    near = 1.5 * grid_spacing(len(attitudes))
+    points = edge(inside, attitudes, keeps, 20, EXACT, near / 1.5)
     assert len(points) == 20
     assert inside(points).all()
-    near = 1.5 * grid_spacing(len(attitudes))
     for point in points:
         assert angle_between(attitudes[~keeps], point).min() < near
         assert angle_between(attitudes[keeps], point).min() < near
@@ -157,7 +157,7 @@ def test_points_of_an_edge_lie_between_neighbours(
     assert apart.min() > 1e-3
     margins = evaluator.margins(points, 2)
     signs = np.random.default_rng(2).choice([-1.0, 1.0], (len(attitudes), 1))
-    rough = edge(inside, attitudes * signs, keeps, 20, ROUGH)
+    rough = edge(inside, attitudes * signs, keeps, 20, ROUGH, near / 1.5)
     np.testing.assert_allclose(angle_between(points, rough), 0.0, atol=2e-3 * near)
     assert margins == pytest.approx(30.0, rel=1e-3)
     assert np.abs(evaluator.margins(rough, 2) - 30.0).max() > np.abs(margins - 30.0).max()
@@ -166,7 +166,7 @@ def test_points_of_an_edge_lie_between_neighbours(
 @pytest.mark.parametrize("everywhere", [True, False])
 def test_all_or_nothing_has_no_edge(everywhere: bool) -> None:
     members = np.full(64, everywhere)
-    assert edge(lambda q: q[:, 0] > 2.0, attitude_grid(64), members, 5, ROUGH).shape == (0, 4)
+    assert edge(lambda q: q[:, 0] > 2.0, attitude_grid(64), members, 5, ROUGH, 1.0).shape == (0, 4)
 
 
 # the boundary of the feasible set

@@ -11,6 +11,7 @@ import freefloat as ff
 from freefloat.errors import InputError
 from freefloat.motion.margin import is_kept
 from freefloat.planning import planar_planner
+from freefloat.planning.domain import SearchDomain
 from freefloat.planning.heading_map import attitudes_at, evaluator_for, sample_headings
 from freefloat.planning.plan import Objective
 from freefloat.planning.planar_planner import _headings, searched_ranges
@@ -177,7 +178,7 @@ def test_headings_next_to_the_limits_of_the_reach_are_sampled(problem):
     stretched = on_line(problem, [3.0, 0.5, 0], [2.5, 0.5, 0], 1.0)
     edges = [*reach_limits(stretched, 0.0)]
     assert edges
-    headings = _headings(stretched, 12)
+    headings = _headings(stretched, 12, SearchDomain())
     for edge in edges:
         assert np.abs(np.angle(np.exp(1j * (headings - edge)))).min() < 1e-5
 

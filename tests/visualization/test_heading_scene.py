@@ -9,7 +9,8 @@ import pytest
 import umsgpack
 
 import freefloat as ff
-from freefloat.planning.heading_map import HeadingMap, even_headings
+from freefloat.planning.domain import SearchDomain
+from freefloat.planning.heading_map import HeadingMap
 from freefloat.visualization.heading_scene import NODE, heading_scene
 
 MARGINS = np.array([[9.0, 6.0, 4.0, 0.0], [np.nan, 20.0, np.nan, 7.0]])
@@ -22,7 +23,9 @@ def attribute(item: dict[str, Any], name: str) -> np.ndarray:
 
 def test_a_quadrilateral_stands_for_each_motion() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()  # the margin is 5
-    result = HeadingMap(problem, even_headings(4), (0, 3), MARGINS, np.full((2, 4), 100.0))
+    result = HeadingMap(
+        problem, SearchDomain().headings(4), (0, 3), MARGINS, np.full((2, 4), 100.0)
+    )
     scene = heading_scene(result)
     commands = map(umsgpack.unpackb, scene.objects)
     drawn = {c["path"]: c["object"] for c in commands if c["type"] == "set_object"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -103,7 +104,7 @@ def map_(
     prepare_outputs(loaded.source, output=output, folder=plots)
     with loaded.error_context(), console.progress("integrating motions") as progress:
         result = attitude_map(
-            problem, samples or search.samples, seed=search.seed if seed is None else seed,
+            problem, samples, search=search if seed is None else replace(search, seed=seed),
             nearest=nearest, boundary=boundary or 0, tangency=touch or 0, threads=threads,
             progress=progress,
         )  # fmt: skip
@@ -171,8 +172,14 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
 
 
 def _start_lines(result: AttitudeMap | HeadingMap) -> Iterator[str]:
-    """Yield a line on what the fractions of a redundant arm depend on."""
-    if result.problem.redundant:
+    """Yield lines on what the fractions depend on."""
+    domain = result.search.domain
+    if not domain.whole:
+        degrees = f"{math.degrees(domain.radius):g}"
+        yield f"Only attitudes within {degrees} deg of from_attitude were searched."
+    if result.problem.start_joints is not None:
+        yield "At each attitude only the arm configuration closest to search.joints counts."
+    elif result.problem.redundant:
         yield (
             "The arm is redundant: up to 16 of its infinitely many configurations at each attitude "
             "start a motion; the fractions depend on these."

@@ -169,6 +169,8 @@ def has_wrist_flipped_branches(problem: Problem) -> bool:
     virtual, model = VirtualManipulator.of(problem.model), problem.model
     if closed_form(model, problem.task) is not ClosedForm.ELBOW_AND_WRIST:
         return False
+    if problem.start_joints is not None:  # of two wrist-flipped branches one is considered
+        return False
     h4, h5, h6 = virtual.axes_at(np.zeros(6))[3:]
     heaviest = max(np.abs(body.inertia).max() for body in model.bodies)
     massless = all(

@@ -161,7 +161,7 @@ def many_arm_branches(
     from freefloat.ik import analytic as kernels
 
     virtual = VirtualManipulator.of(model)
-    arm = (_chain(virtual, model), np.array(task.rows))
+    arm = (arm_chain(virtual, model), np.array(task.rows))
     poses = _poses(positions, rotations)
     labels = _SIGNS if form is ClosedForm.ELBOW_AND_WRIST else _ELBOWS
     joints = np.empty((len(poses[0]), len(labels), model.dof))
@@ -200,6 +200,23 @@ def search_arm_branches(
     return BranchSets(joints, names, labels)
 
 
+def newton_branches(
+    model: FreeFloatingModel,
+    positions: Array,
+    rotations: Array,
+    task: Task,
+    starts: Array,
+    threads: int | None = None,
+) -> Array:
+    """Configurations that Newton's method reaches at poses of a redundant arm from starts (S, n).
+
+    Returns:
+        Joint values, well-spread ones where more than the 16 columns are reached, NaN where fewer
+        are, shape (K, 16, n).
+    """
+    return _newton(model, _poses(positions, rotations), task, starts, threads)[0]
+
+
 def _newton(
     model: FreeFloatingModel,
     poses: tuple[Array, Array],
@@ -213,7 +230,7 @@ def _newton(
 
     joints = np.empty((len(poses[0]), MAX_BRANCHES, model.dof))
     names = np.empty(joints.shape[:2], dtype=np.int64)
-    chain = _chain(VirtualManipulator.of(model), model)
+    chain = arm_chain(VirtualManipulator.of(model), model)
     fixed = (chain, np.array(task.rows), starts, parallel_axes)
     _in_slices(solve_numerically, fixed, (*poses, joints, names), threads)
     return joints, names
@@ -232,31 +249,15 @@ def _redundant_branches(
     p, R = _poses(positions, rotations)
 
     def solve(starts: Array, index: IntArray) -> Array:
-        return _newton(model, (p[index], R[index]), task, starts, threads)[0]
+        return newton_branches(model, p[index], R[index], task, starts, threads)
 
     joints = spread_configurations(model, len(p), solve, MAX_BRANCHES)
     names = np.where(np.isfinite(joints).all(axis=2), np.arange(MAX_BRANCHES), -1)
     return BranchSets(joints, names, tuple(map(str, range(MAX_BRANCHES))))
 
 
-def newton_configuration(
-    model: FreeFloatingModel, target: Pose, task: Task, joints: Array
-) -> ArmBranch | None:
-    """The configuration to which Newton's method converges from joints (n,), None if it does not.
-
-    For redundant arms, whose configurations at a pose form a continuum.
-    """
-    from freefloat.ik import numeric as kernels
-
-    chain = _chain(VirtualManipulator.of(model), model)
-    (position,), (rotation,) = _poses(target.position[None], target.rotation[None])
-    q = np.array(joints, dtype=float)
-    if kernels.solve_nearby(chain, np.array(task.rows), position, rotation, q):
-        return ArmBranch(kernels.MAX_BRANCHES, "given", frozen(q))
-    return None
-
-
-def _chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:
+def arm_chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:
+    """The arm in the form of the compiled kernels."""
     from freefloat.ik.chain import Chain
 
     arrays: tuple[npt.NDArray[Any], ...] = (

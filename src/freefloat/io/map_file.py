@@ -21,6 +21,7 @@ from freefloat.planning.attitude_map import (
     Peak,
 )
 from freefloat.planning.heading_map import HeadingMap
+from freefloat.planning.plan import Search
 from freefloat.planning.regions import Region
 from freefloat.so3 import Array, frozen
 
@@ -64,7 +65,9 @@ def read_heading_map(file: Any, scenario: Scenario, document: Document) -> Headi
     if not np.isfinite(headings).all():
         raise ValueError("its headings are not finite")
     arrays = frozen(headings), tuple(map(int, branches)), frozen(margins), frozen(ended_at)
-    return HeadingMap(scenario.problem(), *arrays, document["seconds"])
+    search = scenario.search()
+    problem = search.applied_to(scenario.problem())
+    return HeadingMap(problem, *arrays, document["seconds"], search)
 
 
 def write_attitude_map(file: Any, attitude_map: AttitudeMap, document: Document) -> None:
@@ -94,7 +97,7 @@ def write_samples(file: Any, attitude_map: AttitudeMap) -> None:
     write_arrays(file, {name: (array, _SAMPLES.get(name, unit)) for name, array in arrays.items()})
 
 
-def read_samples(file: Any, problem: Problem) -> AttitudeMap:
+def read_samples(file: Any, problem: Problem, search: Search) -> AttitudeMap:
     """Map of a file or group with its samples alone."""
     main = ("attitude", "ending", "least", "clearance")
     attitudes, endings, margins, ratios = read_numbers(file, *main)
@@ -105,18 +108,19 @@ def read_samples(file: Any, problem: Problem) -> AttitudeMap:
     details = dict(zip(names, read_numbers(file, *names), strict=True))
     return AttitudeMap(
         problem, int(file.attrs["seed"]), frozen(attitudes), frozen(margins), frozen(ratios),
-        endings.astype(np.int8), details,
+        endings.astype(np.int8), details, search=search,
     )  # fmt: skip
 
 
 def read_attitude_map(file: Any, scenario: Scenario, document: Document) -> AttitudeMap:
     """Map over SO(3) of a file."""
     points, tangency = document.get("boundary"), document.get("touch", {}).get("points")
+    search = scenario.search()
     return replace(
-        read_samples(file, scenario.problem()),
+        read_samples(file, search.applied_to(scenario.problem()), search),
         regions=tuple(
             Region(entry["branch"], entry["fraction"], entry["error"], frozen(entry["centre"]),
-                   float(np.radians(entry["depth_deg"])))
+                   float(np.radians(entry["depth_deg"])), search.domain.fraction)
             for entry in document["regions"]
         ),
         best=_candidate(Peak, document["best"], "value"),

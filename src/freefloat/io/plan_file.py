@@ -96,14 +96,15 @@ def write_plan(file: Any, plan: Plan, _: Document) -> None:
 
 def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
     """Plan of a file; those of version 0.1.0 lack its map and its tangent motions."""
-    problem = scenario.problem()
+    search = scenario.search()
+    problem = search.applied_to(scenario.problem())
     tolerance = document.get("tolerance")
     samples = None
     if tolerance is not None or "map" in file:
         from freefloat.io.map_file import read_samples  # compiled kernels are slow to import
         from freefloat.planning.tolerance import Tolerance
 
-        samples = read_samples(file["map"], problem) if "map" in file else None
+        samples = read_samples(file["map"], problem, search) if "map" in file else None
         tolerance = tolerance and Tolerance(**tolerance)
     limits, results, contact = _read_limits(file, scenario, document)
     stretched = document["stretched_duration"]
@@ -111,7 +112,7 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
     motion = file.get("motion")
     return Plan(
         problem=problem,
-        search=scenario.search(),
+        search=search,
         feasible=bool(file.attrs["feasible"]),
         reason=str(document["reason"]),
         ranges=_read_ranges(file.get("ranges", {}), document["attitude_ranges_deg"]),

@@ -107,7 +107,10 @@ class Scenario:
             attitude = None
             if section.from_attitude is not None:
                 attitude = frozen(unit_quaternion("search.from_attitude", section.from_attitude))
-            return Search(section.objective, attitude, section.samples, section.seed)
+            within = None if section.within_deg is None else float(np.radians(section.within_deg))
+            return Search(
+                section.objective, attitude, section.samples, section.seed, section.joints, within
+            )
 
     def limits(self) -> Limits:
         """The limits of motions.
@@ -228,10 +231,9 @@ def scenario_of(
     model = problem.model
     timing = problem.path.timing
     margin = problem.margin
-    search = search or Search()
+    search = search or Search(joints=problem.start_joints)
     limits = limits or Limits()
     path, samples = section_of(problem.path.path)
-    attitude = search.from_attitude
     sections: dict[str, dict[str, Any]] = {
         "robot": {
             "urdf": model.description.source,
@@ -245,12 +247,7 @@ def scenario_of(
             "stops": [{"s": float(stop.s), "t": float(stop.t)} for stop in timing.stops],
         },
         "margin": {"measure": margin.measure.name, "value": float(margin.threshold)},
-        "search": {
-            "objective": str(search.objective),
-            "seed": search.seed,
-            "from_attitude": None if attitude is None else np.asarray(attitude).tolist(),
-            "samples": search.samples,
-        },
+        "search": search.to_dict(),
         "limits": {
             **{key: _limit_map(model.joint_names, getattr(limits, key)) for key in _JOINT_LIMITS},
             "base_rate": limits.base_rate and float(limits.base_rate),

@@ -203,6 +203,11 @@ class SearchSection(Section):
     headings; in space 4,096 attitudes for a plan and 36,864 for a map."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     """Seed of the grid of attitudes in space."""
+    joints: list[Number] | dict[str, Number] | None = None
+    """Present joints of the arm [rad, m], in the order of the chain or a map from joint to value:
+    of the arm configurations at every attitude only the closest to them is considered."""
+    within_deg: Annotated[float, Field(strict=True, gt=0.0, le=180.0)] | None = None
+    """Largest angle from from_attitude of the attitudes that are searched [degrees]."""
 
 
 JointLimits = Positive | dict[str, Positive] | Literal["urdf"]

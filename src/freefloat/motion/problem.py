@@ -20,8 +20,8 @@ from freefloat.ik.branches import (
     BranchSets,
     arm_branches,
     many_arm_branches,
-    newton_configuration,
 )
+from freefloat.ik.nearest import closest_branches, newton_configuration
 from freefloat.motion.margin import Margin
 from freefloat.paths.orientation import FreeOrientation
 from freefloat.paths.timing import TimedPath
@@ -53,6 +53,8 @@ class Problem:
         margin: Required distance from dynamic singularities.
         redundancy: Null-space motion of a redundant arm; by default the joint rates have the
             smallest Euclidean norm.
+        start_joints: Of the arm configurations at the start of the path only the one closest to
+            these joint values is considered, shape (n,); all when left out.
 
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
@@ -70,6 +72,7 @@ class Problem:
     momentum: Array
     margin: Margin
     redundancy: Redundancy | None = None
+    start_joints: Array | None = None
 
     def __post_init__(self) -> None:
         require_type("model", self.model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
@@ -79,6 +82,9 @@ class Problem:
         object.__setattr__(self, "task", Task.of(self.task))
         object.__setattr__(self, "momentum", frozen(finite_vector("momentum", self.momentum, 3)))
         require_enough_joints(self.model, self.task)
+        if self.start_joints is not None:
+            joints = frozen(self.model.joint_vector(self.start_joints, "start_joints"))
+            object.__setattr__(self, "start_joints", joints)
         if self.redundancy is not None:
             self.redundancy.require_applicable(self.model, self.task)
         if self.task.prescribes_orientation and isinstance(
@@ -203,7 +209,7 @@ class Problem:
         return attitude
 
     def branches(self, attitude: npt.ArrayLike, t: float = 0.0) -> tuple[ArmBranch, ...]:
-        """All arm configurations with the end-effector on the path.
+        """All arm configurations with the end-effector on the path; see also ``start_joints``.
 
         Args:
             attitude: Of the spacecraft at that time, unit quaternion x, y, z, w.
@@ -212,6 +218,8 @@ class Problem:
         Returns:
             The branches; none where the path is out of reach.
         """
+        if self.start_joints is not None:
+            return self.many_branches(np.reshape(attitude, (1, 4)), t, 1)[0]
         R0 = rotation_matrix(attitude)
         return arm_branches(self.model, self.path.pose(t).seen_from(R0), self.task)
 
@@ -222,7 +230,10 @@ class Problem:
         pose, R0 = self.path.pose(t), Rotation.from_quat(attitudes).as_matrix()
         positions = np.einsum("kji,j->ki", R0, pose.position)
         rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
-        return many_arm_branches(self.model, positions, rotations, self.task, threads)
+        target = self.model, positions, rotations, self.task
+        if self.start_joints is None or t != 0.0:
+            return many_arm_branches(*target, threads)
+        return closest_branches(*target, self.start_joints, threads)
 
     def branch_near(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, branches: Sequence[ArmBranch]

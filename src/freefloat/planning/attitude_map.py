@@ -13,6 +13,7 @@ from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, 
 from freefloat.motion.margin import is_kept
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
+from freefloat.planning.plan import Search
 from freefloat.planning.regions import Region
 from freefloat.so3 import Array
 
@@ -111,6 +112,7 @@ class AttitudeMap:
         nearest: The feasible attitude nearest to it; None where none is.
         boundary: Points on the boundary by bisection; None where none were asked for.
         tangency: Points on the boundary from tangency points; None where none were asked for.
+        search: What was searched for; its domain has the attitudes.
         seconds: Computing time [s].
     """
 
@@ -128,12 +130,18 @@ class AttitudeMap:
     nearest: NearAttitude | None = None
     boundary: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
     tangency: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
+    search: Search = field(default_factory=Search, repr=False)
     seconds: float = 0.0
 
     @property
     def samples(self) -> int:
         """Number of attitudes."""
         return len(self.attitudes)
+
+    @property
+    def spacing(self) -> float:
+        """Side [rad] of a cube with the volume that each attitude represents."""
+        return self.search.domain.spacing(self.samples)
 
     @property
     def motions(self) -> int:
@@ -226,6 +234,7 @@ class AttitudeMap:
         document = {
             "samples": self.samples,
             "seed": self.seed,
+            "search": self.search.to_dict(),
             "motions": self.motions,
             "feasible_fraction": self.feasible_fraction,
             "feasible_fraction_error": self.feasible_fraction_error,

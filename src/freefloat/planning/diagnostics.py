@@ -21,7 +21,7 @@ from freefloat.motion.reach import (
 )
 from freefloat.motion.singularity import singular_event
 from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude
-from freefloat.planning.heading_map import attitudes_at, even_headings
+from freefloat.planning.heading_map import attitudes_at
 from freefloat.planning.plan import Objective, Search
 from freefloat.planning.search import best_branch, largest_margins
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
@@ -125,10 +125,10 @@ def _last_singularity(samples: AttitudeMap) -> str:
     return f", at the latest at t = {event.time:.4g} s; its kind: {event.kind.description}"
 
 
-def no_feasible_heading_message(evaluator: FeasibilityEvaluator) -> str:
+def no_feasible_heading_message(evaluator: FeasibilityEvaluator, search: Search) -> str:
     """Why no heading keeps the margin: the best of some headings."""
     problem = evaluator.problem
-    attitudes = attitudes_at(even_headings(_TRIED))
+    attitudes = attitudes_at(search.domain.headings(_TRIED))
     if (beyond := reach_message(problem)) is not None:
         return beyond
     motions = evaluator.evaluate(attitudes).motions

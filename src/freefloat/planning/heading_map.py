@@ -13,6 +13,7 @@ from freefloat.ensemble.ensemble import STEP_TOLERANCE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
+from freefloat.planning.plan import Search
 from freefloat.so3 import Array, frozen, heading_quaternion
 
 _TOLERANCE = 1e-9
@@ -76,6 +77,7 @@ class HeadingMap:
             nan where the branch does not reach the path, shape (B, N).
         ended_at: When each motion ended [s], nan where there is none, shape (B, N).
         seconds: Computing time [s].
+        search: What was searched for; its domain has the headings.
     """
 
     problem: Problem = field(repr=False)
@@ -84,6 +86,12 @@ class HeadingMap:
     minimum_margins: Array = field(repr=False)
     ended_at: Array = field(repr=False)
     seconds: float = 0.0
+    search: Search = field(default_factory=Search, repr=False)
+
+    @property
+    def step(self) -> float:
+        """Angle between neighbouring headings [rad]."""
+        return 2.0 * self.search.domain.radius / len(self.headings)
 
     @property
     def feasible(self) -> npt.NDArray[np.bool_]:
@@ -121,14 +129,15 @@ class HeadingMap:
 
     @property
     def regions(self) -> tuple[HeadingRegion, ...]:
-        """Runs of feasible headings round the circle, by arm branch."""
-        step = 360.0 / len(self.headings)
+        """Runs of feasible headings, where all were searched round the circle, by arm branch."""
+        domain = self.search.domain
+        step, whole = 2.0 * float(np.degrees(domain.radius)) / len(self.headings), domain.whole
         regions = []
         for branch, row in zip(self.branches, self.feasible, strict=True):
-            if row.all():
+            if row.all() and whole:
                 regions.append(HeadingRegion(branch, 360.0, 0.0))
                 continue
-            first = int(np.argmin(row))
+            first = int(np.argmin(row)) if whole else 0
             edges = np.flatnonzero(np.diff([0, *np.roll(row, -first).astype(int), 0])).tolist()
             for start, stop in zip(edges[::2], edges[1::2], strict=True):
                 centre = (np.degrees(self.headings[first]) + step * (start + stop - 1) / 2.0) % 360
@@ -141,6 +150,7 @@ class HeadingMap:
         widest = max(regions, key=lambda region: region["size_deg"], default=None)
         return {
             "samples": len(self.headings),
+            "search": self.search.to_dict(),
             "motions": self.motions,
             "feasible_fraction": self.feasible_fraction,
             "motion_fraction": self.motion_fraction,
@@ -165,27 +175,28 @@ def evaluator_for(problem: Problem, threads: int | None = None) -> FeasibilityEv
 
 
 def sample_headings(
-    problem: Problem, samples: int, progress: Progress | None = None, threads: int | None = None
+    problem: Problem,
+    samples: int,
+    progress: Progress | None = None,
+    threads: int | None = None,
+    search: Search | None = None,
 ) -> HeadingMap:
     """Integrate the motions of every arm branch of a planar problem from evenly spread headings."""
-    headings = even_headings(samples)
+    search = search or Search()
+    headings = search.domain.headings(samples)
     results = evaluator_for(problem, threads).evaluate(attitudes_at(headings), progress=progress)
     branches = np.flatnonzero(results.exist.any(axis=0))
     margins = np.where(results.exist, results.margins, np.nan)[:, branches].T
     ended_at = results.motions.ended_at[:, branches].T
     return HeadingMap(
-        problem, headings, tuple(branches.tolist()), frozen(margins), frozen(ended_at)
-    )
+        problem, headings, tuple(branches.tolist()), frozen(margins), frozen(ended_at),
+        search=search,
+    )  # fmt: skip
 
 
 def attitudes_at(headings: npt.NDArray[np.floating]) -> Array:
     """The attitudes with headings [rad] (K,); shape (K, 4)."""
     return np.array([heading_quaternion(float(heading)) for heading in headings]).reshape(-1, 4)
-
-
-def even_headings(samples: int) -> Array:
-    """Evenly spread headings [rad] from zero, shape (samples,)."""
-    return frozen(np.arange(samples) * (2.0 * np.pi / samples))
 
 
 def best_heading(

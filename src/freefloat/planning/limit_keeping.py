@@ -13,12 +13,12 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import limited_reason, violated_limits_message
-from freefloat.planning.heading_map import attitudes_at, even_headings
+from freefloat.planning.heading_map import attitudes_at
 from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.screening import ScreenedCandidate, screen
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.trials import OVER, PassedTrial, Trials
-from freefloat.so3 import Array, angle_between, grid_spacing, heading_of
+from freefloat.so3 import Array, angle_between, heading_of
 
 _HEADINGS = 720
 """Candidates of planar tasks."""
@@ -90,9 +90,9 @@ def _first_passing(
     """The best candidate that keeps margin and limits; None where none of those tried does."""
     if plan.map is not None:
         attitudes, margins = plan.map.attitudes, plan.map.margins
-        spacing = grid_spacing(len(attitudes))
+        spacing = plan.map.spacing
     else:
-        attitudes = attitudes_at(even_headings(_HEADINGS))
+        attitudes = attitudes_at(plan.search.domain.headings(_HEADINGS))
         spacing = _SPACING
         margins = evaluator.evaluate(attitudes).margins
     total = int(plan.problem.margin.is_kept(margins).sum())
@@ -169,7 +169,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
     count = trials.count
     nearest, results = trials.nearest()
     if plan.map is None:
-        attitudes = attitudes_at(even_headings(_STRETCHED))
+        attitudes = attitudes_at(plan.search.domain.headings(_STRETCHED))
     else:
         attitudes = plan.map.attitudes[:: max(1, plan.map.samples // _STRETCHED)]
     stretch, start = trials.sufficient_stretch(attitudes)

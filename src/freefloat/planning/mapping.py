@@ -19,7 +19,7 @@ from freefloat.errors import InputError, whole_number
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
 from freefloat.planning.heading_map import HeadingMap, sample_headings
-from freefloat.planning.plan import FEWEST_SAMPLES, HEADINGS, MOST_SAMPLES
+from freefloat.planning.plan import FEWEST_SAMPLES, HEADINGS, MOST_SAMPLES, Search
 from freefloat.planning.regions import find_regions
 from freefloat.planning.robustness import deepest
 from freefloat.planning.search import EXACT, bisect, edge, largest_margins, nearest_feasible
@@ -31,7 +31,6 @@ from freefloat.planning.tangency import (
 from freefloat.so3 import (
     Array,
     angle_between,
-    attitude_grid,
     attitudes_within,
     frozen,
     rotated,
@@ -47,6 +46,8 @@ _BLOCK = 2048
 _RADIUS, _CLOUD = 0.02, 96
 """Distance from an attitude at which both sides of the boundary are searched for [rad], and the
 attitudes that search."""
+_NEAR = 0.05
+"""Largest difference of the joint values at a start from those of its arm branch [rad]."""
 _BATCHES, _SPARE = 8, 3
 """Families of tangency points that are computed, and how many more points than are missing: many
 belong to wrist-flipped branches or to motions that violate the margin elsewhere."""
@@ -56,7 +57,7 @@ def attitude_map(
     problem: Problem,
     samples: int | None = None,
     *,
-    seed: int = 0,
+    search: Search | None = None,
     nearest: npt.ArrayLike | None = None,
     boundary: int = 0,
     tangency: int = 0,
@@ -69,8 +70,9 @@ def attitude_map(
 
     Args:
         problem: The problem.
-        samples: Number of attitudes; when left out 360 headings or 36,864 attitudes.
-        seed: Rotates the grid of attitudes; planar tasks need none.
+        samples: Number of attitudes; when left out that of the search, else 360 headings or
+            36,864 attitudes.
+        search: Its seed rotates the grid of attitudes, its joints and domain restrict the map.
         nearest: Attitude to find the nearest feasible one to, quaternion x, y, z, w.
         boundary: Points on the boundary of the feasible set to find for each arm branch.
         tangency: Points on the boundary to find from tangency points (Section VI).
@@ -92,6 +94,9 @@ def attitude_map(
     """
     require_problem(problem)
     start = time.perf_counter()
+    search = Search() if search is None else search
+    problem = search.applied_to(problem)
+    samples = search.samples if samples is None else samples
     if problem.task.planar:
         spatial = {"nearest": nearest is not None, "boundary": boundary, "touch": tangency}
         for key in (key for key, requested in spatial.items() if requested):
@@ -100,15 +105,14 @@ def attitude_map(
         count = HEADINGS
         if samples is not None:
             count = whole_number("samples", samples, FEWEST_SAMPLES, MOST_SAMPLES)
-        headings = sample_headings(problem, count, progress, threads)
+        headings = sample_headings(problem, count, progress, threads, search)
         return replace(headings, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude(nearest, key="nearest")
     if tangency:
         require_tangency_points(problem)
     result = _searched_map(
-        FeasibilityEvaluator(problem, threads), _ATTITUDES if samples is None else samples, seed,
-        target, boundary,
-        tangency, progress,
+        FeasibilityEvaluator(problem, threads), _ATTITUDES if samples is None else samples, search,
+        target, boundary, tangency, progress,
     )  # fmt: skip
     return replace(result, seconds=time.perf_counter() - start)
 
@@ -116,7 +120,7 @@ def attitude_map(
 def _searched_map(
     evaluator: FeasibilityEvaluator,
     samples: int,
-    seed: int,
+    search: Search,
     target: Array | None,
     boundary: int,
     tangency: int,
@@ -124,9 +128,10 @@ def _searched_map(
 ) -> AttitudeMap:
     """Samples of SO(3) and what is between them."""
     sampled = sample_attitudes(
-        evaluator, samples, seed, progress and (lambda fraction: progress(_SAMPLING * fraction))
-    )
-    points = tangent_boundary(evaluator, tangency, seed) if tangency else ()
+        evaluator, samples, search.seed,
+        progress and (lambda fraction: progress(_SAMPLING * fraction)), search,
+    )  # fmt: skip
+    points = tangent_boundary(evaluator, tangency, search) if tangency else ()
     margin = evaluator.problem.margin
     peaks = (
         peak for peak in largest_margins(evaluator, sampled) if margin.is_kept(peak.minimum_margin)
@@ -152,15 +157,19 @@ def sample_attitudes(
     samples: int,
     seed: int = 0,
     progress: Progress | None = None,
+    search: Search | None = None,
 ) -> AttitudeMap:
     """Integrate the motions of every arm branch from 8 or more attitudes spread over all of SO(3).
+
+    Those of a search lie in its domain.
 
     Raises:
         InputError: If the samples or the seed are no such numbers.
     """
     samples = whole_number("samples", samples, FEWEST_SAMPLES, MOST_SAMPLES)
     seed = whole_number("seed", seed, 0)
-    attitudes = attitude_grid(samples, seed)
+    search = search or Search(seed=seed)
+    attitudes = search.domain.attitudes(samples, seed)
     blocks = []
     for first in range(0, samples, _BLOCK):
         block = attitudes[first : first + _BLOCK]
@@ -176,6 +185,7 @@ def sample_attitudes(
     return AttitudeMap(
         evaluator.problem, seed, frozen(attitudes), tables.pop("minimum_margins"),
         tables.pop("determinant_ratios"), tables.pop("endings"), tables,
+        search=search,
     )  # fmt: skip
 
 
@@ -207,33 +217,42 @@ def boundary_points(
     for branch, margins in samples.branch_margins():
         inside = partial(evaluator.keeps, branch=branch)
         members = samples.problem.margin.is_kept(margins)
-        attitudes = edge(inside, samples.attitudes, members, count, EXACT)
+        attitudes = edge(inside, samples.attitudes, members, count, EXACT, samples.spacing)
         points += [BoundaryPoint(attitude, branch) for attitude in attitudes]
     return tuple(points)
 
 
 def tangent_boundary(
-    evaluator: FeasibilityEvaluator, count: int, seed: int = 0
+    evaluator: FeasibilityEvaluator, count: int, search: Search | None = None
 ) -> tuple[BoundaryPoint, ...]:
     """Attitudes on the boundary of the feasible set, integrated backward from tangency points.
 
     Of wrist-flipped branches the first alone counts; fewer than ``count`` are found where few
-    motions keep the margin elsewhere. The seed shifts the family of tangency points.
+    motions keep the margin elsewhere, or begin in the domain of the search. Its seed shifts the
+    family of tangency points.
 
     Raises:
         InputError: If the arm has no such tangency points, or the margin is zero.
     """
-    problem = evaluator.problem
+    problem, search = evaluator.problem, search or Search()
     points: list[BoundaryPoint] = []
     for batch in range(_BATCHES):
         for tangency in sample_tangency_points(
-            problem, _SPARE * (count - len(points)), seed + batch
+            problem, _SPARE * (count - len(points)), search.seed + batch
         ):
             start = boundary_attitude(problem, tangency)
-            if start is None:
+            if start is None or not search.domain.contains(start.attitude):
                 continue
-            branches = problem.branches(start.attitude)
-            branch = problem.branch_near(start.attitude, start.joints, branches).index
+            branch = next(
+                (
+                    entry.index
+                    for entry in problem.branches(start.attitude)
+                    if problem.model.joint_distance(entry.joints, start.joints) < _NEAR
+                ),
+                None,
+            )
+            if branch is None:  # it is not the one closest to the joints of the search
+                continue
             if evaluator.wrist_flipped and branch % 2:
                 continue  # the wrist-flipped branch has the same motion
             gap = _gap(evaluator, start.attitude, branch)

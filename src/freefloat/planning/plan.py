@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from freefloat.errors import InputError, member, whole_number
+from freefloat.errors import InputError, finite_number, member, whole_number
 from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
+from freefloat.planning.domain import SearchDomain
 from freefloat.planning.planar_ranges import BranchRanges, RangeLimit, Span
 from freefloat.planning.simulation import SimulatedBranch
-from freefloat.so3 import Array, angle_between, heading_of
+from freefloat.so3 import Array, angle_between, frozen, heading_of
 
 if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.planning.attitude_map import AttitudeMap
@@ -54,6 +57,10 @@ class Search:
         objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
             or the one deepest inside the feasible set.
         from_attitude: Present attitude of the spacecraft, x, y, z, w.
+        joints: Present joints of the arm, in chain order or by name [rad or m]: of the arm
+            configurations at every attitude only the closest is considered; all when left out.
+        within: Only attitudes within this angle of ``from_attitude`` are searched [rad]; all when
+            left out.
         samples: Number of attitudes; when left out 360 headings for planar tasks (where no closed
             form is known), 4,096 attitudes for spatial ones.
         seed: Rotates the grid of attitudes of spatial tasks.
@@ -68,6 +75,8 @@ class Search:
     from_attitude: Array | None = None
     samples: int | None = None
     seed: int = 0
+    joints: Mapping[str, float] | npt.ArrayLike | None = None
+    within: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", member("search.objective", Objective, self.objective))
@@ -75,10 +84,53 @@ class Search:
             samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES, MOST_SAMPLES)
             object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "seed", whole_number("search.seed", self.seed, 0))
-        if self.objective is Objective.NEAREST and self.from_attitude is None:
+        reason = "objective nearest" if self.objective is Objective.NEAREST else None
+        if self.within is not None:
+            accepted = "an angle above 0, up to pi"
+            within = finite_number("search.within", self.within, accepted)
+            if not 0.0 < within <= np.pi:
+                raise InputError("search.within", f"{within:g} was given", accepted)
+            reason = "a search within an angle"
+        if reason is not None and self.from_attitude is None:
             raise InputError(
-                "search.from_attitude", "it is missing, objective nearest needs it", "x, y, z, w"
+                "search.from_attitude", f"it is missing, {reason} needs it", "x, y, z, w"
             )
+
+    @cached_property
+    def domain(self) -> SearchDomain:
+        """The attitudes that are searched."""
+        if self.from_attitude is None or self.within is None:
+            return SearchDomain()
+        return SearchDomain(frozen(self.from_attitude), self.within)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The keys of a scenario's search, as a JSON document."""
+        attitude, joints = self.from_attitude, self.joints
+        if isinstance(joints, Mapping):
+            joints = dict(joints)
+        elif joints is not None:
+            joints = np.asarray(joints, dtype=float).tolist()
+        return {
+            "objective": str(self.objective),
+            "seed": self.seed,
+            "from_attitude": None if attitude is None else np.asarray(attitude).tolist(),
+            "samples": self.samples,
+            "joints": joints,
+            "within_deg": degrees(self.within),
+        }
+
+    def applied_to(self, problem: Problem) -> Problem:
+        """The problem, with :attr:`joints` as those that the arm starts near.
+
+        Raises:
+            InputError: If attitude or joints do not suit it.
+        """
+        if self.from_attitude is not None:
+            problem.attitude(self.from_attitude, key="search.from_attitude")
+        if self.joints is None:
+            return problem
+        joints = problem.model.joint_vector(self.joints, "search.joints")
+        return replace(problem, start_joints=joints)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +242,7 @@ class Plan:
             "feasible": self.feasible,
             "reason": self.reason,
             "objective": str(self.search.objective),
+            "search": self.search.to_dict(),
             "attitude_ranges_deg": [entry.to_dict() for entry in self.ranges],
             "deviation_deg": degrees(self.deviation),
             "robust_radius_deg": degrees(self.robust_radius),

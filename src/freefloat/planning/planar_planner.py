@@ -6,7 +6,7 @@ joints and measures other than ``system``, headings are sampled and the limits o
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +20,8 @@ from freefloat.planning.diagnostics import (
     margin_text,
     no_feasible_heading_message,
 )
-from freefloat.planning.heading_map import attitudes_at, best_heading, even_headings
+from freefloat.planning.domain import SearchDomain
+from freefloat.planning.heading_map import attitudes_at, best_heading
 from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
 from freefloat.planning.planar_ranges import (
     TURN,
@@ -33,7 +34,7 @@ from freefloat.planning.planar_ranges import (
     heading_ranges,
     reach_limits,
 )
-from freefloat.planning.search import bisect
+from freefloat.planning.search import Flags, bisect
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
 from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.planar import has_two_angle_form
@@ -42,6 +43,8 @@ _INSIDE = 1e-6
 """Distance from the limit of a range to a heading chosen there [rad]."""
 _NEAR_REACH = 1e-6
 """Distance from the limits of the reach at which headings are added [rad]."""
+_END = 1e-6
+"""Distance of a heading from the limit of the domain that is its cause [rad]."""
 _TRIED = 24
 """Headings tried in each range when the largest margin is searched for."""
 _ROUNDS = 8
@@ -62,13 +65,14 @@ def plan_in_plane(
         reason = infeasible_distance_message(problem)
         if reason is not None:
             return Plan(problem, search, False, reason)
-        ranges, segments = _exact_ranges(problem)
+        ranges, segments = _exact_ranges(problem, search.domain)
     else:
-        ranges = searched_ranges(evaluator, search.samples or HEADINGS, progress)
+        samples = search.samples or HEADINGS
+        ranges = searched_ranges(evaluator, samples, progress, search.domain)
     pairs = [(entry, part) for entry in ranges for part in entry.ranges]
     if not pairs:
         return Plan(
-            problem, search, False, no_feasible_heading_message(evaluator), ranges, segments
+            problem, search, False, no_feasible_heading_message(evaluator, search), ranges, segments
         )
     heading, entry, part, reason = _choose(evaluator, search, pairs)
     chosen = _integrate(problem, heading, _number(entry))
@@ -81,23 +85,26 @@ def plan_in_plane(
     return Plan(problem, search, True, reason, ranges, segments, chosen, depth)
 
 
-def _exact_ranges(problem: Problem) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:
-    """Ranges at the start; with stops also segment by segment."""
+def _exact_ranges(
+    problem: Problem, domain: SearchDomain
+) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:
+    """Ranges at the start in a domain; with stops also segment by segment, of all headings."""
     whole = (0.0, problem.path.duration)
     limits = find_range_limits(problem, whole)
     rests = [0.0, *(stop.t for stop in problem.path.timing.stops), problem.path.duration]
     segments = []
+    every = replace(problem, start_joints=None)
     for span in pairwise(rests) if len(rests) > 2 else ():
         alone = find_range_limits(problem, span)
         onward = (span[0], problem.path.duration)
         joined = alone if onward == span else find_range_limits(problem, onward)
         segments.append(Segment(
             span, alone,
-            heading_ranges(problem, alone, span, span[0]),
-            heading_ranges(problem, alone, span, span[1]),
-            heading_ranges(problem, joined, onward, span[1]),
+            heading_ranges(every, alone, span, span[0]),
+            heading_ranges(every, alone, span, span[1]),
+            heading_ranges(every, joined, onward, span[1]),
         ))  # fmt: skip
-    return heading_ranges(problem, limits, whole, 0.0), tuple(segments)
+    return heading_ranges(problem, limits, whole, 0.0, domain), tuple(segments)
 
 
 def _integrate(problem: Problem, heading: float, branch: int | None) -> SimulatedBranch:
@@ -146,17 +153,21 @@ def _inner_ends(part: HeadingRange) -> tuple[float, float]:
 
 
 def searched_ranges(
-    evaluator: FeasibilityEvaluator, samples: int, progress: Progress | None = None
+    evaluator: FeasibilityEvaluator,
+    samples: int,
+    progress: Progress | None = None,
+    domain: SearchDomain | None = None,
 ) -> tuple[BranchRanges, ...]:
     """Feasible ranges of heading; narrower ones than the spacing of the samples may be missed.
 
     Ranges are those of each arm branch; of a redundant arm a heading is feasible when any of the
     starting configurations tried keeps the margin.
     """
-    problem = evaluator.problem
-    headings = _headings(problem, samples)
+    problem, domain = evaluator.problem, domain or SearchDomain()
+    headings = _headings(problem, samples, domain)
     results = evaluator.evaluate(attitudes_at(headings), stop_at_margin=True, progress=progress)
     feasible = problem.margin.is_kept(results.margins)
+    feasible &= domain.contains(results.attitudes)[:, None]
     if problem.redundant:
         feasible = np.asarray(feasible.any(axis=1, keepdims=True))
         labels = {0: "any"}
@@ -167,7 +178,11 @@ def searched_ranges(
         labels = {index: str(index) for index in existing}
     entries = []
     for index, label in labels.items():
-        inside = partial(evaluator.keeps, branch=None if problem.redundant else index)
+        number = None if problem.redundant else index
+
+        def inside(attitudes: Array, number: int | None = number) -> Flags:
+            return np.asarray(evaluator.keeps(attitudes, number) & domain.contains(attitudes))
+
         opens = np.roll(feasible[:, index], -1)
         (changes,) = np.nonzero(feasible[:, index] != opens)
         if not len(changes):
@@ -178,16 +193,31 @@ def searched_ranges(
         outward = ~opens[changes, None]
         within, beyond = np.where(outward, ends, ends[::-1])
         crossings = map(heading_of, bisect(inside, within, beyond, _ROUNDS))
-        arcs = [*arcs_between([(heading, RangeLimitCause.MARGIN) for heading in crossings])]
+        arcs = [*arcs_between([(heading, _cause(heading, domain)) for heading in crossings])]
         entries.append(branch_ranges(index, label, arcs, opens[changes].tolist()))
     return tuple(entries)
 
 
-def _headings(problem: Problem, samples: int) -> Array:
-    """Even headings, and some next to the limits of the reach, where narrow ranges may lie."""
-    headings = even_headings(samples)
+def _cause(heading: float, domain: SearchDomain) -> RangeLimitCause:
+    """Why a searched range ends."""
+    for limit in () if domain.whole else domain.heading_limits:
+        if abs((heading - limit + np.pi) % TURN - np.pi) < _END:
+            return RangeLimitCause.SEARCH
+    return RangeLimitCause.MARGIN
+
+
+def _headings(problem: Problem, samples: int, domain: SearchDomain) -> Array:
+    """Even headings, and some next to the limits of the reach, where narrow ranges may lie.
+
+    Outside a domain that has not all headings there is one next to each of its limits.
+    """
+    headings = domain.headings(samples)
+    if not domain.whole:
+        low, high = domain.heading_limits
+        outside = min(headings[1] - headings[0], np.pi - domain.radius)
+        headings = np.array([low - outside, *headings, high + outside]) % TURN
     if not has_two_angle_form(problem.model, problem.task):
-        return headings
+        return np.sort(headings)
     limits = np.array([*reach_limits(problem, 0.0)])
     added = np.concatenate([limits - _NEAR_REACH, limits + _NEAR_REACH]) % TURN
     return np.unique(np.concatenate([headings, added]))

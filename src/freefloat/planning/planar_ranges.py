@@ -21,6 +21,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import is_kept
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.domain import SearchDomain, branch_changes
 from freefloat.planning.planar_tangency import PlanarTangencyPoint, planar_tangency_points
 from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, point_3_on_path
@@ -42,6 +43,7 @@ class RangeLimitCause(StrEnum):
 
     MARGIN = "margin"
     REACH = "reach"
+    SEARCH = "search"
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +187,11 @@ def _feasible_motions(
 
 
 def heading_ranges(
-    problem: Problem, limits: tuple[RangeLimit, ...], span: Span, at: float
+    problem: Problem,
+    limits: tuple[RangeLimit, ...],
+    span: Span,
+    at: float,
+    domain: SearchDomain | None = None,
 ) -> tuple[BranchRanges, ...]:
     """Ranges of the heading at one time of a span from which the whole span keeps the margin.
 
@@ -194,31 +200,37 @@ def heading_ranges(
         limits: Found for the same span.
         span: First and last time [s].
         at: Time of the headings [s], in the span.
+        domain: Only its headings count; all when left out.
 
     Returns:
         One entry for each arm branch.
     """
-    level = _level(problem)
-    reach = RangeLimitCause.REACH
+    level, domain = _level(problem), domain or SearchDomain()
+    ends = [(RangeLimitCause.REACH, heading) for heading in reach_limits(problem, at)]
+    if not domain.whole:
+        ends += [(RangeLimitCause.SEARCH, heading % TURN) for heading in domain.heading_limits]
+    if problem.start_joints is not None and at == 0.0:
+        ends += [(RangeLimitCause.SEARCH, heading) for heading in branch_changes(problem)]
     edges: list[tuple[float, int | None, RangeLimitCause]]
-    edges = [(heading, None, reach) for heading in reach_limits(problem, at)]
+    edges = [(heading, None, cause) for cause, heading in ends]
     for limit in limits:
         heading, joints = limit.heading_at(at)
         edges.append((heading, _branch_of(problem, heading, joints, at), RangeLimitCause.MARGIN))
 
     def is_feasible(arc: HeadingRange, index: int) -> bool:
         heading = arc.middle
-        return any(
+        attitude = heading_quaternion(heading)
+        return bool(domain.contains(attitude)) and any(
             branch.index == index
             and _feasible_motions(problem, heading, branch.joints, at, span, level) is not None
-            for branch in problem.branches(heading_quaternion(heading), at)
+            for branch in problem.branches(attitude, at)
         )
 
     entries = []
     for index, label in enumerate(("elbow+", "elbow-")):
-        ends = sorted((heading, cause) for heading, branch, cause in edges
-                      if branch in (index, None))  # fmt: skip
-        arcs = list(arcs_between(ends))
+        arcs = list(arcs_between(sorted(
+            (heading, cause) for heading, branch, cause in edges if branch in (index, None)
+        )))  # fmt: skip
         feasible = [is_feasible(arc, index) for arc in arcs]
         entries.append(branch_ranges(index, label, arcs, feasible))
     return tuple(entries)

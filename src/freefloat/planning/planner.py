@@ -29,7 +29,7 @@ from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.search import best_branch, largest_margins, nearest_feasible
 from freefloat.planning.simulation import integrate_branch
 from freefloat.planning.tolerance import tolerance
-from freefloat.so3 import angle_between, grid_spacing
+from freefloat.so3 import angle_between
 
 _SAMPLING = 0.6
 """Fraction of the computing time of spatial plans, for the progress reported."""
@@ -78,8 +78,7 @@ def plan(
     if limits is not None:
         accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
         require_type("limits", limits, Limits, accepted)
-    if search.from_attitude is not None:
-        problem.attitude(search.from_attitude, key="search.from_attitude")
+    problem = search.applied_to(problem)
     plan_problem = partial(_plan, search=search, limits=limits, threads=threads, progress=progress)
     return stretched_plan(plan_problem, problem) if stretch else plan_problem(problem)
 
@@ -109,8 +108,7 @@ def _plan(
     attitude, branch = chosen.motion.initial.attitude, chosen.branch
     if radius is None:
         index = None if problem.redundant else branch.index
-        spacing = grid_spacing(result.map.samples)
-        radius = robust_radius(evaluator, attitude, index, spacing)
+        radius = robust_radius(evaluator, attitude, index, result.map.spacing)
     tolerances = tolerance(evaluator.integrator, attitude, branch.joints)
     return replace(result, robust_radius=radius, tolerance=tolerances)
 
@@ -125,7 +123,7 @@ def plan_in_space(
     problem = evaluator.problem
     samples = sample_attitudes(
         evaluator, search.samples or PLAN_ATTITUDES, search.seed,
-        progress and (lambda fraction: progress(_SAMPLING * fraction)),
+        progress and (lambda fraction: progress(_SAMPLING * fraction)), search,
     )  # fmt: skip
     disagreements: list[str] = []
     for candidate in _candidates(evaluator, samples, search)[:_CANDIDATES]:
@@ -158,7 +156,7 @@ def _candidates(
 ) -> Sequence[Candidate]:
     """Attitudes to try, the best first; none where no sample is feasible."""
     objective, present = search.objective, search.from_attitude
-    margin, spacing = samples.problem.margin, grid_spacing(samples.samples)
+    margin, spacing = samples.problem.margin, samples.spacing
 
     def peaks() -> list[Peak]:
         return [p for p in largest_margins(evaluator, samples) if margin.is_kept(p.minimum_margin)]

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from freefloat.motion.margin import is_kept
-from freefloat.so3 import Array, IntArray, frozen, grid_spacing
+from freefloat.so3 import Array, IntArray, frozen
 
 if TYPE_CHECKING:
     from freefloat.planning.attitude_map import AttitudeMap
@@ -30,10 +30,11 @@ class Region:
 
     Attributes:
         branch: Number of the branch; None for the best of a redundant arm.
-        fraction: Of all attitudes.
+        fraction: Of all attitudes searched.
         error: Its standard error.
         centre: The sample farthest from infeasible ones, x, y, z, w.
         depth: Its distance from them [rad].
+        searched: Fraction of all attitudes that were searched.
     """
 
     branch: int | None
@@ -41,6 +42,7 @@ class Region:
     error: float
     centre: Array
     depth: float
+    searched: float = 1.0
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
@@ -48,7 +50,7 @@ class Region:
             "branch": self.branch,
             "fraction": self.fraction,
             "error": self.error,
-            "volume_rad3": float(self.fraction * _ALL_ATTITUDES),
+            "volume_rad3": float(self.fraction * self.searched * _ALL_ATTITUDES),
             "centre": self.centre.tolist(),
             "depth_deg": float(np.degrees(self.depth)),
         }
@@ -90,14 +92,14 @@ def find_regions(samples: AttitudeMap) -> tuple[Region, ...]:
         if not inside.any():
             continue
         members, depth = samples.attitudes[inside], depths(samples.attitudes, inside)[inside]
-        labels = _components(members, 1.5 * grid_spacing(N))
+        labels = _components(members, 1.5 * samples.spacing)
         for label in range(labels.max() + 1):
             (part,) = np.nonzero(labels == label)
             deepest = part[np.argmax(depth[part])]
             fraction = len(part) / N
             regions.append(Region(
                 branch, fraction, float(np.sqrt(fraction * (1.0 - fraction) / N)),
-                frozen(members[deepest]), float(depth[deepest]),
+                frozen(members[deepest]), float(depth[deepest]), samples.search.domain.fraction,
             ))  # fmt: skip
     return tuple(sorted(regions, key=lambda region: -region.fraction))
 

@@ -14,14 +14,13 @@ import numpy as np
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import is_kept
 from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint
+from freefloat.planning.domain import SearchDomain
 from freefloat.planning.regions import depths, nearest_among
 from freefloat.planning.search import ROUGH, bisect, climb, closest, edge
 from freefloat.so3 import (
     Array,
     angle_between,
-    attitude_grid,
     attitudes_within,
-    grid_spacing,
     low_discrepancy,
     rotated,
     rotation_vector_to,
@@ -87,7 +86,7 @@ def deepest(
     Returns:
         None where no sample is feasible and avoids all singularities.
     """
-    spacing = grid_spacing(samples.samples)
+    spacing, domain = samples.spacing, samples.search.domain
     starts: list[Ball] = []
     for branch, _ in samples.branch_margins():
         depth = depths(samples.attitudes, samples.regular(branch))
@@ -103,10 +102,10 @@ def deepest(
             break
         regular = partial(evaluator.regular, branch=branch)
         inside = samples.regular(branch)
-        boundary = edge(regular, samples.attitudes, inside, _EDGE, ROUGH)
+        boundary = edge(regular, samples.attitudes, inside, _EDGE, ROUGH, spacing)
         tangent = [point.attitude for point in known if point.branch == branch]
         outside = np.vstack([samples.attitudes[~inside], boundary, *tangent])
-        ball = _largest_ball(evaluator, start.attitude, branch, outside, spacing, radius)
+        ball = _largest_ball(evaluator, domain, start, outside, spacing, radius)
         if best is None or ball.radius > best.radius:
             best = ball
     return _confirmed(evaluator, best) if best is not None and best.radius > 0.0 else None
@@ -160,20 +159,21 @@ def _spread(attitudes: Array, count: int) -> Array:
 
 def _largest_ball(
     evaluator: FeasibilityEvaluator,
-    start: Array,
-    branch: int | None,
+    domain: SearchDomain,
+    first: Ball,
     outside: Array,
     spacing: float,
     smallest: float,
 ) -> Ball:
     """Centre and radius of a branch's largest ball, if larger than ``smallest`` [rad].
 
-    The first is around the start, an attitude inside; then come those farthest from all outside.
+    Its center is in the domain. The first is that of the first ball, an attitude inside; then come
+    those farthest from all outside.
     """
-    centers = attitude_grid(_CENTERS)
+    start, branch = first.attitude, first.branch
     best = Ball(start, branch, 0.0)
     for number in range(_ROUNDS // evaluator.sample_reduction):
-        center, largest = (start, np.pi) if number == 0 else _farthest(centers, outside)
+        center, largest = (start, np.pi) if number == 0 else _farthest(domain, outside)
         if max(best.radius, smallest) > _SETTLED * largest:
             break
         if not evaluator.regular(center[None], branch)[0]:
@@ -204,17 +204,18 @@ def _outside_within(
     return bisect(lambda attitudes: ~evaluator.regular(attitudes, branch), outside, centers, ROUGH)
 
 
-def _farthest(centers: Array, outside: Array) -> tuple[Array, float]:
-    """The attitude farthest from all those outside, near one of the centers, and how far [rad]."""
+def _farthest(domain: SearchDomain, outside: Array) -> tuple[Array, float]:
+    """The attitude of the domain that is farthest from all those outside, and how far [rad]."""
+    centers, spacing = domain.attitudes(_CENTERS), domain.spacing(_CENTERS)
     if not len(outside):
         return centers[0], float(np.pi)
     nearest = nearest_among(outside)
 
     def distance(attitudes: Array) -> Array:
-        return nearest(attitudes)[0]
+        return np.where(domain.contains(attitudes), nearest(attitudes)[0], 0.0)
 
     distances = distance(centers)
-    starts, spacing = np.argsort(-distances)[:_STARTS], grid_spacing(len(centers))
+    starts = np.argsort(-distances)[:_STARTS]
     places, distances = climb(
         distance, centers[starts], distances[starts], spacing, _FINEST, shrink=0.5, rounds=10_000
     )

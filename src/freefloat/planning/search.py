@@ -11,13 +11,13 @@ import numpy.typing as npt
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import is_kept
 from freefloat.planning.attitude_map import AttitudeMap, NearAttitude, Peak
+from freefloat.planning.domain import SearchDomain
 from freefloat.planning.regions import nearest_among
 from freefloat.so3 import (
     Array,
     IntArray,
     angle_between,
     attitudes_within,
-    grid_spacing,
     rotated,
     rotation_vector_to,
 )
@@ -127,17 +127,18 @@ def edge(
     members: Flags,
     count: int,
     rounds: int,
+    spacing: float,
 ) -> Array:
     """Attitudes on the boundary of a set, just inside, by bisection between neighbouring samples.
 
-    Of samples (N, 4) some are members of the set, (N,); at most ``count`` pairs of neighbours,
-    evenly picked, are bisected.
+    Of samples (N, 4) with a spacing [rad] some are members of the set, (N,); at most ``count``
+    pairs of neighbours, evenly picked, are bisected.
     """
     if members.all() or not members.any():
         return np.empty((0, 4))
     within, beyond = attitudes[members], attitudes[~members]
     angles, other = nearest_among(beyond)(within)
-    (close,) = np.nonzero(angles < 1.5 * grid_spacing(len(members)))
+    (close,) = np.nonzero(angles < 1.5 * spacing)
     picked = close[np.linspace(0, len(close) - 1, min(count, len(close))).astype(int)]
     return bisect(inside, within[picked], beyond[other[picked]], rounds)
 
@@ -147,10 +148,10 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
 
     Many samples climb for a few clouds, the best of them to the top.
     """
-    spacing = grid_spacing(samples.samples)
-    climbed = _climb(evaluator, _peaks(samples, 1.5 * spacing), spacing, spacing / 3.0)
+    spacing, domain = samples.spacing, samples.search.domain
+    climbed = _climb(evaluator, domain, _peaks(samples, 1.5 * spacing), spacing, spacing / 3.0)
     climbed.sort(key=lambda peak: -peak.minimum_margin)
-    finished = _climb(evaluator, climbed[:_FINISHED], spacing / 3.0, _FINE)
+    finished = _climb(evaluator, domain, climbed[:_FINISHED], spacing / 3.0, _FINE)
     return sorted(finished, key=lambda peak: -peak.minimum_margin) + climbed[_FINISHED:]
 
 
@@ -162,14 +163,22 @@ def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, 
 
 
 def _climb(
-    evaluator: FeasibilityEvaluator, starts: list[Peak], radius: float, smallest: float
+    evaluator: FeasibilityEvaluator,
+    domain: SearchDomain,
+    starts: list[Peak],
+    radius: float,
+    smallest: float,
 ) -> list[Peak]:
-    """Peaks moved to larger margins nearby."""
+    """Peaks moved to larger margins nearby, inside the domain."""
+
+    def merit(attitudes: Array, branch: int | None) -> Array:
+        return np.where(domain.contains(attitudes), evaluator.margins(attitudes, branch), 0.0)
+
     peaks = []
     for branch in dict.fromkeys(start.branch for start in starts):
         group = [start for start in starts if start.branch == branch]
         attitudes, margins = climb(
-            partial(evaluator.margins, branch=branch),
+            partial(merit, branch=branch),
             np.array([start.attitude for start in group]),
             [start.minimum_margin for start in group],
             radius, smallest,
@@ -208,23 +217,24 @@ def nearest_feasible(
     They lie inside the feasible set by as little as compiled motions can resolve. Among them is
     each branch's nearest sample of the map.
     """
-    threshold = samples.problem.margin.threshold
+    threshold, domain = samples.problem.margin.threshold, samples.search.domain
     certain = threshold * (1.0 + _CERTAIN)
     candidates: list[NearAttitude] = []
     for branch, margins in samples.branch_margins():
-        at_target = evaluator.margins(target[None], branch)
+        at_target = evaluator.margins(target[None], branch) * domain.contains(target)
         if is_kept(at_target, threshold)[0]:
             candidates.append(NearAttitude(target, branch, 0.0))
         if is_kept(at_target, certain)[0]:
             continue
 
         def inside(attitudes: Array, branch: int | None = branch) -> Flags:
-            return is_kept(evaluator.margins(attitudes, branch), certain)
+            kept = is_kept(evaluator.margins(attitudes, branch), certain)
+            return np.asarray(kept & domain.contains(attitudes))
 
         order = np.argsort(angle_between(samples.attitudes, target))
         nearby = samples.attitudes[order[is_kept(margins[order], certain)][:3]]
         if len(nearby):
-            nearby = closest(inside, target, nearby, grid_spacing(len(order)), _SMALL)
+            nearby = closest(inside, target, nearby, samples.spacing, _SMALL)
         sample = samples.attitudes[order[is_kept(margins[order], threshold)][:1]]
         candidates += [
             NearAttitude(attitude, branch, float(angle_between(attitude, target)))

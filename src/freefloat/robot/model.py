@@ -227,19 +227,21 @@ class FreeFloatingModel:
         pin.forwardKinematics(self.pin_model, self.scratch, q)
         return tuple(map(pose_of, self.scratch.oMi.tolist()[1:]))
 
-    def joint_vector(self, joints: Mapping[str, float] | npt.ArrayLike) -> Array:
+    def joint_vector(
+        self, joints: Mapping[str, float] | npt.ArrayLike, key: str = "joints"
+    ) -> Array:
         """Joint values as a vector, from a map by joint name or a sequence in chain order.
 
         Raises:
-            InputError: If a joint is missing, unknown, or a value is not a finite number.
+            InputError: Naming ``key``, if a joint is missing or unknown, or a value is not finite.
         """
         if isinstance(joints, Mapping):
             if set(joints) != set(self.joint_names):
                 problem = f"values of {', '.join(joints) or 'no joint'} were given"
-                raise InputError("joints", problem, f"values of {', '.join(self.joint_names)}")
+                raise InputError(key, problem, f"values of {', '.join(self.joint_names)}")
             joints = [joints[name] for name in self.joint_names]
         values: Any = [joints] if np.isscalar(joints) else joints
-        return finite_vector("joints", values, self.dof)
+        return finite_vector(key, values, self.dof)
 
     def joint_distance(self, first: npt.ArrayLike, second: npt.ArrayLike) -> float:
         """The largest difference of joint values [rad, m], modulo 2 pi for revolute joints."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from freefloat.errors import FreeFloatError, InputError, UnreachableError
-from freefloat.ik.branches import newton_configuration
+from freefloat.ik.nearest import newton_configuration
 from freefloat.io.results import save
 from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
@@ -149,7 +149,7 @@ def _computed(run: Run, source: Path) -> RunResult:
 
         search = scenario.search()
         with scenario.error_context():
-            record = attitude_map(problem, search.samples, seed=search.seed, threads=1)
+            record = attitude_map(problem, search=search, threads=1)
         values = map_values(record)
     elif run.command is Command.PLAN:
         from freefloat.planning.planner import plan

@@ -71,6 +71,8 @@ def _heading_check(plan: Plan) -> Check:
     """Headings just inside the ends of ranges keep the margin, those just outside do not."""
     probes = [probe for entry in plan.ranges for probe in _probes(entry)]
     for heading, branch, stated in (*probes, *_contradictions(plan)):
+        if not plan.search.domain.contains(heading_quaternion(heading)):
+            continue
         if _is_feasible(plan.problem, heading, branch) is not stated:
             degrees = float(np.degrees(heading % TURN))
             verb, where = ("violates", "in") if stated else ("keeps", "outside")

@@ -48,7 +48,7 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
         radii = np.array([outer + _FILLED * (edges[number + 1] - outer), outer])
         reached = np.isfinite(margins)
         values = np.where(result.feasible[number], margins, -1.0)[reached]
-        vertices, faces = _sectors(radii, result.headings[reached], np.pi / len(margins))
+        vertices, faces = _sectors(radii, result.headings[reached], result.step / 2.0)
         shades = np.repeat(colours(values), 4, axis=0)
         items.append(f"branch {branch}")
         builder.coloured_mesh(f"{root}/{items[-1]}", vertices, faces, shades)

@@ -1,0 +1,100 @@
+"""Arm configurations at a pose near given joint values."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.branches import (
+    ArmBranch,
+    BranchSets,
+    arm_chain,
+    many_arm_branches,
+    newton_branches,
+)
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, Pose, frozen
+
+_TURN = 2.0 * np.pi
+
+
+def newton_configuration(
+    model: FreeFloatingModel, target: Pose, task: Task, joints: Array
+) -> ArmBranch | None:
+    """The configuration to which Newton's method converges from joints (n,), None if it does not.
+
+    For redundant arms, whose configurations at a pose form a continuum.
+    """
+    from freefloat.ik import numeric as kernels
+
+    chain = arm_chain(VirtualManipulator.of(model), model)
+    position, rotation = (np.array(values) for values in (target.position, target.rotation))
+    q = np.array(joints, dtype=float)
+    if kernels.solve_nearby(chain, np.array(task.rows), position, rotation, q):
+        return ArmBranch(kernels.MAX_BRANCHES, "given", frozen(q))
+    return None
+
+
+def closest_branches(
+    model: FreeFloatingModel,
+    positions: npt.ArrayLike,
+    rotations: npt.ArrayLike,
+    task: Task,
+    joints: Array,
+    threads: int | None = None,
+) -> BranchSets:
+    """Of the arm branches at each of K poses the one closest to joint values (n,).
+
+    Distances are largest joint differences. Revolute joints are shifted by full rotations to the
+    value in their range that is nearest. Of a redundant arm it is the configuration to which
+    Newton's method converges from the joint values, if it lies inside the joint ranges, else the
+    closest one of :func:`many_arm_branches`.
+
+    Args:
+        model: Robot.
+        positions: As for :func:`many_arm_branches`, shape (K, 3).
+        rotations: Likewise, shape (K, 3, 3).
+        task: Part of the poses that is prescribed.
+        joints: Joint values [rad or m].
+        threads: Number of threads, by default one per core.
+
+    Returns:
+        The branches, at most one at each pose; that of a redundant arm is in column 0.
+    """
+    if model.dof <= len(task.rows):
+        sets = many_arm_branches(model, positions, rotations, task, threads)
+        shifted, distance = _distances(model, sets.joints, joints)
+        closest = distance == distance.min(axis=1, keepdims=True)
+        closest &= sets.exist & (np.cumsum(closest, axis=1) == 1)  # the first of equals
+        chosen = np.where(closest[..., None], shifted, np.nan)
+        return BranchSets(chosen, np.where(closest, sets.names, -1), sets.labels)
+    p, R = np.reshape(positions, (-1, 3)), np.reshape(rotations, (-1, 3, 3))
+    nearby = newton_branches(model, p, R, task, joints[None], threads)[:, 0]
+    lower, upper = model.joint_ranges
+    nearby, _ = _distances(model, nearby, joints)
+    (others,) = np.nonzero(~((nearby >= lower) & (nearby <= upper)).all(axis=1))
+    spread = many_arm_branches(model, p[others], R[others], task, threads).joints
+    candidates = np.concatenate([spread, nearby[others, None]], axis=1)
+    shifted, distance = _distances(model, candidates, joints)
+    inside = np.asarray(((shifted >= lower) & (shifted <= upper)).all(axis=2))
+    distance[inside.any(axis=1, keepdims=True) & ~inside] = np.inf
+    nearby[others] = shifted[np.arange(len(others)), np.argmin(distance, axis=1)]
+    names = np.where(np.isfinite(nearby).all(axis=1), 0, -1)
+    return BranchSets(nearby[:, None], names[:, None], ("closest",))
+
+
+def _distances(model: FreeFloatingModel, q: Array, joints: Array) -> tuple[Array, Array]:
+    """Configurations (..., n) shifted toward joint values (n,), and their distances (...).
+
+    The distance of one that does not exist is infinite.
+    """
+    lower, upper = model.joint_ranges
+    revolute = np.array([not body.prismatic for body in model.bodies[1:]])
+    with np.errstate(invalid="ignore"):
+        first, last = np.ceil((lower - q) / _TURN), np.floor((upper - q) / _TURN)
+    turns = np.clip(np.round((joints - q) / _TURN), first, last)
+    shifted = q + np.where(revolute & (first <= last), _TURN * turns, 0.0)
+    distance = np.abs(shifted - joints).max(axis=-1)
+    return shifted, np.where(np.isnan(distance), np.inf, distance)

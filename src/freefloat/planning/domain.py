@@ -1,0 +1,99 @@
+"""The attitudes among which a search looks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.motion.problem import Problem
+from freefloat.so3 import (
+    Array,
+    IntArray,
+    angle_between,
+    attitude_grid,
+    attitudes_within,
+    ball_fraction,
+    frozen,
+    grid_spacing,
+    heading_of,
+    heading_quaternion,
+)
+
+_HEADINGS = 2880
+"""Headings between which the arm branch closest to the present joints changes once at most."""
+_EXACT = 1e-10
+"""Accuracy of the headings at which it changes [rad]."""
+_ROUNDING = 1e-9
+"""Of angles [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SearchDomain:
+    """All attitudes, or those within an angle of one of them.
+
+    Attributes:
+        center: Quaternion x, y, z, w.
+        radius: Largest angle from the center [rad]; pi for all attitudes.
+    """
+
+    center: Array = field(default_factory=lambda: frozen([0.0, 0.0, 0.0, 1.0]))
+    radius: float = np.pi
+
+    @property
+    def whole(self) -> bool:
+        """Whether it has all attitudes."""
+        return self.radius >= np.pi
+
+    @property
+    def fraction(self) -> float:
+        """Its fraction of all attitudes in space."""
+        return ball_fraction(self.radius)
+
+    def contains(self, attitudes: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Which attitudes (..., 4) belong to it, shape (...)."""
+        return np.asarray(angle_between(attitudes, self.center) <= self.radius + _ROUNDING)
+
+    def attitudes(self, count: int, seed: int = 0) -> Array:
+        """Evenly distributed attitudes, shape (count, 4)."""
+        if self.whole:
+            return attitude_grid(count, seed)
+        return attitudes_within(self.center, self.radius, count, seed)
+
+    def spacing(self, count: int) -> float:
+        """Side [rad] of a cube with the volume that each of ``count`` attitudes represents."""
+        return grid_spacing(count, self.radius)
+
+    def headings(self, count: int) -> Array:
+        """Evenly spread headings [rad], rising, shape (count,); of all, from zero."""
+        if self.whole:
+            return frozen(np.arange(count) * (2.0 * np.pi / count))
+        low, _ = self.heading_limits
+        return frozen(low + (np.arange(count) + 0.5) * (2.0 * self.radius / count))
+
+    @property
+    def heading_limits(self) -> tuple[float, float]:
+        """First heading [rad], in [0, 2 pi), and last heading of planar attitudes."""
+        low = (heading_of(self.center) - self.radius) % (2.0 * np.pi)
+        return low, low + 2.0 * self.radius
+
+
+def branch_changes(problem: Problem) -> list[float]:
+    """Headings [rad] at which another arm branch becomes the closest to the present joints."""
+
+    def closest(headings: npt.NDArray[np.floating]) -> IntArray:
+        attitudes = np.array([heading_quaternion(heading) for heading in headings.tolist()])
+        exist = problem.many_branches(attitudes.reshape(-1, 4), threads=1).exist
+        return np.where(exist.any(axis=1), np.argmax(exist, axis=1), -1)
+
+    width = 2.0 * np.pi / _HEADINGS
+    low = width * np.arange(_HEADINGS)
+    before = closest(low)
+    changed = before != np.roll(before, -1)
+    low, before = low[changed], before[changed]
+    while width > _EXACT:
+        width /= 2.0
+        low = low + np.where(closest(low + width) == before, width, 0.0)
+    changes: list[float] = (low % (2.0 * np.pi)).tolist()
+    return changes
