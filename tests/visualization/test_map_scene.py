@@ -11,6 +11,7 @@ import umsgpack
 from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.integration import UNREACHED as UNREACHED_CODE
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint, Peak
 from freefloat.planning.mapping import sample_attitudes
@@ -22,6 +23,7 @@ from freefloat.visualization.map_scene import (
     FRONT,
     INFEASIBLE,
     MARKS,
+    UNREACHED,
     map_scene,
 )
 from freefloat.visualization.scene_builder import Scene
@@ -92,6 +94,21 @@ def test_marks_and_boundary_belong_to_their_branch(scene: Scene) -> None:
     assert labels["shoulder- elbow- wrist±"] == []
     assert points(scene, SECOND)[BOUNDARY][0] == pytest.approx(np.array([EDGE]), abs=1e-6)
     assert BOUNDARY not in points(scene, BEST_BRANCH)
+
+
+def test_attitudes_that_do_not_reach_the_path_are_told_apart(result: AttitudeMap) -> None:
+    endings = result.endings.copy()
+    endings[7] = UNREACHED_CODE
+    scene = map_scene(replace(result, endings=endings))
+    positions, _ = points(scene, BEST_BRANCH)[UNREACHED]
+    wanted = Rotation.from_quat(result.attitudes[7:8]).as_rotvec()
+    assert positions == pytest.approx(wanted, abs=1e-6)
+    samples = scene.description.samples
+    assert samples is not None
+    assert samples.columns == tuple(f"{label[:-1]}±" for label in LABELS[::2])
+    assert (samples.margins[7] < 0.0).all()
+    others = np.arange(result.samples) != 7
+    assert samples.margins[others] == pytest.approx(result.margins[others, ::2])
 
 
 def test_many_samples_are_thinned_evenly(result: AttitudeMap) -> None:

@@ -87,16 +87,17 @@ class Samples:
     Attributes:
         points: Their places in the scene [m], shape (K, 3): rotation vectors or, over headings,
             points on the unit circle.
-        margins: Minimum margins, shape (K, C), not positive without a motion that completes.
+        margins: Minimum margins, shape (K, C): zero for motions that end early, negative where the
+            start of the path is not reached.
         columns: What each column is of: the titles of the arm branches.
-        parts: Items that samples are drawn in: feasible ones with y < 0 and others, infeasible
-            ones. None over headings.
+        parts: Items that samples are drawn in: feasible ones with y < 0 and others, those below
+            the margin, those that do not reach the path. None over headings.
     """
 
     points: Array
     margins: Array
     columns: tuple[str, ...]
-    parts: tuple[str, str, str] | None = None
+    parts: tuple[str, str, str, str] | None = None
 
 
 @dataclass(frozen=True)

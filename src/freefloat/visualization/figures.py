@@ -103,7 +103,10 @@ def _map_figures(
     result: AttitudeMap, marks: Sequence[Mark], threads: int | None, progress: Progress | None
 ) -> dict[str, Figure]:
     slices = map_slices(FeasibilityEvaluator(result.problem, threads), marks, progress)
-    return {"map_slices": slices_figure(result, slices), "map_histogram": histogram_figure(result)}
+    drawn = {"map_slices": slices_figure(result, slices)}
+    if result.reached.any():
+        drawn["map_histogram"] = histogram_figure(result)
+    return drawn
 
 
 def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) -> dict[str, Figure]:

@@ -14,7 +14,7 @@ from meshcat import geometry as g
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.so3 import Array, IntArray, Pose
+from freefloat.so3 import Array, Pose
 from freefloat.visualization.description import (
     Label,
     MarginColours,
@@ -28,9 +28,9 @@ from freefloat.visualization.scene_builder import ROOT, Scene, SceneBuilder, nod
 from freefloat.visualization.slices import Mark, map_marks, rotation_vectors
 
 FRONT, BACK = "Feasible, y < 0", "Feasible, y > 0"
-INFEASIBLE, BOUNDARY = "Below the margin", "Boundary"
+INFEASIBLE, UNREACHED, BOUNDARY = "Below the margin", "Start not reached", "Boundary"
 MARKS, BALL, AXES = "Marks", "Ball", "Axes"
-_PARTS = (FRONT, BACK, INFEASIBLE)
+_PARTS = (FRONT, BACK, INFEASIBLE, UNREACHED)
 BEST_BRANCH = "best of all branches"
 
 _MAX_SAMPLES = 40_000
@@ -56,7 +56,10 @@ _VIEW = View(
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Margins of one scene: of a branch and its wrist-flipped branch, or of the best branch."""
+    """Margins of one scene: of a branch and its wrist-flipped branch, or of the best branch.
+
+    They are negative where the start of the path is not reached.
+    """
 
     title: str
     branches: tuple[int, ...] | None
@@ -90,7 +93,10 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
         labels = _draw_ball(builder, root) + _draw_marks(builder, root, marks)
         scenes.append(TitledScene(group.title, name, labels, lines=tuple(_lines(result, group))))
     items = dict.fromkeys((*_PARTS, BOUNDARY, MARKS, BALL, AXES), True)
-    samples = _samples(result, groups[1:] or groups, chosen)
+    columns = groups[1:] or groups
+    margins = np.column_stack([group.margins[chosen] for group in columns])
+    titles = tuple(group.title for group in columns)
+    samples = Samples(vectors[chosen], margins, titles, _PARTS)
     return builder.scene(
         SceneDescription(title, tuple(scenes), items, colours, _VIEW, samples=samples)
     )
@@ -98,7 +104,9 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
 
 def _groups(result: AttitudeMap) -> Iterator[_Group]:
     """Yield the best branch, then the branches; wrist-flipped ones share a group."""
-    yield _Group(BEST_BRANCH, None, result.margins.max(axis=1, initial=0.0))
+    reached = result.reached
+    best = result.margins.max(axis=1, initial=0.0)
+    yield _Group(BEST_BRANCH, None, np.where(reached.any(axis=1), best, -1.0))
     flipped = has_wrist_flipped_branches(result.problem)
     labels = result.branch_labels()
     for branch, margins in result.branch_margins():
@@ -106,42 +114,28 @@ def _groups(result: AttitudeMap) -> Iterator[_Group]:
             continue
         name = labels[branch]
         branches = (branch, branch + 1) if flipped else (branch,)
-        yield _Group(f"{name[:-1]}±" if flipped else name, branches, margins)
-
-
-def _samples(result: AttitudeMap, groups: Sequence[_Group], chosen: IntArray) -> Samples:
-    """Return the samples that can be pointed at, with a column per group."""
-    reached = [
-        result.reached[:, list(g.branches or range(result.reached.shape[1]))] for g in groups
-    ]
-    margins = [
-        np.where(exist.any(axis=1), group.margins, -1.0)[chosen]
-        for group, exist in zip(groups, reached, strict=True)
-    ]
-    return Samples(
-        rotation_vectors(result.attitudes[chosen]),
-        np.column_stack(margins),
-        tuple(group.title for group in groups),
-        _PARTS,
-    )
+        values = np.where(reached[:, branch], margins, -1.0)
+        yield _Group(f"{name[:-1]}±" if flipped else name, branches, values)
 
 
 def _draw_samples(
     builder: SceneBuilder, root: str, vectors: Array, margins: Array, colours: MarginColours
 ) -> None:
     """Draw feasible samples as two hemispheres, which can be hidden, and other samples small."""
-    feasible = colours.margin.is_kept(margins)
+    feasible, reached = colours.margin.is_kept(margins), margins >= 0.0
     front = vectors[:, 1] < 0.0
     spacing = float(np.cbrt(4.0 / 3.0 * np.pi**4 / len(vectors)))
     parts = (
         (FRONT, feasible & front, _FEASIBLE), (BACK, feasible & ~front, _FEASIBLE),
-        (INFEASIBLE, ~feasible, _OTHERS),
+        (INFEASIBLE, reached & ~feasible, _OTHERS), (UNREACHED, ~reached, _OTHERS),
     )  # fmt: skip
     for name, part, (fraction, least) in parts:
         if part.any():
-            values = np.where(feasible, margins, -1.0)[part]
+            shades = colours(np.where(feasible, margins, -1.0)[part])
+            if name == UNREACHED:
+                shades[:] = _GREY[:3]
             size = max(fraction * spacing, least)
-            builder.points(f"{root}/{name}", vectors[part], colours(values), size)
+            builder.points(f"{root}/{name}", vectors[part], shades, size)
 
 
 def _draw_ball(builder: SceneBuilder, root: str) -> list[Label]:
@@ -185,3 +179,5 @@ def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
         yield f"robust: {np.degrees(robust.radius):.4g}° around keep the margin"
     if nearest is not None and group.has(nearest.branch):
         yield f"nearest: {np.degrees(nearest.deviation):.4g}° away"
+    if group.margins.min() < 0.0:
+        yield "grey: start of the path not reached"

@@ -261,7 +261,7 @@ class SamplePicker {
     if (!parts) return true;
     const column = columns.indexOf(this.player.shown[0].title);
     const margin = column < 0 ? Math.max(...row) : row[column];
-    const part = !feasible(margin) ? 2 : this.point(sample)[1] < 0 ? 0 : 1;
+    const part = margin < 0 ? 3 : !feasible(margin) ? 2 : this.point(sample)[1] < 0 ? 0 : 1;
     return !this.player.hidden.has(parts[part]);
   }
 
