@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,19 @@ def test_bodies_have_ranges_axes_and_kinds() -> None:
     np.testing.assert_allclose(rail.axis, [0, -1, 0], atol=1e-15)
     np.testing.assert_allclose(rail.placement.position, [0.2, 0, 0], atol=1e-15)
     np.testing.assert_allclose(rail.placement.rotation[:, 0], [0, 1, 0], atol=1e-15)
+
+
+def test_too_many_moving_joints_are_refused() -> None:
+    """Pinocchio would need gigabytes; joints that are fixed by name do not count."""
+    names = ["bus", *(f"link_{k}" for k in range(129))]
+    chain = [joint_text(f"q_{name}", "C", before, name) + link_text(name)
+             for before, name in pairwise(names)]  # fmt: skip
+    text = f"<robot name='chain'>{BUS}{''.join(chain)}</robot>"
+    with pytest.raises(ModelError) as caught:
+        FreeFloatingModel.from_urdf(text)
+    assert caught.value.key == "robot"
+    fixed = {"q_link_0": 0.0}
+    assert FreeFloatingModel.from_urdf(text, fixed_joints=fixed).dof == 128
 
 
 def test_the_only_last_link_is_the_end_effector() -> None:
