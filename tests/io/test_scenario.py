@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from lxml import etree
 from scipy.spatial.transform import Rotation
 
@@ -22,6 +23,7 @@ from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimeLaw
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
+from freefloat.so3 import Pose, unit_quaternion
 
 PLACES = np.linspace(0.0, 1.0, 11)
 LINE = "line: {from: [1, 0, 0], to: [-0.5, 0.8, 0.33]}"
@@ -443,6 +445,135 @@ def test_errors_of_curves_name_keys_of_the_file(path: str, key: str, folder: Pat
     with pytest.raises(InputError) as caught:
         path_of(folder, f"{path}, {UPRIGHT}")
     assert caught.value.key == f"path.{key}"
+
+
+# --- frames ---------------------------------------------------------------------------------------
+
+
+def moved(path: dict[str, Any], frame: Pose) -> dict[str, Any]:
+    """The content of a path section, whose coordinates are inertial, in another frame."""
+    R, p = frame.rotation.T, frame.position
+
+    def point(values: list[float]) -> list[float]:
+        return (R @ (np.array(values) - p)).tolist()
+
+    def orientation(quaternion: list[float]) -> list[float]:
+        return (Rotation.from_matrix(R) * Rotation.from_quat(quaternion)).as_quat().tolist()
+
+    def convert(key: str, value: Any) -> Any:
+        match key:
+            case "center" | "target":
+                return point(value)
+            case "normal":
+                return (R @ np.array(value)).tolist()
+            case "waypoints":
+                return [point(entry) for entry in value]
+            case "fixed":
+                return orientation(value)
+            case "from" | "to":
+                return point(value) if len(value) == 3 else orientation(value)
+            case "polynomial":
+                rows = np.zeros((3, max(map(len, value.values()))))
+                for row, axis in zip(rows, "xyz", strict=True):
+                    row[: len(value[axis])] = value[axis]
+                rows[:, 0] -= p
+                return dict(zip("xyz", (R @ rows).tolist(), strict=True))
+        return (
+            {name: convert(name, v) for name, v in value.items()}
+            if isinstance(value, dict)
+            else value
+        )
+
+    return {key: convert(key, value) for key, value in path.items()}
+
+
+PRESENT = (
+    "search: {joints: [0.3, -0.5, 1.1, 0.4, 0.9, -0.2], from_attitude: [0.1, 0.5, 0.2, -0.8367]}"
+)
+
+
+def present(robot: FreeFloatingModel) -> tuple[np.ndarray, np.ndarray, dict[str, Pose]]:
+    """The present attitude and joints, and the frames there."""
+    search = yaml.safe_load(PRESENT)["search"]
+    attitude = unit_quaternion("", search["from_attitude"])
+    joints = np.array(search["joints"])
+    spacecraft = robot.body_poses(attitude, joints)[0]
+    carrier = robot.moving_joints[0].parent
+    return attitude, joints, {
+        "spacecraft": spacecraft, "base": spacecraft @ robot.link_places[carrier][1],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("frame", ["spacecraft", "base"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        "line: {from: [1, 0, 0], to: [-0.5, 0.8, 0.3]}, attitude: {fixed: [0, 0.6, 0, 0.8]}",
+        "polynomial: {x: [2, -3], y: [0, 0.5, 1.5], z: [0, 0, 0, 0.2]}, "
+        "attitude: {slerp: {from: [0, 0, 0, 1], to: [0.5, 0.5, 0.5, 0.5]}}",
+        f"{CURVES['arc']}, attitude: {LAWS['follow']}",
+        f"{CURVES['waypoints']}, attitude: {LAWS['point_at']}",
+    ],
+)
+def test_the_same_path_in_three_frames(path: str, frame: str, folder: Path) -> None:
+    ur5 = (
+        "{urdf: 'example-robot-data:ur5', end_effector: tool0, spacecraft: {mass: 200, "
+        "inertia: [35, 35, 35], size: [1, 1, 1], mount: {xyz: [0.5, 0, 0.5], rpy: [0, 0.3, 0]}}}"
+    )
+    wanted = problem(folder, path, robot=ur5, rest=PRESENT)
+    _, _, frames = present(wanted.model)
+    content = moved(yaml.safe_load(f"{{{path}}}"), frames[frame])
+    text = yaml.safe_dump({"frame": frame, **content}, default_flow_style=True, width=1e6).strip()
+    found = scenario(folder, text[1:-1], robot=ur5, rest=PRESENT)
+    same_problem(replace(found.problem(), model=wanted.model, margin=wanted.margin), wanted)
+    again = scenario_of(found.problem(), found.search())
+    same_problem(again.problem(), found.problem())
+
+
+def test_samples_in_the_frame_of_the_spacecraft(folder: Path) -> None:
+    rows = np.array([[0, 1, 0, 0, 0, 0, 0, 1], [0.4, 1, 0.5, 0, 0, 0, 0.6, 0.8],
+                     [1, 0.7, 0.6, 0.2, 0, 0.6, 0, 0.8]])  # fmt: skip
+    file = folder / "path.csv"
+    header = "s,x,y,z,qx,qy,qz,qw\n"
+    file.write_text(header + "\n".join(",".join(map(str, row)) for row in rows.tolist()))
+    wanted = problem(folder, "samples: path.csv", rest=PRESENT)
+    frame = present(wanted.model)[2]["spacecraft"]
+    rows[:, 1:4] = (rows[:, 1:4] - frame.position) @ frame.rotation
+    turned = Rotation.from_matrix(frame.rotation).inv() * Rotation.from_quat(rows[:, 4:])
+    rows[:, 4:] = turned.as_quat()
+    file.write_text(header + "\n".join(",".join(map(repr, row)) for row in rows.tolist()))
+    found = scenario(folder, "frame: spacecraft, samples: path.csv", rest=PRESENT)
+    same_problem(replace(found.problem(), model=wanted.model, margin=wanted.margin), wanted)
+    again = scenario_of(found.problem(), found.search())
+    same_problem(again.problem(), found.problem())
+
+
+def test_a_path_from_the_present_pose_begins_at_the_present_state(folder: Path) -> None:
+    """Of the end-effector in the frame of the spacecraft."""
+    robot = scenario(folder).model()
+    attitude, joints, frames = present(robot)
+    pose = frames["spacecraft"].rotation.T, robot.end_effector_pose(attitude, joints)
+    start = pose[0] @ (pose[1].position - frames["spacecraft"].position)
+    orientation = Rotation.from_matrix(pose[0] @ pose[1].rotation).as_quat().tolist()
+    line = f"line: {{from: {start.tolist()}, to: {(start + 0.1).tolist()}}}"
+    path = f"frame: spacecraft, {line}, attitude: {{fixed: {orientation}}}"
+    loaded = scenario(folder, path, rest=PRESENT)
+    branches = loaded.problem().branches(attitude)
+    assert min(robot.joint_distance(branch.joints, joints) for branch in branches) < 1e-9
+    (closest,) = loaded.search().applied_to(loaded.problem()).branches(attitude)
+    assert np.abs(closest.joints - joints).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("rest", "key"),
+    [("", "path.frame"), ("search: {joints: [0, 1]}", "search.joints"),
+     ("search: {joints: [0, 1, 0, 0, 0, 0], within_deg: 9}", "search.from_attitude"),
+     ("search: {within_deg: 190}", "search.within_deg")],
+)  # fmt: skip
+def test_frames_and_searches_need_the_present_state(rest: str, key: str, folder: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        problem(folder, f"frame: base, {LINE}, {UPRIGHT}", rest=rest)
+    assert caught.value.key == key
 
 
 # --- the inverse: a problem as a scenario ---------------------------------------------------------

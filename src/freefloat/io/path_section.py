@@ -24,7 +24,7 @@ from freefloat.paths.orientation import (
     SlerpOrientation,
 )
 from freefloat.paths.path import EndEffectorPath, parse_samples
-from freefloat.so3 import Array, axes_rotation, rotation_matrix, unit_quaternion
+from freefloat.so3 import Array, Pose, axes_rotation, rotation_matrix, unit_quaternion
 
 _CURVES = ("line", "polynomial", "arc", "waypoints", "samples")
 """Keys of curves."""
@@ -32,8 +32,24 @@ SAMPLES = "samples.csv"
 """Name of the CSV file in a scenario that was made from a path of samples."""
 
 
-def path_of(section: PathSection, task: Task, samples: str | None, folder: Path) -> EndEffectorPath:
+_INERTIAL = Pose(np.zeros(3), np.eye(3))
+
+
+def path_of(
+    section: PathSection,
+    task: Task,
+    samples: str | None,
+    folder: Path,
+    frame: Pose | None = None,
+) -> EndEffectorPath:
     """Path that a section describes.
+
+    Args:
+        section: The section.
+        task: Part of the pose that it prescribes.
+        samples: Text of its CSV file.
+        folder: Folder of that file.
+        frame: Of the section's coordinates, relative to the inertial frame; default: that frame.
 
     Raises:
         InputError: If the path is invalid, or lacks an orientation that the task needs.
@@ -44,11 +60,14 @@ def path_of(section: PathSection, task: Task, samples: str | None, folder: Path)
         curve, sampled = parse_samples(samples or "", folder / section.samples)
     else:
         curve = _curve(section)
+    if frame is not None:
+        curve, sampled = _moved_curve(curve, frame), sampled and _rotated(sampled, curve, frame)
+    frame = frame or _INERTIAL
     law: OrientationLaw = sampled or FreeOrientation()
     if section.attitude is not None:
         if sampled is not None:
             raise InputError("attitude", "the samples have quaternions, too", "one of the two")
-        law = _law(section.attitude, curve)
+        law = _law(section.attitude, curve, frame)
     elif sampled is None and task.prescribes_orientation:
         problem = f"it is missing, task {task} needs it"
         raise InputError("attitude", problem, "fixed, slerp, follow or point_at")
@@ -74,23 +93,45 @@ def _curve(section: PathSection) -> Curve:
         return SplineCurve(section.waypoints or ())
 
 
-def _law(section: AttitudeSection, curve: Curve) -> OrientationLaw:
+def _moved_curve(curve: Curve, frame: Pose) -> Curve:
+    """The curve in the inertial frame, given in another one."""
+    p, R = frame.position, frame.rotation
+    if isinstance(curve, PolynomialCurve):
+        coefficients = curve.coefficients @ R.T
+        coefficients[0] += p
+        return PolynomialCurve(coefficients)
+    if isinstance(curve, ArcCurve):
+        return ArcCurve(p + R @ curve.centre, p + R @ curve.start, R @ curve.normal, curve.angle)
+    spline = cast(SplineCurve, curve)
+    return SplineCurve(p + spline.points @ R.T, spline.knots)
+
+
+def _rotated(law: OrientationLaw, curve: Curve, frame: Pose) -> OrientationSpline:
+    """The orientations of samples in the inertial frame, given in another one."""
+    knots = cast(SplineCurve, curve).knots
+    axes = np.array([frame.rotation @ law.rotation(float(s)) for s in knots])
+    return OrientationSpline(Rotation.from_matrix(axes).as_quat(), knots)
+
+
+def _law(section: AttitudeSection, curve: Curve, frame: Pose) -> OrientationLaw:
+    R = frame.rotation
     if section.fixed is not None:
-        return FixedOrientation(_rotation(section.fixed, "attitude.fixed"))
+        return FixedOrientation(R @ _rotation(section.fixed, "attitude.fixed"))
     if section.slerp is not None:
-        start = _rotation(section.slerp.start, "attitude.slerp.from")
-        return SlerpOrientation(start, _rotation(section.slerp.end, "attitude.slerp.to"))
+        start = R @ _rotation(section.slerp.start, "attitude.slerp.from")
+        return SlerpOrientation(start, R @ _rotation(section.slerp.end, "attitude.slerp.to"))
     if section.point_at is not None:
         point_at = section.point_at
         with file_keys(curve="attitude.point_at"):
-            return DirectedOrientation.point_at(curve, point_at.axis, point_at.target)
+            target = frame.position + R @ np.array(point_at.target)
+            return DirectedOrientation.point_at(curve, point_at.axis, target)
     follow = cast(FollowSection, section.follow)  # exactly one of the four is given
     with file_keys(curve="attitude.follow", normal="attitude.follow.normal"):
-        return DirectedOrientation.follow(curve, follow.axis, follow.normal)
+        return DirectedOrientation.follow(curve, follow.axis, R @ np.array(follow.normal))
 
 
 def _rotation(section: OrientationSection, key: str) -> Array:
-    """Axes of an orientation in the inertial frame, shape (3, 3)."""
+    """Axes of an orientation in the frame of the path, shape (3, 3)."""
     if section.quaternion is not None:
         return rotation_matrix(unit_quaternion(f"{key}.quaternion", section.quaternion))
     if section.rpy is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -122,9 +123,22 @@ class AttitudeSection(Section):
     _exactly_one = exactly_one_of("fixed", "slerp", "follow", "point_at")
 
 
+class PathFrame(StrEnum):
+    """Frames of a path."""
+
+    INERTIAL = "inertial"
+    SPACECRAFT = "spacecraft"
+    BASE = "base"
+
+
 class PathSection(Section):
     """Path of the end-effector: exactly one kind of curve, and its orientation."""
 
+    frame: PathFrame = PathFrame.INERTIAL
+    """Frame of all coordinates and orientations: ``inertial``, about the centre of mass;
+    ``spacecraft``, the root link; or ``base``, the link that carries the first joint. The last two
+    are those at ``search.joints`` and ``search.from_attitude`` (default: along the inertial
+    axes)."""
     line: LineSection | None = None
     polynomial: PolynomialSection | None = None
     arc: ArcSection | None = None
