@@ -52,14 +52,14 @@ def snapshots() -> Figure:
     """Figs. 6 and 7 side by side."""
     problem, (feasible, singular) = example_1()
     workspace = exact_workspace(problem)
-    figure = new_figure(PAGE, 4.1)
+    figure = new_figure(PAGE, 4.35)
     panels = figure.subplots(1, 2, sharey=True)
     for axes, motion, heading in zip(panels, (singular, feasible), HEADINGS[::-1], strict=True):
         draw_snapshots(axes, motion, workspace)
         axes.text(0.02, 0.98, f"from {heading:g}°", transform=axes.transAxes, va="top")
     panels[1].set_ylabel("")
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(handles))
+    figure.legend(handles, labels, loc="outside upper center", ncols=(len(handles) + 1) // 2)
     return figure
 
 

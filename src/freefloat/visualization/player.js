@@ -151,10 +151,11 @@ class Player {
     const { times, values, fractions } = scene.trail, { measure, margin } = about.scale;
     const ended = this.time >= scene.end;
     const now = table => ended ? table.at(-1) : interpolated(times, table, this.time);
+    const value = now(values) < 1e-9 * about.scale.largest ? 0 : now(values); // singular
     const lines = [
       `t = ${Math.min(this.time, scene.end).toFixed(2)} s`,
       `s = ${now(fractions).toFixed(3)}`,
-      `|${measure}| = ${shortened(now(values))}, margin ${shortened(margin)}`,
+      `|${measure}| = ${shortened(value)}, margin ${shortened(margin)}`,
       ...scene.lines.map(warning => ({ verdict: warning, feasible: false })),
     ];
     return ended ? [...lines, { verdict: scene.verdict, feasible: scene.ending === "completed" }] : lines;
