@@ -90,8 +90,9 @@ def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> N
     document = yaml.safe_load(bundled_file("spatial_6dof/line").text)
     if key in ("timing", "margin"):
         document |= section
-    elif key == "attitude":
+    elif key in ("attitude", "frame"):
         document["path"] |= section
+        document["search"] = {"joints": [0.3, -0.5, 1.1, 0.4, 0.9, -0.2]}
     else:
         kept = {} if key == "samples" else {"attitude": document["path"]["attitude"]}
         document["path"] = section | kept

@@ -12,7 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
-from freefloat.io.schema import AttitudeSection, FollowSection, OrientationSection, PathSection
+from freefloat.io.schema import (
+    AttitudeSection,
+    FollowSection,
+    OrientationSection,
+    PathFrame,
+    PathSection,
+)
 from freefloat.io.yaml import file_keys
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
 from freefloat.paths.orientation import (
@@ -24,6 +30,8 @@ from freefloat.paths.orientation import (
     SlerpOrientation,
 )
 from freefloat.paths.path import EndEffectorPath, parse_samples
+from freefloat.planning.plan import Search
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, axes_rotation, rotation_matrix, unit_quaternion
 
 _CURVES = ("line", "polynomial", "arc", "waypoints", "samples")
@@ -33,6 +41,28 @@ SAMPLES = "samples.csv"
 
 
 _INERTIAL = Pose(np.zeros(3), np.eye(3))
+
+
+def frame_of(kind: PathFrame, model: FreeFloatingModel, search: Search) -> Pose | None:
+    """The frame of a path relative to the inertial one, at the present attitude and joints.
+
+    None for the inertial frame.
+
+    Raises:
+        InputError: If the search has no joints, or they do not suit the robot.
+    """
+    if kind is PathFrame.INERTIAL:
+        return None
+    if search.joints is None:
+        problem = f"{kind} needs search.joints, which is missing"
+        raise InputError("path.frame", problem, "inertial, or the present joints in search.joints")
+    joints = model.joint_vector(search.joints, "search.joints")
+    attitude = search.from_attitude
+    attitude = np.array([0.0, 0.0, 0.0, 1.0]) if attitude is None else attitude
+    root = Pose(model.base_position(attitude, joints), rotation_matrix(attitude))
+    if kind is PathFrame.SPACECRAFT:
+        return root
+    return root @ model.link_places[model.moving_joints[0].parent][1]
 
 
 def path_of(

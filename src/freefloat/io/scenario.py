@@ -16,9 +16,9 @@ from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.redundancy import Redundancy, Toward
 from freefloat.errors import InputError, did_you_mean
-from freefloat.io.path_section import path_of, section_of
+from freefloat.io.path_section import frame_of, path_of, section_of
 from freefloat.io.robot_section import RobotFile
-from freefloat.io.schema import JointLimits, PathFrame, ScenarioFile
+from freefloat.io.schema import JointLimits, ScenarioFile
 from freefloat.io.yaml import error_context, file_keys, parse_yaml, read_text, validated
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
@@ -28,7 +28,7 @@ from freefloat.paths.timing import Stop, TimedPath, Timing
 from freefloat.planning.plan import Search
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot, find_scenario
-from freefloat.so3 import Array, Pose, frozen, rotation_matrix, unit_quaternion
+from freefloat.so3 import Array, frozen, unit_quaternion
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Scenario:
         content = self.content
         model = self.model()
         with self.error_context():
-            frame = self._path_frame()
+            frame = frame_of(content.path.frame, model, self.search())
         with self.error_context("path."):
             folder = self.source.parent
             path = path_of(content.path, content.task, self.samples, folder, frame)
@@ -98,25 +98,6 @@ class Scenario:
                 if redundancy is None
                 else Redundancy(**redundancy.model_dump(exclude_none=True)),
             )
-
-    def _path_frame(self) -> Pose | None:
-        """The frame of the path relative to the inertial one; None where it is that one."""
-        kind, model, search = self.content.path.frame, self.model(), self.search()
-        if kind is PathFrame.INERTIAL:
-            return None
-        if search.joints is None:
-            problem = f"{kind} needs search.joints, which is missing"
-            raise InputError(
-                "path.frame", problem, "inertial, or the present joints in search.joints"
-            )
-        joints = model.joint_vector(search.joints, "search.joints")
-        attitude = frozen([0.0, 0.0, 0.0, 1.0])
-        if search.from_attitude is not None:
-            attitude = search.from_attitude
-        root = Pose(model.base_position(attitude, joints), rotation_matrix(attitude))
-        if kind is PathFrame.SPACECRAFT:
-            return root
-        return root @ model.link_places[model.moving_joints[0].parent][1]
 
     def search(self) -> Search:
         """The search for a plan.
