@@ -442,3 +442,10 @@ def test_maps_unknown_engines_and_a_missing_mujoco_are_input_errors(simulated, m
     with pytest.raises(InputError) as caught:
         ff.check(simulated, "mujoco")
     assert caught.value.key == "engine"
+
+
+@pytest.mark.slow
+def test_a_plan_of_version_0_1_0_is_verified():
+    """Its proof took other intervals, and its flat minimum is elsewhere."""
+    file = Path(__file__).parents[1] / "io" / "version_0_1_0" / "plan.h5"
+    assert ff.check(ff.load(file)).passed

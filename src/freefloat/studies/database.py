@@ -58,16 +58,22 @@ class StudyDatabase:
     def __init__(self, folder: Path, connection: sqlite3.Connection, count: int) -> None:
         self.folder = folder
         self._connection = connection
-        self.rows: dict[int, Row] = {}
-        stored = connection.execute(f"SELECT {', '.join(COLUMNS)} FROM runs ORDER BY number")
+        self._count = count
+        self.rows = self.stored()
+
+    def stored(self) -> dict[int, Row]:
+        """Read the rows: an interruption may have come between a commit and its row here."""
+        rows: dict[int, Row] = {}
+        stored = self._connection.execute(f"SELECT {', '.join(COLUMNS)} FROM runs ORDER BY number")
         for number, verdict, *values in stored:
             try:
-                if number not in range(count) or verdict not in VERDICTS:
+                if number not in range(self._count) or verdict not in VERDICTS:
                     raise ValueError(f"no run of this study has the verdict {verdict!r}")
                 parsed = map(_parsed, list(COLUMNS.values())[2:], values)
-                self.rows[number] = Row(number, verdict, *parsed)
+                rows[number] = Row(number, verdict, *parsed)
             except ValueError as error:
                 raise sqlite3.DatabaseError(f"run {number}: {error}") from None
+        return rows
 
     def add(self, row: Row, content: bytes | None = None) -> None:
         """Write the result file of a run, if there is one, then commit its row.

@@ -92,7 +92,7 @@ def run_study(
                     if progress is not None:
                         progress(len(database.rows) / study.count)
         except KeyboardInterrupt:
-            save_tables(folder, database.rows)
+            save_tables(folder, database.stored())
             raise
         rows = dict(sorted(database.rows.items()))
         result = StudyResult(study, rows, folder, computed=len(missing))
