@@ -151,7 +151,7 @@ def checks(arguments: argparse.Namespace) -> Iterator[Check]:
         "fine map", f"{fine.motions} motions, {100.0 * fine.feasible_fraction:.2f} % feasible",
         "", True, time.perf_counter() - begin,
     )  # fmt: skip
-    targets = [problem.attitude("attitude", INFEASIBLE)]
+    targets = [problem.attitude(INFEASIBLE)]
     targets += list(Rotation.random(TARGETS, rng=np.random.default_rng(seed)).as_quat())
     names = ["the infeasible one", *(f"random {k + 1}" for k in range(TARGETS))]
     yield from largest(problem, fine, threads)

@@ -220,7 +220,7 @@ def test_without_momentum_nothing_moves_at_a_stop(spatial):
 
 def test_a_step_is_at_most_a_tenth_of_the_duration(spatial):
     """Also where next to nothing moves."""
-    attitude = spatial.attitude("attitude", GOOD)
+    attitude = spatial.attitude(GOOD)
     joints = spatial.branches(attitude)[2].joints
     step = from_here(
         spatial.model, Task.POSE, [0, 0, 0], attitude, joints, [1e-3, 0, 0], [0, 0, 0], Timing(50.0)
