@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -21,7 +22,7 @@ from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.limits import LimitResult
-    from freefloat.planning.plan import Plan
+    from freefloat.planning.plan import Plan, Search
     from freefloat.planning.simulation import SimulatedBranch, Simulation
 
 DONE, NO, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
@@ -138,6 +139,15 @@ def short_label(label: str) -> str:
     """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for a number or ``any``."""
     words = [word for word in label.split() if not word.isdigit() and word != ANY]
     return " ".join(word[0] + word[-1] for word in words)
+
+
+def search_lines(search: Search) -> Iterator[str]:
+    """Yield lines on what a search was restricted to."""
+    if not search.domain.whole:
+        degrees = f"{math.degrees(search.domain.radius):g}"
+        yield f"Only attitudes within {degrees} deg of from_attitude were searched."
+    if search.joints is not None:
+        yield "At each attitude only the arm configuration closest to search.joints counts."
 
 
 def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:

@@ -15,6 +15,7 @@ from freefloat.cli.console import (
     NO,
     Console,
     decimals,
+    search_lines,
     short_label,
     table,
 )
@@ -173,13 +174,8 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
 
 def _start_lines(result: AttitudeMap | HeadingMap) -> Iterator[str]:
     """Yield lines on what the fractions depend on."""
-    domain = result.search.domain
-    if not domain.whole:
-        degrees = f"{math.degrees(domain.radius):g}"
-        yield f"Only attitudes within {degrees} deg of from_attitude were searched."
-    if result.problem.start_joints is not None:
-        yield "At each attitude only the arm configuration closest to search.joints counts."
-    elif result.problem.redundant:
+    yield from search_lines(result.search)
+    if result.search.joints is None and result.problem.redundant:
         yield (
             "The arm is redundant: up to 16 of its infinitely many configurations at each attitude "
             "start a motion; the fractions depend on these."

@@ -19,6 +19,7 @@ from freefloat.cli.console import (
     contact_lines,
     limit_tables,
     motion_lines,
+    search_lines,
     short_label,
     table,
 )
@@ -126,6 +127,7 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
         samples = plan.map.samples
         feasible = percentage(round(plan.map.feasible_fraction * samples), samples)
         yield f"{name}: {feasible} of {samples:,} initial attitudes are feasible"
+    yield from search_lines(plan.search)
     for sentence in plan.disagreements:
         yield Text(f"not confirmed: {sentence}", "yellow")
     heading = "" if plan.heading is None else f"heading {math.degrees(plan.heading):.4f} deg, "
