@@ -153,7 +153,7 @@ def _tables(summary: RobotSummary) -> Iterator[RenderableType]:
         f"to {extremes.largest:.6g} {measure.unit}"
     )
     if summary.contact_unchecked is not None:
-        yield f"Motions are not searched for contact. {summary.contact_unchecked}"
+        yield f"motions are not searched for contact: {summary.contact_unchecked}"
     if summary.configuration is not None:
         yield from _configuration_lines(summary.configuration, model.moving_joints[0].parent)
     yield from _diagnostic_lines(summary.diagnostics)

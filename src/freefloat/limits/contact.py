@@ -67,7 +67,7 @@ def why_unchecked(model: FreeFloatingModel) -> str | None:
     try:
         CollisionPairs(model, hulls=_links_with_meshes(model))
     except ModelError as error:
-        return f"{error.key}: {error.problem}"
+        return error.problem if error.key.startswith("limits.") else f"{error.key}: {error.problem}"
     return None
 
 
