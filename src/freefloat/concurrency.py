@@ -1,10 +1,13 @@
-"""Independent chunks of a computation on several threads."""
+"""Resources of this machine: chunks of a computation on several threads, available memory."""
 
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
+
+from freefloat.errors import InputError
 
 Progress = Callable[[float], None]
 """Called with the fraction done, in [0, 1], during a long computation."""
@@ -17,22 +20,44 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
+def require_memory(key: str, count: int, size: int) -> None:
+    """Raise an InputError if a request for ``count`` items needs half of the available memory.
+
+    Args:
+        key: The argument that asks for them.
+        count: Number of items.
+        size: Estimated memory of an item [bytes].
+    """
+    import psutil
+
+    available = psutil.virtual_memory().available
+    most = available // (2 * size)
+    if count > most:
+        needed, free = (f"{size / 1e9:,.1f} GB" for size in (min(count, 10**30) * size, available))
+        problem = f"{count:,} would take {needed} of memory, {free} are available"
+        raise InputError(key, problem, f"at most {most:,} on this machine")
+
+
 def run_chunks(
     work: Callable[[int], None], chunks: range, threads: int, progress: Progress | None = None
 ) -> None:
-    """Process chunks on several threads; an interruption cancels pending chunks."""
+    """Process chunks on several threads; an interruption cancels pending chunks.
+
+    The main thread only waits: compiled code and the compiler would not let it be interrupted. A
+    chunk being processed then is not waited for; nobody reads its results.
+    """
     report = progress or (lambda fraction: None)
-    if len(chunks) < 2 or threads == 1:
+    single = len(chunks) < 2 or threads == 1
+    if single and threading.current_thread() is not threading.main_thread():
         for done, chunk in enumerate(chunks, 1):
             work(chunk)
             report(done / len(chunks))
         return
-    with ThreadPoolExecutor(threads) as pool:
+    pool = ThreadPoolExecutor(threads)
+    try:
         futures = [pool.submit(work, chunk) for chunk in chunks]
-        try:
-            for done, future in enumerate(as_completed(futures), 1):
-                future.result()
-                report(done / len(futures))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        for done, future in enumerate(as_completed(futures), 1):
+            future.result()
+            report(done / len(futures))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)

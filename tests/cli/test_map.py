@@ -96,6 +96,9 @@ def test_threads_change_nothing_but_the_time() -> None:
         (("easy.yaml", "--nearest", "0", "0", "0", "0"), "nearest"),
         (("planar_3dof/parabola", "--nearest", "0", "0", "0", "1"), "nearest"),
         (("planar_3dof/parabola", "--boundary", "4"), "boundary"),
+        (("easy.yaml", "--samples", "1000000000000"), "samples"),
+        (("easy.yaml", "--touch", "1000000000000"), "touch"),
+        (("planar_3dof/parabola", "--samples", "1000000000000"), "samples"),
     ],
 )
 def test_bad_options_are_errors(words: tuple[str, ...], key: str) -> None:

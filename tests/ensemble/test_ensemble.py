@@ -502,7 +502,7 @@ def test_progress_rises_to_one(planar: Problem, threads: int) -> None:
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_an_interruption_cancels_pending_chunks(threads: int) -> None:
-    """Ctrl-C while waiting: it comes through, and no thread goes on."""
+    """Ctrl-C while waiting: it comes through, and no thread goes on with another chunk."""
     begun: list[int] = []
     before = threading.active_count()
 
@@ -516,7 +516,11 @@ def test_an_interruption_cancels_pending_chunks(threads: int) -> None:
     with pytest.raises(KeyboardInterrupt):
         run_chunks(work, range(100), threads, interrupt)
     assert len(begun) < 10
+    deadline = time.monotonic() + 10.0
+    while threading.active_count() > before and time.monotonic() < deadline:
+        time.sleep(0.01)
     assert threading.active_count() == before
+    assert len(begun) < 10
 
 
 def test_zero_threads_raise(planar: Problem) -> None:

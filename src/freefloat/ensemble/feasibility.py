@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.concurrency import Progress
+from freefloat.concurrency import Progress, require_memory
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator, EnsembleResult
 from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.so3 import Array
+from freefloat.so3 import Array, attitude_grid
 
 _REDUCTION = 4
 """Of the number of attitudes in searches whose arm branches have no closed form."""
@@ -21,6 +21,9 @@ _REGULAR_RATIO = 0.01
 """Smallest ratio of the minimum and maximum magnitude of det S* along a regular motion."""
 _NEGLIGIBLE = 1e-7
 """Fraction of the system's mass and inertia below which a body counts as massless."""
+_ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
+"""Memory of a map for an attitude, for each of its motions, and for each joint of these, with the
+copies made of it [bytes]."""
 _FLIPPED_JOINT = 4
 """The joint of a spherical wrist whose sign differs between wrist-flipped branches."""
 
@@ -75,6 +78,13 @@ class FeasibilityEvaluator:
         self.integrator = EnsembleIntegrator(problem, threads, tolerance=tolerance)
         self.wrist_flipped = has_wrist_flipped_branches(problem)
         self.sample_reduction = 1 if closed_form(problem.model, problem.task) else _REDUCTION
+
+    def require_memory(self, samples: int) -> None:
+        """Raise an InputError if motions from so many attitudes need too much memory."""
+        _, branches, n = self.problem.many_branches(attitude_grid(1), threads=1).joints.shape
+        require_memory(
+            "samples", samples, _ATTITUDE_SIZE + branches * (_MOTION_SIZE + _JOINT_SIZE * n)
+        )
 
     def evaluate(
         self,

@@ -24,7 +24,7 @@ from freefloat.io.field_types import (
 )
 from freefloat.io.robot_section import RobotSection
 from freefloat.paths.timing import TimeLaw
-from freefloat.planning.plan import FEWEST_SAMPLES, MOST_SAMPLES, Objective
+from freefloat.planning.plan import FEWEST_SAMPLES, Objective
 
 
 class LineSection(Section):
@@ -212,7 +212,7 @@ class SearchSection(Section):
     """``margin``: the largest; ``nearest``: to from_attitude; ``robust``: the deepest inside."""
     from_attitude: Quaternion | None = None
     """Present attitude of the spacecraft: x, y, z, w."""
-    samples: Annotated[int, Field(strict=True, ge=FEWEST_SAMPLES, le=MOST_SAMPLES)] | None = None
+    samples: Annotated[int, Field(strict=True, ge=FEWEST_SAMPLES)] | None = None
     """Number of attitudes sampled where there is no closed form. Default: in the plane 360
     headings; in space 4,096 attitudes for a plan and 36,864 for a map."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 0

@@ -183,8 +183,10 @@ def sample_headings(
 ) -> HeadingMap:
     """Integrate the motions of every arm branch of a planar problem from evenly spread headings."""
     search = search or Search()
+    evaluator = evaluator_for(problem, threads)
+    evaluator.require_memory(samples)
     headings = search.domain.headings(samples)
-    results = evaluator_for(problem, threads).evaluate(attitudes_at(headings), progress=progress)
+    results = evaluator.evaluate(attitudes_at(headings), progress=progress)
     branches = np.flatnonzero(results.exist.any(axis=0))
     margins = np.where(results.exist, results.margins, np.nan)[:, branches].T
     ended_at = results.motions.ended_at[:, branches].T

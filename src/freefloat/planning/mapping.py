@@ -13,13 +13,13 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.concurrency import Progress
+from freefloat.concurrency import Progress, require_memory
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.errors import InputError, whole_number
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
 from freefloat.planning.heading_map import HeadingMap, sample_headings
-from freefloat.planning.plan import FEWEST_SAMPLES, HEADINGS, MOST_SAMPLES, Search
+from freefloat.planning.plan import FEWEST_SAMPLES, HEADINGS, Search
 from freefloat.planning.regions import find_regions
 from freefloat.planning.robustness import deepest
 from freefloat.planning.search import EXACT, bisect, edge, largest_margins, nearest_feasible
@@ -51,6 +51,8 @@ _NEAR = 0.05
 _BATCHES, _SPARE = 8, 3
 """Families of tangency points that are computed, and how many more points than are missing: many
 belong to wrist-flipped branches or to motions that violate the margin elsewhere."""
+_POINT_SIZE = 10_000
+"""Memory for a point found from tangency points and the pairs of angles that are tried [bytes]."""
 
 
 def attitude_map(
@@ -104,12 +106,13 @@ def attitude_map(
             raise InputError(key, f"task {problem.task} is planar", accepted)
         count = HEADINGS
         if samples is not None:
-            count = whole_number("samples", samples, FEWEST_SAMPLES, MOST_SAMPLES)
+            count = whole_number("samples", samples, FEWEST_SAMPLES)
         headings = sample_headings(problem, count, progress, threads, search)
         return replace(headings, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude(nearest, key="nearest")
     if tangency:
         require_tangency_points(problem)
+        require_memory("touch", tangency, _POINT_SIZE)
     result = _searched_map(
         FeasibilityEvaluator(problem, threads), _ATTITUDES if samples is None else samples, search,
         target, boundary, tangency, progress,
@@ -166,7 +169,8 @@ def sample_attitudes(
     Raises:
         InputError: If the samples or the seed are no such numbers.
     """
-    samples = whole_number("samples", samples, FEWEST_SAMPLES, MOST_SAMPLES)
+    samples = whole_number("samples", samples, FEWEST_SAMPLES)
+    evaluator.require_memory(samples)
     seed = whole_number("seed", seed, 0)
     search = search or Search(seed=seed)
     attitudes = search.domain.attitudes(samples, seed)

@@ -31,8 +31,8 @@ HEADINGS = 360
 """Default number of samples of planar tasks."""
 PLAN_ATTITUDES = 4096
 """Default number of samples of spatial tasks."""
-FEWEST_SAMPLES, MOST_SAMPLES = 8, 100_000_000
-"""Accepted numbers of samples."""
+FEWEST_SAMPLES = 8
+"""Smallest accepted number of samples."""
 _MOTION_KEYS = (
     "singular", "min_margin", "branch", "initial", "final", "residuals", "redundancy",
     "certificate", "heading_deg", "ended_at", "ending", "joint_names",
@@ -81,7 +81,7 @@ class Search:
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", member("search.objective", Objective, self.objective))
         if self.samples is not None:
-            samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES, MOST_SAMPLES)
+            samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES)
             object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "seed", whole_number("search.seed", self.seed, 0))
         reason = "objective nearest" if self.objective is Objective.NEAREST else None

@@ -164,6 +164,7 @@ def searched_ranges(
     starting configurations tried keeps the margin.
     """
     problem, domain = evaluator.problem, domain or SearchDomain()
+    evaluator.require_memory(samples)
     headings = _headings(problem, samples, domain)
     results = evaluator.evaluate(attitudes_at(headings), stop_at_margin=True, progress=progress)
     feasible = problem.margin.is_kept(results.margins)

@@ -17,7 +17,7 @@ from typing import Any
 import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
 
-from freefloat.concurrency import available_cores
+from freefloat.concurrency import available_cores, require_memory
 from freefloat.errors import InputError
 from freefloat.studies.database import DATABASE, open_results
 from freefloat.studies.results import ERROR, Row, StudyResult
@@ -28,6 +28,8 @@ from freefloat.studies.values import finite
 
 _REPETITIONS = 2
 """How often a run is repeated after the death of its worker."""
+_WORKER_SIZE = 200_000_000
+"""Memory of a worker [bytes]."""
 _START_SECONDS = 3.0
 """Typical time until local workers have started."""
 _CONFIG: dict[str, Any] = {
@@ -75,6 +77,8 @@ def run_study(
 
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
+    if workers is not None:
+        require_memory("workers", min(workers, study.count), _WORKER_SIZE)
     begin = time.perf_counter()
     folder = Path(folder)
     files = study_files(study)
