@@ -180,7 +180,7 @@ def test_reason_of_infeasible_plans_of_redundant_arms_has_the_joints(
     monkeypatch.setattr(planner, "largest_margins", best)
     monkeypatch.setattr(diagnostics, "largest_margins", best)
     reason = ff.plan(beyond, ff.Search(samples=8)).reason
-    joints = re.search(r"with the arm at \[(.*)\]$", reason)
+    joints = re.search(r"with the arm at \[([^]]*)\]", reason)
     assert joints, reason
     assert len(joints[1].split(", ")) == 4
 

@@ -188,52 +188,36 @@ def search_arm_branches(
     With ``parallel_axes`` the closed form of three parallel axes is used where it is
     well-conditioned.
     """
-    n, m = model.dof, len(task.rows)
-    if n > m:
+    if model.dof > len(task.rows):
         return _redundant_branches(model, positions, rotations, task, threads)
     lower, upper = joint_box(model)
-    starts = lower + (upper - lower) * low_discrepancy(_STARTS, n)
-    poses = _poses(positions, rotations)
-    joints, names = _newton(model, poses, task, starts, threads, parallel_axes)
-    signs = m == 6 and not VirtualManipulator.of(model).prismatic.any()
-    labels = _SIGNS if signs else tuple(map(str, range(joints.shape[1])))
-    return BranchSets(joints, names, labels)
+    starts = lower + (upper - lower) * low_discrepancy(_STARTS, model.dof)
+    return newton_branches(model, positions, rotations, task, starts, threads, parallel_axes)
 
 
 def newton_branches(
     model: FreeFloatingModel,
-    positions: Array,
-    rotations: Array,
+    positions: npt.ArrayLike,
+    rotations: npt.ArrayLike,
     task: Task,
     starts: Array,
     threads: int | None = None,
-) -> Array:
-    """Configurations that Newton's method reaches at poses of a redundant arm from starts (S, n).
-
-    Returns:
-        Joint values, well-spread ones where more than the 16 columns are reached, NaN where fewer
-        are, shape (K, 16, n).
-    """
-    return _newton(model, _poses(positions, rotations), task, starts, threads)[0]
-
-
-def _newton(
-    model: FreeFloatingModel,
-    poses: tuple[Array, Array],
-    task: Task,
-    starts: Array,
-    threads: int | None,
     parallel_axes: bool = False,
-) -> tuple[Array, npt.NDArray[np.int64]]:
-    """Joint values (K, B, n) and names (K, B) of the branches reached from starts (S, n)."""
+) -> BranchSets:
+    """The branches that Newton's method reaches from starts (S, n), well-spread ones if redundant.
+
+    Other arguments are as for :func:`search_arm_branches`.
+    """
     from freefloat.ik.numeric import MAX_BRANCHES, solve_numerically
 
+    chain, poses = arm_chain(VirtualManipulator.of(model), model), _poses(positions, rotations)
     joints = np.empty((len(poses[0]), MAX_BRANCHES, model.dof))
     names = np.empty(joints.shape[:2], dtype=np.int64)
-    chain = arm_chain(VirtualManipulator.of(model), model)
     fixed = (chain, np.array(task.rows), starts, parallel_axes)
     _in_slices(solve_numerically, fixed, (*poses, joints, names), threads)
-    return joints, names
+    signs = model.dof == len(task.rows) == 6 and not chain.prismatic.any()
+    labels = _SIGNS if signs else tuple(str(number) for number in range(MAX_BRANCHES))
+    return BranchSets(joints, names, labels)
 
 
 def _redundant_branches(
@@ -249,11 +233,11 @@ def _redundant_branches(
     p, R = _poses(positions, rotations)
 
     def solve(starts: Array, index: IntArray) -> Array:
-        return newton_branches(model, p[index], R[index], task, starts, threads)
+        return newton_branches(model, p[index], R[index], task, starts, threads).joints
 
     joints = spread_configurations(model, len(p), solve, MAX_BRANCHES)
     names = np.where(np.isfinite(joints).all(axis=2), np.arange(MAX_BRANCHES), -1)
-    return BranchSets(joints, names, tuple(map(str, range(MAX_BRANCHES))))
+    return BranchSets(joints, names, tuple(str(number) for number in range(MAX_BRANCHES)))
 
 
 def arm_chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:

@@ -71,7 +71,7 @@ def closest_branches(
         chosen = np.where(closest[..., None], shifted, np.nan)
         return BranchSets(chosen, np.where(closest, sets.names, -1), sets.labels)
     p, R = np.reshape(positions, (-1, 3)), np.reshape(rotations, (-1, 3, 3))
-    nearby = newton_branches(model, p, R, task, joints[None], threads)[:, 0]
+    nearby = newton_branches(model, p, R, task, joints[None], threads).joints[:, 0]
     lower, upper = model.joint_ranges
     nearby, _ = _distances(model, nearby, joints)
     (others,) = np.nonzero(~((nearby >= lower) & (nearby <= upper)).all(axis=1))
