@@ -435,6 +435,8 @@ def test_no_more_pairs_than_needed_are_tried(problem, monkeypatch):
 
 def test_only_solutions_inside_the_path_are_kept(problem, monkeypatch):
     """Where equations are not solved, or outside the duration, there is no tangency point."""
+    rotating = changed(problem, h=(-2.0, 1.0, 3.0))
+    assert tangency_points(rotating, 0.1, 2.0, -5.0)
     for error, tau in ((1e-7, 0.0), (0.0, 1.0), (0.0, -1.0)):
 
         def altered(*arguments, error=error, tau=tau, **options):
@@ -444,7 +446,7 @@ def test_only_solutions_inside_the_path_are_kept(problem, monkeypatch):
             return solution
 
         monkeypatch.setattr(tangency, "root", altered)
-        assert tangency_points(problem, 0.1, 2.0, -5.0) == ()
+        assert tangency_points(rotating, 0.1, 2.0, -5.0) == ()
 
 
 def test_states_without_wrist_solution_are_dropped(problem, tmp_path):
