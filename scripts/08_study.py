@@ -34,7 +34,7 @@ def main() -> None:
     for row in result.rows.values():
         print(f"run {row.number}: {row.verdict}, minimum |S| {row.margin:.4f}")
 
-    # The same rows for pandas, R or MATLAB: study/*.parquet and .csv; and a figure.
+    # The same rows for pandas, R or MATLAB: study/cases.csv; and a figure.
     print("written:", ", ".join(sorted(file.name for file in result.files.values() if file)))
     print(f"feasible: {100 * result.feasible_fraction:.2f} %")
 

@@ -22,7 +22,6 @@ from freefloat.io.schema import ScenarioFile
 from freefloat.io.yaml import section_at
 from freefloat.studies.database import COLUMNS
 from freefloat.studies.results import Row, StudyResult
-from freefloat.studies.study import START_KEYS
 
 PARQUET, CSV, REPORT = "cases.parquet", "cases.csv", "report.html"
 _FIRST = (
@@ -119,8 +118,6 @@ def save_summary(result: StudyResult, report: bool = True) -> dict[str, Path | N
 
 def heading(key: str) -> str:
     """Return the dotted path of a scenario key with its unit, which the schema describes."""
-    if key.split(".")[0] in START_KEYS:
-        return key
     description = section_at(ScenarioFile, key.split("."))[1] or ""
     unit = re.search(r"\[[^\]]*\]", description)
     return key if unit is None or key.endswith("_deg") else f"{key} {unit[0]}"
