@@ -182,7 +182,8 @@ def test_the_needed_duration_is_enough_where_few_headings_keep_the_rates() -> No
 @pytest.mark.slow
 def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     """From 40 degrees the spacecraft rotates at up to 0.114 rad/s, from smaller headings slower."""
-    search = Search(Objective.NEAREST, from_attitude=heading_quaternion(np.deg2rad(40.0)))
+    present = heading_quaternion(np.deg2rad(40.0))
+    search = Search(Objective.NEAREST, from_attitude=present, spare=0.0)
     limits = Limits(base_rate=0.08)
     result = checked_plan(PLANAR.problem(), limits, search)
     assert result.chosen is not None
@@ -190,6 +191,8 @@ def test_the_nearest_attitude_is_moved_toward_the_present_one() -> None:
     assert base.ratio > 0.98  # at the limit: nearer would violate it
     assert result.deviation is not None
     assert np.degrees(result.deviation) == pytest.approx(19.6, abs=1.5)
+    apart = checked_plan(PLANAR.problem(), limits, replace(search, spare=np.radians(2.0)))
+    assert np.degrees(apart.deviation - result.deviation) == pytest.approx(2.0, abs=0.1)
 
 
 @pytest.mark.slow

@@ -73,13 +73,40 @@ def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem, robust):
 @pytest.mark.parametrize(("present", "deviation"), [(200.0, 0.0), (100.0, None)])
 def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, present, deviation):
     """Inside a range nothing has to change; outside, the nearest limit of any branch is taken."""
-    search = ff.Search(Objective.NEAREST, heading_quaternion(np.radians(present)))
+    search = ff.Search(Objective.NEAREST, heading_quaternion(np.radians(present)), spare=0.0)
     plan = ff.plan(problem, search)
     limits = np.degrees([limit for entry in plan.ranges for limit in entry.limits])
     nearest = np.abs((limits - present + 180.0) % 360.0 - 180.0).min()
     expected = nearest if deviation is None else deviation
     assert np.degrees(plan.deviation) == pytest.approx(expected, abs=1e-3)
     assert plan.chosen.motion.completed
+
+
+@pytest.mark.parametrize(
+    ("present", "spare", "depth"),
+    [(200.0, 2.0, None), (100.0, 2.0, 2.0), (100.0, 179.0, None)],
+)
+def test_the_nearest_heading_keeps_its_distance_from_the_limits(problem, robust, present, spare,
+                                                                depth):  # fmt: skip
+    """The present heading where it does; where no range is as wide, the deepest of all."""
+    pairs = [(entry, part) for entry in robust.ranges for part in entry.ranges]
+    heading, entry, part, _ = planar_planner._nearest(np.radians(present), np.radians(spare), pairs)
+    assert (entry, part) in pairs
+    if depth is not None:
+        assert np.degrees(part.depth(heading)) == pytest.approx(depth, abs=1e-9)
+        closer = [p.depth(h) for _, p in pairs
+                  for h in heading_between(np.radians(present), heading)]  # fmt: skip
+        assert np.degrees(max(closer)) < depth
+    elif spare > 2.0:
+        assert heading == max((p for _, p in pairs), key=lambda p: p.width).middle
+    else:
+        assert np.degrees(heading) == present
+
+
+def heading_between(present, heading):
+    """Headings from the present one to just before another."""
+    difference = (heading - present + np.pi) % (2.0 * np.pi) - np.pi
+    return [float(h % (2.0 * np.pi)) for h in present + difference * np.linspace(0.0, 0.99, 50)]
 
 
 def on_line(problem, start, end, value):

@@ -15,9 +15,12 @@ from freefloat.planning import search as attitude_search
 from freefloat.planning.attitude_map import AttitudeMap, Peak
 from freefloat.planning.robustness import deepest, robust_radius
 from freefloat.planning.search import (
+    is_unique,
     largest_margins,
+    most_robust_first,
     nearest_feasible,
 )
+from freefloat.planning.spare import nearest_with_spare
 from freefloat.so3 import (
     angle_between,
     attitude_grid,
@@ -158,6 +161,46 @@ def test_the_nearest_of_two_parts_and_two_branches_is_taken(margin_30: Problem) 
     assert candidates[0].deviation == pytest.approx(0.8 + short, abs=1e-3)
     other = next(entry for entry in candidates if entry.branch == 6)
     assert other.deviation == pytest.approx(0.9 + short, abs=1e-3)
+
+
+@pytest.mark.parametrize("spare", [0.02, 0.1])
+@pytest.mark.parametrize("present", [THERE, rotated(HERE, [0.5, 0.4, -0.6])[0]])
+def test_with_spare_the_nearest_of_a_ball_is_that_deep_inside(
+    margin_30: Problem, present: np.ndarray, spare: float
+) -> None:
+    landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
+    (best,) = nearest_with_spare(landscape, landscape.map(512), present, spare)
+    depth = 0.7 - angle_between(best.attitude, HERE)
+    assert spare <= depth < 1.15 * spare
+    assert best.deviation < angle_between(present, HERE) - 0.7 + 1.15 * spare
+
+
+def test_with_spare_a_present_attitude_deep_enough_stays(margin_30: Problem) -> None:
+    landscape = Landscape(margin_30, b0=ball(HERE, 0.7))
+    present = rotated(HERE, [0.3, 0.0, 0.0])[0]
+    (best,) = nearest_with_spare(landscape, landscape.map(512), present, 0.1)
+    assert best.deviation == 0.0
+
+
+def test_no_set_is_deep_enough_for_too_much_spare(margin_30: Problem) -> None:
+    landscape = Landscape(margin_30, b0=ball(HERE, 0.3))
+    assert nearest_with_spare(landscape, landscape.map(512), THERE, 0.4) == []
+
+
+def test_of_equal_peaks_the_most_robust_leads_and_a_ridge_is_not_unique(
+    margin_30: Problem,
+) -> None:
+    """Two margins cut off at the same value, and a single summit."""
+
+    def cut(q: np.ndarray) -> np.ndarray:
+        return np.minimum(either(ball(HERE, 0.4), ball(THERE, 0.9))(q), MARGIN + 2.0)
+
+    landscape = Landscape(margin_30, b0=cut, b4=ball(THERE, 0.3))
+    samples = landscape.map(1024)
+    top = [Peak(HERE, 0, MARGIN + 2.0), Peak(THERE, 0, MARGIN + 2.0)]
+    assert most_robust_first(samples, top)[0].attitude is THERE
+    assert not is_unique(landscape, top[1])
+    assert is_unique(landscape, Peak(THERE, 4, MARGIN + 6.0))
 
 
 def test_around_a_corner_the_nearest_is_the_corner_of_the_set(margin_30: Problem) -> None:

@@ -112,7 +112,13 @@ class Scenario:
                 attitude = frozen(unit_quaternion("search.from_attitude", section.from_attitude))
             within = None if section.within_deg is None else float(np.radians(section.within_deg))
             return Search(
-                section.objective, attitude, section.samples, section.seed, section.joints, within
+                section.objective,
+                attitude,
+                section.samples,
+                section.seed,
+                section.joints,
+                within,
+                float(np.radians(section.spare_deg)),
             )
 
     def limits(self) -> Limits:

@@ -222,6 +222,8 @@ class SearchSection(Section):
     of the arm configurations at every attitude only the closest to them is considered."""
     within_deg: Annotated[float, Field(strict=True, gt=0.0, le=180.0)] | None = None
     """Largest angle from from_attitude of the attitudes that are searched [degrees]."""
+    spare_deg: Annotated[float, Field(strict=True, ge=0.0, le=90.0)] = 2.0
+    """Objective ``nearest``: the margin is kept within this angle around the attitude [degrees]."""
 
 
 JointLimits = Positive | dict[str, Positive] | Literal["urdf"]

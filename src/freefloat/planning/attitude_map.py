@@ -62,9 +62,13 @@ class Ball(Candidate):
 
 @dataclass(frozen=True, eq=False)
 class NearAttitude(Candidate):
-    """A feasible attitude near a requested one, and the angle between them [rad]."""
+    """A feasible attitude near a requested one, and the angle between them [rad].
+
+    Where it was searched for, it has the robust radius [rad], too.
+    """
 
     deviation: float
+    radius: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""

@@ -29,6 +29,7 @@ from freefloat.so3 import angle_between
 from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_on_path
 
 ALREADY = "the attitude the spacecraft has keeps the margin already"
+NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
 _TRIED = 24
 """Headings that are tried to report the best infeasible one."""
 _CERTAIN = 0.95
@@ -40,16 +41,32 @@ def margin_text(simulated: SimulatedBranch) -> str:
     return f"{simulated.closest_approach.measure} {simulated.closest_approach.value:.6g}"
 
 
-def attitude_reason(candidate: Candidate, chosen: SimulatedBranch) -> str:
-    """Why an attitude was chosen for its margin alone."""
+def nearest_message(deviation: float, spare: float) -> str:
+    """How far the chosen attitude is from the present one; ``spare`` is :attr:`Search.spare`."""
+    if deviation == 0.0:
+        return ALREADY
+    within = f" that keeps the margin within {np.degrees(spare):.4g} degrees" if spare else ""
+    return f"the nearest to from_attitude{within}, {np.degrees(deviation):.4g} degrees away"
+
+
+def spare_message(spare: float, radius: float) -> str:
+    """Why an attitude was chosen where none is as deep inside as was asked for."""
+    return (
+        f"the deepest inside: no attitude found keeps the margin within {np.degrees(spare):.4g} "
+        f"degrees around it; this one keeps it within {np.degrees(radius):.4g}"
+    )
+
+
+def attitude_reason(candidate: Candidate, chosen: SimulatedBranch, spare: float) -> str:
+    """Why an attitude was chosen for its margin alone; ``spare`` is that of the objective."""
     match candidate:
+        case Ball(radius=radius) if radius < spare:
+            return spare_message(spare, radius)
         case Ball(radius=radius):
             degrees = np.degrees(radius)
             return f"the deepest inside: the margin is kept up to {degrees:.4g} degrees around it"
-        case NearAttitude(deviation=0.0):
-            return ALREADY
         case NearAttitude(deviation=angle):
-            return f"the nearest to from_attitude, {np.degrees(angle):.4g} degrees away"
+            return nearest_message(angle, spare)
     return f"the largest margin, {margin_text(chosen)}"
 
 

@@ -18,7 +18,7 @@ from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.screening import ScreenedCandidate, screen
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.trials import OVER, PassedTrial, Trials
-from freefloat.so3 import Array, angle_between, heading_of
+from freefloat.so3 import Array, angle_between, heading_of, rotated, rotation_vector_to
 
 _HEADINGS = 720
 """Candidates of planar tasks."""
@@ -146,7 +146,7 @@ def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:
     """The plan with another candidate that keeps the limits."""
     search = plan.search
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
-        passed = _moved_nearer(trials, search.from_attitude, passed)
+        passed = _moved_nearer(trials, search.from_attitude, search.spare, passed)
     chosen, results = passed
     return replace(
         plan,
@@ -197,20 +197,31 @@ def _heading_depth(plan: Plan, chosen: SimulatedBranch | None) -> float | None:
     return max(0.0, *depths) if depths else None
 
 
-def _moved_nearer(trials: Trials, present: Array, passed: PassedTrial) -> PassedTrial:
-    """The motion from nearer to the present attitude that just keeps everything."""
+def _moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTrial) -> PassedTrial:
+    """The motion from nearer to the present attitude that keeps everything.
+
+    Up to an angle ``spare`` [rad] nearer, everything is kept, too.
+    """
     chosen, problem = passed[0], trials.problem
     branch, start = chosen.branch.index, chosen.motion.initial.attitude
     between = Slerp([0.0, 1.0], Rotation.from_quat([start, present]))
     low, high = 0.0, 1.0
+
+    def trial(attitude: Array) -> PassedTrial | None:
+        if all(entry.index != branch for entry in problem.branches(attitude)):
+            return None
+        return trials.check_candidate(ScreenedCandidate(attitude, branch))
+
+    nearest = passed
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0
-        attitude = between(middle).as_quat()
-        nearer = None
-        if any(entry.index == branch for entry in problem.branches(attitude)):
-            nearer = trials.check_candidate(ScreenedCandidate(attitude, branch))
+        nearer = trial(between(middle).as_quat())
         if nearer is None:
             high = middle
         else:
-            low, passed = middle, nearer
-    return passed
+            low, nearest = middle, nearer
+    reached = nearest[0].motion.initial.attitude
+    away = rotation_vector_to(present, reached)[0]
+    if not spare or not away.any():
+        return nearest
+    return trial(rotated(reached, spare * away / np.linalg.norm(away))[0]) or passed

@@ -64,6 +64,7 @@ class Search:
         samples: Number of attitudes; when left out 360 headings for planar tasks (where no closed
             form is known), 4,096 attitudes for spatial ones.
         seed: Rotates the grid of attitudes of spatial tasks.
+        spare: Objective nearest: the margin is kept within this angle around the attitude [rad].
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -77,6 +78,7 @@ class Search:
     seed: int = 0
     joints: Mapping[str, float] | npt.ArrayLike | None = None
     within: float | None = None
+    spare: float = np.radians(2.0)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", member("search.objective", Objective, self.objective))
@@ -84,6 +86,9 @@ class Search:
             samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES)
             object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "seed", whole_number("search.seed", self.seed, 0))
+        accepted = "an angle of 0 or more, up to pi / 2"
+        if not 0.0 <= finite_number("search.spare", self.spare, accepted) <= np.pi / 2.0:
+            raise InputError("search.spare", f"{self.spare:g} was given", accepted)
         reason = "objective nearest" if self.objective is Objective.NEAREST else None
         if self.within is not None:
             accepted = "an angle above 0, up to pi"
@@ -117,6 +122,7 @@ class Search:
             "samples": self.samples,
             "joints": joints,
             "within_deg": degrees(self.within),
+            "spare_deg": degrees(self.spare),
         }
 
     def applied_to(self, problem: Problem) -> Problem:

@@ -15,10 +15,11 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import (
-    ALREADY,
     infeasible_distance_message,
     margin_text,
+    nearest_message,
     no_feasible_heading_message,
+    spare_message,
 )
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.heading_map import attitudes_at, best_heading
@@ -127,7 +128,7 @@ def _choose(evaluator: FeasibilityEvaluator, search: Search, pairs: list[_Pair])
         reason = f"the middle of the widest range, {np.degrees(part.width):.4g} degrees wide"
         return part.middle, entry, part, reason
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
-        return _nearest(heading_of(search.from_attitude), pairs)
+        return _nearest(heading_of(search.from_attitude), search.spare, pairs)
     choices = []
     for entry, part in pairs:
         headings = np.linspace(*_inner_ends(part), _TRIED)
@@ -137,18 +138,28 @@ def _choose(evaluator: FeasibilityEvaluator, search: Search, pairs: list[_Pair])
     return heading, entry, part, "the largest margin"
 
 
-def _nearest(present: float, pairs: list[_Pair]) -> _Choice:
-    entry, part = max(pairs, key=lambda pair: min(0.0, pair[1].depth(present)))
-    if part.depth(present) >= 0.0:
-        return present, entry, part, ALREADY
-    ends = [end % TURN for end in _inner_ends(part)]
-    heading = min(ends, key=lambda end: abs((end - present + np.pi) % TURN - np.pi))
-    return heading, entry, part, "the nearest limit of a range, just inside"
+def _nearest(present: float, spare: float, pairs: list[_Pair]) -> _Choice:
+    """The nearest heading that is deep enough inside a range; else the deepest."""
+    wide = [pair for pair in pairs if pair[1].width >= 2.0 * spare]
+    if not wide:
+        entry, part = max(pairs, key=lambda pair: pair[1].width)
+        return part.middle, entry, part, spare_message(spare, part.width / 2.0)
+
+    def deviation(heading: float) -> float:
+        return float(abs((heading - present + np.pi) % TURN - np.pi))
+
+    choices = []
+    for entry, part in wide:
+        enough = part.depth(present) >= spare
+        headings = (present,) if enough else _inner_ends(part, spare)
+        choices += [(deviation(heading), heading % TURN, entry, part) for heading in headings]
+    angle, heading, entry, part = min(choices, key=lambda choice: choice[0])
+    return heading, entry, part, nearest_message(angle, spare)
 
 
-def _inner_ends(part: HeadingRange) -> tuple[float, float]:
-    """Headings just inside both limits of a range."""
-    inside = min(_INSIDE, part.width / 2.0)
+def _inner_ends(part: HeadingRange, inside: float = 0.0) -> tuple[float, float]:
+    """Headings inside both limits of a range, by an angle or just so."""
+    inside = min(max(_INSIDE, inside), part.width / 2.0)
     return part.low + inside, part.high - inside
 
 

@@ -15,6 +15,7 @@ from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude, Peak
 from freefloat.planning.diagnostics import (
+    NOT_UNIQUE,
     attitude_reason,
     disagreement_message,
     no_feasible_attitude_message,
@@ -26,8 +27,15 @@ from freefloat.planning.plan import PLAN_ATTITUDES, Objective, Plan, Search
 from freefloat.planning.planar_planner import plan_in_plane
 from freefloat.planning.robustness import deepest, robust_radius
 from freefloat.planning.screening import ScreenedCandidate
-from freefloat.planning.search import best_branch, largest_margins, nearest_feasible
+from freefloat.planning.search import (
+    best_branch,
+    is_unique,
+    largest_margins,
+    most_robust_first,
+    nearest_feasible,
+)
 from freefloat.planning.simulation import integrate_branch
+from freefloat.planning.spare import nearest_with_spare
 from freefloat.planning.tolerance import tolerance
 from freefloat.so3 import angle_between
 
@@ -137,15 +145,18 @@ def plan_in_space(
     else:
         reason = no_feasible_attitude_message(evaluator, samples)
         return Plan(problem, search, False, reason, map=samples, disagreements=(*disagreements,))
+    spare = search.spare if search.objective is Objective.NEAREST else 0.0
+    flat = isinstance(candidate, Peak) and not is_unique(evaluator, candidate)
+    remark = NOT_UNIQUE if flat else ""
     if progress is not None:
         progress(1.0)
     return Plan(
         problem,
         search,
         feasible=True,
-        reason=attitude_reason(candidate, chosen),
+        reason=attitude_reason(candidate, chosen, spare) + remark,
         chosen=chosen,
-        robust_radius=candidate.radius if isinstance(candidate, Ball) else None,
+        robust_radius=candidate.radius if isinstance(candidate, Ball | NearAttitude) else None,
         map=samples,
         disagreements=tuple(disagreements),
     )
@@ -162,14 +173,16 @@ def _candidates(
         return [p for p in largest_margins(evaluator, samples) if margin.is_kept(p.minimum_margin)]
 
     if objective is Objective.NEAREST and present is not None:
-        if nearest := nearest_feasible(evaluator, samples, present):
-            return nearest
-        near = [
-            NearAttitude(p.attitude, p.branch, float(angle_between(p.attitude, present)))
-            for p in peaks()
-        ]
-        return sorted(near, key=lambda candidate: candidate.deviation)
-    if objective is Objective.ROBUST:
+        if search.spare:
+            nearest = nearest_with_spare(evaluator, samples, present, search.spare)
+        else:
+            nearest = nearest_feasible(evaluator, samples, present) or [
+                NearAttitude(p.attitude, p.branch, float(angle_between(p.attitude, present)))
+                for p in peaks()
+            ]
+        if nearest or not search.spare:
+            return sorted(nearest, key=lambda candidate: candidate.deviation)
+    if objective is not Objective.MARGIN:
         if (deep := deepest(evaluator, samples)) is not None:
             return [deep]
         balls = [
@@ -177,4 +190,4 @@ def _candidates(
             for p in peaks()
         ]
         return sorted(balls, key=lambda ball: -ball.radius)
-    return peaks()
+    return most_robust_first(samples, peaks())

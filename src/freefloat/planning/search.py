@@ -36,6 +36,10 @@ _SMALL = 2e-3
 """Clouds smaller than this end the search for the nearest [rad]."""
 _CERTAIN = 5e-4
 """A compiled motion is certain to keep a margin that it exceeds by this fraction."""
+_EQUAL = 1e-6
+"""Relative difference of equal margins."""
+_APART, _AROUND = np.radians(0.5), 256
+"""Distance of attitudes that are not the same optimum [rad], and how many around it are tried."""
 _PARTS = 8
 ROUGH = 3
 """Rounds of bisection to 0.2 percent of the distance."""
@@ -153,6 +157,27 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
     climbed.sort(key=lambda peak: -peak.minimum_margin)
     finished = _climb(evaluator, domain, climbed[:_FINISHED], spacing / 3.0, _FINE)
     return sorted(finished, key=lambda peak: -peak.minimum_margin) + climbed[_FINISHED:]
+
+
+def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
+    """Peaks, best first; of those that equal the best the farthest from samples outside leads."""
+
+    def depth(peak: Peak) -> float:
+        outside = samples.attitudes[~samples.regular(peak.branch)]
+        return float(nearest_among(outside)(peak.attitude[None])[0][0]) if len(outside) else np.pi
+
+    enough = (1.0 - _EQUAL) * max((peak.minimum_margin for peak in peaks), default=0.0)
+    equals = [peak for peak in peaks if peak.minimum_margin >= enough]
+    others = [peak for peak in peaks if peak.minimum_margin < enough]
+    return sorted(equals, key=depth, reverse=True) + others
+
+
+def is_unique(evaluator: FeasibilityEvaluator, best: Peak) -> bool:
+    """Whether no attitude near the best, but farther than half a degree, has its margin."""
+    cloud = attitudes_within(best.attitude, 2.0 * _APART, _AROUND // evaluator.sample_reduction)
+    others = cloud[angle_between(cloud, best.attitude) > _APART]
+    margins = evaluator.margins(others, best.branch)
+    return bool(margins.max(initial=0.0) < best.minimum_margin * (1.0 - _EQUAL))
 
 
 def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, Array]:
