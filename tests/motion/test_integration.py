@@ -82,6 +82,16 @@ def test_a_motion_that_begins_just_before_its_singularity_ends_there(spatial):
         assert motion.final.time == pytest.approx(end.time, abs=1e-9)
 
 
+def test_a_motion_up_to_just_before_its_singularity_completes(spatial):
+    """Its last step may pass the singularity, where time reverses, and end at an earlier time."""
+    final = followed(spatial, BAD, 2).final
+    for before in (1e-3, 1e-5, 1e-7):
+        motion = followed(spatial, BAD, 2, end=final.time - before)
+        assert motion.completed
+        assert motion.final.time == final.time - before
+        assert motion.residuals().end_effector_position < 1e-8
+
+
 # --- Example 1 --------------------------------------------------------------------------------
 
 
