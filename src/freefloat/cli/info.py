@@ -18,8 +18,11 @@ from freefloat.cli.options import Attitude, Json, Quiet, joint_values, robot_nam
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
+    from freefloat.dynamics.measures import SingularityMeasure
+    from freefloat.dynamics.momentum import Task
     from freefloat.dynamics.summary import Configuration, RobotSummary
     from freefloat.robot.description import UrdfDiagnostic
+    from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.rigid_bodies import Body
 
 _EXAMPLES = "example-robot-data:"
@@ -63,9 +66,32 @@ def info(
     """
     from freefloat.dynamics.joint_space import joint_space_extremes
     from freefloat.dynamics.measures import singularity_measure
-    from freefloat.dynamics.summary import RobotSummary, configuration_at, natural_task
-    from freefloat.io.scenario import load_scenario
+    from freefloat.dynamics.summary import RobotSummary, configuration_at
     from freefloat.limits.contact import why_unchecked
+
+    console = Console(as_json, quiet)
+    model, task, measure, diagnostics = _load(console, robot, end_effector)
+    configuration = None
+    if joints is not None:
+        measures = (singularity_measure(model, task, "gjm"), measure)
+        configuration = configuration_at(model, measures, joint_values(joints), attitude)
+    elif attitude is not None:
+        raise InputError("attitude", "it was given without --joints", "--joints with it")
+    extremes = joint_space_extremes(model, measure)
+    summary = RobotSummary(
+        model, task, measure, extremes, diagnostics, configuration, why_unchecked(model)
+    )
+    console.json(summary.to_dict())
+    console.tables(_tables(summary))
+
+
+def _load(
+    console: Console, robot: str, end_effector: str | None
+) -> tuple[FreeFloatingModel, Task, SingularityMeasure, tuple[UrdfDiagnostic, ...]]:
+    """Model, task and measure of a scenario or a URDF, and what validation found."""
+    from freefloat.dynamics.measures import singularity_measure
+    from freefloat.dynamics.summary import natural_task
+    from freefloat.io.scenario import load_scenario
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.names import (
         bundled_robots,
@@ -76,7 +102,6 @@ def info(
     )
     from freefloat.robot.validation import examine
 
-    console = Console(as_json, quiet)
     if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
         if end_effector is not None:
             raise InputError("end_effector", "the scenario names it already", "a URDF with it")
@@ -84,43 +109,29 @@ def info(
         mounted = loaded.content.robot.spacecraft is not None
         diagnostics = _require_no_error(console, examine(loaded.urdf(), mounted))
         problem = loaded.problem()
-        model, task, measure = problem.model, problem.task, problem.margin.measure
-    elif robot.startswith(_EXAMPLES) or robot in bundled_robots() or is_file(Path(robot)):
+        return problem.model, problem.task, problem.margin.measure, diagnostics
+    if robot.startswith(_EXAMPLES) or robot in bundled_robots() or is_file(Path(robot)):
         urdf = find_robot(robot, Path())
         diagnostics = _require_no_error(console, examine(urdf))
         model = FreeFloatingModel.from_urdf(urdf, end_effector)
         task = natural_task(model)
-        measure = singularity_measure(model, task, "gjm")
-    else:
-        scenarios = [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]
-        if scenarios:
-            accepted = f"one of them: freefloat info {' | '.join(scenarios)}"
-            raise InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)
-        names = (*bundled_robots(), *bundled_scenarios())
-        raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
-    configuration = None
-    if joints is not None:
-        measures = (singularity_measure(model, task, "gjm"), measure)
-        configuration = configuration_at(model, measures, joint_values(joints), attitude)
-    elif attitude is not None:
-        raise InputError("attitude", "it was given without --joints", "--joints with it")
-    extremes = joint_space_extremes(model, measure)
-    summary = RobotSummary(
-        model, task, measure, extremes, tuple(diagnostics), configuration, why_unchecked(model)
-    )
-    console.json(summary.to_dict())
-    console.tables(_tables(summary))
+        return model, task, singularity_measure(model, task, "gjm"), diagnostics
+    if scenarios := [name for name in bundled_scenarios() if name.startswith(f"{robot}/")]:
+        accepted = f"one of them: freefloat info {' | '.join(scenarios)}"
+        raise InputError("robot", f"{robot} is assembled in scenarios, not a URDF", accepted)
+    names = (*bundled_robots(), *bundled_scenarios())
+    raise unknown("robot", robot, names, "a URDF, a scenario file, or one of")
 
 
 def _require_no_error(
     console: Console, diagnostics: Sequence[UrdfDiagnostic]
-) -> Sequence[UrdfDiagnostic]:
+) -> tuple[UrdfDiagnostic, ...]:
     """Return diagnostics; if one is an error, print all of them and exit instead."""
     from freefloat.robot.description import Severity
 
     errors = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
     if not errors:
-        return diagnostics
+        return tuple(diagnostics)
     first = error_document(errors[0].exception())
     console.json({"findings": [asdict(entry) for entry in diagnostics], "error": first})
     say("\n".join(map(str, _diagnostic_lines(diagnostics))))

@@ -100,10 +100,7 @@ def attitude_map(
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
     if problem.task.planar:
-        spatial = {"nearest": nearest is not None, "boundary": boundary, "touch": tangency}
-        for key in (key for key, requested in spatial.items() if requested):
-            accepted = "a spatial task; freefloat plan has ranges"
-            raise InputError(key, f"task {problem.task} is planar", accepted)
+        _require_none(nearest=nearest is not None, boundary=boundary, touch=tangency)
         count = HEADINGS
         if samples is not None:
             count = whole_number("samples", samples, FEWEST_SAMPLES)
@@ -118,6 +115,12 @@ def attitude_map(
         target, boundary, tangency, progress,
     )  # fmt: skip
     return replace(result, seconds=time.perf_counter() - start)
+
+
+def _require_none(**spatial: bool | int) -> None:
+    """Raise an InputError for a search that only maps of spatial tasks have."""
+    for key in (key for key, requested in spatial.items() if requested):
+        raise InputError(key, "the task is planar", "a spatial task; freefloat plan has ranges")
 
 
 def _searched_map(

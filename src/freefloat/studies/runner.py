@@ -65,15 +65,14 @@ def run_study(
         The results, those of finished runs included.
 
     Raises:
-        InputError: If the study cannot be run, the folder cannot be written to, holds another
-            study or is in use, or the scheduler does not answer.
+        InputError: If the study, the folder or the scheduler cannot be used.
 
     Example:
         >>> result = ff.run_study(ff.load_study("planar_3dof/grid"), "results", workers=2)
         >>> result.feasible_fraction
         1.0
     """
-    from freefloat.studies.report import save_summary, save_tables  # PyArrow is slow to import
+    from freefloat.studies.report import save_summary, save_tables  # imports slowly
 
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
@@ -98,8 +97,7 @@ def run_study(
         except KeyboardInterrupt:
             save_tables(folder, database.stored())
             raise
-        rows = dict(sorted(database.rows.items()))
-        result = StudyResult(study, rows, folder, computed=len(missing))
+        result = StudyResult(study, dict(sorted(database.rows.items())), folder, len(missing))
         paths = {"database": folder / DATABASE, **save_summary(result, report)}
     return replace(result, files=paths, seconds=time.perf_counter() - begin)
 
