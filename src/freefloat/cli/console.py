@@ -165,6 +165,7 @@ def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
         f"{verdict} the margin {problem.margin.threshold:g}"
     )
     yield f"  initial attitude x y z w  {decimals(initial.attitude, 5)}"
+    yield f"  initial joints            {decimals(initial.joints)}"
     yield f"  final attitude   x y z w  {decimals(final.attitude, 5)}, t = {final.time:.4f} s"
     yield f"  final joints              {decimals(final.joints)}"
     if (event := singular_event(motion)) is not None:
