@@ -108,7 +108,7 @@ def test_an_unforeseen_exception_asks_for_a_report(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.slow
 def test_control_c_exits_with_130(tmp_path: Path) -> None:
-    words = ["map", "spatial_6dof/line", "--samples", "10000000"]
+    words = ["map", "spatial_6dof/line", "--samples", "1000000"]
     with subprocess.Popen(
         [*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:

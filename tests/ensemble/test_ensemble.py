@@ -519,7 +519,7 @@ def test_an_interruption_cancels_pending_chunks(threads: int) -> None:
     deadline = time.monotonic() + 10.0
     while threading.active_count() > before and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert threading.active_count() == before
+    assert threading.active_count() <= before
     assert len(begun) < 10
 
 

@@ -91,7 +91,7 @@ def test_in_space_the_distance_from_the_centre_is_shown() -> None:
         assert distance == pytest.approx(
             np.linalg.norm(pose.position + pose.rotation @ areas.offset)
         )
-    assert labels(axes) == ["path-dependent", "path-independent", "wrist centre"]
+    assert labels(axes) == ["path-dependent", "path-independent", "reach", "wrist centre"]
 
 
 @pytest.mark.slow
@@ -101,7 +101,7 @@ def test_areas_that_are_not_known_are_not_drawn() -> None:
     assert areas.path_dependent is None
     (axes,) = workspace_figure(problem, areas).axes
     assert len(axes.patches) == 0
-    assert labels(axes) == ["end-effector"]
+    assert labels(axes) == ["reach", "end-effector"]
 
 
 def test_the_robot_is_drawn_at_several_instants_the_last_the_darkest(good: Motion) -> None:

@@ -50,10 +50,10 @@ def nearest_with_spare(
     """
     domain = samples.search.domain
     best: NearAttitude | None = None
-    branches = {
-        near.branch: near for near in reversed(nearest_feasible(evaluator, samples, target))
-    }
-    for near in sorted(branches.values(), key=lambda candidate: candidate.deviation):
+    branches: dict[int | None, NearAttitude] = {}
+    for near in nearest_feasible(evaluator, samples, target):
+        branches.setdefault(near.branch, near)
+    for near in branches.values():
         if best is not None and best.deviation <= near.deviation:
             break  # no attitude of this branch is nearer
         inside = samples.attitudes[samples.regular(near.branch)]
