@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 import sqlite3
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -126,7 +127,9 @@ def test_a_second_connection_is_refused(study: Study, tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_used_is_an_error(study: Study, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "study.sqlite").write_text("no database" * 100)
-    for folder in (tmp_path / "file", tmp_path):
+    (tmp_path / "pipe").mkdir()
+    os.mkfifo(tmp_path / "pipe" / "study.sqlite-journal")
+    for folder in (tmp_path / "file", tmp_path, tmp_path / "pipe"):
         with pytest.raises(InputError) as caught:
             finished(study, folder)
         assert caught.value.key == "output"
@@ -140,7 +143,9 @@ def test_a_folder_that_cannot_be_used_is_an_error(study: Study, tmp_path: Path) 
         "UPDATE runs SET joints = '[1.0'",
         "UPDATE runs SET number = 99",
         "UPDATE runs SET verdict = 'perhaps'",
+        "UPDATE runs SET reason = CAST(x'8c' AS TEXT)",
         "UPDATE study SET digest = 1",
+        "DELETE FROM study",
     ],
 )
 def test_a_database_that_was_changed_by_hand_is_an_error(

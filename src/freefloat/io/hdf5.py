@@ -30,6 +30,8 @@ _BLOCK = 512
 """Bytes of the user block."""
 _MARK = b"freefloat SHA-256 "
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_UNREADABLE = (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError)
+"""What h5py raises for content that is missing or of another kind."""
 _MAX_DEPTH = 8
 """Nested groups; result files have five."""
 _MAX_RATIO, _MAX_SMALL = 20, 50_000_000
@@ -82,7 +84,7 @@ def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
         with h5py.File(path, "r") as file:
             _require_plain(file)
             yield file
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:  # of HDF5
+    except _UNREADABLE as error:
         problem = f"it cannot be read ({' '.join(str(error).split())})"
         raise InputError("file", problem, accepted, str(path)) from None
 

@@ -25,6 +25,8 @@ _CUTS = (0.2, 0.35, 0.5, 0.65, 0.8)
 """Positions of trial cuts, as fractions of a part's extent along an axis."""
 _GAIN = 0.03
 """Volume that a cut has to save, as a fraction of the whole hull's."""
+_MOST_SHAPES = 1000
+"""Shapes of a robot: each is compared with every other."""
 _THICKNESS = 1e-6
 """Thickness given to flat meshes [m]."""
 
@@ -61,9 +63,13 @@ def collision_shapes(
         hulls: Links whose meshes are not divided into convex parts.
 
     Raises:
-        ModelError: If a shape cannot be read.
+        ModelError: If a shape cannot be read, or there are too many.
     """
     source, shapes = model.description.source, list[CollisionShape]()
+    count = sum(len(link.collisions or link.visuals) for link in model.description.links)
+    if count > _MOST_SHAPES:
+        problem, accepted = f"{count:,} collision shapes", f"at most {_MOST_SHAPES:,}"
+        raise ModelError("limits.clearance", problem, accepted, source)
     for link in model.description.links:
         body, pose = model.link_places[link.name]
         for shape in link.collisions or link.visuals:

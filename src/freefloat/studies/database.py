@@ -106,6 +106,9 @@ def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyData
     columns = ", ".join(f"{name} {kind}" for name, kind in COLUMNS.items())
     with _errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
+        for path in folder.glob(f"{DATABASE}*"):
+            if not path.is_file():  # opening a named pipe would wait for ever
+                raise InputError("output", f"{path} is no plain file", "another folder")
         connection = sqlite3.connect(folder / DATABASE, timeout=0.5)
         try:
             connection.execute("PRAGMA locking_mode = EXCLUSIVE")
@@ -134,11 +137,12 @@ def _check_study(connection: sqlite3.Connection, folder: Path, study: Study, fil
     digests = {os.path.relpath(path, base): sha256(data).hexdigest() for path, data in files}
     text = json.dumps({"study": content, "base": study.base, "files": digests})
     digest = sha256(text.encode()).hexdigest()
-    stored = connection.execute("SELECT digest FROM study").fetchone()
-    if stored is None:
+    (stored,) = connection.execute("SELECT max(digest) FROM study").fetchone()
+    (runs,) = connection.execute("SELECT count(*) FROM runs").fetchone()
+    if stored is None and not runs:
         software = json.dumps({package: version(package) for package in _SOFTWARE})
         connection.execute("INSERT INTO study VALUES (?, ?, ?)", (digest, text, software))
-    elif stored[0] != digest:
+    elif stored != digest:
         problem = f"{folder} holds the results of another study, base scenario or robot"
         raise InputError("output", problem, "the study as it was, or another folder")
 
@@ -149,7 +153,7 @@ def _errors(folder: Path) -> Iterator[None]:
     accepted = "a writable folder with space, and with the database as it was written"
     try:
         yield
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         problem = f"{folder / DATABASE}: {error}"
         if getattr(error, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
             problem, accepted = f"{folder}: another process is running this study", "another folder"
