@@ -268,10 +268,7 @@ def ball_fraction(radius: float) -> float:
 
 
 def grid_spacing(count: int, radius: float = np.pi) -> float:
-    """Side [rad] of a cube with the volume that each of ``count`` attitudes of a ball represents.
-
-    The ball has a radius [rad]; by default it is all of SO(3).
-    """
+    """Side [rad] of a cube with the volume per attitude in a ball, by default all of SO(3)."""
     return float((8.0 * np.pi**2 * ball_fraction(radius) / count) ** (1.0 / 3.0))
 
 
