@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 
 from freefloat.errors import InputError
 
 Progress = Callable[[float], None]
 """Called with the fraction done, in [0, 1], during a long computation."""
+_WAIT = 0.2
+"""Longest time between two looks at signals [s]."""
 
 
 def available_cores() -> int:
@@ -55,9 +57,11 @@ def run_chunks(
         return
     pool = ThreadPoolExecutor(threads)
     try:
-        futures = [pool.submit(work, chunk) for chunk in chunks]
-        for done, future in enumerate(as_completed(futures), 1):
-            future.result()
-            report(done / len(futures))
+        pending = {pool.submit(work, chunk) for chunk in chunks}
+        while pending:  # a signal just before an endless wait would not end it
+            finished, pending = wait(pending, _WAIT, FIRST_COMPLETED)
+            for future in finished:
+                future.result()
+            report(1.0 - len(pending) / len(chunks))
     finally:
         pool.shutdown(wait=False, cancel_futures=True)

@@ -16,6 +16,7 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.verification.check import CheckReport
+    from freefloat.verification.checks import Check
 
 _Plan = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan or motion file, see -o of plan.")
@@ -66,7 +67,7 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
     for entry in report.checks:
         checks.add_row(
             Text(entry.name),
-            _number(entry.recomputed) + (f" {entry.unit}" if entry.unit not in ("", "1") else ""),
+            _with_unit(entry),
             "" if entry.allowed is None else f"{entry.relation} {_number(entry.allowed)}",
             "" if entry.time is None else f"{entry.time:.4f}",
             Text("passed", "green") if entry.passed else Text("failed", "red"),
@@ -83,6 +84,11 @@ def _tables(report: CheckReport, file: Path) -> Iterator[RenderableType]:
         return
     yield Text(f"{file}: not verified.", "red")
     yield from (Text(f"  {entry.reason}", "red") for entry in report.discrepancies)
+
+
+def _with_unit(entry: Check) -> str:
+    number = _number(entry.recomputed)
+    return number if entry.unit in ("", "1") or not number else f"{number} {entry.unit}"
 
 
 def _number(value: float | None) -> str:

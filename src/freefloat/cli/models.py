@@ -156,4 +156,5 @@ def _tables(groups: dict[str, list[BundledFile]]) -> Iterator[RenderableType]:
         yield from (listed, "")
     yield "Sources of the robots:"
     yield from (f"  {entry.name}: {entry.details['source']}" for entry in groups["robots"])
-    yield "\nArms of example-robot-data have names, too: freefloat info example-robot-data:ur5"
+    yield "\nArms of example-robot-data have names, too:"
+    yield "freefloat info example-robot-data:ur5 --end-effector tool0"

@@ -115,7 +115,11 @@ def _mesh_solids(file: Path, _: int, most: int, *scale: float) -> tuple[_Solid, 
         points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
         points.extend(list(part.points))
         faces.extend([coal.Triangle(*vertices) for vertices in part.faces.tolist()])
-        solids.append((coal.Convex(points, faces), part.points))
+        try:
+            solids.append((coal.Convex(points, faces), part.points))
+        except RuntimeError:
+            problem = "a vertex of its convex hull has over 255 neighbours"
+            raise MeshFileError(problem) from None
     return tuple(solids)
 
 

@@ -16,7 +16,7 @@ from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_map import HeadingMap, sample_headings
-from freefloat.planning.plan import Objective, Plan
+from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import TURN, BranchRanges
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.so3 import heading_of, heading_quaternion
@@ -43,7 +43,6 @@ _TITLES = {
 }
 _TITLE_HEIGHT = 0.15
 """Height that a title takes [inch]."""
-_NAMES = {Objective.MARGIN: "best", Objective.NEAREST: "nearest", Objective.ROBUST: "robust"}
 
 
 def figures(
@@ -117,7 +116,7 @@ def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) ->
     heading = None
     if chosen is not None:
         initial, branch = chosen.motion.initial.attitude, chosen.branch.index
-        name = _NAMES[plan.search.objective] if plan.feasible else "infeasible"
+        name = "chosen" if plan.feasible else "infeasible"
         marks.append(Mark(name, initial, branch))
         heading = branch, heading_of(initial)
     if plan.search.from_attitude is not None:

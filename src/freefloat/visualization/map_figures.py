@@ -34,7 +34,9 @@ from freefloat.visualization.slices import Slice, rotation_vectors
 
 _COMPONENTS = ("x", "y", "z")
 _SHADES = "viridis"
-_MARKERS = {"best": ("*", 11.0), "robust": ("D", 6.0), "nearest": ("^", 7.0)}
+_MARKERS = {
+    "best": ("*", 11.0), "chosen": ("*", 11.0), "robust": ("D", 6.0), "nearest": ("^", 7.0),
+}  # fmt: skip
 _OTHER_MARKER = ("o", 6.0)
 _BINS = 48
 _TITLE_LENGTH = 58
