@@ -24,8 +24,7 @@ from freefloat.errors import InputError, finite_vector
 Array = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
-_ORTHOGONALITY = 1e-6
-"""Largest deviation of the products of a rotation's columns from those of unit axes."""
+_ORTHOGONALITY = 1e-6  # largest deviation of the products of a rotation's columns
 _SPIRALS = (np.sqrt(2.0), 1.533751168755204288118041)  # the second solves x**4 = x + 4
 
 
