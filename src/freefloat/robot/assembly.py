@@ -126,7 +126,7 @@ def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
         moved = [group for first, group in robot.rigid_groups.items() if first not in robot.roots]
         ends = [group.links for group in moved if set(group.links) & set(robot.leaves)]
         names = ", ".join(link for links in ends for link in links) or ", ".join(robot.leaves)
-        accepted = f"a link such as {names}; --end-effector names it"
+        accepted = f"a link such as {names}"
         problem = "none was given and the robot has several last links"
         raise ModelError("end_effector", problem, accepted, robot.source)
     return robot.leaves[0]
