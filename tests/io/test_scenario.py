@@ -525,9 +525,9 @@ def test_the_same_path_in_three_frames(path: str, frame: str, folder: Path) -> N
     content = moved(yaml.safe_load(f"{{{path}}}"), frames[frame])
     text = yaml.safe_dump({"frame": frame, **content}, default_flow_style=True, width=1e6).strip()
     found = scenario(folder, text[1:-1], robot=ur5, rest=PRESENT)
-    same_problem(replace(found.problem(), model=wanted.model, margin=wanted.margin), wanted)
+    assert_same_problem(replace(found.problem(), model=wanted.model, margin=wanted.margin), wanted)
     again = scenario_of(found.problem(), found.search())
-    same_problem(again.problem(), found.problem())
+    assert_same_problem(again.problem(), found.problem())
 
 
 def test_samples_in_the_frame_of_the_spacecraft(folder: Path) -> None:
@@ -543,9 +543,9 @@ def test_samples_in_the_frame_of_the_spacecraft(folder: Path) -> None:
     rows[:, 4:] = turned.as_quat()
     file.write_text(header + "\n".join(",".join(map(repr, row)) for row in rows.tolist()))
     found = scenario(folder, "frame: spacecraft, samples: path.csv", rest=PRESENT)
-    same_problem(replace(found.problem(), model=wanted.model, margin=wanted.margin), wanted)
+    assert_same_problem(replace(found.problem(), model=wanted.model, margin=wanted.margin), wanted)
     again = scenario_of(found.problem(), found.search())
-    same_problem(again.problem(), found.problem())
+    assert_same_problem(again.problem(), found.problem())
 
 
 def test_a_path_from_the_present_pose_begins_at_the_present_state(folder: Path) -> None:
@@ -579,7 +579,7 @@ def test_frames_and_searches_need_the_present_state(rest: str, key: str, folder:
 # --- the inverse: a problem as a scenario ---------------------------------------------------------
 
 
-def same_problem(found: Problem, wanted: Problem) -> None:
+def assert_same_problem(found: Problem, wanted: Problem) -> None:
     assert found.model is wanted.model
     assert (found.task, found.path.timing) == (wanted.task, wanted.path.timing)
     assert close(found.momentum, wanted.momentum)
@@ -600,7 +600,7 @@ def test_a_bundled_problem_is_that_of_its_scenario(name: str) -> None:
     loaded = load_scenario(name)
     wanted, search, limits = loaded.problem(), loaded.search(), loaded.limits()
     again = scenario_of(wanted, search, limits)
-    same_problem(again.problem(), wanted)
+    assert_same_problem(again.problem(), wanted)
     assert repr(again.search()) == repr(search)
     assert repr(again.limits()) == repr(limits)
 
@@ -608,7 +608,7 @@ def test_a_bundled_problem_is_that_of_its_scenario(name: str) -> None:
 @pytest.mark.parametrize(("curve", "law"), PAIRS)
 def test_every_curve_and_orientation_comes_back(curve: str, law: str, folder: Path) -> None:
     wanted = problem(folder, f"{CURVES[curve]}, attitude: {LAWS[law]}")
-    same_problem(scenario_of(wanted).problem(), wanted)
+    assert_same_problem(scenario_of(wanted).problem(), wanted)
 
 
 @pytest.mark.parametrize("columns", ["x,y,z", "s,x,y,z", "x,y,z,qx,qy,qz,qw"])
@@ -621,7 +621,7 @@ def test_samples_come_back(columns: str, folder: Path) -> None:
     (folder / "path.csv").write_text(text)
     attitude = "" if "qw" in columns else f", {UPRIGHT}"
     wanted = problem(folder, f"samples: path.csv{attitude}")
-    same_problem(scenario_of(wanted).problem(), wanted)
+    assert_same_problem(scenario_of(wanted).problem(), wanted)
 
 
 def test_stops_laws_and_the_motion_of_a_redundant_arm_come_back(folder: Path) -> None:
@@ -630,7 +630,7 @@ def test_stops_laws_and_the_motion_of_a_redundant_arm_come_back(folder: Path) ->
         timing="{law: trapezoidal, duration: 50, stops: [{s: 0.5, t: 20}]}",
         rest="redundancy: {metric: {q2: 3}, toward: sigma, gain: 0.5}\nmargin: {fraction: 0.1}",
     )  # fmt: skip
-    same_problem(scenario_of(wanted).problem(), wanted)
+    assert_same_problem(scenario_of(wanted).problem(), wanted)
 
 
 def test_a_curve_of_the_users_own_class_has_no_scenario(folder: Path) -> None:

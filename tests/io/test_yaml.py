@@ -142,7 +142,7 @@ def test_tags_are_refused_at_their_line_and_do_nothing(
 def test_complex_keys_aliases_control_characters_and_deep_nesting_are_refused(
     file: Path, text: str
 ) -> None:
-    refusal(file, text)
+    assert refusal(file, text).key == "file"
 
 
 def test_an_alias_is_refused_before_it_is_expanded(file: Path) -> None:

@@ -89,7 +89,7 @@ WORST: dict[str, float] = {}
 """Largest deviations seen since the start, by test."""
 
 
-def agrees(test: str, deviation: float) -> None:
+def assert_agrees(test: str, deviation: float) -> None:
     """Keep a deviation found by a test, and fail when it is more than is allowed."""
     (row,) = (row for row in COMPARISONS if row.test == test)
     WORST[test] = max(WORST.get(test, 0.0), float(deviation))

@@ -14,7 +14,7 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.so3 import attitude_grid
 from tests.motions import bundled
-from tests.validation.comparisons import agrees
+from tests.validation.comparisons import assert_agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -43,7 +43,7 @@ def test_random_ranges_agree_with_brute_force(verify, number):
     verdict = verify.compare(problem, number, spacing=1.0, steps=700)
     assert verdict.disagreements == []
     assert verdict.limits % 2 == 0
-    agrees("test_random_ranges_agree_with_brute_force", verdict.worst)
+    assert_agrees("test_random_ranges_agree_with_brute_force", verdict.worst)
 
 
 def test_a_map_agrees_with_precise_motions():
@@ -56,7 +56,7 @@ def test_a_map_agrees_with_precise_motions():
         assert motion.completed == (result.motions.endings[at, branch] == COMPLETED)
         lowest = closest_approach(motion, problem.margin.measure)
         off = abs(lowest.value - result.motions.minimum[at, branch])
-        agrees(
+        assert_agrees(
             "test_a_map_agrees_with_precise_motions",
             off / abs(problem.margin.measure(joints)),
         )

@@ -28,7 +28,7 @@ from tests.motions import (
     two,
 )
 from tests.robots import Robot, joint_values, robots
-from tests.validation.comparisons import agrees
+from tests.validation.comparisons import assert_agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -61,7 +61,7 @@ def test_out_and_back_returns_the_start(name, attitude, branch):
     there, back = there_and_back(bundled(name), attitude, branch)
     assert back.completed
     assert back.final.time == 0.0
-    agrees("test_out_and_back_returns_the_start", apart(back.final, there.initial))
+    assert_agrees("test_out_and_back_returns_the_start", apart(back.final, there.initial))
 
 
 class Reversed(Curve):
@@ -116,7 +116,7 @@ def test_without_momentum_the_end_does_not_depend_on_time(spatial, timing):
     """h = 0: the motion of the base is geometric, whatever the law, the stops, the duration."""
     usual = timed(spatial, [0, 0, 0], Timing(100.0))
     other = timed(spatial, [0, 0, 0], timing)
-    agrees("test_without_momentum_the_end_does_not_depend_on_time", apart(other, usual))
+    assert_agrees("test_without_momentum_the_end_does_not_depend_on_time", apart(other, usual))
 
 
 @pytest.mark.parametrize("timing", LAWS[:4])
@@ -205,7 +205,7 @@ def test_a_closed_joint_loop_turns_the_spacecraft_by_the_golden_angle(law):
     assert motion.completed
     assert_close(motion.final.joints, [0.9, 0.7], atol=1e-8)
     rotation = np.degrees(Rotation.from_quat(motion.final.attitude).as_rotvec()[2])
-    agrees(
+    assert_agrees(
         "test_a_closed_joint_loop_turns_the_spacecraft_by_the_golden_angle",
         abs(rotation + 2.35462974398),
     )
@@ -245,4 +245,4 @@ def test_heavy_base_recovers_the_fixed_base_arm(data: st.DataObject, robot: Robo
         relative(generalized_jacobian(model, q), fixed_base) for model in (light, heavy)
     )
     assert near < 0.02
-    agrees("test_heavy_base_recovers_the_fixed_base_arm", abs(100.0 * nearer / near - 1.0))
+    assert_agrees("test_heavy_base_recovers_the_fixed_base_arm", abs(100.0 * nearer / near - 1.0))

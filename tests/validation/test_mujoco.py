@@ -27,7 +27,7 @@ from tests.motions import (
     relative,
 )
 from tests.robots import Robot, joint_values, robots
-from tests.validation.comparisons import agrees
+from tests.validation.comparisons import assert_agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -57,7 +57,7 @@ def test_the_motion_needs_no_wrench_on_the_base(motions, engines, name):
     results = [engines[name].inverse(*differentiated(motions[name], t)) for t in TIMES]
     wrenches, torques = (np.array(column) for column in zip(*results, strict=True))
     assert np.abs(torques).max() > 1e-2
-    agrees(
+    assert_agrees(
         "test_the_motion_needs_no_wrench_on_the_base",
         np.abs(wrenches).max() / np.abs(torques).max(),
     )
@@ -115,7 +115,7 @@ def test_mujoco_sees_the_end_effector_on_the_path(motions, engines, name):
         position_error = engine.data.xpos[engine.tool] - expected.position
         rotation_error = engine.data.xmat[engine.tool].reshape(3, 3) - expected.rotation
         worst = max(np.abs(position_error).max(), np.abs(rotation_error).max())
-        agrees("test_mujoco_sees_the_end_effector_on_the_path", worst)
+        assert_agrees("test_mujoco_sees_the_end_effector_on_the_path", worst)
 
 
 @pytest.mark.slow
@@ -200,7 +200,7 @@ def test_mujoco_finds_the_same_joint_torques(all_motions, name):
         solved.append(effort.joint_torques)
     largest = np.abs(solved).max()
     worst = np.abs(np.array(seen) - solved).max() / largest
-    agrees("test_mujoco_finds_the_same_joint_torques", worst)
+    assert_agrees("test_mujoco_finds_the_same_joint_torques", worst)
     assert_close(wrenches, 0.0, atol=1e-9 * largest)
     assert_close(recorded, solved, atol=1e-3 * largest)
 
@@ -237,7 +237,7 @@ def test_mujoco_finds_the_same_generalized_jacobian(data: st.DataObject, robot: 
     q = data.draw(joint_values(model.dof))
     expected = mujoco_generalized_jacobian(robot, q, held)
     worst = relative(generalized_jacobian(model, q), expected)
-    agrees("test_mujoco_finds_the_same_generalized_jacobian", worst)
+    assert_agrees("test_mujoco_finds_the_same_generalized_jacobian", worst)
 
 
 @pytest.mark.slow
@@ -246,5 +246,5 @@ def test_servos_lead_to_the_same_attitude(all_motions, name):
     """Servos follow the recorded joints, nothing holds the base: it ends as freefloat says."""
     motion = all_motions[name]
     result = forward_run(motion, Engine(motion.problem.model))
-    agrees("test_servos_lead_to_the_same_attitude", result.attitude)
+    assert_agrees("test_servos_lead_to_the_same_attitude", result.attitude)
     assert result.joints < 1e-3

@@ -20,7 +20,7 @@ from tests.motions import (
     on_side,
     tracking,
 )
-from tests.validation.comparisons import agrees
+from tests.validation.comparisons import assert_agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -54,7 +54,7 @@ def test_example_2_becomes_singular_at_c_from_the_bad_attitude(spatial):
     for motion in singular:
         where = spatial.model.end_effector_pose(motion.final.attitude, motion.final.joints)
         error = np.linalg.norm(where.position - C)
-        agrees("test_example_2_becomes_singular_at_c_from_the_bad_attitude", error)
+        assert_agrees("test_example_2_becomes_singular_at_c_from_the_bad_attitude", error)
     for motion in ends:
         if motion not in singular:
             assert motion.completed
@@ -75,7 +75,7 @@ def test_the_printed_tangency_point_leads_back_to_the_printed_attitude(spatial):
     assert motion.completed
     assert motion.final.time == 0.0
     error = np.abs(motion.final.attitude - [0.46, 0.0935, 0.7352, -0.489]).max()
-    agrees("test_the_printed_tangency_point_leads_back_to_the_printed_attitude", error)
+    assert_agrees("test_the_printed_tangency_point_leads_back_to_the_printed_attitude", error)
     where = spatial.model.end_effector_pose(motion.final.attitude, motion.final.joints).position
     assert_close(where, [1.0, 0.0, 0.0], atol=1e-8)
 
@@ -135,7 +135,7 @@ def test_printed_tangency_points_lead_to_the_printed_headings(
     assert motion.completed
     result = np.degrees(heading_of(motion.final.attitude))
     error = abs((result - printed + 180.0) % 360.0 - 180.0)
-    agrees("test_printed_tangency_points_lead_to_the_printed_headings", error)
+    assert_agrees("test_printed_tangency_points_lead_to_the_printed_headings", error)
 
 
 def test_the_tangency_at_the_end_leads_to_the_printed_heading_at_f(planar):
@@ -162,7 +162,7 @@ def test_published_ranges_of_example_1(planar):
             entry.ranges for entry in heading_ranges(planar, limits_of(planar, span), span, at)
         )
         error = np.abs(np.degrees([interval.low, interval.high]) - expected).max()
-        agrees("test_published_ranges_of_example_1", error)
+        assert_agrees("test_published_ranges_of_example_1", error)
 
 
 @cache
@@ -174,4 +174,4 @@ def test_published_planar_barycentric_lengths(planar_3dof: FreeFloatingModel) ->
     """The paper's a, b, c, d."""
     lengths = VirtualManipulator.of(planar_3dof).lengths
     error = np.abs(np.array(lengths) - [0.424628, 1.783439, 0.966030, 0.399575]).max()
-    agrees("test_published_planar_barycentric_lengths", error)
+    assert_agrees("test_published_planar_barycentric_lengths", error)

@@ -22,7 +22,7 @@ from tests.motions import (
     seven,
     tracking,
 )
-from tests.validation.comparisons import agrees
+from tests.validation.comparisons import assert_agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -131,7 +131,7 @@ def test_a_plain_integration_agrees(case):
     assert motion.completed
     times = np.linspace(0.0, problem.path.duration, 12)
     worst = deviation(motion, plain(problem, attitude, joints, times), times)
-    agrees("test_a_plain_integration_agrees", worst)
+    assert_agrees("test_a_plain_integration_agrees", worst)
     position, angle = tracking(motion, np.linspace(0.0, problem.path.duration, 150))
     assert position < 1e-8
     assert angle < 1e-8 or not problem.task.prescribes_orientation
@@ -163,7 +163,7 @@ def test_the_centre_of_mass_stays_put(case):
         states = motion.sample([t - h, t, t + h])
         q = [np.concatenate([s.base_position, s.attitude, s.joints]) for s in states]
         centre = np.abs(pin.centerOfMass(model, data, q[1])).max()
-        agrees("test_the_centre_of_mass_stays_put", centre)
+        assert_agrees("test_the_centre_of_mass_stays_put", centre)
         v = pin.difference(model, q[0], q[2]) / (2 * h)
         momentum = pin.computeCentroidalMomentum(model, data, q[1], v)
         assert_close(momentum.linear, 0.0, atol=1e-4)

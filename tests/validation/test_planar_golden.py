@@ -21,7 +21,7 @@ from tests.motions import (
     relative,
 )
 from tests.robots import joint_values, planar_robot
-from tests.validation.comparisons import agrees
+from tests.validation.comparisons import assert_agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -69,7 +69,7 @@ def test_planar_golden_values(
         inertia_matrices(model, joints)[0][2, 2],
         np.linalg.det(generalized_jacobian(model, joints, task)),
     ]
-    agrees("test_planar_golden_values", np.abs(np.array(result) - [S, D, gjm]).max())
+    assert_agrees("test_planar_golden_values", np.abs(np.array(result) - [S, D, gjm]).max())
 
 
 def closed_form(
@@ -118,7 +118,7 @@ def test_planar_determinant_equals_the_closed_form(seed: int, q: np.ndarray) -> 
     D_model, Dq = inertia_matrices(model, q)
     rates = np.append(D_model[2, 2], Dq[2])
     error = abs(np.linalg.det(A) - S) / size
-    agrees("test_planar_determinant_equals_the_closed_form", error)
+    assert_agrees("test_planar_determinant_equals_the_closed_form", error)
     assert D_model[2, 2] * np.linalg.det(
         generalized_jacobian(model, q, planar_task(n))
     ) == pytest.approx(S, abs=1e-9 * size)

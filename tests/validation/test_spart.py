@@ -17,7 +17,7 @@ from tests.motions import (
     relative,
 )
 from tests.robots import Robot, random_robot
-from tests.validation.comparisons import agrees
+from tests.validation.comparisons import assert_agrees
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -74,7 +74,7 @@ def test_spart_finds_the_same_generalized_jacobian(
             S = spart_generalized_jacobian(tmp_path / f"{number}.urdf", robot, q, held)
             seen = np.vstack([bus @ S[:3], bus @ S[3:]])
             worst = relative(generalized_jacobian(model, q), seen)
-            agrees("test_spart_finds_the_same_generalized_jacobian", worst)
+            assert_agrees("test_spart_finds_the_same_generalized_jacobian", worst)
 
 
 def _bus_angles(robot: Robot) -> list[float]:

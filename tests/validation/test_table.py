@@ -33,4 +33,4 @@ def test_every_row_is_compared_by_its_test():
     for row in COMPARISONS:
         text = (Path(__file__).parent / f"{row.file}.py").read_text()
         body = text.split(f"def {row.test}(")[1].split("\ndef ")[0]
-        assert f'agrees("{row.test}", ' in re.sub(r"\(\s+", "(", body).replace("\n", " ")
+        assert f'assert_agrees("{row.test}", ' in re.sub(r"\(\s+", "(", body).replace("\n", " ")

@@ -17,7 +17,7 @@ from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.robot.description import Severity, UrdfDiagnostic
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, Pose, rotation_matrix, unit_quaternion
+from freefloat.so3 import Array, Pose, unit_quaternion
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +67,17 @@ def configuration_at(
     """
     q = model.joint_vector(joints)
     x = unit_quaternion("attitude", (0.0, 0.0, 0.0, 1.0) if attitude is None else attitude)
-    inertial = model.end_effector_pose(x, q)
-    spacecraft = Pose(model.base_position(x, q), rotation_matrix(x)).inverse() @ inertial
-    _, carrier = model.link_places[model.moving_joints[0].parent]
-    poses = {"spacecraft": spacecraft, "base": carrier.inverse() @ spacecraft, "inertial": inertial}
+    end_effector = model.end_effector_pose(x, q)
+    frames = frames_at(model, x, q)
+    poses = {name: frame.inverse() @ end_effector for name, frame in frames.items()}
     return Configuration(q, x, poses, {measure.name: measure(q) for measure in measures})
+
+
+def frames_at(model: FreeFloatingModel, attitude: Array, joints: Array) -> dict[str, Pose]:
+    """Poses of the spacecraft, the base (the link that carries the arm) and the inertial frame."""
+    root = model.body_poses(attitude, joints)[0]
+    _, carrier = model.link_places[model.moving_joints[0].parent]
+    return {"spacecraft": root, "base": root @ carrier, "inertial": Pose(np.zeros(3), np.eye(3))}
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:

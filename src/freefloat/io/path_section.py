@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.summary import frames_at
 from freefloat.errors import InputError
 from freefloat.io.schema import (
     AttitudeSection,
@@ -38,8 +39,6 @@ _CURVES = ("line", "polynomial", "arc", "waypoints", "samples")
 """Keys of curves."""
 SAMPLES = "samples.csv"
 """Name of the CSV file in a scenario that was made from a path of samples."""
-
-
 _INERTIAL = Pose(np.zeros(3), np.eye(3))
 
 
@@ -59,10 +58,7 @@ def frame_of(kind: PathFrame, model: FreeFloatingModel, search: Search) -> Pose 
     joints = model.joint_vector(search.joints, "search.joints")
     attitude = search.from_attitude
     attitude = np.array([0.0, 0.0, 0.0, 1.0]) if attitude is None else attitude
-    root = Pose(model.base_position(attitude, joints), rotation_matrix(attitude))
-    if kind is PathFrame.SPACECRAFT:
-        return root
-    return root @ model.link_places[model.moving_joints[0].parent][1]
+    return frames_at(model, attitude, joints)[kind]
 
 
 def path_of(

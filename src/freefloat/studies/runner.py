@@ -7,7 +7,6 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import CancelledError
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from multiprocessing import resource_tracker
@@ -141,12 +140,8 @@ def execute_all(
 def _result(run: Run, future: Any) -> RunResult:
     try:
         result: RunResult = future.result()
-    except (OSError, CancelledError):  # the connection is lost
-        raise
     except KilledWorker:
         return error_result(run, f"worker died, also in {_REPETITIONS} repetitions")
-    except Exception as error:  # whatever the run raised is its result
-        return error_result(run, error)
     return result
 
 

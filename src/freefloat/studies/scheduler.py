@@ -54,6 +54,6 @@ async def _await_answer(scheduler: str) -> None:
         comm = await asyncio.wait_for(connect(scheduler, _TIMEOUT, **arguments), _TIMEOUT)
     except TimeoutError:
         raise OSError(f"it does not answer within {_TIMEOUT:g} s") from None
-    except Exception as error:  # what another server answers may lead to any
+    except Exception as error:  # distributed raises errors of many kinds if another server answers
         raise OSError(str(error) or type(error).__name__) from None
     comm.abort()
