@@ -96,7 +96,8 @@ def nearest(
     seed: int,
 ) -> Iterator[Check]:
     """For each branch, and for the best of them."""
-    coarse, value = sample_attitudes(evaluator, COARSE, seed), evaluator.problem.margin.threshold
+    coarse = sample_attitudes(evaluator, COARSE, Search(seed=seed))
+    value = evaluator.problem.margin.threshold
     fine = replace(fine, problem=evaluator.problem)
     for name, target in zip(names, targets, strict=True):
         begin = time.perf_counter()

@@ -130,7 +130,7 @@ def maps() -> tuple[bytes, bytes]:
     attitudes = np.array([heading_quaternion(heading) for heading in headings])
     spatial = load_scenario("spatial_6dof/line").problem()
     attitude_map = AttitudeMap(
-        spatial, 0, attitudes, np.ones((4, 8)), np.ones((4, 8)), np.zeros((4, 8), dtype=np.int8)
+        spatial, attitudes, np.ones((4, 8)), np.ones((4, 8)), np.zeros((4, 8), dtype=np.int8)
     )
     return content(heading_map), content(attitude_map)
 

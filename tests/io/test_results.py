@@ -148,7 +148,7 @@ def test_a_map_in_space_comes_back(tmp_path):
     random, attitudes = np.random.default_rng(5), attitude_grid(8)
     margins, joints = random.random((8, 8)), random.random((8, 8, 6))
     computed = AttitudeMap(
-        ff.load_scenario("spatial_6dof/line").problem(), 5, attitudes, margins, margins / 2.0,
+        ff.load_scenario("spatial_6dof/line").problem(), attitudes, margins, margins / 2.0,
         np.zeros((8, 8), np.int8), {"joints": joints},
         regions=(Region(1, 0.5, 0.1, attitudes[0], 0.3),),
         best=Peak(attitudes[1], 2, 7.0),
@@ -157,6 +157,7 @@ def test_a_map_in_space_comes_back(tmp_path):
         nearest=NearAttitude(attitudes[4], 0, 0.1),
         boundary=(BoundaryPoint(attitudes[5], 3, None),),
         tangency=(BoundaryPoint(attitudes[6], 3, 0.01),),
+        search=ff.Search(seed=5),
         seconds=1.5,
     )  # fmt: skip
     ff.save(computed, tmp_path / "map.h5")

@@ -25,7 +25,7 @@ def made(
     margins = margins.astype(float)
     if endings is None:
         endings = np.full(margins.shape, COMPLETED, dtype=np.int8)
-    return AttitudeMap(problem, 0, attitudes, margins, np.ones(margins.shape), endings)
+    return AttitudeMap(problem, attitudes, margins, np.ones(margins.shape), endings)
 
 
 def balls(attitudes: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from freefloat.motion.problem import Problem
 from freefloat.planning import mapping
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.mapping import boundary_points, sample_attitudes, tangent_boundary
+from freefloat.planning.plan import Search
 from freefloat.planning.search import EXACT, ROUGH, bisect, edge
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import angle_between, attitude_grid, grid_spacing, rotated
@@ -84,7 +85,7 @@ def test_blocks_and_threads_change_nothing(
 
 def test_a_seed_rotates_the_grid(evaluator: FeasibilityEvaluator) -> None:
     """Equal seeds give equal maps to the bit."""
-    first, same, other = (sample_attitudes(evaluator, 32, seed) for seed in (5, 5, 6))
+    first, same, other = (sample_attitudes(evaluator, 32, Search(seed=seed)) for seed in (5, 5, 6))
     np.testing.assert_array_equal(first.attitudes, attitude_grid(32, 5))
     np.testing.assert_array_equal(first.minimum_margins, same.minimum_margins)
     assert (first.seed, other.seed) == (5, 6)

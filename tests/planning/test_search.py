@@ -66,7 +66,7 @@ class Landscape:
         for branch, margins in self.branches.items():
             minimum[:, branch] = np.maximum(margins(attitudes), 0.0)
         endings = np.full(minimum.shape, COMPLETED, dtype=np.int8)
-        return AttitudeMap(self.problem, 0, attitudes, minimum, np.ones(minimum.shape), endings)
+        return AttitudeMap(self.problem, attitudes, minimum, np.ones(minimum.shape), endings)
 
 
 def ball(center: np.ndarray, radius: float) -> Margins:

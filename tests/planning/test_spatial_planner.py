@@ -178,7 +178,7 @@ def test_sets_narrower_than_the_grid_are_found(objective: Objective) -> None:
     """A margin that no sample keeps is kept between samples; reasons have angles in degrees."""
     value, samples, seed = 53.55, 16, 3
     problem = with_margin(value)
-    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
+    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, Search(seed=seed))
     assert coarse.feasible_fraction == 0.0
     plan = planned(problem, Search(objective, frozen(BAD), samples, seed, spare=0.0))
     assert plan.feasible
@@ -194,7 +194,7 @@ def test_a_margin_that_a_sample_barely_keeps_is_kept() -> None:
     """By less than the accuracy of compiled motions; the precise motion decides."""
     value, samples, seed = 53.6, 16, 1
     problem = with_margin(value)
-    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, seed)
+    coarse = sample_attitudes(FeasibilityEvaluator(problem, 1), samples, Search(seed=seed))
     assert value < coarse.margins.max() < value * 1.001
     plan = planned(problem, Search(Objective.NEAREST, frozen(BAD), samples, seed, spare=0.0))
     assert plan.feasible, plan.reason

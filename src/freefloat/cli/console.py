@@ -205,7 +205,7 @@ def limit_tables(results: Iterable[LimitResult]) -> Iterator[RenderableType]:
 
 
 def contact_lines(result: Plan | Simulation) -> Iterator[RenderableType]:
-    """The warning of contact between bodies, unless a limit on the clearance tells it."""
+    """The warning of contact between bodies, unless a limit on the clearance shows it."""
     limited = result.limits is not None and result.limits.clearance is not None
     if result.contact is not None and not limited:
         yield Text(f"Warning: {result.contact}.", "yellow")

@@ -107,7 +107,7 @@ def read_samples(file: Any, problem: Problem, search: Search) -> AttitudeMap:
     names = [name for name in _SAMPLES if name in file and name not in main]
     details = dict(zip(names, read_numbers(file, *names), strict=True))
     return AttitudeMap(
-        problem, int(file.attrs["seed"]), frozen(attitudes), frozen(margins), frozen(ratios),
+        problem, frozen(attitudes), frozen(margins), frozen(ratios),
         endings.astype(np.int8), details, search=search,
     )  # fmt: skip
 

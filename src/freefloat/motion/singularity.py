@@ -88,8 +88,8 @@ def singular_event(motion: Motion) -> SingularEvent | None:
 def singularity_kind(model: FreeFloatingModel, task: Task, joints: Array) -> SingularityKind:
     """The kind of a configuration at which S* (7) loses rank.
 
-    It is the Jacobian of the virtual manipulator, the arm while the spacecraft keeps its attitude,
-    that tells: where it keeps its rank the singularity is dynamic. Where it nearly loses rank, too,
+    The Jacobian of the virtual manipulator, the arm while the spacecraft keeps its attitude,
+    decides: where it keeps its rank the singularity is dynamic. Where it nearly loses rank, too,
     the motions in its null space decide, to second order. If all of them move the end-effector to
     the same side, the arm is stretched or folded, and there is no configuration beyond. Otherwise,
     as where axes of a wrist align, there is.

@@ -99,7 +99,6 @@ class AttitudeMap:
 
     Attributes:
         problem: The problem.
-        seed: Of the grid of attitudes.
         attitudes: Evenly spread quaternions x, y, z, w, shape (N, 4).
         minimum_margins: Smallest magnitude of the measure, zero where the motion becomes singular
             or there is no such arm branch, shape (N, B).
@@ -121,7 +120,6 @@ class AttitudeMap:
     """
 
     problem: Problem = field(repr=False)
-    seed: int
     attitudes: Array = field(repr=False)
     minimum_margins: Array = field(repr=False)
     determinant_ratios: Array = field(repr=False)
@@ -141,6 +139,11 @@ class AttitudeMap:
     def samples(self) -> int:
         """Number of attitudes."""
         return len(self.attitudes)
+
+    @property
+    def seed(self) -> int:
+        """Of the grid of attitudes."""
+        return self.search.seed
 
     @property
     def spacing(self) -> float:

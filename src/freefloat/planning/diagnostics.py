@@ -121,11 +121,11 @@ def _ending_fractions(endings: npt.NDArray[np.int8]) -> str:
     }
     ranks = np.array([list(words).index(code) for code in endings.ravel().tolist()])
     best = ranks.reshape(endings.shape).max(axis=1)
-    shares = np.bincount(best, minlength=len(words)) / len(best)
+    fractions = np.bincount(best, minlength=len(words)) / len(best)
     return ", ".join(
-        f"{100.0 * share:.3g} % {text}"
-        for share, text in zip(shares.tolist(), words.values(), strict=True)
-        if share > 0.0
+        f"{100.0 * fraction:.3g} % {text}"
+        for fraction, text in zip(fractions.tolist(), words.values(), strict=True)
+        if fraction > 0.0
     )
 
 

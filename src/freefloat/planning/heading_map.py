@@ -130,8 +130,7 @@ class HeadingMap:
     @property
     def regions(self) -> tuple[HeadingRegion, ...]:
         """Runs of feasible headings, where all were searched round the circle, by arm branch."""
-        domain = self.search.domain
-        step, whole = 2.0 * float(np.degrees(domain.radius)) / len(self.headings), domain.whole
+        step, whole = float(np.degrees(self.step)), self.search.domain.whole
         regions = []
         for branch, row in zip(self.branches, self.feasible, strict=True):
             if row.all() and whole:
@@ -140,8 +139,9 @@ class HeadingMap:
             first = int(np.argmin(row)) if whole else 0
             edges = np.flatnonzero(np.diff([0, *np.roll(row, -first).astype(int), 0])).tolist()
             for start, stop in zip(edges[::2], edges[1::2], strict=True):
-                centre = (np.degrees(self.headings[first]) + step * (start + stop - 1) / 2.0) % 360
-                regions.append(HeadingRegion(branch, (stop - start) * step, float(centre)))
+                middle = (first + (start + stop - 1) / 2.0) % len(row)
+                centre = float(np.degrees(self.headings[0]) + step * middle) % 360.0
+                regions.append(HeadingRegion(branch, (stop - start) * step, centre))
         return tuple(regions)
 
     def to_dict(self) -> dict[str, Any]:

@@ -134,9 +134,8 @@ def _searched_map(
 ) -> AttitudeMap:
     """Samples of SO(3) and what is between them."""
     sampled = sample_attitudes(
-        evaluator, samples, search.seed,
-        progress and (lambda fraction: progress(_SAMPLING * fraction)), search,
-    )  # fmt: skip
+        evaluator, samples, search, progress and (lambda done: progress(_SAMPLING * done))
+    )
     points = tangent_boundary(evaluator, tangency, search) if tangency else ()
     margin = evaluator.problem.margin
     peaks = (
@@ -161,22 +160,20 @@ def _searched_map(
 def sample_attitudes(
     evaluator: FeasibilityEvaluator,
     samples: int,
-    seed: int = 0,
-    progress: Progress | None = None,
     search: Search | None = None,
+    progress: Progress | None = None,
 ) -> AttitudeMap:
     """Integrate the motions of every arm branch from 8 or more attitudes spread over all of SO(3).
 
-    Those of a search lie in its domain.
+    Those of a search lie in its domain, and its seed rotates them.
 
     Raises:
-        InputError: If the samples or the seed are no such numbers.
+        InputError: If the samples are no such number.
     """
     samples = whole_number("samples", samples, FEWEST_SAMPLES)
     evaluator.require_memory(samples)
-    seed = whole_number("seed", seed, 0)
-    search = search or Search(seed=seed)
-    attitudes = search.domain.attitudes(samples, seed)
+    search = search or Search()
+    attitudes = search.domain.attitudes(samples, search.seed)
     blocks = []
     for first in range(0, samples, _BLOCK):
         block = attitudes[first : first + _BLOCK]
@@ -190,7 +187,7 @@ def sample_attitudes(
     for values in tables.values():
         values.setflags(write=False)
     return AttitudeMap(
-        evaluator.problem, seed, frozen(attitudes), tables.pop("minimum_margins"),
+        evaluator.problem, frozen(attitudes), tables.pop("minimum_margins"),
         tables.pop("determinant_ratios"), tables.pop("endings"), tables,
         search=search,
     )  # fmt: skip

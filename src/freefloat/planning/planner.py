@@ -130,8 +130,8 @@ def plan_in_space(
     """
     problem = evaluator.problem
     samples = sample_attitudes(
-        evaluator, search.samples or PLAN_ATTITUDES, search.seed,
-        progress and (lambda fraction: progress(_SAMPLING * fraction)), search,
+        evaluator, search.samples or PLAN_ATTITUDES, search,
+        progress and (lambda done: progress(_SAMPLING * done)),
     )  # fmt: skip
     disagreements: list[str] = []
     for candidate in _candidates(evaluator, samples, search)[:_CANDIDATES]:
