@@ -95,7 +95,7 @@ def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int
     grid = np.linspace(0.0, duration, 2 * steps + 1)
     velocities = [velocity_at(float(t)) for t in grid]
     verdicts = {}
-    branches = problem.many_branches(np.array([heading_quaternion(x) for x in headings.tolist()]))
+    branches = problem.many_branches(heading_quaternion(headings))
     for index in (0, 1):
         reaching = np.flatnonzero(branches.exist[:, index])
         rows = [arm.angles(headings[k], branches.joints[k, index]) for k in reaching]

@@ -56,7 +56,7 @@ def kernels() -> None:
     kinds = ("planar_3dof/parabola", "spatial_6dof/line", "ur5_servicer/arc", "panda_servicer/line")
     for name in kinds:
         problem = load_scenario(name).problem()
-        planar = np.array([heading_quaternion(heading) for heading in range(6)])
+        planar = heading_quaternion(np.arange(6))
         attitudes = planar if problem.task.planar else attitude_grid(8)
         FeasibilityEvaluator(problem).evaluate(attitudes)
 

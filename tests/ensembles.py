@@ -29,7 +29,7 @@ def states(problem: Problem, attitudes: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def headings(*degrees: float) -> np.ndarray:
-    return np.array([heading_quaternion(np.deg2rad(value)) for value in degrees])
+    return heading_quaternion(np.deg2rad(degrees))
 
 
 def random_attitudes(count: int, seed: int) -> np.ndarray:

@@ -127,7 +127,7 @@ def maps() -> tuple[bytes, bytes]:
     problem = load_scenario("planar_3dof/parabola").problem()
     headings = np.linspace(0.0, 3.0, 4)
     heading_map = HeadingMap(problem, headings, (0, 1), np.ones((2, 4)), 100.0 * np.ones((2, 4)))
-    attitudes = np.array([heading_quaternion(heading) for heading in headings])
+    attitudes = heading_quaternion(headings)
     spatial = load_scenario("spatial_6dof/line").problem()
     attitude_map = AttitudeMap(
         spatial, attitudes, np.ones((4, 8)), np.ones((4, 8)), np.zeros((4, 8), dtype=np.int8)

@@ -141,9 +141,16 @@ def rotation_matrix(quaternion: npt.ArrayLike) -> Array:
     return np.asarray(Rotation.from_quat(quaternion).as_matrix())
 
 
-def heading_quaternion(heading: float) -> Array:
-    """The attitude ``x, y, z, w`` of a planar spacecraft with a heading [rad]."""
-    return np.array([0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)])
+def wrapped(angles: npt.ArrayLike) -> Array:
+    """Angles [rad] in [-pi, pi)."""
+    return np.asarray(np.add(angles, np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def heading_quaternion(heading: npt.ArrayLike) -> Array:
+    """Attitudes ``x, y, z, w``, (..., 4), of a planar spacecraft with headings [rad] (...)."""
+    half = np.asarray(heading) / 2.0
+    zero = np.zeros_like(half)
+    return np.stack([zero, zero, np.sin(half), np.cos(half)], axis=-1)
 
 
 def heading_of(attitude: npt.ArrayLike) -> float:

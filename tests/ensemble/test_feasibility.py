@@ -34,7 +34,7 @@ ROUNDING = 1e-4
 def attitudes_for(name: str, count: int) -> np.ndarray:
     """All around for planar arms; at random, the bad attitude of Example 2 first, for others."""
     if bundled(name).task.planar:
-        return np.array([heading_quaternion(x) for x in np.linspace(0.05, 6.2, count)])
+        return heading_quaternion(np.linspace(0.05, 6.2, count))
     bad = bundled(name).attitude(BAD)
     rest = Rotation.random(count - 1, rng=np.random.default_rng(41)).as_quat()
     return np.vstack([bad, rest])

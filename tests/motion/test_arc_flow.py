@@ -33,7 +33,7 @@ def test_the_tangent_solves_the_drift_equation(name: str, rng: np.random.Generat
     flow = arc_flow(problem)
     grid = attitude_grid(20, seed=3)
     if problem.task.planar:
-        grid = np.array([heading_quaternion(heading) for heading in rng.uniform(0.0, 6.0, 20)])
+        grid = heading_quaternion(rng.uniform(0.0, 6.0, 20))
     for attitude in grid:
         t = float(rng.uniform(0.05, 0.95) * problem.path.duration)
         leg = problem.path.leg(t, t)

@@ -131,7 +131,7 @@ def test_the_closest_branch_is_that_of_brute_force(name: str) -> None:
     present = replace(problem, start_joints=joints)
     attitudes = attitude_grid(24)
     if problem.task.planar:
-        attitudes = np.array([heading_quaternion(h) for h in np.linspace(0.0, 6.0, 24)])
+        attitudes = heading_quaternion(np.linspace(0.0, 6.0, 24))
     lower, upper = problem.model.joint_ranges
     for attitude, chosen in zip(attitudes, present.many_branches(attitudes), strict=True):
         best = {}

@@ -1,6 +1,7 @@
 """Exact ranges of heading: compared with precise motions, and their properties."""
 
 from dataclasses import replace
+from math import tau
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ import freefloat as ff
 from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.dynamics.momentum import Task
 from freefloat.planning.planar_ranges import (
-    TURN,
     BranchRanges,
     HeadingRange,
     RangeLimitCause,
@@ -52,7 +52,7 @@ def test_headings_inside_keep_the_margin_and_outside_do_not(planar, ranges, frac
     entry, part = [(entry, part) for entry in ranges for part in entry.ranges][which]
     assert is_feasible(planar, part.low + fraction * part.width, entry.branch)
     bounds = [edge for other in entry.ranges for edge in (other.low, other.high)]
-    gap = min((low - part.high) % TURN for low in bounds if abs((low - part.high) % TURN) > 1e-9)
+    gap = min((low - part.high) % tau for low in bounds if abs((low - part.high) % tau) > 1e-9)
     assert not is_feasible(planar, part.high + fraction * gap, entry.branch)
 
 
@@ -77,7 +77,7 @@ def test_every_heading_is_feasible_in_the_path_independent_area(planar):
     entries = heading_ranges(problem, find_range_limits(problem, span), span, 0.0)
     assert [(entry.branch, entry.label) for entry in entries] == [(0, "elbow+"), (1, "elbow-")]
     for entry in entries:
-        assert [part.width for part in entry.ranges] == [TURN]
+        assert [part.width for part in entry.ranges] == [tau]
         assert entry.limits == ()
 
 
@@ -97,7 +97,7 @@ def test_a_limit_belongs_to_the_branch_of_its_joints(planar):
     branches = planar.branches(heading_quaternion(3.5))
     assert [branch.index for branch in branches] == [0, 1]
     for branch in branches:
-        for off in ([0.0, 0.0, 0.0], [TURN, 0.0, -TURN], [1e-6] * 3):
+        for off in ([0.0, 0.0, 0.0], [tau, 0.0, -tau], [1e-6] * 3):
             joints = branch.joints + np.array(off)
             assert _branch_of(planar, 3.5, joints, 0.0) == branch.index
         for off in ([1e-3] * 3, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]):
@@ -145,11 +145,11 @@ def test_documents_of_limits_have_their_headings_at_both_ends_and_their_place(pl
 
 
 def test_ranges_across_zero_are_split_in_degrees():
-    parts = (HeadingRange(0.1, 0.3, (MARGIN,) * 2), HeadingRange(6.0, TURN + 0.05, (MARGIN,) * 2))
+    parts = (HeadingRange(0.1, 0.3, (MARGIN,) * 2), HeadingRange(6.0, tau + 0.05, (MARGIN,) * 2))
     entry = BranchRanges(0, "elbow+", parts, ())
-    expected = [[0.0, 0.05], [0.1, 0.3], [6.0, TURN]]
+    expected = [[0.0, 0.05], [0.1, 0.3], [6.0, tau]]
     np.testing.assert_allclose(np.radians(entry.degrees), expected, rtol=0.0, atol=1e-12)
-    circle = BranchRanges(0, "elbow+", (HeadingRange(0.0, TURN, ()),), ())
+    circle = BranchRanges(0, "elbow+", (HeadingRange(0.0, tau, ()),), ())
     assert circle.degrees == [[0.0, 360.0]]
 
 
@@ -157,7 +157,7 @@ def test_ranges_across_zero_are_split_in_degrees():
     ("feasible", "ranges"),
     [
         ([True, True, True, False], [(1.0, 5.0, (REACH, REACH))]),
-        ([True, False, False, True], [(5.0, 2.0 + TURN, (REACH, MARGIN))]),
+        ([True, False, False, True], [(5.0, 2.0 + tau, (REACH, MARGIN))]),
         ([False, True, True, False], [(2.0, 5.0, (MARGIN, REACH))]),
         (
             [True, False, True, False],
@@ -170,10 +170,10 @@ def test_neighbouring_feasible_arcs_are_one_range(feasible, ranges):
     """Also across zero; ranges are in order, and limits, which are in [0, 2 pi)."""
     arcs = [HeadingRange(1.0, 2.0, (REACH, MARGIN)), HeadingRange(2.0, 3.0, (MARGIN, MARGIN)),
             HeadingRange(3.0, 5.0, (MARGIN, REACH)),
-            HeadingRange(5.0, 1.0 + TURN, (REACH, REACH))]  # fmt: skip
+            HeadingRange(5.0, 1.0 + tau, (REACH, REACH))]  # fmt: skip
     entry = branch_ranges(0, "elbow+", arcs, feasible)
     assert [(part.low, part.high, part.causes) for part in entry.ranges] == ranges
-    edges = [edge % TURN for low, high, _ in ranges for edge in (low, high)]
+    edges = [edge % tau for low, high, _ in ranges for edge in (low, high)]
     assert entry.limits == pytest.approx(sorted(edges))
 
 
@@ -181,15 +181,15 @@ def test_equal_limits_leave_no_arc_between_them():
     """Limits a hundred-millionth of a radian apart are different."""
     arcs = [*arcs_between([(1.0, MARGIN), (1.0 + 1e-12, REACH), (3.0, MARGIN)])]
     ends = [(arc.low, arc.high) for arc in arcs]
-    np.testing.assert_allclose(ends, [(1.0, 3.0), (3.0, 1.0 + TURN)], rtol=1e-9)
+    np.testing.assert_allclose(ends, [(1.0, 3.0), (3.0, 1.0 + tau)], rtol=1e-9)
     assert len([*arcs_between([(1.0, MARGIN), (1.0 + 1e-8, REACH), (3.0, MARGIN)])]) == 3
 
 
 @pytest.mark.parametrize(
     ("ends", "expected"),
     [
-        ([], HeadingRange(0.0, TURN, ())),
-        ([(2.0, REACH)], HeadingRange(2.0, 2.0 + TURN, (REACH, REACH))),
+        ([], HeadingRange(0.0, tau, ())),
+        ([(2.0, REACH)], HeadingRange(2.0, 2.0 + tau, (REACH, REACH))),
     ],
 )
 def test_the_arc_of_at_most_one_limit_is_the_full_circle(ends, expected):
@@ -200,6 +200,6 @@ def test_depth_is_the_distance_to_the_nearer_end():
     """Positive inside, negative outside, pi in a full circle."""
     part = HeadingRange(6.0, 7.0, (MARGIN, MARGIN))
     for heading, depth in ((6.4, 0.4), (7.0, 0.0), (6.9, 0.1), (7.3, -0.3), (5.8, -0.2)):
-        assert part.depth(heading % TURN) == pytest.approx(depth, abs=1e-12)
-    assert part.middle == pytest.approx(6.5 % TURN)
-    assert HeadingRange(0.0, TURN, ()).depth(1.0) == np.pi
+        assert part.depth(heading % tau) == pytest.approx(depth, abs=1e-12)
+    assert part.middle == pytest.approx(6.5 % tau)
+    assert HeadingRange(0.0, tau, ()).depth(1.0) == np.pi

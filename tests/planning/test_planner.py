@@ -12,7 +12,7 @@ from freefloat.errors import InputError
 from freefloat.motion.margin import is_kept
 from freefloat.planning import planar_planner
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.heading_map import attitudes_at, evaluator_for, sample_headings
+from freefloat.planning.heading_map import evaluator_for, sample_headings
 from freefloat.planning.plan import Objective
 from freefloat.planning.planar_planner import _headings, searched_ranges
 from freefloat.planning.planar_ranges import reach_limits
@@ -52,7 +52,7 @@ def test_the_largest_margin_exceeds_those_of_a_sweep(problem):
     plan = ff.plan(problem)
     assert plan.feasible
     assert problem.margin.is_kept(plan.chosen.closest_approach.value)
-    sweep = attitudes_at(np.radians(np.arange(0.0, 360.0, 10.0)))
+    sweep = heading_quaternion(np.radians(np.arange(0.0, 360.0, 10.0)))
     swept = evaluator_for(problem).margins(sweep, None).max()
     assert plan.chosen.closest_approach.value >= swept - 1e-4
     assert plan.chosen.motion.residuals().momentum < 1e-6
@@ -65,7 +65,9 @@ def test_the_robust_attitude_is_the_middle_of_the_widest_range(problem, robust):
     assert robust.robust_radius == pytest.approx(widest / 2)
     heading = heading_of(robust.chosen.motion.initial.attitude)
     headings = heading + np.array([-0.9, 0.9]) * robust.robust_radius
-    margins = evaluator_for(problem).margins(attitudes_at(headings), robust.chosen.branch.index)
+    margins = evaluator_for(problem).margins(
+        heading_quaternion(headings), robust.chosen.branch.index
+    )
     assert (margins > problem.margin.threshold).all()
 
 

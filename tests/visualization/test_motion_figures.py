@@ -94,7 +94,7 @@ def test_euler_angles_rebuild_the_attitude_and_do_not_jump() -> None:
 def test_headings_begin_in_the_first_revolution_and_do_not_jump() -> None:
     for start in (200.0, 359.9):
         wanted = start + np.linspace(0.0, 400.0, 60)
-        attitudes = np.array([heading_quaternion(angle) for angle in np.radians(wanted)])
+        attitudes = heading_quaternion(np.radians(wanted))
         assert np.allclose(headings(attitudes), wanted, atol=1e-10)
 
 

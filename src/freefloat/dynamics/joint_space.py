@@ -70,11 +70,10 @@ def joint_box(model: FreeFloatingModel) -> tuple[Array, Array]:
         InputError: If a prismatic joint has no finite range.
     """
     lower, upper = model.joint_ranges
-    prismatic = np.array([body.prismatic for body in model.bodies[1:]])
-    for joint in np.flatnonzero(prismatic & ~np.isfinite(upper - lower)):
+    for joint in np.flatnonzero(model.prismatic & ~np.isfinite(upper - lower)):
         problem = "it is prismatic and has no limits"
         raise InputError(f"joint {model.joint_names[joint]}", problem, "a finite range")
-    return np.where(prismatic, lower, -np.pi), np.where(prismatic, upper, np.pi)
+    return np.where(model.prismatic, lower, -np.pi), np.where(model.prismatic, upper, np.pi)
 
 
 def optimizer_bounds(model: FreeFloatingModel) -> list[tuple[float | None, float | None]]:

@@ -78,8 +78,7 @@ def singularity_measure(
     task = Task.of(task)
     m, n = len(task.rows), model.dof
     require_enough_joints(model, task)
-    prismatic = sum(body.prismatic for body in model.bodies[1:])
-    lengths = sum(row < 3 for row in task.rows) - prismatic
+    lengths = sum(row < 3 for row in task.rows) - int(model.prismatic.sum())
     virtual = VirtualManipulator.of(model)
     volume = "det S* (6)" if m == n else "sqrt(det(S* S*^T)) of S* (7)"
     if name == "gjm":
@@ -121,7 +120,7 @@ def _system(model: FreeFloatingModel, task: Task, joints: Array) -> float:
 def _sigma(model: FreeFloatingModel, task: Task, reach: float, joints: Array) -> float:
     S = generalized_jacobian(model, joints, task)
     S[[i for i, row in enumerate(task.rows) if row < 3]] /= reach
-    S[:, [body.prismatic for body in model.bodies[1:]]] *= reach
+    S[:, model.prismatic] *= reach
     return float(np.linalg.svd(S, compute_uv=False)[-1])
 
 

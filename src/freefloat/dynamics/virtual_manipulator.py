@@ -64,13 +64,11 @@ class VirtualManipulator:
             stroke * max(abs(body.lower), abs(body.upper))
             for body, stroke in zip(arm, strokes, strict=True) if body.prismatic
         )  # fmt: skip
-        prismatic = np.array([body.prismatic for body in arm])
-        prismatic.setflags(write=False)
         return cls(
             links=frozen(links),
             rotations=frozen([body.placement.rotation for body in arm]),
             axes=frozen([body.axis for body in arm]),
-            prismatic=prismatic,
+            prismatic=model.prismatic,
             strokes=frozen(strokes),
             tool=frozen(model.tool.rotation),
             reach=float(np.linalg.norm(links, axis=1).sum() + extension),

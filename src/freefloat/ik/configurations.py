@@ -94,7 +94,6 @@ def _well_spread(
 
     The first one is the lexicographically first, to six decimals.
     """
-    revolute = np.array([not body.prismatic for body in model.bodies[1:]])
     chosen = np.full((len(joints), most, model.dof), np.nan)
     (active,) = np.nonzero(usable.any(axis=1))
     q = np.where(usable[active, :, None], joints[active], np.inf)
@@ -107,8 +106,7 @@ def _well_spread(
         centre = q[rows, farthest]
         chosen[active[new], column] = centre[new]
         with np.errstate(invalid="ignore"):  # of infinities
-            gap = np.abs(q - centre[:, None])
-            gap[..., revolute] = np.abs((gap[..., revolute] + np.pi) % (2.0 * np.pi) - np.pi)
-        distance = np.minimum(distance, np.nan_to_num(gap, nan=np.inf).max(axis=2))
+            gap = model.joint_distance(q, centre[:, None])
+        distance = np.fmin(distance, gap)
         farthest = np.argmax(distance, axis=1)
     return chosen

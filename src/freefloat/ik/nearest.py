@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import tau
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,8 +18,6 @@ from freefloat.ik.branches import (
 )
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen
-
-_TURN = 2.0 * np.pi
 
 
 def newton_configuration(
@@ -91,10 +91,9 @@ def _distances(model: FreeFloatingModel, q: Array, joints: Array) -> tuple[Array
     The distance of one that does not exist is infinite.
     """
     lower, upper = model.joint_ranges
-    revolute = np.array([not body.prismatic for body in model.bodies[1:]])
     with np.errstate(invalid="ignore"):
-        first, last = np.ceil((lower - q) / _TURN), np.floor((upper - q) / _TURN)
-    turns = np.clip(np.round((joints - q) / _TURN), first, last)
-    shifted = q + np.where(revolute & (first <= last), _TURN * turns, 0.0)
+        first, last = np.ceil((lower - q) / tau), np.floor((upper - q) / tau)
+    shifts = tau * np.clip(np.round((joints - q) / tau), first, last)
+    shifted = q + np.where(model.prismatic | (first > last), 0.0, shifts)
     distance = np.abs(shifted - joints).max(axis=-1)
     return shifted, np.where(np.isnan(distance), np.inf, distance)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
+from math import tau
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,6 @@ from freefloat.motion.panels import DEGREE
 from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan, Segment
 from freefloat.planning.planar_ranges import (
-    TURN,
     BranchRanges,
     HeadingRange,
     RangeLimit,
@@ -190,8 +190,8 @@ def _segment(document: Document, group: Any, problem: Problem) -> Segment:
 def _spans(degrees: list[list[float]]) -> list[tuple[float, float]]:
     """First and last headings [rad] of the ranges of a document, those across zero joined again."""
     parts = [(float(low), float(high)) for low, high in np.radians(degrees).reshape(-1, 2)]
-    if len(parts) > 1 and parts[0][0] == 0.0 and parts[-1][1] == TURN:
-        parts = [*parts[1:-1], (parts[-1][0], TURN + parts[0][1])]
+    if len(parts) > 1 and parts[0][0] == 0.0 and parts[-1][1] == tau:
+        parts = [*parts[1:-1], (parts[-1][0], tau + parts[0][1])]
     return parts
 
 
@@ -201,7 +201,7 @@ def _with_causes(
     """Ranges between headings [rad]; each but full circles takes the next two causes."""
     ranges = []
     for low, high in spans:
-        full = high - low >= TURN - 1e-9
+        full = high - low >= tau - 1e-9
         ends = () if full else tuple(islice(causes, 2)) or _CAUSES_BEFORE_0_2
         ranges.append(HeadingRange(low, high, ends))
     return tuple(ranges)

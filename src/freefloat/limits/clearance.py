@@ -156,15 +156,14 @@ class CollisionPairs:
         bodies = np.array([shape.body for shape in self._shapes])
         joints = np.arange(1, self._model.dof + 1)
         between = (joints > bodies[first][:, None]) & (joints <= bodies[second][:, None])
-        prismatic = np.array([body.prismatic for body in self._model.bodies[1:]])
         revolute = np.minimum(reach[first], reach[second])
-        return np.where(between, np.where(prismatic, 1.0, revolute), 0.0)
+        return np.where(between, np.where(self._model.prismatic, 1.0, revolute), 0.0)
 
     def _reach(self, shape: CollisionShape, strokes: Array) -> Array:
         """Bounds of the distances of a shape's points from every joint axis [m], shape (n,)."""
         arm = self._model.bodies[1:]
         steps = np.array([np.linalg.norm(body.placement.position) for body in arm])
-        lengths = steps + np.where([body.prismatic for body in arm], strokes, 0.0)
+        lengths = steps + np.where(self._model.prismatic, strokes, 0.0)
         radius = np.linalg.norm(shape.points, axis=1).max()
         reach = np.empty(len(arm))
         for k, body in enumerate(arm, start=1):

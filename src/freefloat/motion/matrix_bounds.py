@@ -91,8 +91,7 @@ class ScaledSystem:
         model, task = motion.problem.model, motion.problem.task
         reach = VirtualManipulator.of(model).reach
         m = model.total_mass
-        prismatic = np.array([body.prismatic for body in model.bodies[1:]])
-        L = max(_chain_length(motion, prismatic), reach) / reach
+        L = max(_chain_length(motion), reach) / reach
         unit = m * reach**2
         inertias = [body.inertia / unit for body in model.bodies]
         isotropic = [np.trace(inertia) / 3.0 * np.eye(3) for inertia in inertias]
@@ -106,7 +105,7 @@ class ScaledSystem:
         self.base = 1 if task.planar else 3
         lengths = [1.0 / reach if row < 3 else 1.0 for row in task.rows]
         self.rows = np.array([1.0 / unit] * self.base + lengths)
-        self.columns = np.append(np.ones(self.base), np.where(prismatic, reach, 1.0))
+        self.columns = np.append(np.ones(self.base), np.where(model.prismatic, reach, 1.0))
 
     def matrix(self, joints: Array) -> Array:
         """A without units, shape (base + m, base + n)."""
@@ -137,12 +136,12 @@ class ScaledSystem:
         )
 
 
-def _chain_length(motion: Motion, prismatic: Array) -> float:
+def _chain_length(motion: Motion) -> float:
     """Largest distance along the chain between points that the matrix depends on [m]."""
     model = motion.problem.model
     extents = joint_extents(motion)
     centres = max(float(np.linalg.norm(body.centre)) for body in model.bodies)
     last = max(float(np.linalg.norm(model.tool.position)), centres)
     links = sum(float(np.linalg.norm(body.placement.position)) for body in model.bodies[1:])
-    strokes = np.maximum(np.abs(extents.low), np.abs(extents.high))[prismatic.astype(bool)].sum()
+    strokes = np.maximum(np.abs(extents.low), np.abs(extents.high))[model.prismatic].sum()
     return float(centres + links + last + strokes)

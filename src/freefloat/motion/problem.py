@@ -235,6 +235,11 @@ class Problem:
             return many_arm_branches(*target, threads)
         return closest_branches(*target, self.start_joints, threads)
 
+    def first_near(self, joints: Array, branches: Sequence[ArmBranch]) -> ArmBranch | None:
+        """The first of some branches within 0.05 rad of each joint value (n,), None without one."""
+        distance = self.model.joint_distance
+        return next((b for b in branches if distance(b.joints, joints) <= _NEAR), None)
+
     def branch_near(
         self, attitude: npt.ArrayLike, joints: npt.ArrayLike, branches: Sequence[ArmBranch]
     ) -> ArmBranch:
@@ -255,9 +260,9 @@ class Problem:
             target = self.path.pose(0.0).seen_from(rotation_matrix(attitude))
             configuration = newton_configuration(self.model, target, self.task, values)
             candidates += [] if configuration is None else [configuration]
-        for branch in candidates:
-            if self.model.joint_distance(branch.joints, values) <= _NEAR:
-                return branch
+        near = self.first_near(values, candidates)
+        if near is not None:
+            return near
         raise InputError(
             "joints",
             f"{values.tolist()} is near no arm branch at this attitude",

@@ -97,7 +97,7 @@ def singularity_kind(model: FreeFloatingModel, task: Task, joints: Array) -> Sin
     m, k = len(task.rows), 1 if task.planar else 3
     reach = VirtualManipulator.of(model).reach
     rows = np.array([1.0 / reach if row < 3 else 1.0 for row in task.rows])
-    columns = np.array([reach if body.prismatic else 1.0 for body in model.bodies[1:]])
+    columns = np.where(model.prismatic, reach, 1.0)
     left, values, right = np.linalg.svd(
         rows[:, None] * system_matrix(model, joints, task)[k:, k:] * columns
     )

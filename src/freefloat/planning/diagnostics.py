@@ -21,11 +21,10 @@ from freefloat.motion.reach import (
 )
 from freefloat.motion.singularity import singular_event
 from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude
-from freefloat.planning.heading_map import attitudes_at
 from freefloat.planning.plan import Objective, Search
 from freefloat.planning.search import best_branch, largest_margins
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch
-from freefloat.so3 import angle_between
+from freefloat.so3 import angle_between, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_on_path
 
 ALREADY = "the attitude the spacecraft has keeps the margin already"
@@ -145,7 +144,7 @@ def _last_singularity(samples: AttitudeMap) -> str:
 def no_feasible_heading_message(evaluator: FeasibilityEvaluator, search: Search) -> str:
     """Why no heading keeps the margin: the best of some headings."""
     problem = evaluator.problem
-    attitudes = attitudes_at(search.domain.headings(_TRIED))
+    attitudes = heading_quaternion(search.domain.headings(_TRIED))
     if (beyond := reach_message(problem)) is not None:
         return beyond
     motions = evaluator.evaluate(attitudes).motions

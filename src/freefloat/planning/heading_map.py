@@ -186,7 +186,7 @@ def sample_headings(
     evaluator = evaluator_for(problem, threads)
     evaluator.require_memory(samples)
     headings = search.domain.headings(samples)
-    results = evaluator.evaluate(attitudes_at(headings), progress=progress)
+    results = evaluator.evaluate(heading_quaternion(headings), progress=progress)
     branches = np.flatnonzero(results.exist.any(axis=0))
     margins = np.where(results.exist, results.margins, np.nan)[:, branches].T
     ended_at = results.motions.ended_at[:, branches].T
@@ -194,11 +194,6 @@ def sample_headings(
         problem, headings, tuple(branches.tolist()), frozen(margins), frozen(ended_at),
         search=search,
     )  # fmt: skip
-
-
-def attitudes_at(headings: npt.NDArray[np.floating]) -> Array:
-    """The attitudes with headings [rad] (K,); shape (K, 4)."""
-    return np.array([heading_quaternion(float(heading)) for heading in headings]).reshape(-1, 4)
 
 
 def best_heading(
@@ -210,11 +205,11 @@ def best_heading(
     """
     low, high = headings[[0, -1]]
     spacing, steps = headings[1] - low, np.linspace(-1.0, 1.0, _PARTS + 1)
-    margins = evaluator.margins(attitudes_at(headings), branch)
+    margins = evaluator.margins(heading_quaternion(headings), branch)
     while spacing > _FINEST:
         top = headings[np.argsort(-margins)[:_TOP]]
         headings = np.unique(np.clip(top[:, None] + spacing * steps, low, high))
-        margins = evaluator.margins(attitudes_at(headings), branch)
+        margins = evaluator.margins(heading_quaternion(headings), branch)
         spacing *= 2.0 / _PARTS
     best = int(np.argmax(margins))
     return float(margins[best]), float(headings[best])

@@ -13,12 +13,18 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import limited_reason, violated_limits_message
-from freefloat.planning.heading_map import attitudes_at
 from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.screening import ScreenedCandidate, screen
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.trials import OVER, PassedTrial, Trials
-from freefloat.so3 import Array, angle_between, heading_of, rotated, rotation_vector_to
+from freefloat.so3 import (
+    Array,
+    angle_between,
+    heading_of,
+    heading_quaternion,
+    rotated,
+    rotation_vector_to,
+)
 
 _HEADINGS = 720
 """Candidates of planar tasks."""
@@ -92,7 +98,7 @@ def _first_passing(
         attitudes, margins = plan.map.attitudes, plan.map.margins
         spacing = plan.map.spacing
     else:
-        attitudes = attitudes_at(plan.search.domain.headings(_HEADINGS))
+        attitudes = heading_quaternion(plan.search.domain.headings(_HEADINGS))
         spacing = _SPACING
         margins = evaluator.evaluate(attitudes).margins
     total = int(plan.problem.margin.is_kept(margins).sum())
@@ -169,7 +175,7 @@ def _without_candidate(plan: Plan, trials: Trials) -> Plan:
     count = trials.count
     nearest, results = trials.nearest()
     if plan.map is None:
-        attitudes = attitudes_at(plan.search.domain.headings(_STRETCHED))
+        attitudes = heading_quaternion(plan.search.domain.headings(_STRETCHED))
     else:
         attitudes = plan.map.attitudes[:: max(1, plan.map.samples // _STRETCHED)]
     stretch, start = trials.sufficient_stretch(attitudes)

@@ -46,8 +46,6 @@ _BLOCK = 2048
 _RADIUS, _CLOUD = 0.02, 96
 """Distance from an attitude at which both sides of the boundary are searched for [rad], and the
 attitudes that search."""
-_NEAR = 0.05
-"""Largest difference of the joint values at a start from those of its arm branch [rad]."""
 _BATCHES, _SPARE = 8, 3
 """Families of tangency points that are computed, and how many more points than are missing: many
 belong to wrist-flipped branches or to motions that violate the margin elsewhere."""
@@ -247,20 +245,13 @@ def tangent_boundary(
             start = boundary_attitude(problem, tangency)
             if start is None or not search.domain.contains(start.attitude):
                 continue
-            branch = next(
-                (
-                    entry.index
-                    for entry in problem.branches(start.attitude)
-                    if problem.model.joint_distance(entry.joints, start.joints) < _NEAR
-                ),
-                None,
-            )
+            branch = problem.first_near(start.joints, problem.branches(start.attitude))
             if branch is None:  # it is not the one closest to the joints of the search
                 continue
-            if evaluator.wrist_flipped and branch % 2:
+            if evaluator.wrist_flipped and branch.index % 2:
                 continue  # the wrist-flipped branch has the same motion
-            gap = _gap(evaluator, start.attitude, branch)
-            points.append(BoundaryPoint(start.attitude, branch, gap))
+            gap = _gap(evaluator, start.attitude, branch.index)
+            points.append(BoundaryPoint(start.attitude, branch.index, gap))
             if len(points) == count:
                 return tuple(points)
     return tuple(points)

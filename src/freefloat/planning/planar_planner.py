@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from math import tau
 
 import numpy as np
 
@@ -22,10 +23,9 @@ from freefloat.planning.diagnostics import (
     spare_message,
 )
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.heading_map import attitudes_at, best_heading
+from freefloat.planning.heading_map import best_heading
 from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
 from freefloat.planning.planar_ranges import (
-    TURN,
     BranchRanges,
     HeadingRange,
     RangeLimitCause,
@@ -37,7 +37,7 @@ from freefloat.planning.planar_ranges import (
 )
 from freefloat.planning.search import Flags, bisect
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
-from freefloat.so3 import Array, heading_of, heading_quaternion
+from freefloat.so3 import Array, heading_of, heading_quaternion, wrapped
 from freefloat.workspace.planar import has_two_angle_form
 
 _INSIDE = 1e-6
@@ -133,7 +133,7 @@ def _choose(evaluator: FeasibilityEvaluator, search: Search, pairs: list[_Pair])
     for entry, part in pairs:
         headings = np.linspace(*_inner_ends(part), _TRIED)
         margin, heading = best_heading(evaluator, headings, _number(entry))
-        choices.append((margin, heading % TURN, entry, part))
+        choices.append((margin, heading % tau, entry, part))
     _, heading, entry, part = max(choices, key=lambda choice: choice[0])
     return heading, entry, part, "the largest margin"
 
@@ -144,15 +144,13 @@ def _nearest(present: float, spare: float, pairs: list[_Pair]) -> _Choice:
     if not wide:
         entry, part = max(pairs, key=lambda pair: pair[1].width)
         return part.middle, entry, part, spare_message(spare, part.width / 2.0)
-
-    def deviation(heading: float) -> float:
-        return float(abs((heading - present + np.pi) % TURN - np.pi))
-
     choices = []
     for entry, part in wide:
         enough = part.depth(present) >= spare
         headings = (present,) if enough else _inner_ends(part, spare)
-        choices += [(deviation(heading), heading % TURN, entry, part) for heading in headings]
+        for heading in headings:
+            deviation = abs(float(wrapped(heading - present)))
+            choices.append((deviation, heading % tau, entry, part))
     angle, heading, entry, part = min(choices, key=lambda choice: choice[0])
     return heading, entry, part, nearest_message(angle, spare)
 
@@ -176,10 +174,9 @@ def searched_ranges(
     """
     problem, domain = evaluator.problem, domain or SearchDomain()
     evaluator.require_memory(samples)
-    headings = _headings(problem, samples, domain)
-    results = evaluator.evaluate(attitudes_at(headings), stop_at_margin=True, progress=progress)
-    feasible = problem.margin.is_kept(results.margins)
-    feasible &= domain.contains(results.attitudes)[:, None]
+    attitudes = heading_quaternion(_headings(problem, samples, domain))
+    results = evaluator.evaluate(attitudes, stop_at_margin=True, progress=progress)
+    feasible = problem.margin.is_kept(results.margins) & domain.contains(attitudes)[:, None]
     if problem.redundant:
         feasible = np.asarray(feasible.any(axis=1, keepdims=True))
         labels = {0: "any"}
@@ -201,7 +198,7 @@ def searched_ranges(
             arcs = [*arcs_between(())]
             entries.append(branch_ranges(index, label, arcs, [bool(opens.all())]))
             continue
-        ends = attitudes_at(headings[changes]), attitudes_at(np.roll(headings, -1)[changes])
+        ends = attitudes[changes], np.roll(attitudes, -1, axis=0)[changes]
         outward = ~opens[changes, None]
         within, beyond = np.where(outward, ends, ends[::-1])
         crossings = map(heading_of, bisect(inside, within, beyond, _ROUNDS))
@@ -213,7 +210,7 @@ def searched_ranges(
 def _cause(heading: float, domain: SearchDomain) -> RangeLimitCause:
     """Why a searched range ends."""
     for limit in () if domain.whole else domain.heading_limits:
-        if abs((heading - limit + np.pi) % TURN - np.pi) < _END:
+        if abs(wrapped(heading - limit)) < _END:
             return RangeLimitCause.SEARCH
     return RangeLimitCause.MARGIN
 
@@ -227,9 +224,9 @@ def _headings(problem: Problem, samples: int, domain: SearchDomain) -> Array:
     if not domain.whole:
         low, high = domain.heading_limits
         outside = min(headings[1] - headings[0], np.pi - domain.radius)
-        headings = np.array([low - outside, *headings, high + outside]) % TURN
+        headings = np.array([low - outside, *headings, high + outside]) % tau
     if not has_two_angle_form(problem.model, problem.task):
         return np.sort(headings)
     limits = np.array([*reach_limits(problem, 0.0)])
-    added = np.concatenate([limits - _NEAR_REACH, limits + _NEAR_REACH]) % TURN
+    added = np.concatenate([limits - _NEAR_REACH, limits + _NEAR_REACH]) % tau
     return np.unique(np.concatenate([headings, added]))

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from itertools import groupby
+from math import tau
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,6 @@ from freefloat.planning.planar_tangency import PlanarTangencyPoint, planar_tange
 from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, point_3_on_path
 
-TURN = 2.0 * np.pi
 _SMALLEST_LEVEL = 1e-4
 """Fraction of S_max used for a margin of zero, at which no motion can be started."""
 _TOLERANCE = 1e-9
@@ -101,14 +101,14 @@ class HeadingRange:
     @property
     def middle(self) -> float:
         """The heading deepest inside [rad], in [0, 2 pi)."""
-        return (self.low + self.width / 2.0) % TURN
+        return (self.low + self.width / 2.0) % tau
 
     def depth(self, heading: float) -> float:
         """Distance of a heading inside from the nearer end, negative outside [rad]."""
         if not self.causes:
             return np.pi
-        inside = (heading - self.low) % TURN
-        return max(min(inside, self.width - inside), inside - TURN)
+        inside = (heading - self.low) % tau
+        return max(min(inside, self.width - inside), inside - tau)
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ def heading_ranges(
     level, domain = _level(problem), domain or SearchDomain()
     ends = [(RangeLimitCause.REACH, heading) for heading in reach_limits(problem, at)]
     if not domain.whole:
-        ends += [(RangeLimitCause.SEARCH, heading % TURN) for heading in domain.heading_limits]
+        ends += [(RangeLimitCause.SEARCH, heading % tau) for heading in domain.heading_limits]
     if problem.start_joints is not None and at == 0.0:
         ends += [(RangeLimitCause.SEARCH, heading) for heading in branch_changes(problem)]
     edges: list[tuple[float, int | None, RangeLimitCause]]
@@ -252,16 +252,16 @@ def reach_limits(problem: Problem, at: float) -> Iterator[float]:
         cosine = (abs(point) ** 2 + abs(a) ** 2 - length**2) / product if product else np.inf
         if abs(cosine) < 1.0:
             middle, half = np.angle(point) - np.angle(a), np.arccos(cosine)
-            yield from (float((middle - half) % TURN), float((middle + half) % TURN))
+            yield from (float((middle - half) % tau), float((middle + half) % tau))
 
 
 def arcs_between(ends: Sequence[tuple[float, RangeLimitCause]]) -> Iterator[HeadingRange]:
     """Arcs round the circle between headings in order, each with the cause of a limit there."""
     if not ends:
-        yield HeadingRange(0.0, TURN, ())
+        yield HeadingRange(0.0, tau, ())
         return
     for (low, first), (high, second) in zip(ends, [*ends[1:], ends[0]], strict=True):
-        width = (high - low) % TURN if len(ends) > 1 else TURN
+        width = (high - low) % tau if len(ends) > 1 else tau
         if width > _EQUAL:
             yield HeadingRange(low, low + width, (first, second))
 
@@ -271,17 +271,17 @@ def branch_ranges(
 ) -> BranchRanges:
     """Ranges of an arm branch: neighbouring feasible arcs are joined, also across zero."""
     if all(feasible):
-        return BranchRanges(index, label, (HeadingRange(0.0, TURN, ()),), ())
+        return BranchRanges(index, label, (HeadingRange(0.0, tau, ()),), ())
     first = feasible.index(False)
     pairs = list(zip(feasible, arcs, strict=True))
     ranges = []
     for inside, group in groupby(pairs[first:] + pairs[:first], key=lambda pair: pair[0]):
         parts = [arc for _, arc in group]
         if inside:
-            low = parts[0].low % TURN
+            low = parts[0].low % tau
             width = sum(arc.width for arc in parts)
             causes = parts[0].causes[0], parts[-1].causes[1]
             ranges.append(HeadingRange(low, low + width, causes))
     ranges.sort(key=lambda part: part.low)
-    limits = sorted(edge % TURN for part in ranges for edge in (part.low, part.high))
+    limits = sorted(edge % tau for part in ranges for edge in (part.low, part.high))
     return BranchRanges(index, label, tuple(ranges), tuple(limits))

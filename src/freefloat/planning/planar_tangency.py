@@ -21,7 +21,7 @@ from scipy.optimize import root
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.problem import Problem
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array, frozen, wrapped
 from freefloat.workspace.planar import (
     Complex,
     MarginCurve,
@@ -199,7 +199,7 @@ class _Candidates:
     def point(self, kind: TangencyKind, q: Array, t: float, level: float) -> PlanarTangencyPoint:
         """The state of a candidate."""
         angles = self.angles(q, self.path_at(t))
-        joints = (self.arm.signs * np.diff(angles) + np.pi) % (2.0 * np.pi) - np.pi
+        joints = wrapped(self.arm.signs * np.diff(angles))
         heading = float(angles[0] % (2.0 * np.pi))
         return PlanarTangencyPoint(kind, t, self._timing.s(t), level, heading, frozen(joints))
 
@@ -278,7 +278,7 @@ def _same(point: PlanarTangencyPoint, other: PlanarTangencyPoint) -> bool:
     return bool(
         point.kind is other.kind
         and abs(point.time - other.time) < 1e-9 * max(1.0, point.time)
-        and np.abs(np.angle(np.exp(1j * angles))).max() < 1e-7
+        and np.abs(wrapped(angles)).max() < 1e-7
     )
 
 

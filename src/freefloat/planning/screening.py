@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from math import tau
 
 import numpy as np
 import numpy.typing as npt
@@ -118,11 +119,11 @@ def _out_of_range(
     """Where no multiple of a full rotation puts a joint's values inside its range, shape (K,)."""
     low, high = results.motions.lower[entries], results.motions.upper[entries]
     lower, upper = problem.model.joint_ranges
-    revolute = np.array([not body.prismatic for body in problem.model.bodies[1:]])
+    lower, upper = lower - _SLACK, upper + _SLACK
     with np.errstate(invalid="ignore"):
-        fewest = np.ceil((lower - _SLACK - low) / (2.0 * np.pi))
-        most = np.floor((upper + _SLACK - high) / (2.0 * np.pi))
-    fits = np.where(revolute, fewest <= most, (low >= lower - _SLACK) & (high <= upper + _SLACK))
+        fewest, most = np.ceil((lower - low) / tau), np.floor((upper - high) / tau)
+    inside = (low >= lower) & (high <= upper)
+    fits = np.where(problem.model.prismatic, inside, fewest <= most)
     return np.asarray(~fits.all(axis=1))
 
 

@@ -98,7 +98,7 @@ def tangency_points(
     ]
 
     def same(point: TangencyPoint, other: TangencyPoint) -> bool:
-        distance = problem.model.joint_distance(point.joints, other.joints)
+        distance = float(problem.model.joint_distance(point.joints, other.joints))
         return max(abs(point.tau - other.tau), distance) < _SAME
 
     return distinct(points, same)

@@ -20,7 +20,7 @@ from freefloat.robot.names import find_robot
 from freefloat.robot.parts import Attachment, Payload, Spacecraft
 from freefloat.robot.rigid_bodies import Body, body_of, build_model, moving_joints, pose_of
 from freefloat.robot.urdf import is_text, require_urdf
-from freefloat.so3 import Array, Pose, frozen, low_discrepancy
+from freefloat.so3 import Array, Pose, frozen, low_discrepancy, wrapped
 
 _CONFIGURATIONS = 8
 """Configurations in one of which the inertia must be regular."""
@@ -188,6 +188,13 @@ class FreeFloatingModel:
         return frozen(lower), frozen(upper)
 
     @cached_property
+    def prismatic(self) -> npt.NDArray[np.bool_]:
+        """Which joints are prismatic, shape (n,)."""
+        prismatic = np.array([joint.type == "prismatic" for joint in self.moving_joints])
+        prismatic.setflags(write=False)
+        return prismatic
+
+    @cached_property
     def tool(self) -> Pose:
         """The end-effector's frame in the frame of the last joint."""
         return self.link_places[self._end_effector_link][1]
@@ -243,9 +250,8 @@ class FreeFloatingModel:
         values: Any = [joints] if np.isscalar(joints) else joints
         return finite_vector(key, values, self.dof)
 
-    def joint_distance(self, first: npt.ArrayLike, second: npt.ArrayLike) -> float:
-        """The largest difference of joint values [rad, m], modulo 2 pi for revolute joints."""
+    def joint_distance(self, first: npt.ArrayLike, second: npt.ArrayLike) -> Array:
+        """Largest differences (...) of joint values (..., n), modulo 2 pi for revolute joints."""
         difference = np.subtract(first, second)
-        revolute = [joint.type != "prismatic" for joint in self.moving_joints]
-        difference[revolute] = (difference[revolute] + np.pi) % (2.0 * np.pi) - np.pi
-        return float(np.abs(difference).max())
+        modulo = np.where(self.prismatic, difference, wrapped(difference))
+        return np.asarray(np.abs(modulo).max(axis=-1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import tau
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_ranges import TURN, BranchRanges
+from freefloat.planning.planar_ranges import BranchRanges
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.tolerance import Tolerance
 from freefloat.so3 import (
@@ -74,7 +75,7 @@ def _heading_check(plan: Plan) -> Check:
         if not plan.search.domain.contains(heading_quaternion(heading)):
             continue
         if _is_feasible(plan.problem, heading, branch) is not stated:
-            degrees = float(np.degrees(heading % TURN))
+            degrees = float(np.degrees(heading % tau))
             verb, where = ("violates", "in") if stated else ("keeps", "outside")
             words = (
                 f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
@@ -100,9 +101,8 @@ def _contradictions(plan: Plan) -> Iterator[tuple[float, int, bool]]:
     """Headings all round at which an ensemble of motions contradicts the ranges of a branch."""
     problem = plan.problem
     evaluator = FeasibilityEvaluator(problem)
-    headings = np.linspace(0.0, TURN, _ALL_ROUND // evaluator.sample_reduction, endpoint=False)
-    attitudes = np.array([heading_quaternion(heading) for heading in headings.tolist()])
-    outcomes = evaluator.evaluate(attitudes, stop_at_margin=True)
+    headings = np.linspace(0.0, tau, _ALL_ROUND // evaluator.sample_reduction, endpoint=False)
+    outcomes = evaluator.evaluate(heading_quaternion(headings), stop_at_margin=True)
     feasible = problem.margin.is_kept(outcomes.margins)
     if problem.redundant:
         feasible = np.array(feasible.any(axis=1, keepdims=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import tau
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.heading_map import HeadingMap, sample_headings
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_ranges import TURN, BranchRanges
+from freefloat.planning.planar_ranges import BranchRanges
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.figure_style import Figures, styled
@@ -150,7 +151,7 @@ def _compared_motions(plan: Plan) -> list[Motion]:
 def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
     """Return a motion from the middle of the widest gap between ranges, if it reaches the path."""
     limits = np.array(entry.limits)
-    middles = (limits + np.diff(limits, append=limits[:1] + TURN) / 2.0) % TURN
+    middles = (limits + np.diff(limits, append=limits[:1] + tau) / 2.0) % tau
     depths = [(max(span.depth(float(m)) for span in entry.ranges), float(m)) for m in middles]
     outside = [pair for pair in depths if pair[0] < 0.0]
     if not outside:
