@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from freefloat.concurrency import require_memory, run_chunks
-from freefloat.errors import InputError
+from tests.errors import error_key
 
 
 @pytest.mark.parametrize("chunks", [1, 4])
@@ -34,6 +34,4 @@ def test_an_interruption_does_not_wait_for_a_running_chunk(chunks: int) -> None:
 
 def test_requests_for_more_than_half_of_the_memory_are_refused() -> None:
     require_memory("samples", 1000, 1000)
-    with pytest.raises(InputError) as caught:
-        require_memory("samples", 10**400, 1000)
-    assert caught.value.key == "samples"
+    assert error_key(require_memory, "samples", 10**400, 1000) == "samples"

@@ -17,6 +17,7 @@ from freefloat.planning.attitude_map import AttitudeMap, Peak
 from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.parts import Attachment
+from tests.errors import error_key
 from tests.redundant import redundant
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -46,13 +47,6 @@ def simulation() -> Simulation:
     return ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], branch=1)
 
 
-def refused(function, *arguments) -> str:
-    """Key of the error that a call raises."""
-    with pytest.raises(ff.InputError) as caught:
-        function(*arguments)
-    return caught.value.key
-
-
 # --- problems -----------------------------------------------------------------------------------
 
 
@@ -68,7 +62,7 @@ def refused(function, *arguments) -> str:
 )
 def test_functions_of_problems_refuse_other_types(function, others) -> None:
     for value in (ff.load_scenario("planar_3dof/parabola"), "spatial_6dof/line"):
-        assert refused(function, value, *others) == "problem"
+        assert error_key(function, value, *others) == "problem"
 
 
 # --- names --------------------------------------------------------------------------------------
@@ -90,10 +84,10 @@ def test_tasks_laws_and_objectives_are_accepted_by_name(
 
 
 def test_unknown_names_are_refused(model: ff.FreeFloatingModel) -> None:
-    assert refused(ff.singularity_measure, model, "positon", "gjm") == "task"
-    assert refused(ff.generalized_jacobian, model, [0.0] * 3, "positon") == "task"
-    assert refused(ff.Timing, 2.0, "septic") == "timing.law"
-    assert refused(ff.Search, "best") == "search.objective"
+    assert error_key(ff.singularity_measure, model, "positon", "gjm") == "task"
+    assert error_key(ff.generalized_jacobian, model, [0.0] * 3, "positon") == "task"
+    assert error_key(ff.Timing, 2.0, "septic") == "timing.law"
+    assert error_key(ff.Search, "best") == "search.objective"
 
 
 # --- robots -------------------------------------------------------------------------------------
@@ -107,14 +101,14 @@ def test_robots_are_accepted_by_name(
     monkeypatch.chdir(tmp_path)  # a folder of that name is no robot
     assert ff.FreeFloatingModel.from_urdf("planar_3dof.urdf").dof == 3
     assert ff.FreeFloatingModel.from_urdf("example-robot-data:ur10", "tool0").dof == 6
-    assert refused(ff.FreeFloatingModel.from_urdf, "spatial_6dfo") == "urdf"
+    assert error_key(ff.FreeFloatingModel.from_urdf, "spatial_6dfo") == "urdf"
 
 
 @pytest.mark.parametrize("task", ["pose", "position", "planar-pose"])
 def test_joints_of_another_robot_have_no_jacobian(model: ff.FreeFloatingModel, task: str) -> None:
     by_name = dict.fromkeys(model.joint_names, 0.0)
     for joints in ([0.1] * 6, 0.1, np.zeros((3, 1)), ["a", "b", "c"], None, by_name):
-        assert refused(ff.generalized_jacobian, model, joints, task) == "joints"
+        assert error_key(ff.generalized_jacobian, model, joints, task) == "joints"
     expected = ff.generalized_jacobian(model, np.array([1.0, 0, 2]), task)
     for joints in ([1, 0, 2], (1, 0, 2)):
         assert np.array_equal(ff.generalized_jacobian(model, joints, task), expected)
@@ -128,7 +122,7 @@ def test_position_tasks_need_no_orientation(problem: ff.Problem) -> None:
     motion = ff.integrate_motion(problem, [0.0, 0.0, 0.0, 1.0], start)
     assert motion.completed
     assert motion.residuals().end_effector_position < 1e-8
-    assert refused(lambda: replace(problem, task=ff.Task.PLANAR_POSE)) == "path.attitude"
+    assert error_key(lambda: replace(problem, task=ff.Task.PLANAR_POSE)) == "path.attitude"
 
 
 # --- playback -----------------------------------------------------------------------------------
@@ -144,7 +138,7 @@ def test_playback_of_plans(simulation: Simulation) -> None:
     problem = simulation.chosen.motion.problem
     feasible = Plan(problem, ff.Search(), True, "given", chosen=simulation.chosen)
     assert ff.playback(feasible, "Example 1").titles == ("branch 1 elbow-",)
-    assert refused(ff.playback, Plan(problem, ff.Search(), False, "infeasible")) == "plan"
+    assert error_key(ff.playback, Plan(problem, ff.Search(), False, "infeasible")) == "plan"
 
 
 # --- redundant arms ----------------------------------------------------------------------------
@@ -198,7 +192,7 @@ def test_counts_are_whole_numbers(problem: ff.Problem) -> None:
         ("threads", 1, lambda count: FeasibilityEvaluator(spatial, threads=count)),
     ):
         for count in (64.5, 64.0, "64", True, float("nan"), [64], np.int64(minimum - 1)):
-            assert refused(call, count) == key
+            assert error_key(call, count) == key
     assert type(ff.Search(samples=np.int64(64)).samples) is int
 
 
@@ -218,7 +212,7 @@ def test_parts_of_problems_of_other_types_are_refused(problem: ff.Problem) -> No
         ("timing.stops", lambda: ff.Timing(100, stops=0.5)),
         ("stop.t", lambda: ff.paths.Stop(0.5, "40")),
     ):
-        assert refused(call) == key
+        assert error_key(call) == key
 
 
 def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: Simulation) -> None:
@@ -230,7 +224,7 @@ def test_arguments_of_other_types_are_refused(problem: ff.Problem, simulation: S
         ("limits", lambda: ff.plan(problem, limits={"base_rate": 1})),
         ("result", lambda: ff.figures(problem)),
     ):
-        assert refused(call) == key
+        assert error_key(call) == key
 
 
 def test_parts_of_robots_of_other_types_are_refused() -> None:
@@ -248,4 +242,4 @@ def test_parts_of_robots_of_other_types_are_refused() -> None:
         ("spacecraft.mount", lambda: ff.Spacecraft(1, [1] * 3, [0, 0, 1])),
         ("attachment.mount", lambda: Attachment("tool", mount=[0, 0, 1])),
     ):
-        assert refused(call) == key
+        assert error_key(call) == key

@@ -26,6 +26,7 @@ from freefloat.cli.options import (
 )
 from freefloat.errors import InputError
 from tests.commands import error, run
+from tests.errors import error_key
 
 PROGRAM = [sys.executable, "-m", "freefloat"]
 COMMANDS = (
@@ -197,9 +198,7 @@ def test_folders_of_outputs_are_made_and_places_checked(tmp_path: Path) -> None:
         ({"output": tmp_path / ("x" * 300) / "y"}, "output"),
         ({"folder": tmp_path / "file"}, "plots"),
     ):
-        with pytest.raises(InputError) as raised:
-            prepare_outputs(**options)
-        assert raised.value.key == key
+        assert error_key(prepare_outputs, **options) == key
     with pytest.raises(InputError, match="also the input"):
         prepare_outputs(tmp_path / "file", output=tmp_path / "file")
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from freefloat.cli.app import app
 from freefloat.robot.names import models_folder
-from tests.commands import error
+from tests.commands import error, run
 from tests.scenarios import EASY, PARABOLA
 
 NAME = "scenario.yaml"
@@ -169,6 +167,6 @@ def test_every_command_refuses_the_same_input(command: str, folder: Path) -> Non
 )
 def test_extreme_numbers_give_a_result_or_an_error(old: str, new: str, folder: Path) -> None:
     (folder / NAME).write_text(replaced(PARABOLA, old, new))
-    result = CliRunner().invoke(app, ["simulate", NAME, *HEADING])
+    result = run("simulate", NAME, *HEADING)
     assert result.exit_code in (0, 1, 2), result.output
     assert len(result.stderr.splitlines()) == (1 if result.exit_code == 2 else 0)

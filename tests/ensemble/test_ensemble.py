@@ -15,7 +15,6 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, generalized_determinant
 from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
 from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR
-from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach, first_crossing
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin, is_kept
@@ -33,6 +32,7 @@ from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES, FINE, both, dense, headings, random_attitudes, states
+from tests.errors import error_key
 from tests.motions import BAD, GOOD, PitchOrientation, asked, bundled, followed, from_here
 from tests.robots import planar_robot, random_robot
 
@@ -524,9 +524,7 @@ def test_an_interruption_cancels_pending_chunks(threads: int) -> None:
 
 
 def test_zero_threads_raise(planar: Problem) -> None:
-    with pytest.raises(InputError) as caught:
-        EnsembleIntegrator(planar, 0)
-    assert caught.value.key == "threads"
+    assert error_key(EnsembleIntegrator, planar, 0) == "threads"
 
 
 def test_results_are_frozen_and_inputs_unchanged(planar: Problem) -> None:

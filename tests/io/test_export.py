@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from scipy.io import loadmat
-from typer.testing import CliRunner
 
-from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.export import csv_text, export, json_text, ros2_text, write_mat
 from freefloat.io.results import load, save
@@ -24,6 +22,7 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
 from freefloat.planning.simulation import SimulatedBranch, Simulation
 from freefloat.so3 import heading_quaternion
+from tests.commands import document, error, run
 from tests.prismatic import prismatic_motion, prismatic_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -170,10 +169,6 @@ def test_ros_2_is_refused_a_motion_that_ends_early(motions):
         ros2_text(Trajectory.of(motions[1], [0.0, 1.0]))
 
 
-def run(*words):
-    return CliRunner().invoke(app, ["export", *map(str, words)])
-
-
 @pytest.mark.parametrize(
     ("words", "name"),
     [
@@ -186,26 +181,24 @@ def run(*words):
 )
 def test_a_file_is_written_with_that_name_and_nothing_beside(files, words, name):
     before = set(os.listdir())
-    result = run("good.h5", *words, "--times", 11, "--json")
-    assert (result.exit_code, result.stderr) == (0, "")
-    document = json.loads(result.stdout)
-    assert (document["file"], document["times"]) == (name, 11)
+    printed = document("export", "good.h5", *words, "--times", 11)
+    assert (printed["file"], printed["times"]) == (name, 11)
     assert set(os.listdir()) - before == {name}
     text = Path(name).read_bytes()
-    if document["format"] == "ros2":
+    if printed["format"] == "ros2":
         assert len(yaml.safe_load(text)["points"]) == 11
-    elif document["format"] == "json":
+    elif printed["format"] == "json":
         assert len(json.loads(text)["trajectory"]["time"]) == 11
-    elif document["format"] == "csv":
+    elif printed["format"] == "csv":
         assert len(text.splitlines()) == 12
 
 
 def test_stdout_gets_the_text_alone(files):
-    result = run("good.h5", "-o", "-", "--rate", 0.1)
+    result = run("export", "good.h5", "-o", "-", "--rate", 0.1)
     assert (result.exit_code, result.stderr) == (0, "")
     rows = list(csv.reader(io.StringIO(result.stdout)))
     assert [float(row[0]) for row in rows[1:]] == [10.0 * k for k in range(11)]
-    result = run("good.h5", "-o", "-", "--format", "json", "--times", 2)
+    result = run("export", "good.h5", "-o", "-", "--format", "json", "--times", 2)
     assert json.loads(result.stdout)["trajectory"]["time"] == [0.0, 100.0]
 
 
@@ -227,10 +220,7 @@ def test_stdout_gets_the_text_alone(files):
 def test_bad_input_is_one_line_and_changes_nothing(files, words, key):
     Path("link.h5").symlink_to("good.h5")
     before = {name: Path(name).read_bytes() for name in os.listdir()}
-    result = run(*words, "--json")
-    assert result.exit_code == 2
-    assert len(result.stderr.splitlines()) == 1
-    assert json.loads(result.stdout)["error"]["key"] == key
+    assert error("export", *words)["key"] == key
     assert {name: Path(name).read_bytes() for name in os.listdir()} == before
 
 
@@ -238,8 +228,7 @@ def test_a_call_writes_what_the_command_writes(saved, tmp_path):
     simulation = load(saved / "good.h5")
     for result in (simulation, simulation.chosen.motion):
         export(result, tmp_path / "call.csv", rate=2.0)
-        arguments = ["export", str(saved / "good.h5"), "-o", str(tmp_path / "command.csv")]
-        assert CliRunner().invoke(app, [*arguments, "--rate", "2"]).exit_code == 0
+        document("export", saved / "good.h5", "-o", tmp_path / "command.csv", "--rate", 2)
         assert (tmp_path / "call.csv").read_text() == (tmp_path / "command.csv").read_text()
     for result, file in ((simulation, "call.txt"), (Path(), "call.csv")):
         with pytest.raises(InputError):

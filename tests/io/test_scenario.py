@@ -24,6 +24,7 @@ from freefloat.paths.timing import TimeLaw
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from freefloat.so3 import Pose, unit_quaternion
+from tests.errors import error_key
 
 PLACES = np.linspace(0.0, 1.0, 11)
 LINE = "line: {from: [1, 0, 0], to: [-0.5, 0.8, 0.33]}"
@@ -386,9 +387,8 @@ def test_invalid_limits_are_refused(text: str, key: str, folder: Path) -> None:
 
 
 def test_limits_that_the_urdf_lacks_are_refused(folder: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        limits(folder, "{joint_torque: urdf}", "{urdf: spatial_6dof, end_effector: end_effector}")
-    assert caught.value.key == "limits.joint_torque"
+    spatial = "{urdf: spatial_6dof, end_effector: end_effector}"
+    assert error_key(limits, folder, "{joint_torque: urdf}", spatial) == "limits.joint_torque"
 
 
 # --- errors -------------------------------------------------------------------------------------
@@ -442,9 +442,7 @@ def test_a_misspelt_key_and_word_come_with_the_nearest_one(folder: Path) -> None
     ],
 )
 def test_errors_of_curves_name_keys_of_the_file(path: str, key: str, folder: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        path_of(folder, f"{path}, {UPRIGHT}")
-    assert caught.value.key == f"path.{key}"
+    assert error_key(path_of, folder, f"{path}, {UPRIGHT}") == f"path.{key}"
 
 
 # --- frames ---------------------------------------------------------------------------------------
@@ -571,9 +569,7 @@ def test_a_path_from_the_present_pose_begins_at_the_present_state(folder: Path) 
      ("search: {within_deg: 190}", "search.within_deg")],
 )  # fmt: skip
 def test_frames_and_searches_need_the_present_state(rest: str, key: str, folder: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        problem(folder, f"frame: base, {LINE}, {UPRIGHT}", rest=rest)
-    assert caught.value.key == key
+    assert error_key(problem, folder, f"frame: base, {LINE}, {UPRIGHT}", rest=rest) == key
 
 
 # --- the inverse: a problem as a scenario ---------------------------------------------------------
@@ -641,9 +637,7 @@ def test_a_curve_of_the_users_own_class_has_no_scenario(folder: Path) -> None:
 
     wanted = problem(folder, LINE, task="position")
     timed = replace(wanted.path, path=EndEffectorPath(Circle()))
-    with pytest.raises(InputError) as caught:
-        scenario_of(replace(wanted, path=timed))
-    assert caught.value.key == "path.curve"
+    assert error_key(scenario_of, replace(wanted, path=timed)) == "path.curve"
 
 
 def test_the_robot_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -667,6 +661,4 @@ def test_a_dictionary_is_a_scenario() -> None:
     problem = load_scenario(content).problem()
     assert problem.margin.threshold == 1e-5
     assert problem.path.pose(0.0).position == pytest.approx([1.9, 0.2, 0.0])
-    with pytest.raises(InputError) as caught:
-        load_scenario(content | {"task": "dance"})
-    assert caught.value.key == "task"
+    assert error_key(load_scenario, content | {"task": "dance"}) == "task"

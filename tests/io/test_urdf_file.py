@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
@@ -16,14 +15,13 @@ import trimesh
 import yaml
 import yourdfpy
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
-from freefloat.cli.app import app
-from freefloat.errors import InputError
 from freefloat.io.scenario import load_robot, load_scenario
 from freefloat.io.urdf_file import write_urdf
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import EXAMPLE, find_robot
+from tests import commands
+from tests.errors import error_key
 from tests.robots import inertial_text, joint_text, link_text, random_robot
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
@@ -90,18 +88,8 @@ def rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
     return np.asarray(Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix())
 
 
-def run(*words: str) -> dict[str, Any]:
-    result = CliRunner().invoke(app, [*words, "--json"])
-    assert result.exit_code == 0, result.output
-    document = json.loads(result.stdout)
-    assert isinstance(document, dict)
-    return document
-
-
-def refused(*words: str) -> dict[str, Any]:
-    result = CliRunner().invoke(app, [*words, "--json"])
-    assert result.exit_code == 2, result.output
-    return dict(json.loads(result.stdout)["error"])
+def assembled(*words: object) -> dict[str, Any]:
+    return commands.document("assemble", *words)
 
 
 def assert_same(document: dict[str, Any], wanted: RigidBody) -> None:
@@ -114,7 +102,7 @@ def assert_same(document: dict[str, Any], wanted: RigidBody) -> None:
 def test_the_file_weighs_what_its_parts_weigh(tmp_path: Path) -> None:
     """Total mass, centre of mass and inertia of the reloaded URDF are the sum of the parts'."""
     file, arm = tmp_path / "servicer.urdf", find_robot(UR5, Path())
-    document = run("assemble", UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT, *LOAD)
+    document = assembled(UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT, *LOAD)
     bare = yourdfpy.URDF.load(str(arm), load_meshes=False)
     flange = bare.get_transform("tool0", bare.base_link)
     load = np.array([[3, 0.1, 0], [0.1, 3, 0], [0, 0, 2]])
@@ -131,7 +119,7 @@ def test_the_file_weighs_what_its_parts_weigh(tmp_path: Path) -> None:
 
 def test_the_virtual_root_is_gone_and_the_arms_own_base_is_kept(tmp_path: Path) -> None:
     file = tmp_path / "servicer.urdf"
-    document = run("assemble", UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT)
+    document = assembled(UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT)
     robot = ET.parse(file).getroot()
     links = [link.get("name") for link in robot.findall("link")]
     assert "world" not in links
@@ -145,7 +133,7 @@ def test_the_virtual_root_is_gone_and_the_arms_own_base_is_kept(tmp_path: Path) 
 
 def test_a_scenarios_robot_is_written_as_its_commands_see_it(tmp_path: Path) -> None:
     file = tmp_path / "servicer.urdf"
-    document = run("assemble", "ur5_servicer/arc", "-o", str(file))
+    document = assembled("ur5_servicer/arc", "-o", str(file))
     wanted, loaded = (
         load_scenario("ur5_servicer/arc").model(),
         FreeFloatingModel.from_urdf(file, "tool0"),
@@ -164,14 +152,14 @@ def test_a_file_may_say_nothing_but_its_robot(tmp_path: Path) -> None:
     section["scale_mass"] = {"spacecraft": 2.0}
     alone = tmp_path / "robot.yaml"
     alone.write_text(yaml.safe_dump({"robot": section}))
-    document = run("assemble", str(alone), "-o", str(tmp_path / "out.urdf"))
+    document = assembled(str(alone), "-o", str(tmp_path / "out.urdf"))
     single = load_scenario("ur5_servicer/arc").model().total_mass
     assert np.isclose(document["total_mass"], single + 200.0, rtol=1e-12)
     assert np.isclose(rigid_body(tmp_path / "out.urdf").mass, single + 200.0, rtol=1e-12)
     attached = [{"urdf": "planar_2dof", "link": "no_such"}]
     for change, key in (({"attached": attached}, "attached.0.link"), ({"weight": 3}, "weight")):
         alone.write_text(yaml.safe_dump({"robot": section | change}))
-        error = refused("assemble", str(alone), "-o", str(tmp_path / "out.urdf"))
+        error = commands.error("assemble", str(alone), "-o", str(tmp_path / "out.urdf"))
         assert (error["key"], error["file"]) == (f"robot.{key}", str(alone))
 
 
@@ -185,7 +173,7 @@ def test_meshes_are_found_wherever_the_file_is(copied: bool, tmp_path: Path) -> 
     folder = tmp_path / "here"
     folder.mkdir()
     options = ["--copy-meshes"] if copied else []
-    document = run("assemble", UR5, "-o", str(folder / "servicer.urdf"), "--end-effector", "tool0",
+    document = assembled(UR5, "-o", str(folder / "servicer.urdf"), "--end-effector", "tool0",
                    *CRAFT, *options)  # fmt: skip
     moved = folder.rename(tmp_path / "there")
     names = {str(mesh.get("filename")) for mesh in ET.parse(moved / "servicer.urdf").iter("mesh")}
@@ -201,7 +189,7 @@ def test_meshes_of_the_same_name_are_two_files(tmp_path: Path) -> None:
         folder.mkdir()
         trimesh.creation.box((size, size, size)).export(folder / "part.stl")
         names.append(str(folder / "part.stl"))
-    run("assemble", UR5, "-o", str(tmp_path / "out.urdf"), "--end-effector", "tool0",
+    assembled(UR5, "-o", str(tmp_path / "out.urdf"), "--end-effector", "tool0",
         "--mass", "9", "--inertia", "1,1,1", "--mesh", names[0], "--payload-mass", "1",
         "--payload-inertia", "1,1,1", "--payload-mesh", names[1], "--copy-meshes")  # fmt: skip
     robot = ET.parse(tmp_path / "out.urdf").getroot()
@@ -219,7 +207,7 @@ def test_a_missing_mesh_is_a_warning(tmp_path: Path) -> None:
         + joint_text("q1", "R", "foot", "tip") + link_text("tip", inertial_text(5.0, np.eye(3)))
         + "</robot>"
     )  # fmt: skip
-    document = run("assemble", str(arm), "-o", str(tmp_path / "out.urdf"), "--copy-meshes")
+    document = assembled(str(arm), "-o", str(tmp_path / "out.urdf"), "--copy-meshes")
     assert [word for word in document["warnings"] if "gone.stl" in word and "no such file" in word]
     assert 'filename="gone.stl"' in (tmp_path / "out.urdf").read_text()
     assert not (tmp_path / "out_meshes").exists()
@@ -229,7 +217,7 @@ def test_a_second_arm_is_attached(tmp_path: Path) -> None:
     """Its names have a prefix, its joints are fixed, its mass counts."""
     file = tmp_path / "two.urdf"
     second = ("--second-arm", UR5, "--second-mount", "0.5", "0", "0", "0", "1.5", "0")
-    document = run("assemble", UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT, *second)
+    document = assembled(UR5, "-o", str(file), "--end-effector", "tool0", *CRAFT, *second)
     moves = {joint["name"]: joint["moves"] for joint in document["joints"]}
     assert sum(moves.values()) == 6
     assert all(name.startswith("second_") != moving for name, moving in moves.items())
@@ -244,7 +232,7 @@ def test_a_tool_is_fixed_to_the_end_effector(tmp_path: Path) -> None:
         '<robot name="t">' + link_text("flange", inertial_text(2.0, 0.01 * np.eye(3), "0 0 0.1"))
         + joint_text("tip_joint", "F", "flange", "tip", "0 0 0.3") + link_text("tip") + "</robot>"
     )  # fmt: skip
-    document = run("assemble", "ets_vii", "-o", str(tmp_path / "out.urdf"), "--tool", str(tool),
+    document = assembled("ets_vii", "-o", str(tmp_path / "out.urdf"), "--tool", str(tool),
                    "--tool-mount", "0", "0", "0", "0", "1.5707963267948966", "0")  # fmt: skip
     model = FreeFloatingModel.from_urdf(tmp_path / "out.urdf")
     assert document["end_effector"] == model.end_effector == "tool_tip"
@@ -274,23 +262,21 @@ def test_a_tool_is_fixed_to_the_end_effector(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_invalid_options_are_refused(words: tuple[str, ...], key: str, tmp_path: Path) -> None:
-    error = refused("assemble", *words, "-o", str(tmp_path / "out.urdf"))
+    error = commands.error("assemble", *words, "-o", str(tmp_path / "out.urdf"))
     assert error["key"] == key
     assert not list(tmp_path.iterdir()), "nothing is left behind"
 
 
 def test_a_missing_folder_is_an_input_error(tmp_path: Path) -> None:
     model = FreeFloatingModel.from_urdf("ets_vii")
-    with pytest.raises(InputError) as caught:
-        write_urdf(model, tmp_path / "none" / "out.urdf")
-    assert caught.value.key == "output"
+    assert error_key(write_urdf, model, tmp_path / "none" / "out.urdf") == "output"
 
 
 def test_a_copy_of_the_file_is_the_same_robot(tmp_path: Path) -> None:
     """What ``assemble`` wrote is assembled again without change."""
     first, second = tmp_path / "first.urdf", tmp_path / "second.urdf"
-    run("assemble", "ur5_servicer/arc", "-o", str(first))
-    run("assemble", str(first), "-o", str(second), "--end-effector", "tool0")
+    assembled("ur5_servicer/arc", "-o", str(first))
+    assembled(str(first), "-o", str(second), "--end-effector", "tool0")
     assert ET.canonicalize(first.read_text()) == ET.canonicalize(second.read_text())
     shutil.copy(second, tmp_path / "third.urdf")
     assert (
@@ -303,7 +289,7 @@ def test_random_arms_come_back_as_they_were(tmp_path: Path) -> None:
     for seed in range(4):
         arm = random_robot(np.random.default_rng(seed), "RCPF", "RF")
         (tmp_path / "arm.urdf").write_text(arm.text)
-        document = run("assemble", str(tmp_path / "arm.urdf"), "-o", str(tmp_path / "out.urdf"),
+        document = assembled(str(tmp_path / "arm.urdf"), "-o", str(tmp_path / "out.urdf"),
                        "--end-effector", arm.tip, *CRAFT)  # fmt: skip
         wanted = combined(craft(), rigid_body(tmp_path / "arm.urdf").at(*mount()))
         assert_same(document, wanted)

@@ -12,6 +12,7 @@ from freefloat.paths.curves import PolynomialCurve
 from freefloat.paths.orientation import DirectedOrientation, FixedOrientation, SlerpOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import Stop, TimedPath, TimeLaw, Timing
+from tests.errors import error_key
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -146,9 +147,7 @@ def test_segment_at_time():
 @pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])
 def test_a_duration_is_a_positive_number(duration):
     """Zero, negative and endless durations are refused by name."""
-    with pytest.raises(InputError) as caught:
-        Timing(duration)
-    assert caught.value.key == "timing.duration"
+    assert error_key(Timing, duration) == "timing.duration"
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from freefloat.studies.report import heading, save_summary, save_tables, study_t
 from freefloat.studies.results import Row, StudyResult
 from freefloat.studies.run import study_files
 from freefloat.studies.study import Study
+from tests.errors import error_key
 from tests.example_studies import BASE, a_study
 
 VARY = {"momentum.2": {"uniform": [-1, 1]}}
@@ -93,9 +94,7 @@ def test_another_study_is_refused(
     vary: dict[str, Any], keys: dict[str, Any], study: Study, tmp_path: Path
 ) -> None:
     finished(study, tmp_path / "out", FEASIBLE)
-    with pytest.raises(InputError) as caught:
-        finished(a_study(tmp_path, vary, **keys), tmp_path / "out")
-    assert caught.value.key == "output"
+    assert error_key(finished, a_study(tmp_path, vary, **keys), tmp_path / "out") == "output"
     assert list(finished(study, tmp_path / "out")) == [0]
 
 
@@ -110,9 +109,7 @@ def test_a_changed_robot_is_another_study_but_not_a_comment_or_folder(tmp_path: 
     finished(first, tmp_path / "out", FEASIBLE)
     assert list(finished(second, tmp_path / "out")) == [0]
     (tmp_path / "b" / "arm.urdf").write_text(text.replace('value="40"', 'value="41"'))
-    with pytest.raises(InputError) as caught:
-        finished(second, tmp_path / "out")
-    assert caught.value.key == "output"
+    assert error_key(finished, second, tmp_path / "out") == "output"
 
 
 def test_a_second_connection_is_refused(study: Study, tmp_path: Path) -> None:
@@ -130,9 +127,7 @@ def test_a_folder_that_cannot_be_used_is_an_error(study: Study, tmp_path: Path) 
     (tmp_path / "pipe").mkdir()
     os.mkfifo(tmp_path / "pipe" / "study.sqlite-journal")
     for folder in (tmp_path / "file", tmp_path, tmp_path / "pipe"):
-        with pytest.raises(InputError) as caught:
-            finished(study, folder)
-        assert caught.value.key == "output"
+        assert error_key(finished, study, folder) == "output"
 
 
 @pytest.mark.parametrize(
@@ -156,13 +151,11 @@ def test_a_database_that_was_changed_by_hand_is_an_error(
     with connection:
         connection.execute(statement)
     connection.close()
-    with pytest.raises(InputError) as caught:
-        finished(study, tmp_path / "out")
-    assert caught.value.key == "output"
+    assert error_key(finished, study, tmp_path / "out") == "output"
 
 
 def test_tables_have_parameters_and_results_in_order(tmp_path: Path) -> None:
-    files = save_tables(tmp_path, ROWS)
+    files = save_tables(tmp_path, study_table(ROWS))
     table = pyarrow.parquet.read_table(files["parquet"]).to_pydict()
     assert table["case"] == [0, 1, 2]
     assert table["timing.duration"] == [50.0, 60.0, 70.0]
@@ -254,7 +247,10 @@ def test_tables_are_written_without_pyarrow(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("freefloat.studies.report.find_spec", lambda _: None)
-    assert save_tables(tmp_path, ROWS) == {"parquet": None, "csv": tmp_path / "cases.csv"}
+    assert save_tables(tmp_path, study_table(ROWS)) == {
+        "parquet": None,
+        "csv": tmp_path / "cases.csv",
+    }
 
 
 @pytest.mark.slow

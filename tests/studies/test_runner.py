@@ -19,9 +19,7 @@ from typing import Any
 import psutil
 import pyarrow.parquet
 import pytest
-from typer.testing import CliRunner
 
-from freefloat.cli.app import app
 from freefloat.errors import InputError
 from freefloat.io.results import load
 from freefloat.robot.names import bundled_studies, models_folder
@@ -30,6 +28,8 @@ from freefloat.studies.results import Row
 from freefloat.studies.run import Run, RunResult, execute, study_files
 from freefloat.studies.runner import _CONFIG, estimate_study, execute_all, run_study
 from freefloat.studies.study import load_study
+from tests.commands import error, run
+from tests.errors import error_key
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -44,10 +44,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     before = signal.getsignal(signal.SIGTERM)
     yield tmp_path
     signal.signal(signal.SIGTERM, before)
-
-
-def run(*words: str) -> Any:
-    return CliRunner().invoke(app, ["batch", *words])
 
 
 def table(folder: Path) -> dict[str, list[Any]]:
@@ -89,7 +85,7 @@ def test_runs_that_fail_stop_no_other(folder: Path) -> None:
     names = {"momentum.2": "momentum.2", "x": "path.polynomial.x.0", "robot.urdf": "robot.urdf"}
     vary = {key: {"list": [values[name] for values in runs]} for name, key in names.items()}
     write_study(folder, vary, base=SHORT, combine="zipped", files=False)
-    result = run("study.yaml", "-o", "out", "--workers", "1")
+    result = run("batch", "study.yaml", "-o", "out", "--workers", "1")
     assert result.exit_code == 1
     assert len(result.stderr.splitlines()) == 1
     rows = table(folder / "out")
@@ -187,9 +183,7 @@ def test_a_robot_that_changed_since_the_start_is_exit_code_2(folder: Path) -> No
     with open_results(folder / "out", study, study_files(study)) as database:
         database.add(execute(Run.of(study, 0)).row)
     robot.write_text(robot.read_text().replace('value="40"', 'value="41"'))
-    result = run("study.yaml", "-o", "out", "--json")
-    assert result.exit_code == 2
-    assert json.loads(result.stdout)["error"]["key"] == "output"
+    assert error("batch", "study.yaml", "-o", "out")["key"] == "output"
 
 
 class Deadly:
@@ -244,9 +238,7 @@ def test_a_scheduler_that_does_not_answer_is_an_error(
     address: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("freefloat.studies.scheduler._TIMEOUT", 1.0)
-    with pytest.raises(InputError) as caught:
-        run_study(a_study(folder), folder / "out", scheduler=address)
-    assert caught.value.key == "scheduler"
+    assert error_key(run_study, a_study(folder), folder / "out", scheduler=address) == "scheduler"
 
 
 @pytest.mark.slow
@@ -288,7 +280,7 @@ def test_a_command_with_an_invalid_scheduler_ends(address: str, folder: Path) ->
 def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
     write_study(folder, RANDOM | {"timing.duration": {"list": [5, 6]}}, base=SHORT, cases=30)
     before = sorted(folder.iterdir())
-    result = run("study.yaml", "--dry-run", "--workers", "3", "--json")
+    result = run("batch", "study.yaml", "--dry-run", "--workers", "3", "--json")
     assert result.exit_code == 0
     document = json.loads(result.stdout)
     assert [case["case"] for case in document["cases"]] == list(range(60))
@@ -296,7 +288,7 @@ def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
     parallel = min(3, len(os.sched_getaffinity(0)))
     whole = document["start_up_seconds"] + document["seconds_each"] * 60 / parallel
     assert document["seconds"] == pytest.approx(whole)
-    assert "60 to run" in run("study.yaml", "--dry-run").stdout
+    assert "60 to run" in run("batch", "study.yaml", "--dry-run").stdout
     assert sorted(folder.iterdir()) == before
 
 
@@ -336,7 +328,4 @@ def test_invalid_input_is_exit_code_2_with_the_key(
     base = (folder / "base.yaml").read_text()
     (folder / "far.yaml").write_text(base.replace("planar_3dof.urdf", "bad.urdf"))
     (folder / "bad.urdf").write_text("<robot><link")
-    result = run(*words, "--json")
-    assert result.exit_code == 2
-    assert len(result.stderr.splitlines()) == 1
-    assert json.loads(result.stdout)["error"]["key"] == key
+    assert error("batch", *words)["key"] == key

@@ -12,6 +12,7 @@ from freefloat.errors import InputError
 from freefloat.io.schema import ScenarioFile
 from freefloat.robot.names import bundled_scenarios, bundled_studies
 from freefloat.studies.study import load_study
+from tests.errors import error_key
 from tests.example_studies import BASE, a_study, write_study
 
 MOMENTA = {"list": [[0, 0, -1], [0, 0, 1]]}
@@ -80,9 +81,7 @@ def test_every_bundled_study_loads_and_is_no_scenario(name: str) -> None:
 
 
 def test_an_unknown_study_is_an_error() -> None:
-    with pytest.raises(InputError) as caught:
-        load_study("spatial_6dof/montecarl")
-    assert caught.value.key == "study"
+    assert error_key(load_study, "spatial_6dof/montecarl") == "study"
 
 
 def test_the_base_may_be_a_bundled_scenario(tmp_path: Path) -> None:
@@ -153,9 +152,7 @@ def test_a_heading_is_for_planar_tasks(tmp_path: Path) -> None:
     vary = {"attitude": {"list": [[0, 0, 0, 1]]}}
     assert a_study(tmp_path, vary, heading_deg=None).start(0) == {"attitude": [0, 0, 0, 1]}
     base = BASE | {"task": "pose"}
-    with pytest.raises(InputError) as caught:
-        a_study(tmp_path, LISTED, base=base)
-    assert caught.value.key == "heading_deg"
+    assert error_key(a_study, tmp_path, LISTED, base=base) == "heading_deg"
 
 
 def test_a_base_without_a_valid_run_is_an_error(tmp_path: Path) -> None:

@@ -8,11 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
 import freefloat as ff
-from freefloat.cli.app import app
-from freefloat.errors import InputError
 from freefloat.io.scenario import parse_scenario
 from freefloat.motion.certificate import Worst, certify
 from freefloat.motion.motion import Ending
@@ -20,6 +17,8 @@ from freefloat.planning.simulation import Simulation
 from freefloat.so3 import angle_between
 from freefloat.verification import robustness
 from freefloat.verification.checks import Check
+from tests.commands import document, error, run
+from tests.errors import error_key
 from tests.hostile_samples import plans
 from tests.plans import planar_plan, spatial_plan
 from tests.result_files import altered, replaced
@@ -389,10 +388,6 @@ def test_a_sampled_path_with_many_knots_is_verified_by_mujoco(tmp_path):
 # --- the command ----------------------------------------------------------------------------------
 
 
-def run(*words):
-    return CliRunner().invoke(app, ["check", *map(str, words)])
-
-
 @pytest.fixture
 def file(tmp_path):
     """A short motion."""
@@ -402,13 +397,13 @@ def file(tmp_path):
 
 
 def test_the_command_prints_checks_or_json(file):
-    result = run(file)
+    result = run("check", file)
     assert (result.exit_code, result.stderr) == (0, "")
     assert "end-effector position" in result.stdout
-    document = json.loads(run(file, "--json").stdout)
-    assert document["proved"] is True
-    assert document["file"] == str(file)
-    assert document["checks"][0].keys() >= {"name", "passed", "told", "found", "allowed", "time"}
+    printed = document("check", file)
+    assert printed["proved"] is True
+    assert printed["file"] == str(file)
+    assert printed["checks"][0].keys() >= {"name", "passed", "told", "found", "allowed", "time"}
 
 
 @pytest.mark.parametrize("resealed", [True, False])
@@ -419,29 +414,20 @@ def test_an_altered_file_is_exit_code_1(file, tmp_path, resealed):
         content = content[:100] + b"x" + content[101:]  # behind the digest, in the user block
         content = content[:20] + b"0" + content[21:]
     (tmp_path / "altered.h5").write_bytes(content)
-    result = run(tmp_path / "altered.h5", "--json")
-    assert result.exit_code == 1
-    assert json.loads(result.stdout)["proved"] is False
+    assert document("check", tmp_path / "altered.h5", code=1)["proved"] is False
 
 
 def test_files_that_are_no_plans_are_exit_code_2(tmp_path):
     (tmp_path / "text.h5").write_text("hello")
     for path in (tmp_path / "missing.h5", tmp_path / "text.h5"):
-        result = run(path)
-        assert (result.exit_code, result.stdout) == (2, "")
+        assert error("check", path)["key"] == "file"
 
 
 def test_maps_unknown_engines_and_a_missing_mujoco_are_input_errors(simulated, monkeypatch):
-    with pytest.raises(InputError) as caught:
-        ff.check(simulated.chosen.motion.problem)
-    assert caught.value.key == "result"
-    with pytest.raises(InputError) as caught:
-        ff.check(simulated, "bullet")
-    assert caught.value.key == "engine"
+    assert error_key(ff.check, simulated.chosen.motion.problem) == "result"
+    assert error_key(ff.check, simulated, "bullet") == "engine"
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
-    with pytest.raises(InputError) as caught:
-        ff.check(simulated, "mujoco")
-    assert caught.value.key == "engine"
+    assert error_key(ff.check, simulated, "mujoco") == "engine"
 
 
 @pytest.mark.slow

@@ -58,7 +58,7 @@ def export(
 
     Example: freefloat export plan.h5 --format ros2 --rate 20 -o trajectory.yaml
     """
-    from freefloat.io.export import save_trajectory, trajectory_text
+    from freefloat.io.export import TEXTS, save_trajectory
     from freefloat.io.trajectory import Trajectory, even_times, times_at_rate
 
     if rate is not None and times is not None:
@@ -70,7 +70,7 @@ def export(
     at = even_times(motion, times or _TIMES) if rate is None else times_at_rate(motion, rate)
     trajectory = Trajectory.of(motion, at)
     if target is None:
-        typer.echo(trajectory_text(trajectory, kind), nl=False)
+        typer.echo(TEXTS[kind](trajectory), nl=False)
         return
     prepare_outputs(file, output=target)
     save_trajectory(target, trajectory, kind)

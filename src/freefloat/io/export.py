@@ -189,18 +189,8 @@ def ros2_text(trajectory: Trajectory) -> str:
     )
 
 
-_TEXTS = {Format.CSV: csv_text, Format.JSON: json_text, Format.ROS2: ros2_text}
-
-
-def trajectory_text(trajectory: Trajectory, format_: Format) -> str:
-    """Text of a trajectory.
-
-    Raises:
-        InputError: If the format is binary, or cannot hold this motion.
-    """
-    if format_ not in _TEXTS:
-        raise InputError("format", f"{format_} is no text", "csv, json or ros2, or a file (-o)")
-    return _TEXTS[format_](trajectory)
+TEXTS = {Format.CSV: csv_text, Format.JSON: json_text, Format.ROS2: ros2_text}
+"""Functions that return a trajectory as text, by format; MATLAB files are binary."""
 
 
 def export(
@@ -245,9 +235,8 @@ def save_trajectory(path: Path, trajectory: Trajectory, format_: Format) -> None
     Raises:
         InputError: If the file cannot be written, or the format cannot hold this motion.
     """
-    text = None if format_ is Format.MAT else trajectory_text(trajectory, format_)
     with written_beside(path) as temporary:
-        if text is None:
+        if format_ is Format.MAT:
             write_mat(temporary, trajectory)
         else:
-            temporary.write_text(text, encoding="utf-8")
+            temporary.write_text(TEXTS[format_](trajectory), encoding="utf-8")

@@ -51,15 +51,14 @@ _MAX_LISTED = 2000
 """Runs listed in the report; the tables have all of them."""
 
 
-def save_tables(folder: Path, rows: Mapping[int, Row]) -> dict[str, Path | None]:
-    """Write the finished runs as tables; return the files by kind, None where it was not written.
+def save_tables(folder: Path, table: Table) -> dict[str, Path | None]:
+    """Write a table of runs in two formats; return the files by kind, None for one not written.
 
     The Parquet table needs PyArrow (the extra ``parquet``).
 
     Raises:
         InputError: If they cannot be written.
     """
-    table = study_table(rows)
     with (
         written_beside(folder / CSV) as beside,
         beside.open("w", encoding="utf-8", newline="") as stream,
@@ -97,8 +96,8 @@ def save_summary(result: StudyResult, report: bool = True) -> dict[str, Path | N
     from freefloat.visualization.figure_style import save_figures
     from freefloat.visualization.study_figure import study_figure
 
-    tables = save_tables(result.folder, result.rows)
     table = study_table(result.rows)
+    tables = save_tables(result.folder, table)
     varied = tuple(result.study.content.vary)
     prefixes = tuple(f"{key}." for key in varied)
     columns = [key for key in table if key in varied or key.startswith(prefixes)]

@@ -71,7 +71,7 @@ def run_study(
         >>> result.feasible_fraction
         1.0
     """
-    from freefloat.studies.report import save_summary, save_tables  # imports slowly
+    from freefloat.studies.report import save_summary, save_tables, study_table  # imports slowly
 
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
@@ -86,7 +86,7 @@ def run_study(
             study.scenario(missing[0]).model()  # an error of the robot is one of every run
         sent = () if scheduler is None else files
         runs = (Run.of(study, number, sent) for number in missing)
-        count = min(_processes(workers), len(missing))
+        count = min(workers or available_cores(), len(missing))
         try:
             with closing(execute_all(runs, workers=count, scheduler=scheduler)) as results:
                 for finished in results if missing else ():
@@ -94,15 +94,11 @@ def run_study(
                     if progress is not None:
                         progress(len(database.rows) / study.count)
         except KeyboardInterrupt:
-            save_tables(folder, database.stored())
+            save_tables(folder, study_table(database.stored()))
             raise
         result = StudyResult(study, dict(sorted(database.rows.items())), folder, len(missing))
         paths = {"database": folder / DATABASE, **save_summary(result, report)}
     return replace(result, files=paths, seconds=time.perf_counter() - begin)
-
-
-def _processes(workers: int | None) -> int:
-    return workers or available_cores()
 
 
 def execute_all(
@@ -212,7 +208,7 @@ class StudyEstimate:
         """Expected duration of the study [s]; with a scheduler on one worker."""
         if self.run_seconds is None:
             return None
-        parallel = min(self.workers or 1, _processes(None), self.missing or 1)
+        parallel = min(self.workers or 1, available_cores(), self.missing or 1)
         return self.start_seconds + self.run_seconds * self.missing / parallel
 
     def to_dict(self) -> dict[str, Any]:
@@ -266,5 +262,5 @@ def estimate_study(
         each, basis = row.seconds, f"run {row.number}"
         if row.verdict == ERROR:
             each, basis = None, f"no run could be timed, run {row.number}: {row.error}"
-    count = _processes(workers) if scheduler is None else None
+    count = workers or available_cores() if scheduler is None else None
     return StudyEstimate(study, frozenset(rows), count, each, basis)

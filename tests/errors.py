@@ -1,0 +1,16 @@
+"""Errors of calls in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from freefloat.errors import InputError
+
+
+def error_key(call: Callable[..., object], *arguments: object, **options: object) -> str:
+    """The key of the input error that a call raises."""
+    with pytest.raises(InputError) as caught:
+        call(*arguments, **options)
+    return caught.value.key
