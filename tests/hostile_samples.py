@@ -79,6 +79,8 @@ HEADINGS = {
     "base": "planar_3dof/parabola", "command": "simulate", "combine": "zipped",
     "vary": {"heading_deg": {"list": [200.0, 20.0]}, "momentum.2": {"list": [0.1, 0.2]}},
 }  # fmt: skip
+NAME = "</script><script>window.hacked=1</script><img src=x onerror=alert(1)>"
+"""A name that would be code on a page that does not escape it."""
 
 
 def bundled(*names: str) -> tuple[bytes, ...]:

@@ -22,3 +22,10 @@ timing: {duration: 10}
 margin: {measure: arm, value: 5}
 """
 """A line of three centimetres, which every attitude and every arm branch can follow."""
+_SEARCHED = EASY + "search: {samples: 64, seed: 3}\n"
+SEARCHED = {
+    "easy": _SEARCHED,
+    "hard": _SEARCHED.replace("value: 5", "value: 5000"),
+    "far": _SEARCHED.replace("from: [1, 0, 0]", "from: [9, 0, 0]"),
+}
+"""The same with few samples; with a margin above all motions; beyond the reach."""

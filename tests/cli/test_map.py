@@ -13,14 +13,8 @@ import numpy as np
 import pytest
 
 from tests.commands import document, error, run
-from tests.scenarios import EASY
+from tests.scenarios import SEARCHED
 
-SEARCHED = EASY + "search: {samples: 64, seed: 3}\n"
-SCENARIOS = {
-    "easy": SEARCHED,
-    "hard": SEARCHED.replace("value: 5", "value: 5000"),
-    "far": SEARCHED.replace("from: [1, 0, 0]", "from: [9, 0, 0]"),
-}
 KEYS = {
     *("samples", "motions", "feasible_fraction", "motion_fraction", "best", "robust", "regions"),
     "seconds",
@@ -30,7 +24,7 @@ KEYS = {
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with the scenarios."""
-    for name, text in SCENARIOS.items():
+    for name, text in SEARCHED.items():
         (tmp_path / f"{name}.yaml").write_text(text)
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -15,16 +15,9 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import models_folder
 from tests.commands import document, run
 from tests.plans import planar_plan
-from tests.scenarios import EASY, PARABOLA
+from tests.scenarios import PARABOLA, SEARCHED
 
-SEARCHED = EASY + "search: {samples: 64, seed: 3}\n"
-SCENARIOS = {
-    "easy": SEARCHED,
-    "hard": SEARCHED.replace("value: 5", "value: 5000"),
-    "far": SEARCHED.replace("from: [1, 0, 0]", "from: [9, 0, 0]"),
-    "planar": PARABOLA,
-    "strict": PARABOLA.replace("value: 5", "value: 149"),
-}
+SCENARIOS = SEARCHED | {"strict": PARABOLA.replace("value: 5", "value: 149")}
 KEYS = {
     *("feasible", "attitude_ranges_deg", "deviation_deg", "robust_radius_deg", "reason"),
     *("completed", "singular", "min_margin", "initial", "final", "residuals"),

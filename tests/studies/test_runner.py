@@ -28,7 +28,7 @@ from freefloat.studies.results import Row
 from freefloat.studies.run import Run, RunResult, execute, study_files
 from freefloat.studies.runner import _CONFIG, estimate_study, execute_all, run_study
 from freefloat.studies.study import load_study
-from tests.commands import error, run
+from tests.commands import document, error, run
 from tests.errors import error_key
 from tests.example_studies import HEADINGS, SHORT, a_study, write_study
 
@@ -280,14 +280,12 @@ def test_a_command_with_an_invalid_scheduler_ends(address: str, folder: Path) ->
 def test_an_estimate_times_a_run_and_writes_nothing(folder: Path) -> None:
     write_study(folder, RANDOM | {"timing.duration": {"list": [5, 6]}}, base=SHORT, cases=30)
     before = sorted(folder.iterdir())
-    result = run("batch", "study.yaml", "--dry-run", "--workers", "3", "--json")
-    assert result.exit_code == 0
-    document = json.loads(result.stdout)
-    assert [case["case"] for case in document["cases"]] == list(range(60))
-    assert document["cases"][59]["parameters"]["timing.duration"] == 6
+    printed = document("batch", "study.yaml", "--dry-run", "--workers", "3")
+    assert [case["case"] for case in printed["cases"]] == list(range(60))
+    assert printed["cases"][59]["parameters"]["timing.duration"] == 6
     parallel = min(3, len(os.sched_getaffinity(0)))
-    whole = document["start_up_seconds"] + document["seconds_each"] * 60 / parallel
-    assert document["seconds"] == pytest.approx(whole)
+    whole = printed["start_up_seconds"] + printed["seconds_each"] * 60 / parallel
+    assert printed["seconds"] == pytest.approx(whole)
     assert "60 to run" in run("batch", "study.yaml", "--dry-run").stdout
     assert sorted(folder.iterdir()) == before
 
