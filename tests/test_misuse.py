@@ -12,7 +12,7 @@ import pytest
 import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ik import configurations
-from freefloat.planning import diagnostics, planner
+from freefloat.planning import diagnostics, search
 from freefloat.planning.attitude_map import AttitudeMap, Peak
 from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.simulation import Simulation
@@ -171,7 +171,7 @@ def test_reason_of_infeasible_plans_of_redundant_arms_has_the_joints(
         sample = np.argmax(result.margins.max(axis=1))
         return [Peak(result.attitudes[sample], None, result.margins.max())]
 
-    monkeypatch.setattr(planner, "largest_margins", best)
+    monkeypatch.setattr(search, "largest_margins", best)
     monkeypatch.setattr(diagnostics, "largest_margins", best)
     reason = ff.plan(beyond, ff.Search(samples=8)).reason
     joints = re.search(r"with the arm at \[([^]]*)\]", reason)

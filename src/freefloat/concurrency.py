@@ -15,6 +15,16 @@ _WAIT = 0.2
 """Longest time between two looks at signals [s]."""
 
 
+def step_of(progress: Progress | None, first: float, last: float) -> Progress:
+    """The progress of a step that takes a computation from the fraction ``first`` to ``last``."""
+
+    def report(done: float) -> None:
+        if progress is not None:
+            progress(first + (last - first) * done)
+
+    return report
+
+
 def available_cores() -> int:
     """The number of cores on which this process may run."""
     if hasattr(os, "sched_getaffinity"):  # not on macOS and Windows

@@ -163,11 +163,18 @@ def finite_vector(key: str, values: npt.ArrayLike, length: int) -> npt.NDArray[n
     return array
 
 
-def finite_number(key: str, value: object, accepted: str) -> float:
-    """The value as a finite float; else an InputError."""
+def finite_number(
+    key: str,
+    value: Any,
+    accepted: str,
+    minimum: float = float("-inf"),
+    maximum: float = float("inf"),
+) -> float:
+    """The value as a finite float within bounds; else an InputError."""
     import numpy as np
 
-    if not isinstance(value, int | float | np.integer | np.floating) or not np.isfinite(value):
+    number = isinstance(value, int | float | np.integer | np.floating) and np.isfinite(value)
+    if not number or not minimum <= value <= maximum:
         raise InputError(key, f"{value!r} was given", accepted)
     return float(value)
 

@@ -12,7 +12,7 @@ import freefloat as ff
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
-from freefloat.planning.heading_map import sample_headings
+from freefloat.planning.heading_map import evaluator_for, sample_headings
 from freefloat.planning.mapping import attitude_map, sample_attitudes
 from freefloat.planning.plan import Search
 from freefloat.planning.planar_planner import searched_ranges
@@ -109,7 +109,7 @@ def test_ranges_of_headings_are_intersected() -> None:
 def test_maps_over_headings_of_an_arc() -> None:
     problem = bundled("planar_3dof/parabola")
     search = Search(from_attitude=heading_quaternion(0.1), within=0.5)
-    result = sample_headings(problem, 40, search=search)
+    result = sample_headings(evaluator_for(problem), 40, search)
     assert np.diff(result.headings) == pytest.approx(1.0 / 40)
     offsets = (result.headings - 0.1 + np.pi) % (2.0 * np.pi) - np.pi
     assert np.abs(offsets).max() == pytest.approx(0.5 - 0.5 / 40)

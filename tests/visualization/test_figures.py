@@ -13,7 +13,7 @@ from IPython.core.formatters import DisplayFormatter
 from IPython.display import HTML
 
 from freefloat.io.scenario import load_scenario
-from freefloat.planning.heading_map import sample_headings
+from freefloat.planning.heading_map import evaluator_for, sample_headings
 from freefloat.planning.plan import Plan, Search
 from freefloat.planning.planner import plan
 from freefloat.planning.simulation import simulate
@@ -89,7 +89,7 @@ def test_a_start_out_of_reach_leaves_no_headings(folder: Path) -> None:
     (folder / "out.yaml").write_text(SCENARIO.replace("x: [2, -3]", "x: [9, -3]"))
     assert list(figures(planned("out.yaml"))) == ["workspace", "joint_space"]
     problem = load_scenario("out.yaml").problem()
-    assert figures(sample_headings(problem, 8)) == {}
+    assert figures(sample_headings(evaluator_for(problem), 8)) == {}
 
 
 @pytest.mark.slow
@@ -111,7 +111,7 @@ def test_commands_write_pdf_and_png_and_list_them(folder: Path) -> None:
 @pytest.mark.slow
 def test_a_notebook_shows_figures_and_pages_without_warnings(folder: Path) -> None:
     formatter = DisplayFormatter()
-    result = sample_headings(load_scenario("good.yaml").problem(), 12)
+    result = sample_headings(evaluator_for(load_scenario("good.yaml").problem()), 12)
     drawings = figures(result)
     assert "<img" in formatter.format(drawings)[0]["text/html"]
     assert formatter.format(drawings["headings"])[0]["image/png"].startswith(b"\x89PNG")

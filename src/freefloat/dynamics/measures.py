@@ -90,7 +90,8 @@ def singularity_measure(
         return SingularityMeasure(name, words, unit, partial(_system, model, task))
     if name == "sigma":
         words = f"smallest singular value of S* (7), in units of the reach {virtual.reach:.4g} m"
-        return SingularityMeasure(name, words, "1", partial(_sigma, model, task, virtual.reach))
+        factors = unit_factors(model, task)
+        return SingularityMeasure(name, words, "1", partial(_sigma, model, task, factors))
     if name == "arm":
         function = partial(_in_plane_determinant, model, plane_axes(model, task))
         words = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
@@ -117,10 +118,18 @@ def _system(model: FreeFloatingModel, task: Task, joints: Array) -> float:
     return float(np.linalg.det(D[2:, 2:] if task.planar else D)) * _gjm(model, task, joints)
 
 
-def _sigma(model: FreeFloatingModel, task: Task, reach: float, joints: Array) -> float:
-    S = generalized_jacobian(model, joints, task)
-    S[[i for i, row in enumerate(task.rows) if row < 3]] /= reach
-    S[:, model.prismatic] *= reach
+def unit_factors(model: FreeFloatingModel, task: Task) -> tuple[Array, Array]:
+    """Factors of the rows (m,) and columns (n,) of S* that put lengths in units of the reach."""
+    reach = VirtualManipulator.of(model).reach
+    rows = np.where(np.array(task.rows) < 3, 1.0 / reach, 1.0)
+    return rows, np.where(model.prismatic, reach, 1.0)
+
+
+def _sigma(
+    model: FreeFloatingModel, task: Task, factors: tuple[Array, Array], joints: Array
+) -> float:
+    rows, columns = factors
+    S = rows[:, None] * generalized_jacobian(model, joints, task) * columns
     return float(np.linalg.svd(S, compute_uv=False)[-1])
 
 

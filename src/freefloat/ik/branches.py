@@ -153,7 +153,7 @@ def many_arm_branches(
     """
     form = closed_form(model, task)
     if form is None or form is ClosedForm.PARALLEL_AXES:
-        parallel_axes = form is ClosedForm.PARALLEL_AXES
+        parallel_axes = form is not None
         return search_arm_branches(
             model, positions, rotations, task, threads, parallel_axes=parallel_axes
         )

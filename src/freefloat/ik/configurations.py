@@ -39,8 +39,10 @@ def spread_configurations(model: FreeFloatingModel, poses: int, solve: Solve, mo
     Returns:
         Joint values, NaN where there are fewer than ``most``, shape (K, most, n).
     """
-    starts = np.split(_starts(model), _STARTS // most)
-    joints = np.concatenate([solve(group, np.arange(poses)) for group in starts], axis=1)
+    lower, upper = _box(model)
+    starts = lower + (upper - lower) * low_discrepancy(_STARTS, model.dof)
+    groups = np.split(starts, _STARTS // most)
+    joints = np.concatenate([solve(group, np.arange(poses)) for group in groups], axis=1)
     exist = np.isfinite(joints).all(axis=2)
     inside = _excess(model, joints) == 0.0
     for pose in np.flatnonzero(exist.any(axis=1) & ~inside.any(axis=1)).tolist():
@@ -54,13 +56,8 @@ def spread_configurations(model: FreeFloatingModel, poses: int, solve: Solve, mo
     return _well_spread(model, joints, usable, most)
 
 
-def _starts(model: FreeFloatingModel) -> Array:
-    """Joint values (S, n) spread in the joint ranges, those of wide ones in a full revolution."""
-    lower, upper = _box(model)
-    return lower + (upper - lower) * low_discrepancy(_STARTS, model.dof)
-
-
 def _box(model: FreeFloatingModel) -> tuple[Array, Array]:
+    """Ends of the joint ranges (n,), of those of wide ones a full revolution's."""
     (first, last), (lower, upper) = model.joint_ranges, joint_box(model)
     narrow = last - first < upper - lower
     return np.where(narrow, first, lower), np.where(narrow, last, upper)
@@ -106,7 +103,6 @@ def _well_spread(
         centre = q[rows, farthest]
         chosen[active[new], column] = centre[new]
         with np.errstate(invalid="ignore"):  # of infinities
-            gap = model.joint_distance(q, centre[:, None])
-        distance = np.fmin(distance, gap)
+            distance = np.fmin(distance, model.joint_distance(q, centre[:, None]))
         farthest = np.argmax(distance, axis=1)
     return chosen

@@ -73,12 +73,11 @@ def integrate_motion(
     """
     require_problem(problem)
     accepted = f"a number from {_FINEST:g} to {_ROUGHEST:g}"
-    if not _FINEST <= finite_number("tolerance", tolerance, accepted) <= _ROUGHEST:
-        raise InputError("tolerance", f"{tolerance} was given", accepted)
+    tolerance = finite_number("tolerance", tolerance, accepted, _FINEST, _ROUGHEST)
     end = problem.path.duration if end is None else end
     first = _first_node(problem, attitude, joints, start, end)
     flow = arc_flow(problem)
-    rows, ending = _integrate(problem, flow, first, end, float(tolerance))
+    rows, ending = _integrate(problem, flow, first, end, tolerance)
     motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
     if flow.determinant is not None:
         motion = _cut(motion, flow.determinant, 0.0, Ending.SINGULAR)

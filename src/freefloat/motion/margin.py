@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.measures import SingularityMeasure
-from freefloat.errors import InputError, finite_number, require_type
+from freefloat.errors import finite_number, require_type
 from freefloat.so3 import Array
 
 ROUNDING = 1e-6
@@ -38,10 +38,8 @@ class Margin:
         accepted = "a measure, such as singularity_measure(model, Task.POSE, 'gjm')"
         require_type("margin.measure", self.measure, SingularityMeasure, accepted)
         accepted = "a magnitude, 0 or more"
-        threshold = finite_number("margin.value", self.threshold, accepted)
+        threshold = finite_number("margin.value", self.threshold, accepted, 0.0)
         object.__setattr__(self, "threshold", threshold)
-        if threshold < 0.0:
-            raise InputError("margin.value", f"{threshold} was given", accepted)
 
     @overload
     def is_kept(self, values: float) -> bool: ...

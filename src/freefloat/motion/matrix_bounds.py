@@ -43,6 +43,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from freefloat.dynamics.measures import unit_factors
 from freefloat.dynamics.momentum import system_matrix, system_matrix_derivative
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.extrema import joint_extents
@@ -103,9 +104,9 @@ class ScaledSystem:
         self._locked = float(np.sqrt(2.0) * pairs * L**2 + spread.sum())
         self._moving = np.cumsum(moved[::-1])[::-1]
         self.base = 1 if task.planar else 3
-        lengths = [1.0 / reach if row < 3 else 1.0 for row in task.rows]
-        self.rows = np.array([1.0 / unit] * self.base + lengths)
-        self.columns = np.append(np.ones(self.base), np.where(model.prismatic, reach, 1.0))
+        rows, columns = unit_factors(model, task)
+        self.rows = np.append(np.full(self.base, 1.0 / unit), rows)
+        self.columns = np.append(np.ones(self.base), columns)
 
     def matrix(self, joints: Array) -> Array:
         """A without units, shape (base + m, base + n)."""

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.dynamics.measures import unit_factors
 from freefloat.dynamics.momentum import Task, system_matrix, system_matrix_derivative
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.motion import Ending, Motion
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -95,9 +95,7 @@ def singularity_kind(model: FreeFloatingModel, task: Task, joints: Array) -> Sin
     as where axes of a wrist align, there is.
     """
     m, k = len(task.rows), 1 if task.planar else 3
-    reach = VirtualManipulator.of(model).reach
-    rows = np.array([1.0 / reach if row < 3 else 1.0 for row in task.rows])
-    columns = np.where(model.prismatic, reach, 1.0)
+    rows, columns = unit_factors(model, task)
     left, values, right = np.linalg.svd(
         rows[:, None] * system_matrix(model, joints, task)[k:, k:] * columns
     )

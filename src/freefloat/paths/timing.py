@@ -117,10 +117,8 @@ class Timing:
     def __post_init__(self) -> None:
         object.__setattr__(self, "law", member("timing.law", TimeLaw, self.law))
         accepted = f"a positive number, {_SHORTEST:g} to {_LONGEST:g} s"
-        duration = finite_number("timing.duration", self.duration, accepted)
+        duration = finite_number("timing.duration", self.duration, accepted, _SHORTEST, _LONGEST)
         object.__setattr__(self, "duration", duration)
-        if not _SHORTEST <= duration <= _LONGEST:
-            raise InputError("timing.duration", f"{self.duration} was given", accepted)
         require_type("timing.stops", self.stops, Sequence, _STOPS)
         for index, stop in enumerate(self.stops):
             require_type(f"timing.stops.{index}", stop, Stop, _STOPS)

@@ -11,9 +11,10 @@ import numpy.typing as npt
 from freefloat.concurrency import Progress
 from freefloat.ensemble.ensemble import STEP_TOLERANCE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.errors import whole_number
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
-from freefloat.planning.plan import Search
+from freefloat.planning.plan import FEWEST_SAMPLES, Search
 from freefloat.so3 import Array, frozen, heading_quaternion
 
 _TOLERANCE = 1e-9
@@ -40,10 +41,12 @@ class HeadingCandidate:
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
-        degrees = float(np.degrees(self.heading))
-        attitude = heading_quaternion(np.radians(degrees)).tolist()
-        return {"branch": self.branch, "heading_deg": degrees, "value": self.minimum_margin,
-                "attitude": attitude}  # fmt: skip
+        return {
+            "branch": self.branch,
+            "heading_deg": float(np.degrees(self.heading)),
+            "value": self.minimum_margin,
+            "attitude": heading_quaternion(self.heading).tolist(),
+        }
 
 
 @dataclass(frozen=True)
@@ -175,23 +178,28 @@ def evaluator_for(problem: Problem, threads: int | None = None) -> FeasibilityEv
 
 
 def sample_headings(
-    problem: Problem,
+    evaluator: FeasibilityEvaluator,
     samples: int,
-    progress: Progress | None = None,
-    threads: int | None = None,
     search: Search | None = None,
+    progress: Progress | None = None,
 ) -> HeadingMap:
-    """Integrate the motions of every arm branch of a planar problem from evenly spread headings."""
-    search = search or Search()
-    evaluator = evaluator_for(problem, threads)
+    """Integrate the motions of every arm branch of a planar problem from evenly spread headings.
+
+    There are 8 or more; those of a search lie in its domain.
+
+    Raises:
+        InputError: If the samples are no such number.
+    """
+    samples = whole_number("samples", samples, FEWEST_SAMPLES)
     evaluator.require_memory(samples)
+    search = search or Search()
     headings = search.domain.headings(samples)
     results = evaluator.evaluate(heading_quaternion(headings), progress=progress)
     branches = np.flatnonzero(results.exist.any(axis=0))
     margins = np.where(results.exist, results.margins, np.nan)[:, branches].T
     ended_at = results.motions.ended_at[:, branches].T
     return HeadingMap(
-        problem, headings, tuple(branches.tolist()), frozen(margins), frozen(ended_at),
+        evaluator.problem, headings, tuple(branches.tolist()), frozen(margins), frozen(ended_at),
         search=search,
     )  # fmt: skip
 

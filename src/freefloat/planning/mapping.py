@@ -13,16 +13,16 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.concurrency import Progress, require_memory
+from freefloat.concurrency import Progress, require_memory, step_of
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.errors import InputError, whole_number
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
-from freefloat.planning.heading_map import HeadingMap, sample_headings
+from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_headings
 from freefloat.planning.plan import FEWEST_SAMPLES, HEADINGS, Search
 from freefloat.planning.regions import find_regions
 from freefloat.planning.robustness import deepest
-from freefloat.planning.search import EXACT, bisect, edge, largest_margins, nearest_feasible
+from freefloat.planning.search import EXACT, bisect, edge, feasible_peaks, nearest_feasible
 from freefloat.planning.tangency import (
     boundary_attitude,
     require_tangency_points,
@@ -99,10 +99,8 @@ def attitude_map(
     samples = search.samples if samples is None else samples
     if problem.task.planar:
         _require_none(nearest=nearest is not None, boundary=boundary, touch=tangency)
-        count = HEADINGS
-        if samples is not None:
-            count = whole_number("samples", samples, FEWEST_SAMPLES)
-        headings = sample_headings(problem, count, progress, threads, search)
+        count = HEADINGS if samples is None else samples
+        headings = sample_headings(evaluator_for(problem, threads), count, search, progress)
         return replace(headings, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude(nearest, key="nearest")
     if tangency:
@@ -117,8 +115,9 @@ def attitude_map(
 
 def _require_none(**spatial: bool | int) -> None:
     """Raise an InputError for a search that only maps of spatial tasks have."""
-    for key in (key for key, requested in spatial.items() if requested):
-        raise InputError(key, "the task is planar", "a spatial task; freefloat plan has ranges")
+    for key, requested in spatial.items():
+        if requested:
+            raise InputError(key, "the task is planar", "a spatial task; freefloat plan has ranges")
 
 
 def _searched_map(
@@ -131,18 +130,12 @@ def _searched_map(
     progress: Progress | None,
 ) -> AttitudeMap:
     """Samples of SO(3) and what is between them."""
-    sampled = sample_attitudes(
-        evaluator, samples, search, progress and (lambda done: progress(_SAMPLING * done))
-    )
+    sampled = sample_attitudes(evaluator, samples, search, step_of(progress, 0.0, _SAMPLING))
     points = tangent_boundary(evaluator, tangency, search) if tangency else ()
-    margin = evaluator.problem.margin
-    peaks = (
-        peak for peak in largest_margins(evaluator, sampled) if margin.is_kept(peak.minimum_margin)
-    )
     near = () if target is None else nearest_feasible(evaluator, sampled, target)
     result = replace(
         sampled,
-        best=next(peaks, None),
+        best=next(iter(feasible_peaks(evaluator, sampled)), None),
         robust=deepest(evaluator, sampled, points),
         nearest_to=target,
         nearest=next(iter(near), None),
@@ -174,13 +167,9 @@ def sample_attitudes(
     attitudes = search.domain.attitudes(samples, search.seed)
     blocks = []
     for first in range(0, samples, _BLOCK):
-        block = attitudes[first : first + _BLOCK]
-
-        def report(done: float, first: int = first, count: int = len(block)) -> None:
-            if progress is not None:
-                progress((first + done * count) / samples)
-
-        blocks.append(_tables(evaluator.evaluate(block, progress=report)))
+        last = min(first + _BLOCK, samples)
+        step = step_of(progress, first / samples, last / samples)
+        blocks.append(_tables(evaluator.evaluate(attitudes[first:last], progress=step)))
     tables = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     for values in tables.values():
         values.setflags(write=False)

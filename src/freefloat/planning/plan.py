@@ -87,14 +87,11 @@ class Search:
             object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "seed", whole_number("search.seed", self.seed, 0))
         accepted = "an angle of 0 or more, up to pi / 2"
-        if not 0.0 <= finite_number("search.spare", self.spare, accepted) <= np.pi / 2.0:
-            raise InputError("search.spare", f"{self.spare:g} was given", accepted)
+        finite_number("search.spare", self.spare, accepted, 0.0, np.pi / 2.0)
         reason = "objective nearest" if self.objective is Objective.NEAREST else None
         if self.within is not None:
             accepted = "an angle above 0, up to pi"
-            within = finite_number("search.within", self.within, accepted)
-            if not 0.0 < within <= np.pi:
-                raise InputError("search.within", f"{within:g} was given", accepted)
+            finite_number("search.within", self.within, accepted, np.finfo(float).tiny, np.pi)
             reason = "a search within an angle"
         if reason is not None and self.from_attitude is None:
             raise InputError(

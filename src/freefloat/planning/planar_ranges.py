@@ -206,13 +206,12 @@ def heading_ranges(
         One entry for each arm branch.
     """
     level, domain = _level(problem), domain or SearchDomain()
-    ends = [(RangeLimitCause.REACH, heading) for heading in reach_limits(problem, at)]
-    if not domain.whole:
-        ends += [(RangeLimitCause.SEARCH, heading % tau) for heading in domain.heading_limits]
-    if problem.start_joints is not None and at == 0.0:
-        ends += [(RangeLimitCause.SEARCH, heading) for heading in branch_changes(problem)]
     edges: list[tuple[float, int | None, RangeLimitCause]]
-    edges = [(heading, None, cause) for cause, heading in ends]
+    edges = [(heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)]
+    if not domain.whole:
+        edges += [(end % tau, None, RangeLimitCause.SEARCH) for end in domain.heading_limits]
+    if problem.start_joints is not None and at == 0.0:
+        edges += [(heading, None, RangeLimitCause.SEARCH) for heading in branch_changes(problem)]
     for limit in limits:
         heading, joints = limit.heading_at(at)
         edges.append((heading, _branch_of(problem, heading, joints, at), RangeLimitCause.MARGIN))

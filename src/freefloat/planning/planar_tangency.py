@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from contourpy import contour_generator
@@ -90,8 +90,7 @@ def planar_tangency_points(
     return distinct(points, _same)
 
 
-@dataclass(frozen=True, eq=False)
-class _PathState:
+class _PathState(NamedTuple):
     """Point 3 and the last link at instants of the path, in complex numbers.
 
     Attributes:
@@ -125,13 +124,9 @@ class _Candidates:
         self._virtual = VirtualManipulator.of(problem.model)
         self._momentum = float(problem.momentum[2])
         self.times = _instants(self._timing.ends, span)
-        states = [self.path_at(t) for t in self.times.tolist()]
-        self.path = _PathState(
-            np.array([state.position for state in states]),
-            np.array([state.velocity for state in states]),
-            np.unwrap([float(state.last) for state in states]),
-            np.array([state.last_rate for state in states]),
-        )
+        states = map(self.path_at, self.times.tolist())
+        path = _PathState._make(map(np.array, zip(*states, strict=True)))
+        self.path = path._replace(last=np.unwrap(path.last))
 
     def path_at(self, t: float) -> _PathState:
         """The path at a time [s].
@@ -156,12 +151,8 @@ class _Candidates:
 
     def path_between(self, index: Array) -> _PathState:
         """The sampled path at fractional indices into :attr:`times`, linear between."""
-        path, count = self.path, np.arange(len(self.times))
-
-        def at(values: Any) -> Any:
-            return np.interp(index, count, values)
-
-        return _PathState(at(path.position), at(path.velocity), at(path.last), at(path.last_rate))
+        count = np.arange(len(self.times))
+        return _PathState._make(np.interp(index, count, values) for values in self.path)
 
     def angles(self, q: Array, path: _PathState) -> Array:
         """Absolute angles of the arm with point 3 in its direction, joints (..., 2)."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-from freefloat.concurrency import Progress
+from freefloat.concurrency import Progress, step_of
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import require_type
 from freefloat.limits.contact import self_contact
@@ -29,8 +29,8 @@ from freefloat.planning.robustness import deepest, robust_radius
 from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.search import (
     best_branch,
+    feasible_peaks,
     is_unique,
-    largest_margins,
     most_robust_first,
     nearest_feasible,
 )
@@ -131,7 +131,7 @@ def plan_in_space(
     problem = evaluator.problem
     samples = sample_attitudes(
         evaluator, search.samples or PLAN_ATTITUDES, search,
-        progress and (lambda done: progress(_SAMPLING * done)),
+        step_of(progress, 0.0, _SAMPLING),
     )  # fmt: skip
     disagreements: list[str] = []
     for candidate in _candidates(evaluator, samples, search)[:_CANDIDATES]:
@@ -166,28 +166,23 @@ def _candidates(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, search: Search
 ) -> Sequence[Candidate]:
     """Attitudes to try, the best first; none where no sample is feasible."""
-    objective, present = search.objective, search.from_attitude
-    margin, spacing = samples.problem.margin, samples.spacing
-
-    def peaks() -> list[Peak]:
-        return [p for p in largest_margins(evaluator, samples) if margin.is_kept(p.minimum_margin)]
-
+    objective, present, spacing = search.objective, search.from_attitude, samples.spacing
+    if objective is Objective.MARGIN:
+        return most_robust_first(samples, feasible_peaks(evaluator, samples))
     if objective is Objective.NEAREST and present is not None:
         if search.spare:
             nearest = nearest_with_spare(evaluator, samples, present, search.spare)
         else:
             nearest = nearest_feasible(evaluator, samples, present) or [
                 NearAttitude(p.attitude, p.branch, float(angle_between(p.attitude, present)))
-                for p in peaks()
+                for p in feasible_peaks(evaluator, samples)
             ]
         if nearest or not search.spare:
             return sorted(nearest, key=lambda candidate: candidate.deviation)
-    if objective is not Objective.MARGIN:
-        if (deep := deepest(evaluator, samples)) is not None:
-            return [deep]
-        balls = [
-            Ball(p.attitude, p.branch, robust_radius(evaluator, p.attitude, p.branch, spacing))
-            for p in peaks()
-        ]
-        return sorted(balls, key=lambda ball: -ball.radius)
-    return most_robust_first(samples, peaks())
+    if (deep := deepest(evaluator, samples)) is not None:
+        return [deep]
+    balls = [
+        Ball(p.attitude, p.branch, robust_radius(evaluator, p.attitude, p.branch, spacing))
+        for p in feasible_peaks(evaluator, samples)
+    ]
+    return sorted(balls, key=lambda ball: -ball.radius)

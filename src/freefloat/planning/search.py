@@ -159,6 +159,12 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
     return sorted(finished, key=lambda peak: -peak.minimum_margin) + climbed[_FINISHED:]
 
 
+def feasible_peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
+    """Those of :func:`largest_margins` that keep the margin."""
+    margin = samples.problem.margin
+    return [p for p in largest_margins(evaluator, samples) if margin.is_kept(p.minimum_margin)]
+
+
 def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
     """Peaks, best first; of those that equal the best the farthest from samples outside leads."""
 

@@ -226,7 +226,7 @@ def _branches(
 
 
 def _ranked(branches: list[SimulatedBranch]) -> list[SimulatedBranch]:
-    """Return the feasible branches, the best first; where none is, the best of all."""
+    """The feasible branches, the best first; where none is, the best of all."""
     ranked = sorted(branches, key=_score, reverse=True)
     return [branch for branch in ranked if branch.feasible] or ranked[:1]
 
@@ -234,7 +234,7 @@ def _ranked(branches: list[SimulatedBranch]) -> list[SimulatedBranch]:
 def _within_limits(
     branches: list[SimulatedBranch], checker: LimitChecker
 ) -> tuple[SimulatedBranch, tuple[LimitResult, ...]]:
-    """Return the first branch whose motion keeps the limits, else the first, and its limits."""
+    """The first branch whose motion keeps the limits, else the first, and its limits."""
     checked = []
     for branch in branches:
         checked.append((branch, checker.results(branch.motion)))

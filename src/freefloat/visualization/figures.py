@@ -16,7 +16,7 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
-from freefloat.planning.heading_map import HeadingMap, sample_headings
+from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_headings
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_ranges import BranchRanges
 from freefloat.planning.simulation import Simulation, simulate
@@ -125,7 +125,7 @@ def _plan_figures(plan: Plan, threads: int | None, progress: Progress | None) ->
     if problem.task.planar:
         if has_two_angle_form(problem.model, problem.task):
             drawn["joint_space"] = joint_space_figure(problem, _compared_motions(plan))
-        headings = sample_headings(problem, _HEADINGS, progress, threads)
+        headings = sample_headings(evaluator_for(problem, threads), _HEADINGS, progress=progress)
         if headings.branches:
             drawn["headings"] = headings_figure(headings, plan.ranges, heading)
     if chosen is not None:
