@@ -127,7 +127,7 @@ def end_effector_link(robot: RobotDescription, end_effector: str | None) -> str:
         ends = [group.links for group in moved if set(group.links) & set(robot.leaves)]
         names = ", ".join(link for links in ends for link in links) or ", ".join(robot.leaves)
         accepted = f"a link such as {names}"
-        problem = "none was given and the robot has several last links"
+        problem = "the robot has several last links and none was given (--end-effector LINK)"
         raise ModelError("end_effector", problem, accepted, robot.source)
     return robot.leaves[0]
 
