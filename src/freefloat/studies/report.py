@@ -123,11 +123,12 @@ def heading(key: str) -> str:
 
 
 def _margin_unit(result: StudyResult) -> str:
-    """Return the unit of the margins, nothing where no run has one."""
+    """Return the unit of the margins, nothing where there is none."""
     number = next((row.number for row in result.rows.values() if row.margin is not None), None)
     if number is None:
         return ""
-    return result.study.scenario(number).problem().margin.measure.unit
+    unit = result.study.scenario(number).problem().margin.measure.unit
+    return "" if unit == "1" else unit
 
 
 def study_table(rows: Mapping[int, Row]) -> Table:

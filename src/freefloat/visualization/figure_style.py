@@ -112,7 +112,9 @@ def new_figure(width: float = COLUMN, height: float = 2.4) -> Figure:
 
 
 def axis_label(quantity: str, unit: str) -> str:
-    """Return a quantity and its unit in brackets; ``m^2`` becomes a superscript."""
+    """Return a quantity and its unit in brackets, if it has one; ``m^2`` becomes a superscript."""
+    if unit in ("", "1"):
+        return quantity
     raised = re.sub(r"\^(-?[0-9]+)", r"$^{\1}$", unit)
     return f"{quantity} [{raised}]"
 

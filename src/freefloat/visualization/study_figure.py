@@ -61,7 +61,7 @@ def study_figure(
     for row in panels:
         row[0].set_ylim(bottom=-0.02 * np.nanmax([*margins, 1e-9]))
         quantity = "minimum margin" if measure is None else f"minimum |{measure}|"
-        row[0].set_ylabel(axis_label(quantity, unit) if unit else quantity)
+        row[0].set_ylabel(axis_label(quantity, unit))
     handles, labels = panels.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
