@@ -14,7 +14,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import heading_quaternion
 from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot, shape_text
-from tests.robots import joint_text, random_robot
+from tests.robots import inertial_text, joint_text, link_text, random_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 CUBE = shape_text('<box size="1 1 1"/>')
@@ -142,6 +142,14 @@ def test_pairs_that_always_overlap_are_left_out_and_named():
     pairs = CollisionPairs(motion.problem.model)
     assert pairs.left_out == ("shell - hand: always too near",)
     assert_close(clearance(motion, pairs).distance, 0.4, atol=1e-9)
+
+
+def test_links_with_mass_but_without_shape_are_named():
+    """A body without shape, as a payload without size, cannot collide."""
+    payload = link_text("payload", inertial_text(1.0, np.eye(3)))
+    text = prismatic_robot(CUBE, BALL, payload + joint_text("grip", "F", "hand", "payload"))
+    pairs = CollisionPairs(FreeFloatingModel.from_urdf(text, "hand"))
+    assert "payload: without shape" in pairs.left_out
 
 
 def test_robots_without_shapes_are_refused():

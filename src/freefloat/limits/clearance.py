@@ -45,7 +45,8 @@ class CollisionPairs:
 
     Attributes:
         pairs: Indices of two shapes each, the first on the body nearer to the spacecraft, (P, 2).
-        left_out: Pairs of links that are always too near, ``"a - b: why"``.
+        left_out: Pairs of links that are always too near, ``"a - b: why"``, and links with mass
+            but without shape, ``"a: why"``.
         links_left_out: Links of these pairs.
     """
 
@@ -75,10 +76,14 @@ class CollisionPairs:
         self._numbers = np.flatnonzero(~near)
         names = set(map(self._links, self.pairs))
         self.links_left_out = {self._shapes[index].link for index in candidates[near].ravel()}
+        shaped = {shape.link for shape in self._shapes}
         self.left_out = tuple(sorted({
             f"{name}: {'parts are ' if name in names else ''}always too near"
             for name in map(self._links, candidates[near])
-        }))  # fmt: skip
+        })) + tuple(
+            f"{link.name}: without shape"
+            for link in model.description.links if link.mass > 0.0 and link.name not in shaped
+        )  # fmt: skip
         if not len(self.pairs):
             problem = "the robot has no two shapes that could collide"
             accepted = "a URDF with <collision> or <visual> shapes"

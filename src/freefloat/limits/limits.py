@@ -83,7 +83,7 @@ class LimitResult:
         base_wrench: Numerical error of joint torques: the largest component of the wrench [N, N m]
             that inverse dynamics finds on the free base, where none acts, over the largest torque.
             None for other limits, and where all torques are zero.
-        notes: Pairs of links that were left out.
+        notes: Pairs of links and links that were left out, and why.
     """
 
     limit: LimitKind
