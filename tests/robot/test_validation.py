@@ -209,6 +209,11 @@ def test_inertias_that_are_not_positive_definite_are_reported(matrix: np.ndarray
     assert elements(one_joint(np.array(matrix, dtype=float))) == ["link arm"]
 
 
+def test_moments_that_are_rounding_errors_are_zero() -> None:
+    (warning,) = read_urdf(one_joint(np.diag([-1e-19, 1e-18, 3e-18]))).warnings
+    assert "0, 0, 0" in warning.problem
+
+
 # --------------------------------------------------------------------------- any URDF
 
 

@@ -121,7 +121,7 @@ def assemble(
     """
     from freefloat.io.scenario import load_robot
     from freefloat.io.urdf_file import write_urdf
-    from freefloat.robot.names import bundled_scenarios
+    from freefloat.robot.names import is_scenario
 
     parts = _given(
         spacecraft={"mass": mass, "inertia": inertia, "com": com, "size": size, "mesh": mesh,
@@ -131,7 +131,7 @@ def assemble(
         tool={"urdf": tool, "mount": tool_mount},
         second_arm={"urdf": second_arm, "mount": second_mount},
     )  # fmt: skip
-    if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
+    if is_scenario(robot):
         if parts or end_effector is not None:
             accepted = "-o, --copy-meshes and --json"
             raise InputError("options", "the scenario has all parts of its robot", accepted)

@@ -135,6 +135,11 @@ def decimals(values: Iterable[float], digits: int = 4) -> str:
     return " ".join(f"{value:.{digits}f}" for value in values)
 
 
+def extent(low: float, high: float) -> str:
+    """Format the ends of an interval; a low end that is zero but for rounding as zero."""
+    return f"{0.0 if abs(low) < 1e-9 * abs(high) else low:.6g} to {high:.6g}"
+
+
 def short_label(label: str) -> str:
     """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for a number or ``any``."""
     words = [word for word in label.split() if not word.isdigit() and word != ANY]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -13,7 +14,15 @@ import typer
 from rich.console import RenderableType
 from rich.text import Text
 
-from freefloat.cli.console import BAD_INPUT, Console, decimals, error_document, say, table
+from freefloat.cli.console import (
+    BAD_INPUT,
+    Console,
+    decimals,
+    error_document,
+    extent,
+    say,
+    table,
+)
 from freefloat.cli.options import Attitude, Json, Quiet, joint_values, robot_names
 from freefloat.errors import InputError
 
@@ -26,6 +35,8 @@ if TYPE_CHECKING:
     from freefloat.robot.rigid_bodies import Body
 
 _EXAMPLES = "example-robot-data:"
+_SHOWN = 3
+"""Links or joints that are named of those with the same problem."""
 
 _Robot = Annotated[
     str,
@@ -68,6 +79,7 @@ def info(
     from freefloat.dynamics.measures import singularity_measure
     from freefloat.dynamics.summary import RobotSummary, configuration_at
     from freefloat.limits.contact import why_unchecked
+    from freefloat.robot.names import is_scenario
 
     console = Console(as_json, quiet)
     model, task, measure, diagnostics = _load(console, robot, end_effector)
@@ -82,7 +94,8 @@ def info(
         model, task, measure, extremes, diagnostics, configuration, why_unchecked(model)
     )
     console.json(summary.to_dict())
-    console.tables(_tables(summary))
+    default_link = end_effector is None and not is_scenario(robot)
+    console.tables(_tables(summary, default_link))
 
 
 def _load(
@@ -98,11 +111,12 @@ def _load(
         bundled_scenarios,
         find_robot,
         is_file,
+        is_scenario,
         unknown,
     )
     from freefloat.robot.validation import examine
 
-    if robot in bundled_scenarios() or robot.endswith((".yaml", ".yml")):
+    if is_scenario(robot):
         if end_effector is not None:
             raise InputError("end_effector", "the scenario names it already", "a URDF with it")
         loaded = load_scenario(robot)
@@ -138,7 +152,7 @@ def _require_no_error(
     raise typer.Exit(BAD_INPUT)
 
 
-def _tables(summary: RobotSummary) -> Iterator[RenderableType]:
+def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableType]:
     """The bodies, the joints, the reach, and what validation found."""
     from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 
@@ -154,14 +168,15 @@ def _tables(summary: RobotSummary) -> Iterator[RenderableType]:
             decimals(body.centre), " ".join(f"{x:.4g}" for x in body.inertia.diagonal()),
         )  # fmt: skip
     yield bodies
-    yield f"end-effector {model.end_effector}, task {summary.task}, {model.dof} joints"
+    default = " (the last link; --end-effector names another)" if default_link else ""
+    yield f"end-effector {model.end_effector}{default}, task {summary.task}, {model.dof} joints"
     yield (
         f"barycentric lengths {decimals(virtual.lengths)} m; no configuration puts the "
         f"end-effector farther than {virtual.reach:.4f} m from the centre of mass"
     )
     yield (
-        f"{measure.name}: {measure.definition}; over the joint space from {extremes.smallest:.6g} "
-        f"to {extremes.largest:.6g} {measure.unit}"
+        f"{measure.name}: {measure.definition}; over the joint space from "
+        f"{extent(extremes.smallest, extremes.largest)} {measure.unit}".removesuffix(" 1")
     )
     if summary.contact_unchecked is not None:
         yield f"motions are not searched for contact: {summary.contact_unchecked}"
@@ -193,20 +208,32 @@ def _range(body: Body) -> str:
 
 
 def _diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[RenderableType]:
-    """Two lines for each kind of problem, with all links or joints that have it."""
-    alike: dict[tuple[str, str, str, str], list[UrdfDiagnostic]] = {}
+    """Two lines for each kind of problem: how many have it, the first links or joints, one case.
+
+    Warnings that differ in numbers alone are of one kind. Errors are all named.
+    """
+    alike: dict[tuple[str, str, str], list[UrdfDiagnostic]] = {}
     for entry in diagnostics:
         kind, _, _ = entry.element.partition(" ")
-        alike.setdefault((entry.severity, kind, entry.problem, entry.remedy), []).append(entry)
+        problem = entry.problem
+        if entry.severity == "warning":
+            problem = re.sub(r"[-+.e\d]*\d", "", problem)
+        alike.setdefault((entry.severity, kind, problem), []).append(entry)
     if diagnostics:
         counts = Counter(entry.severity for entry in diagnostics)
         words = (f"{n} {word}{'s' if n > 1 else ''}" for word, n in counts.items())
         yield f"{diagnostics[0].file}: {', '.join(words)}"
-    for (severity, kind, problem, remedy), entries in alike.items():
+    for (severity, kind, _), entries in alike.items():
+        first = entries[0]
+        shown = entries[:_SHOWN] if severity == "warning" else entries
         plural = "s" if len(entries) > 1 else ""
-        lines = ", ".join(str(entry.line) for entry in entries)
-        names = ", ".join(entry.element.removeprefix(kind).strip() for entry in entries)
+        count = f"{len(entries)} {severity}s" if plural else severity
+        lines = ", ".join(str(entry.line) for entry in shown)
+        names = ", ".join(entry.element.removeprefix(kind).strip() for entry in shown)
+        more = len(entries) - len(shown)
+        rest = f" and {more} more (--json)" if more else ""
+        case = "" if len({entry.problem for entry in entries}) == 1 else "of the first, "
         style = "yellow" if severity == "warning" else ""
         where = f"line{plural} {lines}, {kind}{plural} {names}".rstrip()
-        yield Text(f"  {severity}, {where}: {problem}", style)
-        yield f"    {remedy}"
+        yield Text(f"  {count}, {where}{rest}: {case}{first.problem}", style)
+        yield f"    {first.remedy}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import RenderableType
 
-from freefloat.cli.console import Console, table
+from freefloat.cli.console import Console, extent, table
 from freefloat.cli.options import Json, Quiet, ScenarioName
 
 if TYPE_CHECKING:
@@ -25,12 +25,13 @@ def workspace(scenario: ScenarioName, as_json: Json = False, quiet: Quiet = Fals
     console = Console(as_json, quiet)
     loaded = load_scenario(scenario)
     with loaded.error_context(), console.progress("searching the joint space"):
-        result = workspace_regions(loaded.problem())
+        problem = loaded.problem()
+        result = workspace_regions(problem)
     console.json(result.to_dict())
-    console.tables(_tables(scenario, result))
+    console.tables(_tables(scenario, result, problem.margin.measure.name))
 
 
-def _tables(name: str, result: Workspace) -> Iterator[RenderableType]:
+def _tables(name: str, result: Workspace, measure: str) -> Iterator[RenderableType]:
     yield f"{name}: distance of the {result.point} from the centre of mass"
     regions = table("region", "from [m]", "to [m]")
     rows = [("reach", result.reach)]
@@ -40,9 +41,11 @@ def _tables(name: str, result: Workspace) -> Iterator[RenderableType]:
         regions.add_row(region, f"{low:.5f}", f"{high:.5f}")
     yield regions
     yield (
-        f"S ({result.measure}) from {result.smallest_s:.6g} to {result.largest_s:.6g} "
+        f"S ({result.measure}) from {extent(result.smallest_s, result.largest_s)} "
         "over the joint space"
     )
+    if measure not in (result.measure, "arm") and result.measure != "arm":
+        yield f"S vanishes where {measure}, the measure of the margin, does"
     if result.path_dependent is None:
         yield "Regions: unknown, the arm is redundant"
         return

@@ -33,6 +33,11 @@ def bundled_scenarios() -> tuple[str, ...]:
     return tuple(sorted(f"{path.parent.name}/{path.stem}" for path in folder.glob("*/*.yaml")))
 
 
+def is_scenario(name: str) -> bool:
+    """Whether a name is that of a scenario, bundled or a file."""
+    return name in bundled_scenarios() or name.endswith((".yaml", ".yml"))
+
+
 def bundled_studies() -> tuple[str, ...]:
     """Names of the bundled studies, such as ``spatial_6dof/montecarlo``."""
     files = models_folder().glob("*/studies/*.yaml")

@@ -20,6 +20,8 @@ ON_JOINT = 0.02
 GYRATION = 3.0
 """Largest gyration radius over the known extent of a link, its joints and shapes: sound links reach
 2.1 (Panda's last), links with inertias a hundredfold too large 4.5 and more."""
+_TINY = 1e-15
+"""Moments of inertia that are zero but for rounding [kg m²]: those of a milligram at 0.03 mm."""
 ROUNDED = 1e-3
 """Error of a unit axis written with three digits."""
 Faults = Iterator[tuple[Any, str | int, str, str]]
@@ -49,11 +51,12 @@ def breaks_triangle(moments: npt.ArrayLike) -> bool:
 
 
 def _principal_moments(link: Link) -> Array | None:
-    """Principal moments of inertia, ascending [kg m²]; None where there are none."""
+    """Principal moments of inertia, ascending, without rounding errors [kg m²]; None without."""
     inertial = link.inertial
     if inertial is None or not np.isfinite(inertial.inertia).all() or "inertia" not in link.lines:
         return None
-    return np.asarray(np.linalg.eigvalsh(inertial.inertia))
+    moments = np.linalg.eigvalsh(inertial.inertia)
+    return np.where(np.abs(moments) < max(_TINY, 1e-12 * moments[-1]), 0.0, moments)
 
 
 def _joint_values(robot: RobotDescription) -> Faults:
