@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +14,7 @@ from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import Contact, self_contact
-from freefloat.limits.limits import LimitResult, Limits
+from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Motion
@@ -94,6 +95,8 @@ class Simulation:
         limits: Limits checked in addition to the joint ranges; None where none were checked.
         limit_results: Limits along the chosen motion.
         contact: The deepest contact of bodies along the chosen motion; None without contact.
+        violations: Limits that motions violate, by the number of their arm branch, of those
+            branches that were checked; not stored in files.
     """
 
     branches: tuple[SimulatedBranch, ...]
@@ -101,6 +104,7 @@ class Simulation:
     limits: Limits | None = None
     limit_results: tuple[LimitResult, ...] = ()
     contact: Contact | None = None
+    violations: Mapping[int, tuple[LimitKind, ...]] = field(default_factory=dict, repr=False)
 
     @property
     def problem(self) -> Problem:
@@ -183,11 +187,17 @@ def simulate(
         for start in branches
     ]
     candidates = _ranked(simulated) if requested is None else [simulated[requested]]
-    chosen, results = candidates[0], tuple[LimitResult, ...]()
+    checked = [(candidates[0], tuple[LimitResult, ...]())]
     if checker is not None:
-        chosen, results = _within_limits(candidates, checker)
+        checked = _within_limits(candidates, checker)
+    chosen, results = checked[0]
     contact = self_contact(chosen.motion, results)
-    return Simulation(tuple(simulated), chosen, limits, results, contact)
+    violations = {
+        entry.branch.index: tuple(result.limit for result in results if not result.kept)
+        for entry, results in checked
+        if results
+    }
+    return Simulation(tuple(simulated), chosen, limits, results, contact, violations)
 
 
 def integrate_branch(problem: Problem, attitude: Array, branch: int) -> SimulatedBranch:
@@ -233,14 +243,14 @@ def _ranked(branches: list[SimulatedBranch]) -> list[SimulatedBranch]:
 
 def _within_limits(
     branches: list[SimulatedBranch], checker: LimitChecker
-) -> tuple[SimulatedBranch, tuple[LimitResult, ...]]:
-    """The first branch whose motion keeps the limits, else the first, and its limits."""
+) -> list[tuple[SimulatedBranch, tuple[LimitResult, ...]]]:
+    """The branches up to the first whose motion keeps the limits, that one first."""
     checked = []
     for branch in branches:
         checked.append((branch, checker.results(branch.motion)))
         if all(result.kept for result in checked[-1][1]):
-            return checked[-1]
-    return checked[0]
+            return [checked[-1], *checked[:-1]]
+    return checked
 
 
 def _score(branch: SimulatedBranch) -> tuple[bool, float, float]:
