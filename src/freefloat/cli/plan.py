@@ -90,9 +90,7 @@ def plan(
         if result.chosen is not None:
             from freefloat.visualization.playback import playback
 
-            words = scenario, result.chosen.branch.label, result.violation
-            motions = {", ".join(filter(None, words)): result.chosen.motion}
-            document["html"] = str(playback(motions, scenario).save(html))
+            document["html"] = str(playback(result, output.stem if output else scenario).save(html))
         console.tables([f"Page: {document['html'] or 'none, there is no motion to show'}"])
     if plots is not None:
         document["plots"] = draw(console, plots, result, threads)
@@ -116,8 +114,9 @@ def draw(
 
 def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
     """The feasible attitudes, the chosen one, its tolerances, motion and limits."""
+    scope = " (limits not considered)" if plan.limit_results else ""
     if plan.map is None:
-        yield f"{name}: feasible initial headings"
+        yield f"{name}: feasible initial headings{scope}"
         ranges = table("branch", "ranges [deg]")
         for entry in plan.ranges:
             number = ANY if entry.label == ANY else f"{entry.branch} {short_label(entry.label)}"
@@ -126,7 +125,7 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
     else:
         samples = plan.map.samples
         feasible = percentage(round(plan.map.feasible_fraction * samples), samples)
-        yield f"{name}: {feasible} of {samples:,} initial attitudes are feasible"
+        yield f"{name}: {feasible} of {samples:,} initial attitudes are feasible{scope}"
     yield from search_lines(plan.search)
     for sentence in plan.disagreements:
         yield Text(f"not confirmed: {sentence}", "yellow")

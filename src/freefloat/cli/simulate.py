@@ -35,6 +35,7 @@ from freefloat.cli.options import (
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
+    from freefloat.limits.limits import LimitKind
     from freefloat.motion.problem import Problem
     from freefloat.planning.simulation import SimulatedBranch, Simulation
 
@@ -95,7 +96,7 @@ def simulate(
     if html is not None:
         from freefloat.visualization.playback import playback
 
-        playback(simulation, scenario).save(html)
+        playback(simulation, output.stem if output else scenario).save(html)
     console.json(simulation.to_dict())
     kept = all(result.kept for result in simulation.limit_results)
     raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NO)
@@ -134,7 +135,7 @@ def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
         value = 0.0 if singular else entry.closest_approach.value
         branches.add_row(
             f"{number} {short_label(entry.branch.label)}", decimals(entry.branch.joints, 3),
-            f"{value:.4g}", _verdict(entry),
+            f"{value:.4g}", _verdict(entry, simulation.violations.get(entry.branch.index, ())),
         )  # fmt: skip
     yield branches
     yield from motion_lines(simulation.chosen, " (*)")
@@ -145,7 +146,7 @@ def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
     yield from contact_lines(simulation)
 
 
-def _verdict(entry: SimulatedBranch) -> Text:
+def _verdict(entry: SimulatedBranch, violations: Sequence[LimitKind]) -> Text:
     from freefloat.motion.motion import Ending
 
     motion = entry.motion
@@ -155,4 +156,6 @@ def _verdict(entry: SimulatedBranch) -> Text:
         return Text(f"reaches the margin at {motion.final.time:.4f} s", "yellow")
     if not entry.feasible:
         return Text(f"completes, below {motion.problem.margin.threshold:g}", "yellow")
+    if violations:
+        return Text(f"keeps the margin, violates {', '.join(violations)}", "yellow")
     return Text("keeps the margin", "green")

@@ -70,7 +70,7 @@ _Scene = Annotated[
     typer.Option(
         metavar="NAME",
         help="Of several, the one that the page opens and that pictures and video show: the "
-        'name of a file, the arm branch of a map, or "side by side".',
+        'name of a file, the arm branch of a map or a simulation, or "side by side".',
     ),
 ]
 
@@ -184,7 +184,9 @@ def _playback(files: Sequence[Path]) -> Playback:
     from freefloat.visualization.playback import playback
 
     results = [load(file) for file in files]
-    if len(results) == 1 and isinstance(results[0], AttitudeMap | HeadingMap):
+    if len(files) == 1:
+        if not isinstance(results[0], AttitudeMap | HeadingMap):
+            _motion_of(results[0], files[0])
         return playback(results[0], files[0].stem)
     motions = {}
     for name, result, file in zip(distinct_stems(files), results, files, strict=True):
