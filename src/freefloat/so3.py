@@ -246,6 +246,11 @@ def sphere_directions(points: Array) -> Array:
     return np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
 
 
+def even_directions(count: int) -> Array:
+    """Evenly distributed unit vectors, shape (count, 3)."""
+    return sphere_directions(low_discrepancy(count, 2))
+
+
 def attitude_grid(count: int, seed: int = 0) -> Array:
     """Evenly distributed attitudes: super-Fibonacci spirals (Alexa, CVPR 2022).
 

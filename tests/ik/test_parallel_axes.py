@@ -121,7 +121,7 @@ def test_a_search_is_asked_at_few_poses_only(
     whole = many_arm_branches(ur5, p, R, Task.POSE)
     from freefloat.ik.branches import arm_chain
 
-    chain = arm_chain(virtual, ur5)
+    chain = arm_chain(ur5)
     joints, patterns = np.empty((200, 16, 6)), np.empty((200, 16), np.int64)
     solve_numerically(chain, np.arange(6), np.empty((0, 6)), True, p, R.copy(), joints, patterns)
     solved = (patterns >= 0).any(axis=1)

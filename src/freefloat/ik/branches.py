@@ -160,13 +160,12 @@ def many_arm_branches(
     # imported late: Numba takes half a second
     from freefloat.ik import analytic as kernels
 
-    virtual = VirtualManipulator.of(model)
-    arm = (arm_chain(virtual, model), np.array(task.rows))
+    arm = (arm_chain(model), np.array(task.rows))
     poses = _poses(positions, rotations)
     labels = _SIGNS if form is ClosedForm.ELBOW_AND_WRIST else _ELBOWS
     joints = np.empty((len(poses[0]), len(labels), model.dof))
     if form is ClosedForm.ELBOW_AND_WRIST:
-        fixed = (*arm, np.array(virtual.wrist_centre))
+        fixed = (*arm, np.array(VirtualManipulator.of(model).wrist_centre))
         _in_slices(kernels.solve_elbow_and_wrist, fixed, (*poses, joints), threads)
     else:
         _in_slices(kernels.solve_planar_elbow, arm, (*poses, joints), threads)
@@ -210,7 +209,7 @@ def newton_branches(
     """
     from freefloat.ik.numeric import MAX_BRANCHES, solve_numerically
 
-    chain, poses = arm_chain(VirtualManipulator.of(model), model), _poses(positions, rotations)
+    chain, poses = arm_chain(model), _poses(positions, rotations)
     joints = np.empty((len(poses[0]), MAX_BRANCHES, model.dof))
     names = np.empty(joints.shape[:2], dtype=np.int64)
     fixed = (chain, np.array(task.rows), starts, parallel_axes)
@@ -240,10 +239,11 @@ def _redundant_branches(
     return BranchSets(joints, names, tuple(str(number) for number in range(MAX_BRANCHES)))
 
 
-def arm_chain(virtual: VirtualManipulator, model: FreeFloatingModel) -> Chain:
+def arm_chain(model: FreeFloatingModel) -> Chain:
     """The arm in the form of the compiled kernels."""
     from freefloat.ik.chain import Chain
 
+    virtual = VirtualManipulator.of(model)
     arrays: tuple[npt.NDArray[Any], ...] = (
         virtual.links, virtual.rotations, virtual.axes, virtual.prismatic, virtual.strokes,
         virtual.tool, *model.joint_ranges,

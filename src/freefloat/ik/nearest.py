@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.momentum import Task
-from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.branches import (
     ArmBranch,
     BranchSets,
@@ -29,7 +28,7 @@ def newton_configuration(
     """
     from freefloat.ik import numeric as kernels
 
-    chain = arm_chain(VirtualManipulator.of(model), model)
+    chain = arm_chain(model)
     position, rotation = (np.array(values) for values in (target.position, target.rotation))
     q = np.array(joints, dtype=float)
     if kernels.solve_nearby(chain, np.array(task.rows), position, rotation, q):

@@ -160,15 +160,14 @@ def _rate_errors(motion: Motion) -> Worst:
     solver = motion.problem.resolved_rate_solver()
     errors, times = [], []
     fastest = 0.0
-    for panel in range(motion.panels):
+    for panel, coefficients in enumerate(motion.coefficients):
         segment = motion.timing_segment(panel)
-        for _, state, slope in with_slopes(motion.coefficients[panel], NODES):
+        for _, state, slope in with_slopes(coefficients, NODES):
             attitude = state[1:5] / np.linalg.norm(state[1:5])
-            rates = slope[5:]
             twist, speed = path.twist_and_speed(float(state[0]), segment)
             exact = solver.rates(attitude, state[5:], twist, speed)[1]
-            fastest = max(fastest, float(np.abs(rates).max()))
-            errors.append(float(np.abs(rates - exact).max()))
+            fastest = max(fastest, float(np.abs(slope[5:]).max()))
+            errors.append(float(np.abs(slope[5:] - exact).max()))
             times.append(float(state[0]))
     if not fastest:
         return Worst(0.0, float(motion.times[0]))

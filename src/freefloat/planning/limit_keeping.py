@@ -15,11 +15,11 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import limited_reason, violated_limits_message
 from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.screening import ScreenedCandidate, screen
+from freefloat.planning.search import is_near
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.trials import OVER, PassedTrial, Trials
 from freefloat.so3 import (
     Array,
-    angle_between,
     heading_of,
     heading_quaternion,
     rotated,
@@ -112,7 +112,7 @@ def _first_passing(
         if candidate.violation is not None:
             trials.violations[candidate.violation] += 1
             trials.screened_out.append(candidate)
-        elif _is_near(candidate, refused, spacing):
+        elif is_near(candidate, refused, spacing):
             skipped.append(candidate)
         else:
             passed = trials.check_candidate(candidate)
@@ -136,16 +136,6 @@ def _nearest_to_passing(screened_out: list[ScreenedCandidate]) -> list[ScreenedC
 
 def _slowest(candidates: Iterable[ScreenedCandidate]) -> list[ScreenedCandidate]:
     return sorted(candidates, key=lambda entry: entry.rate_ratio)[:_NEAREST]
-
-
-def _is_near(
-    candidate: ScreenedCandidate, refused: list[ScreenedCandidate], spacing: float
-) -> bool:
-    """Whether a candidate is next to a refused one of the same arm branch."""
-    attitudes = [entry.attitude for entry in refused if entry.branch == candidate.branch]
-    if not attitudes:
-        return False
-    return bool(angle_between(np.array(attitudes), candidate.attitude).min() < spacing)
 
 
 def _with_candidate(plan: Plan, trials: Trials, passed: PassedTrial) -> Plan:

@@ -24,7 +24,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.analytic import spherical_wrist_angles
 from freefloat.motion.problem import Problem
 from freefloat.planning.planar_tangency import roots_between
-from freefloat.so3 import Array, low_discrepancy, sphere_directions
+from freefloat.so3 import Array, even_directions
 
 _TIMES = 201
 _STEP = 1e-5
@@ -262,6 +262,6 @@ def _frames(x: Array, reference: Array) -> Rotation:
 
 def _direction_across(vectors: Array) -> Array:
     """The direction that is least parallel to any of some vectors."""
-    directions = sphere_directions(low_discrepancy(64, 2))
+    directions = even_directions(64)
     along = vectors / np.linalg.norm(vectors, axis=1, keepdims=True) @ directions.T
     return np.asarray(directions[np.abs(along).max(axis=0).argmin()])

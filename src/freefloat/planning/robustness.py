@@ -21,10 +21,9 @@ from freefloat.so3 import (
     Array,
     angle_between,
     attitudes_within,
-    low_discrepancy,
+    even_directions,
     rotated,
     rotation_vector_to,
-    sphere_directions,
 )
 
 _WIDE = 512
@@ -257,7 +256,7 @@ def _outside_on_sphere(
     def loss(attitudes: Array) -> Array:
         return -evaluator.regularity(on_sphere(attitudes), branch)
 
-    attitudes = rotated(center, radius * sphere_directions(low_discrepancy(_CONFIRMING // 3, 2)))
+    attitudes = rotated(center, radius * even_directions(_CONFIRMING // 3))
     losses = loss(attitudes)
     outside = ~is_kept(-losses, 1.0)
     if not outside.any():

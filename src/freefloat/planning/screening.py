@@ -19,6 +19,7 @@ from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.limits.clearance import CollisionPairs
 from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
+from freefloat.planning.attitude_map import Candidate
 from freefloat.planning.plan import Objective, Search
 from freefloat.planning.regions import depths
 from freefloat.so3 import Array, IntArray, angle_between
@@ -35,18 +36,15 @@ _Entries = tuple[IntArray, IntArray]
 
 
 @dataclass(frozen=True, eq=False)
-class ScreenedCandidate:
+class ScreenedCandidate(Candidate):
     """An attitude and an arm branch that keep the margin.
 
     Attributes:
-        attitude: Quaternion x, y, z, w.
-        branch: Number of the arm branch.
         violation: The limit that it violates, as far as compiled motions show.
         rate_ratio: Largest ratio of a joint rate to its limit; zero without limits.
         clearance_deficit: Required less actual clearance [m]; zero where it is kept.
     """
 
-    attitude: Array
     branch: int
     violation: LimitKind | None = None
     rate_ratio: float = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import is_kept
-from freefloat.planning.attitude_map import AttitudeMap, NearAttitude, Peak
+from freefloat.planning.attitude_map import AttitudeMap, Candidate, NearAttitude, Peak
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.regions import nearest_among
 from freefloat.so3 import (
@@ -232,12 +232,18 @@ def _peaks(samples: AttitudeMap, spacing: float) -> list[Peak]:
     )
     chosen: list[Peak] = []
     for peak in ranked:
-        others = [other.attitude for other in chosen if other.branch == peak.branch]
-        if not others or angle_between(np.array(others), peak.attitude).min() > spacing:
+        if not is_near(peak, chosen, spacing):
             chosen.append(peak)
         if len(chosen) == _CLIMBS:
             break
     return chosen
+
+
+def is_near(candidate: Candidate, others: Sequence[Candidate], angle: float) -> bool:
+    """Whether an attitude is within an angle [rad] of another one of the same arm branch."""
+    attitudes = [other.attitude for other in others if other.branch == candidate.branch]
+    distances = angle_between(np.reshape(attitudes, (-1, 4)), candidate.attitude)
+    return bool((distances < angle).any())
 
 
 def nearest_feasible(

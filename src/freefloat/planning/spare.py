@@ -14,9 +14,8 @@ from freefloat.so3 import (
     Array,
     angle_between,
     attitudes_within,
-    low_discrepancy,
+    even_directions,
     rotated,
-    sphere_directions,
 )
 
 _CLOUD, _CENTERS = 1536, 8000
@@ -143,6 +142,6 @@ def _refined(centers: Array, clear: Inside, target: Array, radius: float) -> Arr
 
 def _ball(center: Array, radius: float, reduction: int) -> Array:
     """Attitudes of a ball: its centre first, many on its sphere, some inside, shape (K, 4)."""
-    directions = sphere_directions(low_discrepancy(_SHELL // reduction, 2))
+    directions = even_directions(_SHELL // reduction)
     shell = rotated(center, radius * directions)
     return np.vstack([center, shell, attitudes_within(center, radius, _INSIDE // reduction)])

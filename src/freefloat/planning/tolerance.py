@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.so3 import Array, IntArray, low_discrepancy, sphere_directions
+from freefloat.so3 import Array, IntArray, even_directions
 
 _DIRECTIONS = 128
 _SAMPLES = 16
@@ -86,7 +86,7 @@ def _momentum_tolerance(
     keeps: Callable[[Array], npt.NDArray[np.bool_]], h: Array, limit: float
 ) -> float:
     """Deviation of the momentum ``h`` tolerated in any direction, at most ``limit`` [N m s]."""
-    directions = sphere_directions(low_discrepancy(_DIRECTIONS, 2))
+    directions = even_directions(_DIRECTIONS)
     smallest = limit
     worst = np.zeros(3)
     for spread in _SPREADS:

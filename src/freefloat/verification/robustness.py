@@ -19,10 +19,9 @@ from freefloat.planning.tolerance import Tolerance
 from freefloat.so3 import (
     Array,
     attitudes_within,
+    even_directions,
     heading_of,
     heading_quaternion,
-    low_discrepancy,
-    sphere_directions,
 )
 from freefloat.verification.checks import Check, comparison_check
 
@@ -174,7 +173,7 @@ def _tolerance_check(plan: Plan, tolerance: Tolerance, chosen: SimulatedBranch) 
     The ensemble is integrated for many directions; the worst of them and the durations precisely.
     """
     problem, start = plan.problem, chosen.motion.initial
-    directions = sphere_directions(low_discrepancy(_DIRECTIONS, 2))
+    directions = even_directions(_DIRECTIONS)
     momenta = problem.momentum + _INSIDE * tolerance.momentum * directions
     states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
     ensemble = EnsembleIntegrator(problem).integrate(*states, momenta=momenta)
