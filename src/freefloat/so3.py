@@ -197,10 +197,7 @@ def rotated(attitudes: npt.ArrayLike, rotation_vectors: npt.ArrayLike) -> Array:
 
 
 def rotation_vector_between(start: npt.ArrayLike, end: npt.ArrayLike) -> Array:
-    """The rotation vector [rad] from one rotation (3, 3) to another, shape (3,).
-
-    Rotations of shape (K, 3, 3) give vectors of shape (K, 3).
-    """
+    """The rotation vectors [rad] from rotations (3, 3) or (K, 3, 3) to others, (3,) or (K, 3)."""
     difference = Rotation.from_matrix(np.asarray(end) @ np.asarray(start).swapaxes(-1, -2))
     return np.asarray(difference.as_rotvec())
 
@@ -252,14 +249,10 @@ def even_directions(count: int) -> Array:
 
 
 def attitude_grid(count: int, seed: int = 0) -> Array:
-    """Evenly distributed attitudes: super-Fibonacci spirals (Alexa, CVPR 2022).
+    """Evenly distributed attitudes (count, 4): super-Fibonacci spirals (Alexa, CVPR 2022).
 
-    Args:
-        count: Number of attitudes, each of which represents the same fraction of SO(3).
-        seed: Rotates the whole grid by a random rotation; 0 leaves it as it is.
-
-    Returns:
-        Unit quaternions x, y, z, w, shape (count, 4).
+    Each represents the same fraction of SO(3). The seed rotates the whole grid by a random
+    rotation; 0 leaves it as it is.
     """
     index = np.arange(count) + 0.5
     inner, outer = np.sqrt(index / count), np.sqrt(1.0 - index / count)
@@ -284,16 +277,9 @@ def grid_spacing(count: int, radius: float = np.pi) -> float:
 
 
 def attitudes_within(center: npt.ArrayLike, radius: float, count: int, seed: int = 0) -> Array:
-    """Evenly distributed attitudes of a geodesic ball.
+    """Evenly distributed attitudes (count, 4) within an angle [rad], at most pi, of an attitude.
 
-    Args:
-        center: Quaternion x, y, z, w.
-        radius: Largest angle from the center [rad], at most pi.
-        count: Number of attitudes.
-        seed: Shifts the low-discrepancy sequence.
-
-    Returns:
-        Unit quaternions x, y, z, w, shape (count, 4).
+    The seed shifts the low-discrepancy sequence.
     """
     fraction, axes = _ball(count, seed)
     angles = np.linspace(0.0, radius, 257)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +16,7 @@ from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
 from freefloat.planning.plan import Search
 from freefloat.planning.regions import Region
-from freefloat.so3 import Array
+from freefloat.so3 import Array, angle_between
 
 _ENDINGS = {"completed": COMPLETED, "singular": SINGULAR, "given_up": FAILED,
             "unreached": UNREACHED}  # fmt: skip
@@ -32,6 +33,12 @@ class Candidate:
 
     attitude: Array
     branch: int | None
+
+    def is_near(self, others: Sequence[Candidate], angle: float) -> bool:
+        """Whether it is within an angle [rad] of any other candidate of the same arm branch."""
+        attitudes = [other.attitude for other in others if other.branch == self.branch]
+        distances = angle_between(np.reshape(attitudes, (-1, 4)), self.attitude)
+        return bool((distances < angle).any())
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document, angles in degrees."""

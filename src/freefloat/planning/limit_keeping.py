@@ -15,7 +15,6 @@ from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import limited_reason, violated_limits_message
 from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.screening import ScreenedCandidate, screen
-from freefloat.planning.search import is_near
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.trials import OVER, PassedTrial, Trials
 from freefloat.so3 import (
@@ -112,7 +111,7 @@ def _first_passing(
         if candidate.violation is not None:
             trials.violations[candidate.violation] += 1
             trials.screened_out.append(candidate)
-        elif is_near(candidate, refused, spacing):
+        elif candidate.is_near(refused, spacing):
             skipped.append(candidate)
         else:
             passed = trials.check_candidate(candidate)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import is_kept
-from freefloat.planning.attitude_map import AttitudeMap, Candidate, NearAttitude, Peak
+from freefloat.planning.attitude_map import AttitudeMap, NearAttitude, Peak
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.regions import nearest_among
 from freefloat.so3 import (
@@ -167,15 +167,15 @@ def feasible_peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> lis
 
 def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
     """Peaks, best first; of those that equal the best the farthest from samples outside leads."""
+    enough = (1.0 - _EQUAL) * max((peak.minimum_margin for peak in peaks), default=0.0)
 
     def depth(peak: Peak) -> float:
+        if peak.minimum_margin < enough:
+            return -1.0
         outside = samples.attitudes[~samples.regular(peak.branch)]
-        return float(nearest_among(outside)(peak.attitude[None])[0][0]) if len(outside) else np.pi
+        return float(angle_between(outside, peak.attitude).min(initial=np.pi))
 
-    enough = (1.0 - _EQUAL) * max((peak.minimum_margin for peak in peaks), default=0.0)
-    equals = [peak for peak in peaks if peak.minimum_margin >= enough]
-    others = [peak for peak in peaks if peak.minimum_margin < enough]
-    return sorted(equals, key=depth, reverse=True) + others
+    return sorted(peaks, key=depth, reverse=True)
 
 
 def is_unique(evaluator: FeasibilityEvaluator, best: Peak) -> bool:
@@ -232,18 +232,11 @@ def _peaks(samples: AttitudeMap, spacing: float) -> list[Peak]:
     )
     chosen: list[Peak] = []
     for peak in ranked:
-        if not is_near(peak, chosen, spacing):
+        if not peak.is_near(chosen, spacing):
             chosen.append(peak)
         if len(chosen) == _CLIMBS:
             break
     return chosen
-
-
-def is_near(candidate: Candidate, others: Sequence[Candidate], angle: float) -> bool:
-    """Whether an attitude is within an angle [rad] of another one of the same arm branch."""
-    attitudes = [other.attitude for other in others if other.branch == candidate.branch]
-    distances = angle_between(np.reshape(attitudes, (-1, 4)), candidate.attitude)
-    return bool((distances < angle).any())
 
 
 def nearest_feasible(
