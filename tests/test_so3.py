@@ -117,7 +117,7 @@ def test_parallel_axes_are_refused() -> None:
 @pytest.mark.parametrize(
     "values",
     [[1, 2], [1, 2, np.nan], [[1, 2, 3]], ["a", 2, 3], [[1, 2], 3], None],
-)  # fmt: skip
+)
 def test_vectors_must_be_finite_and_of_their_length(values: object) -> None:
     with pytest.raises(InputError) as caught:
         finite_vector("path.line.from", values, 3)

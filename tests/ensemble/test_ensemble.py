@@ -320,7 +320,7 @@ def test_backward_integration_retraces(name: str, attitude: object) -> None:
     count = int(done.sum())
     back = integrator.integrate(
         there.attitudes[done], there.joints[done], starts=np.full(count, T), ends=np.zeros(count)
-    )  # fmt: skip
+    )
     assert (back.endings == COMPLETED).all()
     np.testing.assert_array_equal(back.ended_at, 0.0)
     np.testing.assert_allclose(back.joints, joints[done], rtol=0, atol=2e-5)

@@ -11,7 +11,7 @@ import typer
 from rich.console import RenderableType
 
 from freefloat.cli.console import Console, table
-from freefloat.cli.options import Json, Quiet, prepare_outputs, robot_names
+from freefloat.cli.options import Json, Quiet, comma_separated, prepare_outputs, robot_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
@@ -193,12 +193,7 @@ def _body(name: str, parts: dict[str, dict[str, Any]]) -> dict[str, Any]:
     for key in ("mass", "inertia"):
         if key not in options:
             raise InputError(f"{name}.{key}", "it is missing", "mass and inertia of every body")
-    text = options["inertia"]
-    try:
-        inertia = [float(word) for word in text.split(",")]
-    except ValueError:
-        accepted = "three, six or nine numbers separated by commas"
-        raise InputError(f"{name}.inertia", f"{text!r} was given", accepted) from None
+    inertia = comma_separated(f"{name}.inertia", options["inertia"])
     mount = {"mount": _mount("mount", options["mount"])} if "mount" in options else {}
     return {**options, "inertia": inertia, **mount}
 

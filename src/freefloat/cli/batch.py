@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 _MAX_ROWS = 20
 """Runs listed by a dry run; --json lists all."""
 
-
 _Study = Annotated[
     str,
     typer.Argument(metavar="STUDY", help="A file or a bundled name: spatial_6dof/montecarlo",

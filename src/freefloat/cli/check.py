@@ -11,16 +11,13 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from freefloat.cli.console import DONE, NO, Console, table
-from freefloat.cli.options import Json, Quiet
+from freefloat.cli.options import Json, MotionFile, Quiet
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.verification.check import CheckReport
     from freefloat.verification.checks import Check
 
-_Plan = Annotated[
-    Path, typer.Argument(metavar="PLAN", help="A plan or motion file, see -o of plan.")
-]
 _Engine = Annotated[
     str | None,
     typer.Option(
@@ -30,7 +27,9 @@ _Engine = Annotated[
 ]
 
 
-def check(plan: _Plan, engine: _Engine = None, as_json: Json = False, quiet: Quiet = False) -> None:
+def check(
+    file: MotionFile, engine: _Engine = None, as_json: Json = False, quiet: Quiet = False
+) -> None:
     """Verify a saved plan or motion from its file alone.
 
     The recorded motion is compared with the equations, the path and the robot, it is integrated
@@ -50,14 +49,14 @@ def check(plan: _Plan, engine: _Engine = None, as_json: Json = False, quiet: Qui
     console = Console(as_json, quiet)
     with console.progress("integrating the motion again"):
         try:
-            result = load(plan)
+            result = load(file)
             if not isinstance(result, Plan | Simulation):
-                raise InputError("file", "it holds a map", "a plan or motion file", str(plan))
+                raise InputError("file", "it holds a map", "a plan or motion file", str(file))
             report = verify(result, engine or PINOCCHIO)
         except AlteredFileError as error:
             report = CheckReport("file", (Check(error.key, False, error.problem),))
-    console.json({"file": str(plan), **report.to_dict()})
-    console.tables(_tables(report, plan))
+    console.json({"file": str(file), **report.to_dict()})
+    console.tables(_tables(report, file))
     raise typer.Exit(DONE if report.passed else NO)
 
 

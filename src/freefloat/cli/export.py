@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from freefloat.cli.console import Console
-from freefloat.cli.options import Json, Quiet, prepare_outputs
+from freefloat.cli.options import Json, MotionFile, Quiet, prepare_outputs
 from freefloat.cli.view import load_motion
 from freefloat.errors import InputError
 
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 _TIMES = 501
 _STDOUT = "-"
 
-_File = Annotated[
-    Path, typer.Argument(metavar="FILE", help="A plan or motion file, see -o of plan.")
-]
 _Format = Annotated[
     str | None,
     typer.Option("--format", metavar="csv|mat|json|ros2",
@@ -40,7 +37,7 @@ _Times = Annotated[
 
 
 def export(
-    file: _File,
+    file: MotionFile,
     format_: _Format = None,
     output: _Output = None,
     rate: _Rate = None,

@@ -23,7 +23,7 @@ from freefloat.cli.console import (
     say,
     table,
 )
-from freefloat.cli.options import Attitude, Json, Quiet, joint_values, robot_names
+from freefloat.cli.options import Attitude, Json, Quiet, comma_separated, robot_names
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
@@ -86,7 +86,9 @@ def info(
     configuration = None
     if joints is not None:
         measures = (singularity_measure(model, task, "gjm"), measure)
-        configuration = configuration_at(model, measures, joint_values(joints), attitude)
+        configuration = configuration_at(
+            model, measures, comma_separated("joints", joints), attitude
+        )
     elif attitude is not None:
         raise InputError("attitude", "it was given without --joints", "--joints with it")
     extremes = joint_space_extremes(model, measure)

@@ -46,7 +46,7 @@ _Samples = Annotated[
         help="Number of attitudes; default search.samples of the scenario, else 36,864 "
         "(planar tasks: 360 headings).",
     ),
-]  # fmt: skip
+]
 _Seed = Annotated[
     int | None, typer.Option(min=0, help="Rotates the grid of attitudes; default search.seed.")
 ]

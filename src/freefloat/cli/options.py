@@ -55,6 +55,9 @@ Page = Annotated[
     Path | None,
     typer.Option("--html", metavar="FILE", help="Write a page that plays the motion offline."),
 ]
+MotionFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A plan or motion file, see -o of plan.")
+]
 Plots = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Write figures to this folder, as PDF and PNG.")
 ]
@@ -68,8 +71,8 @@ Attitude = Annotated[
 ]
 
 
-def joint_values(text: str) -> list[float]:
-    """Joint values of the option ``--joints``.
+def comma_separated(key: str, text: str) -> list[float]:
+    """Numbers from a text; the key is named in errors.
 
     Raises:
         InputError: If they are not numbers.
@@ -77,7 +80,7 @@ def joint_values(text: str) -> list[float]:
     try:
         return [float(word) for word in text.split(",")]
     except ValueError:
-        raise InputError("joints", f"{text!r} was given", "numbers separated by commas") from None
+        raise InputError(key, f"{text!r} was given", "numbers separated by commas") from None
 
 
 def prepare_outputs(*inputs: Path, folder: Path | None = None, **files: Path | None) -> None:

@@ -29,7 +29,7 @@ from freefloat.cli.options import (
     Quiet,
     ResultFile,
     ScenarioName,
-    joint_values,
+    comma_separated,
     prepare_outputs,
 )
 from freefloat.errors import InputError
@@ -88,7 +88,7 @@ def simulate(
     with loaded.error_context(only="path"), console.progress("integrating motions"):
         simulation = simulate_branches(
             problem, start, branch=branch, limits=limits, stop_at_margin=stop_at_margin,
-            joints=None if joints is None else joint_values(joints),
+            joints=None if joints is None else comma_separated("joints", joints),
         )  # fmt: skip
     console.tables(_tables(scenario, simulation))
     if output is not None:

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from freefloat.motion.motion import Motion
     from freefloat.visualization.playback import Playback
 
-_ACCEPTED = "plans and motions, several together, or one map"
-
-
 _Files = Annotated[
     list[Path],
     typer.Argument(metavar="FILE", help="Files of plan, simulate or map; shown on one page."),
@@ -208,7 +205,8 @@ def load_motion(file: Path) -> tuple[Motion, str]:
 
 def _motion_of(result: Any, file: Path) -> tuple[Motion, str]:
     if not hasattr(result, "chosen"):
-        raise InputError("file", "it holds a map", _ACCEPTED, str(file))
+        accepted = "plans and motions, several together, or one map"
+        raise InputError("file", "it holds a map", accepted, str(file))
     if result.chosen is None:
         problem = f"it has no motion, the plan is not feasible: {result.reason}"
         raise InputError("file", problem, "a plan or simulation with a motion", str(file))

@@ -66,7 +66,7 @@ def path_of(
     task: Task,
     samples: str | None,
     folder: Path,
-    frame: Pose | None = None,
+    frame: Pose | None,
 ) -> EndEffectorPath:
     """Path that a section describes.
 
@@ -75,7 +75,7 @@ def path_of(
         task: Part of the pose that it prescribes.
         samples: Text of its CSV file.
         folder: Folder of that file.
-        frame: Of the section's coordinates, relative to the inertial frame; default: that frame.
+        frame: Of the section's coordinates, relative to the inertial frame; None for that frame.
 
     Raises:
         InputError: If the path is invalid, or lacks an orientation that the task needs.

@@ -87,17 +87,12 @@ class Scenario:
                 measure = singularity_measure(model, content.task, content.margin.measure)
             if content.margin.fraction is not None:
                 value = content.margin.fraction * largest_magnitude(model, measure)
-            redundancy = content.redundancy
-            return Problem(
-                model,
-                TimedPath(path, timing),
-                content.task,
-                np.array(content.momentum),
-                Margin(measure, value),
-                None
-                if redundancy is None
-                else Redundancy(**redundancy.model_dump(exclude_none=True)),
-            )
+            redundancy = None
+            if content.redundancy is not None:
+                redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
+            timed = TimedPath(path, timing)
+            momentum, margin = np.array(content.momentum), Margin(measure, value)
+            return Problem(model, timed, content.task, momentum, margin, redundancy)
 
     def search(self) -> Search:
         """The search for a plan.

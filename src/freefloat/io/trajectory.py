@@ -104,7 +104,7 @@ class Trajectory:
             end_effector_positions=np.array([pose.position for pose in poses]),
             end_effector_attitudes=without_jumps(orientations.as_quat()),
             measure=np.array([problem.margin.measure(q) for q in joints]),
-        )  # fmt: skip
+        )
 
 
 def even_times(motion: Motion, count: int) -> Array:

@@ -87,8 +87,7 @@ def parse_yaml(text: str, path: Path) -> dict[str, Any]:
         mark = None
     except yaml.MarkedYAMLError as error:
         problem = str(error.problem or error.context)
-        mark = error.problem_mark
-        mark = mark or error.context_mark
+        mark = error.problem_mark or error.context_mark
     except yaml.YAMLError as error:
         problem = str(error).splitlines()[0]
         mark = None

@@ -6,7 +6,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import fields, replace
 from hashlib import sha256
 from importlib.metadata import version
@@ -110,7 +110,8 @@ def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyData
             if not path.is_file():  # opening a named pipe would wait for ever
                 raise InputError("output", f"{path} is no plain file", "another folder")
         connection = sqlite3.connect(folder / DATABASE, timeout=0.5)
-        try:
+    with closing(connection):
+        with _errors(folder):
             connection.execute("PRAGMA locking_mode = EXCLUSIVE")
             connection.execute("BEGIN EXCLUSIVE")
             connection.execute(f"CREATE TABLE IF NOT EXISTS runs ({columns}, PRIMARY KEY (number))")
@@ -120,13 +121,7 @@ def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyData
             _check_study(connection, folder, study, files)
             connection.commit()
             database = StudyDatabase(folder, connection, study.count)
-        except BaseException:
-            connection.close()
-            raise
-    try:
         yield database
-    finally:
-        connection.close()
 
 
 def _check_study(connection: sqlite3.Connection, folder: Path, study: Study, files: Files) -> None:

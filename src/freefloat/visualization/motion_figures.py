@@ -22,7 +22,6 @@ from freefloat.visualization.figure_style import (
     MARGIN_LINE,
     PAGE,
     PALE,
-    STROKES,
     VERMILION,
     axis_label,
     digits,
@@ -91,9 +90,8 @@ def attitude_curves(problem: Problem, trajectory: Trajectory) -> tuple[str, Arra
 
 
 def draw_curves(axes: Any, times: Array, values: Array, names: Sequence[str]) -> None:
-    """Draw the columns of values (K, C) over times (K,)."""
-    for (colour, dashes), column, name in zip(STROKES, values.T, names, strict=False):
-        axes.plot(times, column, color=colour, linestyle=dashes, label=name)
+    """Draw the columns of values (K, C) that have names over times (K,)."""
+    axes.plot(times, values[:, : len(names)], label=list(names))
 
 
 @styled

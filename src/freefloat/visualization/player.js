@@ -541,11 +541,8 @@ function api(player, panels) {
   };
   return {
     about,
-    state: () => ({ time: player.time, playing: player.playing, speed: player.speed,
-      shown: player.shown.map(scene => scene.title), hidden: [...player.hidden] }),
+    state: () => ({ time: player.time, shown: player.shown.map(scene => scene.title) }),
     seek: time => { player.pause(); player.seek(time); player.viewer.render(); panels.update(); },
-    play: () => player.play(),
-    pause: () => player.pause(),
     show: title => player.show(title),
     toggle: (name, visible) => player.toggle(name, visible),
     position,
