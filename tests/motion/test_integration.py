@@ -71,6 +71,7 @@ def test_joint_rates_grow_beyond_bounds_towards_the_singularity(spatial):
     assert rates[1] / rates[0] == pytest.approx(10.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_motion_that_begins_just_before_its_singularity_ends_there(spatial):
     """In one step, as time reverses smoothly along the curve."""
     end = followed(spatial, BAD, 2).final
@@ -239,6 +240,7 @@ def test_a_step_is_at_most_a_tenth_of_the_duration(spatial):
     assert 4.0 < np.diff(times).max() < 5.0 + 1e-6
 
 
+@pytest.mark.slow
 def test_a_spacecraft_rotates_several_times(planar):
     """The curve's tangent turns, too."""
     upright, momentum = np.eye(3), [0, 0, 40.0]

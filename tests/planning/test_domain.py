@@ -17,6 +17,7 @@ from freefloat.planning.mapping import attitude_map, sample_attitudes
 from freefloat.planning.plan import Search
 from freefloat.planning.planar_planner import searched_ranges
 from freefloat.planning.planar_ranges import RangeLimitCause
+from freefloat.planning.planner import plan_in_space
 from freefloat.so3 import angle_between, attitude_grid, heading_of, heading_quaternion
 from tests.motions import bundled
 
@@ -48,13 +49,14 @@ def test_attitudes_of_a_ball_represent_equal_parts_of_it() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("smaller")
 def test_a_map_of_a_ball_agrees_with_the_samples_of_a_whole_map_inside(
     margin_30: Problem, evaluator: FeasibilityEvaluator
 ) -> None:
     search = near(60.0)
-    whole = sample_attitudes(evaluator, 4096)
+    whole = sample_attitudes(evaluator, 2048)
     inside = search.domain.contains(whole.attitudes)
-    ball = attitude_map(margin_30, 512, search=search, boundary=4, threads=1)
+    ball = attitude_map(margin_30, 256, search=search, boundary=2, threads=1)
     fraction = whole.feasible[inside].any(axis=1).mean()
     assert ball.feasible_fraction == pytest.approx(fraction, abs=0.06)
     assert ball.best is not None
@@ -67,10 +69,11 @@ def test_a_map_of_a_ball_agrees_with_the_samples_of_a_whole_map_inside(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("smaller")
 def test_plan_within_20_degrees() -> None:
     """Example 2 near an attitude: with its 4 degrees between samples instead of 31."""
-    problem = bundled("spatial_6dof/line")
-    plan = ff.plan(problem, near(20.0, samples=256), threads=1)
+    evaluator = FeasibilityEvaluator(bundled("spatial_6dof/line"), 1)
+    plan = plan_in_space(evaluator, near(20.0, samples=256))
     assert plan.feasible
     assert plan.deviation is not None
     assert plan.deviation <= np.radians(20.0) + 1e-9
@@ -83,7 +86,7 @@ def test_plan_within_20_degrees() -> None:
 
 @pytest.mark.slow
 def test_ranges_of_headings_are_intersected() -> None:
-    problem = bundled("planar_3dof/parabola")
+    problem = bundled("planar_2dof/line")
     every = ff.plan(problem)
     center, width = np.radians(40.0), np.radians(50.0)
     search = Search(from_attitude=heading_quaternion(center), within=width)
@@ -154,10 +157,11 @@ def test_a_redundant_arm_starts_from_its_present_joints() -> None:
     attitude = next(a for a in attitude_grid(64) if problem.branches(a))
     joints = problem.branches(attitude)[3].joints
     names = dict(zip(problem.model.joint_names, joints.tolist(), strict=True))
-    search = Search(from_attitude=attitude, joints=names, within=0.1, samples=16)
+    search = Search(from_attitude=attitude, joints=names, within=0.1)
     (start,) = search.applied_to(problem).branches(attitude)
     assert np.abs(start.joints - joints).max() < 1e-9
-    result = attitude_map(problem, search=search, threads=1)
+    evaluator = FeasibilityEvaluator(search.applied_to(problem), 1)
+    result = sample_attitudes(evaluator, 16, search=search)
     assert result.minimum_margins.shape == (16, 1)
     starts = result.details["joints"][:, 0]
     assert np.nanmax(np.abs(starts - joints)) < 0.6  # close to the present ones everywhere
@@ -169,8 +173,8 @@ def test_a_redundant_arm_starts_from_its_present_joints() -> None:
 
 @pytest.mark.slow
 def test_planar_ranges_of_the_closest_branch() -> None:
-    problem = bundled("planar_3dof/parabola")
-    plan = ff.plan(problem, Search(joints=[0.4, 1.0, 1.2]))
+    problem = bundled("planar_2dof/line")
+    plan = ff.plan(problem, Search(joints=[0.4, 1.0]))
     assert all(ff.check(plan).checks[0:1])
     evaluator = FeasibilityEvaluator(plan.problem)
     for heading in np.linspace(0.01, 6.2, 60):
@@ -190,15 +194,15 @@ def test_planar_ranges_of_the_closest_branch() -> None:
 
 @pytest.mark.slow
 def test_joints_and_angle_survive_files(tmp_path: Path) -> None:
-    problem = bundled("planar_3dof/parabola")
-    search = Search("nearest", heading_quaternion(0.5), joints=[0.4, 1.0, 1.2], within=0.6)
+    problem = bundled("planar_2dof/line")
+    search = Search("nearest", heading_quaternion(0.5), joints=[0.4, 1.0], within=0.6)
     plan = ff.plan(problem, search)
     ff.save(plan, tmp_path / "plan.h5")
     again = ff.load(tmp_path / "plan.h5")
     stored, known = again.search.to_dict(), plan.search.to_dict()
     assert stored.pop("from_attitude") == pytest.approx(known.pop("from_attitude"))
     assert stored == known
-    np.testing.assert_array_equal(again.problem.start_joints, [0.4, 1.0, 1.2])
+    np.testing.assert_array_equal(again.problem.start_joints, [0.4, 1.0])
     assert again.ranges[0].ranges[0].causes == plan.ranges[0].ranges[0].causes
     assert ff.check(again).passed
     headings = attitude_map(problem, 24, search=search)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
@@ -17,8 +16,6 @@ from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.errors import InputError
 from freefloat.motion.margin import Margin, is_kept
 from freefloat.motion.problem import Problem
-from freefloat.planning import planner, robustness, tolerance
-from freefloat.planning import search as attitude_search
 from freefloat.planning.diagnostics import NOT_UNIQUE
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.mapping import sample_attitudes
@@ -33,19 +30,7 @@ BAD = np.array([0.1, 0.5, 0.2, -0.8367]) / np.linalg.norm([0.1, 0.5, 0.2, -0.836
 SAMPLES = 128
 
 
-@pytest.fixture(autouse=True, scope="module")
-def smaller() -> Iterator[None]:
-    """The same searches with fewer attitudes."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planner, "_CANDIDATES", 6)
-        patch.setattr(attitude_search, "_FINISHED", 2)
-        patch.setattr(robustness, "_WIDE", 128)
-        patch.setattr(robustness, "_DIRECTIONS", 4)
-        patch.setattr(robustness, "_EDGE", 100)
-        patch.setattr(robustness, "_ROUNDS", 8)
-        patch.setattr(robustness, "_CONFIRMING", 1024)
-        patch.setattr(tolerance, "_DIRECTIONS", 16)
-        yield
+pytestmark = pytest.mark.usefixtures("smaller")
 
 
 def with_margin(value: float) -> Problem:

@@ -433,6 +433,7 @@ def test_no_more_pairs_than_needed_are_tried(problem, monkeypatch):
         assert len(calls) == needed
 
 
+@pytest.mark.slow
 def test_only_solutions_inside_the_path_are_kept(problem, monkeypatch):
     """Where equations are not solved, or outside the duration, there is no tangency point."""
     rotating = changed(problem, h=(-2.0, 1.0, 3.0))
