@@ -159,7 +159,7 @@ def no_feasible_heading_message(evaluator: FeasibilityEvaluator, search: Search)
         f"every heading violates the margin; of {_TRIED} tried the best {_ending(best)} "
         f"{approach.measure} {approach.value:.4g} at "
         f"s = {round(problem.path.timing.s(approach.time), 4):g}, "
-        f"({position[0]:.4g}, {position[1]:.4g}) m; {fractions}"
+        f"{_point(complex(*position[:2]))} m; {fractions}"
     )
 
 

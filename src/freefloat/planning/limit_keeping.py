@@ -129,8 +129,7 @@ def _nearest_to_passing(screened_out: list[ScreenedCandidate]) -> list[ScreenedC
     """The candidates that exceed joint rates, and lack clearance, by the smallest amounts."""
     fast = [entry for entry in screened_out if entry.violation is LimitKind.JOINT_RATE]
     near = [entry for entry in screened_out if entry.violation is LimitKind.CLEARANCE]
-    near.sort(key=lambda entry: entry.clearance_deficit)
-    return _slowest(fast) + near[:_NEAREST]
+    return _slowest(fast) + sorted(near, key=lambda entry: entry.clearance_deficit)[:_NEAREST]
 
 
 def _slowest(candidates: Iterable[ScreenedCandidate]) -> list[ScreenedCandidate]:

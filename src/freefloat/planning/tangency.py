@@ -209,5 +209,5 @@ def _refined(
     branches = problem.branches(quaternion, t)
     branch = min(branches, key=lambda b: problem.model.joint_distance(b.joints, q))
     return TangencyPoint(
-        t, t / duration, frozen(quaternion), branch.joints, level, branch.index, branch.label
+        t, tau, frozen(quaternion), branch.joints, level, branch.index, branch.label
     )
