@@ -58,6 +58,7 @@ def simulation() -> Simulation:
         (ff.integrate_motion, ([0, 0, 0, 1], [0.0] * 3)),
         (FeasibilityEvaluator, ()),
         (ff.attitude_map, (64,)),
+        (ff.workspace_regions, ()),
     ],
 )
 def test_functions_of_problems_refuse_other_types(function, others) -> None:
@@ -88,6 +89,40 @@ def test_unknown_names_are_refused(model: ff.FreeFloatingModel) -> None:
     assert error_key(ff.generalized_jacobian, model, [0.0] * 3, "positon") == "task"
     assert error_key(ff.Timing, 2.0, "septic") == "timing.law"
     assert error_key(ff.Search, "best") == "search.objective"
+
+
+# --- numbers ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "number", ["", "1", 1j, 10**400, np.nan, [1.0, 2.0], np.ones((2, 2)), np.array("x")]
+)
+def test_numbers_are_no_words_arrays_or_complex(problem: ff.Problem, number: object) -> None:
+    assert error_key(lambda: ff.Redundancy(gain=number)) == "redundancy.gain"
+    assert error_key(lambda: ff.Redundancy(metric={"a": number})) == "redundancy.metric.a"
+    assert error_key(lambda: ff.Limits(clearance=number)) == "limits.clearance"
+    assert error_key(lambda: ff.Limits(base_rate=number)) == "limits.base_rate"
+    assert error_key(lambda: ff.Margin(problem.margin.measure, number)) == "margin.value"
+    assert error_key(problem.stretched, number) == "factor"
+    assert error_key(ff.paths.Stop, number, 1.0) == "stop.s"
+
+
+@pytest.mark.parametrize(
+    "vector", [["1", "2", "3"], [1j, 0, 0], [10**400] * 3, [[1.0], [2.0, 3.0]], np.ones(2), "1"]
+)
+def test_vectors_are_finite_and_real(problem: ff.Problem, vector: object) -> None:
+    assert error_key(lambda: problem.replace(momentum=vector)) == "momentum"
+    assert error_key(problem.branches, vector) == "attitude"
+    assert error_key(ff.paths.FixedOrientation, vector) == "axes"
+    assert error_key(ff.paths.PolynomialCurve, vector) == "coefficients"
+    assert error_key(ff.paths.SplineCurve, vector) == "points"
+    assert error_key(ff.paths.SplineCurve, np.eye(3), vector) == "s"
+    assert error_key(lambda: ff.Payload(1.0, vector)) == "payload.inertia"
+
+
+def test_values_of_a_spline_rise() -> None:
+    for s in ([0.0, 0.0, 1.0], [0.0, 0.7, 0.5], [0.1, 0.5, 1.0]):
+        assert error_key(ff.paths.SplineCurve, np.eye(3), s) == "s"
 
 
 # --- robots -------------------------------------------------------------------------------------

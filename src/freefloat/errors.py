@@ -7,6 +7,7 @@ processes. Expected outcomes of a computation (singular, infeasible) are data, n
 from __future__ import annotations
 
 import difflib
+import sys
 import traceback
 from collections.abc import Iterable
 from enum import StrEnum
@@ -149,15 +150,24 @@ def member(key: str, kind: type[_Words], value: str) -> _Words:
         raise InputError(key, f"{value!r} was given{near}", ", ".join(words)) from None
 
 
+def number_array(key: str, values: npt.ArrayLike, accepted: str) -> npt.NDArray[np.float64]:
+    """The values as a new array of floats; an InputError for words, complex numbers and dates."""
+    import numpy as np
+
+    try:
+        if np.asarray(values).dtype.kind in "biufO":
+            return np.array(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InputError(key, f"{values!r} was given", accepted)
+
+
 def finite_vector(key: str, values: npt.ArrayLike, length: int) -> npt.NDArray[np.float64]:
     """The values as an array of ``length`` finite numbers; else an InputError."""
     import numpy as np
 
     accepted = f"{length} finite numbers"
-    try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(key, f"{values!r} is not a list of numbers", accepted) from None
+    array = number_array(key, values, accepted)
     if array.shape != (length,) or not np.isfinite(array).all():
         raise InputError(key, f"{array.tolist()} was given", accepted)
     return array
@@ -167,13 +177,13 @@ def finite_number(
     key: str,
     value: Any,
     accepted: str,
-    minimum: float = float("-inf"),
-    maximum: float = float("inf"),
+    minimum: float = -sys.float_info.max,
+    maximum: float = sys.float_info.max,
 ) -> float:
     """The value as a finite float within bounds; else an InputError."""
     import numpy as np
 
-    number = isinstance(value, int | float | np.integer | np.floating) and np.isfinite(value)
+    number = isinstance(value, int | float | np.integer | np.floating)
     if not number or not minimum <= value <= maximum:
         raise InputError(key, f"{value!r} was given", accepted)
     return float(value)

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from freefloat.errors import InputError, finite_vector
+from freefloat.errors import InputError, finite_vector, number_array
 
 Array = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -112,10 +112,7 @@ def attitude_axes(key: str, values: npt.ArrayLike) -> Array:
             rotation by more than 1e-6.
     """
     accepted = "a rotation, shape (3, 3), or a unit quaternion x, y, z, w"
-    try:
-        array = frozen(values)
-    except (TypeError, ValueError):
-        raise InputError(key, f"{values!r} was given", accepted) from None
+    array = frozen(number_array(key, values, accepted))
     if array.shape == (4,):
         return frozen(rotation_matrix(unit_quaternion(key, array)))
     if array.shape != (3, 3) or not np.isfinite(array).all():

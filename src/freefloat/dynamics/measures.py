@@ -23,7 +23,7 @@ from freefloat.dynamics.momentum import (
     system_matrix,
 )
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator, meeting_point
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, low_discrepancy
 
@@ -75,6 +75,7 @@ def singularity_measure(
         >>> round(measure(np.array([0.5, 1.0])), 4)
         0.2759
     """
+    require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
     task = Task.of(task)
     m, n = len(task.rows), model.dof
     require_enough_joints(model, task)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dgetrf
 
-from freefloat.errors import InputError, member
+from freefloat.errors import InputError, member, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -192,7 +192,8 @@ def generalized_jacobian(
     task = task if isinstance(task, Task) else Task.of(task)
     try:
         A_G, J = _maps(model, joints)
-    except (TypeError, ValueError):  # validated only on failure: valid calls pay nothing
+    except (AttributeError, TypeError, ValueError):  # checked on failure: valid calls pay nothing
+        require_type("model", model, FreeFloatingModel, "FreeFloatingModel.from_urdf(...)")
         if isinstance(joints, Mapping):
             kind = type(joints).__name__
             raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from freefloat.dynamics.momentum import Task
-from freefloat.errors import InputError, did_you_mean
+from freefloat.errors import InputError, did_you_mean, finite_number, member, require_type
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
@@ -68,13 +69,11 @@ class Redundancy:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "metric", _checked_metric(self.metric))
-        if self.toward not in tuple(Toward):
-            raise InputError("redundancy.toward", f"{self.toward!r} was given", ", ".join(Toward))
-        object.__setattr__(self, "toward", Toward(self.toward))
-        if not 0.0 <= self.gain <= LARGEST_GAIN:
-            raise InputError("redundancy.gain", f"{self.gain} was given", "0 to 1e+06, per path")
-        if not 0.0 < self.bound <= LARGEST_GAIN:
-            raise InputError("redundancy.bound", f"{self.bound} was given", "above 0, up to 1e+06")
+        object.__setattr__(self, "toward", member("redundancy.toward", Toward, self.toward))
+        accepted = "0 to 1e+06, per path"
+        finite_number("redundancy.gain", self.gain, accepted, 0.0, LARGEST_GAIN)
+        accepted = "above 0, up to 1e+06"
+        finite_number("redundancy.bound", self.bound, accepted, sys.float_info.min, LARGEST_GAIN)
 
     @property
     def minimum_norm(self) -> bool:
@@ -112,17 +111,15 @@ class Redundancy:
 
 
 def _checked_metric(metric: Any) -> Metric | Mapping[str, float]:
-    if isinstance(metric, str):
-        if metric in tuple(Metric):
-            return Metric(metric)
-        accepted = "joints, energy, or a map from joint to weight"
-        raise InputError("redundancy.metric", f"{metric!r} was given", accepted)
-    weights = {str(joint): float(weight) for joint, weight in dict(metric).items()}
-    for joint, weight in weights.items():
-        if not 1.0 / _LARGEST_WEIGHT <= weight <= _LARGEST_WEIGHT:
-            raise InputError(
-                f"redundancy.metric.{joint}", f"{weight} was given", "from 1e-06 to 1e+06"
-            )
+    if isinstance(metric, str) and metric in tuple(Metric):
+        return Metric(metric)
+    accepted = "joints, energy, or a map from joint to weight"
+    require_type("redundancy.metric", metric, Mapping, accepted)
+    weights, accepted = {}, "from 1e-06 to 1e+06"
+    for joint, value in metric.items():
+        key = f"redundancy.metric.{joint}"
+        smallest = 1.0 / _LARGEST_WEIGHT
+        weights[str(joint)] = finite_number(key, value, accepted, smallest, _LARGEST_WEIGHT)
     return weights
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_type
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.extrema import (
@@ -50,6 +50,7 @@ def check_limits(motion: Motion, limits: Limits) -> tuple[LimitResult, ...]:
         ...     print(result.limit, result.kept)
         joint_rate False
     """
+    require_type("motion", motion, Motion, "a Motion, such as simulate(...).chosen.motion")
     return LimitChecker(motion.problem.model, limits).results(motion)
 
 
@@ -62,6 +63,8 @@ class LimitChecker:
 
     def __init__(self, model: FreeFloatingModel, limits: Limits) -> None:
         """Prepare the limits; raises as :func:`check_limits`."""
+        accepted = "Limits, such as Limits(base_rate=0.02), or load_scenario(...).limits()"
+        require_type("limits", limits, Limits, accepted)
         for key in ("joint_rate", "joint_torque"):
             values = getattr(limits, key)
             if values is not None and values.shape != (model.dof,):

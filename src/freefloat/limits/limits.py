@@ -8,9 +8,7 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
-import numpy as np
-
-from freefloat.errors import InputError
+from freefloat.errors import InputError, finite_number, number_array
 from freefloat.so3 import Array, frozen
 
 
@@ -54,17 +52,17 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("joint_rate", "joint_torque", "base_rate"):
-            limit = getattr(self, name)
+            limit, key = getattr(self, name), f"limits.{name}"
             if limit is None:
                 continue
-            values = np.asarray(limit, dtype=float)
-            if not (values > 0.0).all():
-                raise InputError(f"limits.{name}", f"{values.tolist()} was given", "above zero")
-            if name != "base_rate":
-                object.__setattr__(self, name, frozen(values))
-        clearance = self.clearance
-        if clearance is not None and not (clearance >= 0.0 and math.isfinite(clearance)):
-            raise InputError("limits.clearance", f"{clearance} was given", "a length, 0 or more")
+            joints = name != "base_rate"
+            accepted = "a number above zero for each joint" if joints else "a number above zero"
+            values = number_array(key, limit, accepted)
+            if values.ndim != joints or not (values > 0.0).all():
+                raise InputError(key, f"{values.tolist()} was given", accepted)
+            object.__setattr__(self, name, frozen(values) if joints else float(values))
+        if self.clearance is not None:
+            finite_number("limits.clearance", self.clearance, "a length, 0 or more", 0.0)
 
 
 @dataclass(frozen=True)

@@ -94,8 +94,7 @@ def _first_node(
     joints = problem.model.joint_vector(joints)
     duration = problem.path.duration
     for key, time in (("start", start), ("end", end)):
-        if not 0.0 <= time <= duration:
-            raise InputError(key, f"{time} was given", f"a time from 0 to {duration:g} s")
+        finite_number(key, time, f"a time from 0 to {duration:g} s", 0.0, duration)
     offset, angle = path_errors(problem, np.array([start]), attitude[None], joints[None])[0]
     if max(offset, angle) > _ON_PATH:
         raise InputError(

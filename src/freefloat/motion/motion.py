@@ -149,7 +149,7 @@ class Motion:
     def coefficients(self) -> Array:
         """Chebyshev coefficients of (time, attitude, joints), shape (panels, 9, 5 + n)."""
         values = np.column_stack([self.times, self.attitudes, self.joints])
-        return np.asarray(TO_COEFFICIENTS @ values[self.panel_nodes])
+        return frozen(TO_COEFFICIENTS @ values[self.panel_nodes])
 
     @cached_property
     def node_coordinates(self) -> Array:

@@ -86,6 +86,8 @@ class Problem:
             joints = frozen(self.model.joint_vector(self.start_joints, "start_joints"))
             object.__setattr__(self, "start_joints", joints)
         if self.redundancy is not None:
+            accepted = "Redundancy, such as Redundancy(metric='energy')"
+            require_type("redundancy", self.redundancy, Redundancy, accepted)
             self.redundancy.require_applicable(self.model, self.task)
         if self.task.prescribes_orientation and isinstance(
             self.path.path.orientation, FreeOrientation
@@ -218,8 +220,9 @@ class Problem:
         Returns:
             The branches; none where the path is out of reach.
         """
+        attitude = unit_quaternion("attitude", attitude)
         if self.start_joints is not None:
-            return self.many_branches(np.reshape(attitude, (1, 4)), t, 1)[0]
+            return self.many_branches(attitude[None], t, 1)[0]
         R0 = rotation_matrix(attitude)
         return arm_branches(self.model, self.path.pose(t).seen_from(R0), self.task)
 

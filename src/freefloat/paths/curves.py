@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline, PPoly
 
-from freefloat.errors import InputError, finite_number, finite_vector
+from freefloat.errors import InputError, finite_number, finite_vector, number_array
 from freefloat.so3 import Array, frozen, unit_vector
 
 _NEGLIGIBLE = 1e-8
@@ -60,7 +60,8 @@ class PolynomialCurve(Curve):
     coefficients: Array = field(repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "coefficients", frozen(self.coefficients))
+        accepted = "coefficients of x, y, z in one or more rows"
+        object.__setattr__(self, "coefficients", _rows("coefficients", self.coefficients, accepted))
 
     @cached_property
     def _orders(self) -> tuple[list[list[float]], ...]:
@@ -140,12 +141,7 @@ class SplineCurve(Curve):
         Raises:
             InputError: If there are too few points or two neighbours coincide.
         """
-        self.points = frozen(points)
-        if self.points.ndim != 2 or self.points.shape[1] != 3 or len(self.points) < 2:
-            shape = self.points.shape
-            raise InputError("points", f"shape {shape}", "two or more points x, y, z")
-        if not np.isfinite(self.points).all():
-            raise InputError("points", "a coordinate is not finite", "finite numbers")
+        self.points = _rows("points", points, "two or more points x, y, z", 2)
         if s is None:
             chords = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
             if (chords == 0.0).any():
@@ -153,7 +149,10 @@ class SplineCurve(Curve):
                 problem = f"points {k} and {k + 1} coincide"
                 raise InputError("points", problem, "distinct neighbours")
             s = np.append(0.0, np.cumsum(chords)) / chords.sum()
-        self.knots = frozen(s)
+        knots = finite_vector("s", s, len(self.points))
+        if knots[0] != 0.0 or knots[-1] != 1.0 or np.diff(knots).min() <= 0.0:
+            raise InputError("s", f"{knots.tolist()} was given", "values that rise from 0 to 1")
+        self.knots = frozen(knots)
         self._spline = CubicSpline(self.knots, self.points)
         size = float(np.ptp(self.points, axis=0).max())
         third = 6.0 * self._spline.c[0]
@@ -192,3 +191,13 @@ def significant_breaks(knots: Array, third_derivatives: Array, negligible: float
     widths = np.diff(knots)
     moved = jumps * np.maximum(widths[:-1], widths[1:]) ** 3
     return frozen(knots[1:-1][moved > negligible])
+
+
+def _rows(key: str, values: npt.ArrayLike, accepted: str, fewest: int = 1) -> Array:
+    """Values of x, y, z in so many rows or more, read-only; else an InputError."""
+    array = number_array(key, values, accepted)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < fewest:
+        raise InputError(key, f"shape {array.shape} was given", accepted)
+    if not np.isfinite(array).all():
+        raise InputError(key, "a number is not finite", accepted)
+    return frozen(array)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
-from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +66,8 @@ class Stop:
 
     def __post_init__(self) -> None:
         for name in ("s", "t"):
-            require_type(f"stop.{name}", getattr(self, name), Real, "a number: Stop(s, t)")
+            number = finite_number(f"stop.{name}", getattr(self, name), "a number: Stop(s, t)")
+            object.__setattr__(self, name, number)
 
 
 @dataclass(frozen=True)
@@ -126,12 +126,13 @@ class Timing:
         times = (0.0, *(stop.t for stop in self.stops), self.duration)
         path = (0.0, *(stop.s for stop in self.stops), 1.0)
         steps = np.diff([np.array(times) / self.duration, path])
-        if not (np.isfinite([times, path]).all() and (steps > _CLOSEST).all()):
+        if not (steps > _CLOSEST).all():
             accepted = f"0 < s < 1 and 0 < t < {self.duration:g}, both rising from stop to stop"
             raise InputError("timing.stops", "they do not rise in s and t", accepted)
 
     def stretched(self, factor: float) -> Timing:
         """The same law with all times multiplied by a factor."""
+        factor = finite_number("factor", factor, "a positive number")
         stops = tuple(Stop(stop.s, factor * stop.t) for stop in self.stops)
         return replace(self, duration=factor * self.duration, stops=stops)
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from freefloat.concurrency import Progress, require_memory, step_of
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
-from freefloat.errors import InputError, whole_number
+from freefloat.errors import InputError, require_type, whole_number
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
 from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_headings
@@ -95,6 +95,7 @@ def attitude_map(
     require_problem(problem)
     start = time.perf_counter()
     search = Search() if search is None else search
+    require_type("search", search, Search, "a Search, such as Search(seed=1)")
     problem = search.applied_to(problem)
     samples = search.samples if samples is None else samples
     if problem.task.planar:

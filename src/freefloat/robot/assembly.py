@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -18,7 +17,7 @@ from freefloat.errors import InputError, ModelError, did_you_mean, require_type
 from freefloat.robot.description import RobotDescription, rpy_rotation
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.robot.parts import Attachment, Mount, Payload, Spacecraft
-from freefloat.robot.urdf import MOMENTS, Element, decode
+from freefloat.robot.urdf import MAGNITUDE, MOMENTS, Element, decode
 from freefloat.robot.validation import read_urdf
 from freefloat.so3 import Array, Pose
 
@@ -104,8 +103,9 @@ def scaled(robot: RobotDescription, scale_mass: float | Mapping[str, float]) -> 
             accepted = ", ".join(robot.links_by_name)
             raise ModelError(f"scale_mass.{name}", "the robot has no such link", accepted)
         require_type(f"scale_mass.{name}", factor, Real, "a positive number")
-        if not (math.isfinite(factor) and factor > 0.0):
-            raise ModelError(f"scale_mass.{name}", f"{factor} was given", "a positive number")
+        if not 0.0 < factor <= MAGNITUDE:
+            accepted = f"a positive number up to {MAGNITUDE:g}"
+            raise ModelError(f"scale_mass.{name}", f"{factor} was given", accepted)
         for moment in root.xpath(
             "link[@name=$name]/inertial/mass/@value | link[@name=$name]/inertial/inertia/@*",
             name=name,

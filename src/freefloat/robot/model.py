@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from freefloat.errors import InputError, ModelError, finite_vector
+from freefloat.errors import InputError, ModelError, finite_vector, require_type
 from freefloat.robot.assembly import assemble, end_effector_link, scaled
 from freefloat.robot.description import Joint, RobotDescription, UrdfDiagnostic
 from freefloat.robot.names import find_robot
@@ -97,13 +97,16 @@ class FreeFloatingModel:
                 joint moves that.
         """
         require_urdf(urdf)
+        require_type("end_effector", end_effector, str | None, "the name of a link")
+        accepted = "a map from joint to value"
+        require_type("fixed_joints", fixed_joints, Mapping | None, accepted)
         if not is_text(urdf) and (os.path.isdir(urdf) or not os.path.exists(urdf)):
             try:
                 urdf = find_robot(str(urdf), Path())
             except InputError as error:
                 raise ModelError(error.key, error.problem, error.accepted) from None
         description = assemble(urdf, spacecraft, payload, end_effector, attached)
-        if scale_mass != 1.0:
+        if np.any(scale_mass != 1.0):
             description = scaled(description, scale_mass)
         if end_effector is None:
             end_effector = end_effector_link(description, None)
@@ -244,7 +247,7 @@ class FreeFloatingModel:
         """
         if isinstance(joints, Mapping):
             if set(joints) != set(self.joint_names):
-                problem = f"values of {', '.join(joints) or 'no joint'} were given"
+                problem = f"values of {', '.join(map(str, joints)) or 'no joint'} were given"
                 raise InputError(key, problem, f"values of {', '.join(self.joint_names)}")
             joints = [joints[name] for name in self.joint_names]
         values: Any = [joints] if np.isscalar(joints) else joints

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.errors import InputError, finite_vector, require_type
+from freefloat.errors import InputError, finite_vector, number_array, require_type
 from freefloat.robot.description import rpy_rotation
 from freefloat.robot.names import is_file
 from freefloat.robot.plausibility import breaks_triangle
@@ -169,10 +169,7 @@ def _check_body(name: str, body: Spacecraft | Payload) -> None:
 
 def _inertia_matrix(key: str, values: npt.ArrayLike) -> Array:
     """The inertia matrix (3, 3) from three principal moments, six moments or a matrix."""
-    try:
-        matrix = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(key, f"{values!r} was given", INERTIA) from None
+    matrix = number_array(key, values, INERTIA)
     if matrix.shape == (3,):
         matrix = np.diag(matrix)
     elif matrix.shape == (6,):

@@ -17,7 +17,7 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
-from freefloat.motion.problem import Problem
+from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, frozen
 from freefloat.workspace.planar import Interval, PlanarArm, has_two_angle_form, margin_curves
 from freefloat.workspace.spatial import elbow_arm, sampled_areas, sampled_reach, wrist_in_tool
@@ -84,6 +84,7 @@ def workspace_regions(problem: Problem) -> Workspace:
         array([[0.351, 0.554],
                [1.436, 2.287]])
     """
+    require_problem(problem)
     workspace = exact_workspace(problem) or _sampled_workspace(problem)
     return replace(workspace, path=_path_areas(problem, workspace))
 
