@@ -95,6 +95,7 @@ def test_info_takes_an_end_effector_and_stock_arms() -> None:
     assert error("info", "spatial_6dof", "--end-effector", "none")["key"] == "end_effector"
 
 
+@pytest.mark.slow
 def test_info_shows_the_end_effector_at_given_joints() -> None:
     """The poses are those of one point seen from three frames."""
     joints, attitude = [0.3, -0.8, 1.1, 0.4, 0.9, -0.2], [0.1, 0.5, 0.2, -0.8367]

@@ -33,6 +33,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
     text = run("plan", "easy.yaml", "-o", "new/plan.h5").stdout
     plan = load("new/plan.h5").to_dict()
@@ -51,7 +52,9 @@ def test_a_spatial_plan_has_the_documented_keys_and_is_written() -> None:
     assert "Momentum tolerance: " in text
 
 
-@pytest.mark.parametrize("name", [pytest.param("hard", marks=pytest.mark.slow), "far", "strict"])
+@pytest.mark.parametrize(
+    "name", ["strict", *(pytest.param(name, marks=pytest.mark.slow) for name in ("hard", "far"))]
+)
 def test_an_infeasible_plan_has_a_reason_and_no_page(name: str, folder: Path) -> None:
     result = run("plan", f"{name}.yaml", "-o", "plan.h5", "--html", "page.html")
     plan = load("plan.h5").to_dict()
@@ -85,6 +88,7 @@ def test_a_plan_parses_one_urdf_and_builds_one_model_and_one_evaluator(
     assert built == {"parse_urdf": 1, "FreeFloatingModel": 1, "FeasibilityEvaluator": 1}
 
 
+@pytest.mark.slow
 def test_a_plan_that_violates_limits_alone_has_a_motion_and_a_page(folder: Path) -> None:
     """Everything that is written says that it is infeasible; check does not verify it."""
     line = (models_folder() / "planar_2dof" / "line.yaml").read_text("utf-8")

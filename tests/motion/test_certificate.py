@@ -43,6 +43,7 @@ def singular(planar):
     return followed(planar, heading(140.0), 0)
 
 
+@pytest.mark.slow
 def test_certificate_agrees_with_residuals(motion):
     result, residuals = certify(motion), motion.residuals()
     assert 0.99 * residuals.end_effector_position < result.end_effector_position.value < 1e-8

@@ -45,6 +45,7 @@ def is_feasible(problem, heading, branch):
     return False
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(fraction=st.floats(0.001, 0.999), which=st.integers(0, 2))
 def test_headings_inside_keep_the_margin_and_outside_do_not(planar, ranges, fraction, which):

@@ -315,6 +315,7 @@ def test_wrist_flipped_branches_have_the_same_tangency_points():
     assert sum(point.level > 0.0 for point in points) == 16
 
 
+@pytest.mark.slow
 def test_without_momentum_points_do_not_depend_on_the_time_law(problem):
     """With h = 0 the tangency points have the same s for any duration and time law."""
     still = changed(problem, h=STILL)
@@ -338,6 +339,7 @@ def keeps_rotated(problem, there, rotation_vector):
     return motion.completed and problem.margin.is_kept(approach.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", [MOMENTUM, STILL])
 def test_boundary_attitude_is_on_the_boundary(problem, h):
     """0.2 degrees to one side the margin is kept, to the other it is violated."""
