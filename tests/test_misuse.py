@@ -91,7 +91,7 @@ def test_unknown_names_are_refused(model: ff.FreeFloatingModel) -> None:
     assert error_key(ff.Search, "best") == "search.objective"
 
 
-# --- numbers ------------------------------------------------------------------------------------
+# --- values -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -118,6 +118,10 @@ def test_vectors_are_finite_and_real(problem: ff.Problem, vector: object) -> Non
     assert error_key(ff.paths.SplineCurve, vector) == "points"
     assert error_key(ff.paths.SplineCurve, np.eye(3), vector) == "s"
     assert error_key(lambda: ff.Payload(1.0, vector)) == "payload.inertia"
+
+
+def test_studies_are_loaded_before_they_are_run(tmp_path) -> None:
+    assert error_key(ff.run_study, "planar_3dof/grid", tmp_path / "results") == "study"
 
 
 def test_values_of_a_spline_rise() -> None:

@@ -120,9 +120,15 @@ def test_control_c_exits_with_130(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("redirection", ["| head -1", ">&-", "2>&-", "> /dev/full"])
-def test_a_closed_or_full_stdout_gives_no_traceback(redirection: str, tmp_path: Path) -> None:
-    line = f"{sys.executable} -m freefloat models {redirection}"
+@pytest.mark.parametrize(
+    "command",
+    [
+        "models | head -1", "models >&-", "models 2>&-", "models > /dev/full",
+        "models --json > /dev/full", "info --json > /dev/full",
+    ],
+)  # fmt: skip
+def test_a_closed_or_full_stdout_gives_no_traceback(command: str, tmp_path: Path) -> None:
+    line = f"{sys.executable} -m freefloat {command}"
     done = subprocess.run(
         line, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False
     )

@@ -6,7 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from threading import Timer
 from typing import TYPE_CHECKING, Any
@@ -108,10 +108,15 @@ def say(line: str) -> None:
 
 
 def print_error(error: FreeFloatError, as_json: bool) -> None:
-    """Print an error on stderr and, with ``--json``, as a document on stdout."""
+    """Print an error on stderr and, with ``--json``, as a document on stdout.
+
+    A stream that is full or closed is left out.
+    """
     if as_json:
-        print_json({"error": error_document(error)})
-    say(str(error))
+        with suppress(OSError):
+            print_json({"error": error_document(error)})
+    with suppress(OSError):
+        say(str(error))
 
 
 def error_document(error: FreeFloatError) -> dict[str, Any]:

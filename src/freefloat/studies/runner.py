@@ -17,7 +17,7 @@ import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
 
 from freefloat.concurrency import available_cores, require_memory
-from freefloat.errors import InputError
+from freefloat.errors import InputError, require_type
 from freefloat.studies.database import DATABASE, open_results
 from freefloat.studies.results import ERROR, Row, StudyResult
 from freefloat.studies.run import Run, RunResult, error_result, execute, study_files
@@ -73,6 +73,7 @@ def run_study(
     """
     from freefloat.studies.report import save_summary, save_tables, study_table  # imports slowly
 
+    require_type("study", study, Study, "load_study(...)")
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
     if workers is not None:
