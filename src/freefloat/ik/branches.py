@@ -44,7 +44,8 @@ class ArmBranch:
 
     Attributes:
         index: Number of the branch. Branches identified by signs have the same number at every
-            attitude.
+            attitude; others, except those of redundant arms, an even one where the determinant of
+            the fixed-base Jacobian is positive.
         label: Signs of the branch, e.g. ``"shoulder+ elbow- wrist+"``, otherwise its number.
         joints: Joint values, revolute joints within their URDF range where possible, else in
             (-pi, pi], shape (n,).

@@ -133,6 +133,15 @@ def store_branches(
         for k in range(len(solutions)):
             names[k] = sign_pattern(chain, rows, position, rotation, solutions[k], scratch)
         columns = columns_by_name(names)
+    elif len(chain.axes) == len(rows):
+        # even numbers for positive determinants: a branch keeps its sign up to a singularity
+        counts = np.array([0, 1])
+        for k in range(len(solutions)):
+            residual(chain, rows, position, rotation, solutions[k], scratch)
+            negative = int(np.linalg.det(scratch.J) < 0.0)
+            names[k] = counts[negative] % MAX_BRANCHES
+            counts[negative] += 2
+        names = columns = columns_by_name(names)
     joints[:], patterns[:] = np.nan, -1
     for k in range(len(solutions)):
         into_range(chain, solutions[k])
