@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.errors import InputError
 from freefloat.motion.margin import Margin
@@ -68,6 +69,17 @@ def test_a_planar_task_wants_masses_spread_evenly_about_the_plane(planar):
     replace(planar, model=lifted(planar.model, "0 0 -1", 0.0))  # the sense does not matter
     with pytest.raises(InputError, match="does not stay in the x-y plane"):
         replace(planar, model=lifted(planar.model, "0 0 1", 0.05))
+
+
+def test_another_model_brings_its_measure(planar):
+    heavier = FreeFloatingModel.from_urdf(
+        planar.model.description.text, "end_effector", scale_mass=2.0
+    )
+    problem = planar.replace(model=heavier)
+    measure = singularity_measure(heavier, planar.task, planar.margin.measure.name)
+    q = np.full(heavier.dof, 0.7)
+    assert problem.margin.measure(q) == measure(q) != planar.margin.measure(q)
+    assert problem.margin.threshold == planar.margin.threshold
 
 
 def test_momentum_that_turns_the_system_many_times_is_refused(spatial):

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task, inertia_matrices, momentum_map, require_enough_joints
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.dynamics.resolved_rates import ResolvedRateSolver
@@ -113,13 +114,17 @@ class Problem:
     def replace(self, **changes: Any) -> Problem:
         """The same problem with other attributes, checked again.
 
-        With another model or task, the margin needs the measure of these.
+        With another model or task, the margin has the measure of these, unless it is given.
 
         Example:
             >>> problem = ff.load_scenario("planar_2dof/line").problem()
             >>> problem.replace(momentum=[0.0, 0.0, 0.1]).momentum
             array([0. , 0. , 0.1])
         """
+        if "margin" not in changes and not changes.keys().isdisjoint(("model", "task")):
+            model, task = changes.get("model", self.model), changes.get("task", self.task)
+            measure = singularity_measure(model, task, self.margin.measure.name)
+            changes["margin"] = Margin(measure, self.margin.threshold)
         return replace(self, **changes)
 
     def resolved_rate_solver(self) -> ResolvedRateSolver:
