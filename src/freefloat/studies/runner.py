@@ -79,8 +79,7 @@ def run_study(
     if workers is not None:
         require_memory("workers", min(workers, study.count), _WORKER_SIZE)
     begin = time.perf_counter()
-    folder = Path(folder)
-    files = study_files(study)
+    folder, files = Path(folder), study_files(study)
     with open_results(folder, study, files) as database:
         missing = [number for number in range(study.count) if number not in database.rows]
         if missing and not any(key.split(".")[0] == "robot" for key in study.content.vary):
