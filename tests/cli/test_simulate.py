@@ -113,6 +113,17 @@ def test_a_branch_is_chosen_by_number_or_joints(words: tuple[str, ...]) -> None:
         assert motion["initial"]["joints"] == branch["joints"]
 
 
+def test_joints_of_the_search_choose_unless_others_are_given() -> None:
+    best, other = (simulated("mine.yaml", *PLANAR[1:], "--branch", k) for k in (0, 1))
+    if best["min_margin"]["value"] < other["min_margin"]["value"]:
+        best, other = other, best
+    joints = np.add(other["initial"]["joints"], 0.2).tolist()
+    Path("present.yaml").write_text(f"{PARABOLA}search: {{joints: {joints}}}\n")
+    assert document("simulate", "present.yaml", *PLANAR[1:])["branch"] == other["branch"]
+    motion = document("simulate", "present.yaml", *PLANAR[1:], "--branch", best["branch"])
+    assert motion["branch"] == best["branch"]
+
+
 def test_joints_of_no_branch_are_refused_with_the_branches_listed() -> None:
     branches = simulated(*PLANAR)["branches"]
     far = np.add(branches[0]["joints"], [0, 0.051, 0])

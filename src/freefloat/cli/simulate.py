@@ -68,10 +68,11 @@ def simulate(
 ) -> None:
     """Integrate the motions of all arm branches from one initial attitude.
 
-    One motion is chosen: that of --branch or --joints, else the feasible one with the largest
-    minimum margin that keeps the joint ranges and the scenario's limits, which are checked along
-    it. The files of -o and --html contain all motions. Exit code 1: the chosen motion ends before
-    the path does, or violates a limit.
+    One motion is chosen: that of --branch or --joints, or of the arm configuration closest to the
+    scenario's search.joints; without these the feasible one with the largest minimum margin that
+    keeps the joint ranges and the scenario's limits, which are checked along it. The files of -o
+    and --html contain all motions. Exit code 1: the chosen motion ends before the path does, or
+    violates a limit.
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
@@ -83,14 +84,19 @@ def simulate(
     loaded = load_scenario(scenario)
     problem = loaded.problem()
     limits = loaded.limits()
-    start = _start_attitude(problem, attitude, heading)
+    start = problem.attitude(_start_attitude(problem, attitude, heading))
+    near = None if joints is None else comma_separated("joints", joints)
+    mark = " (*)"
     prepare_outputs(loaded.source, output=output, html=html)
+    if near is None and branch is None:
+        with loaded.error_context():
+            near = loaded.search().applied_to(problem).closest_start(start)
+        mark = mark if near is None else " (*, closest to search.joints)"
     with loaded.error_context(only="path"), console.progress("integrating motions"):
         simulation = simulate_branches(
-            problem, start, branch=branch, limits=limits, stop_at_margin=stop_at_margin,
-            joints=None if joints is None else comma_separated("joints", joints),
-        )  # fmt: skip
-    console.tables(_tables(scenario, simulation))
+            problem, start, branch=branch, joints=near, limits=limits, stop_at_margin=stop_at_margin
+        )
+    console.tables(_tables(scenario, simulation, mark))
     if output is not None:
         save(simulation, output, loaded)
     if html is not None:
@@ -120,7 +126,7 @@ def _start_attitude(
     return list(heading_quaternion(math.radians(heading)))
 
 
-def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
+def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[RenderableType]:
     from freefloat.motion.motion import Ending
     from freefloat.motion.reach import reach_message
 
@@ -138,7 +144,7 @@ def _tables(name: str, simulation: Simulation) -> Iterator[RenderableType]:
             f"{value:.4g}", _verdict(entry, simulation.violations.get(entry.branch.index, ())),
         )  # fmt: skip
     yield branches
-    yield from motion_lines(simulation.chosen, " (*)")
+    yield from motion_lines(simulation.chosen, mark)
     reach = reach_message(problem)
     if reach is not None:
         yield Text(f"  {reach}", "red")

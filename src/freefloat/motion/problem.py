@@ -243,6 +243,12 @@ class Problem:
             return many_arm_branches(*target, threads)
         return closest_branches(*target, self.start_joints, threads)
 
+    def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
+        """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""
+        if self.start_joints is None:
+            return None
+        return next((branch.joints for branch in self.branches(attitude)), None)
+
     def first_near(self, joints: Array, branches: Sequence[ArmBranch]) -> ArmBranch | None:
         """The first of some branches within 0.05 rad of each joint value (n,), None without one."""
         distance = self.model.joint_distance

@@ -204,12 +204,14 @@ def _branch_choice(run: Run, problem: Problem, attitude: Any, source: Path) -> d
 def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) -> Array:
     """Return the initial joints of the motion that simulate chooses for the base scenario."""
     scenario = scenario_from(json.loads(base), source)
+    problem = scenario.problem()
+    near = scenario.search().applied_to(problem).closest_start(attitude)
     try:
-        simulation = simulate(scenario.problem(), attitude, limits=scenario.limits())
+        simulation = simulate(problem, attitude, joints=near, limits=scenario.limits())
     except UnreachableError as error:
-        problem = f"there is no undisturbed motion: {error.problem}"
+        reason = f"there is no undisturbed motion: {error.problem}"
         accepted = "branch: best, or the number of an arm branch"
-        raise InputError("branch", problem, accepted) from None
+        raise InputError("branch", reason, accepted) from None
     return simulation.chosen.branch.joints
 
 

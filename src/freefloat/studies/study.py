@@ -68,9 +68,9 @@ class StudyFile(Section):
     heading_deg: Number | None = None
     """Command simulate, planar tasks: initial heading [degrees]."""
     branch: Annotated[int, Field(strict=True, ge=0)] | Literal["best"] | None = None
-    """Command simulate: number of the arm branch to follow, or ``best``, the one that simulate
-    chooses in each run. Default: that of the undisturbed motion, which simulate chooses for the
-    base scenario at the same attitude."""
+    """Command simulate: number of the arm branch to follow, or ``best``, the one with the largest
+    minimum margin that keeps the limits, in each run. Default: that of the undisturbed motion,
+    which simulate chooses for the base scenario at the same attitude."""
 
 
 @dataclass(frozen=True, eq=False)
