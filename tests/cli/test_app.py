@@ -137,6 +137,18 @@ def test_a_closed_or_full_stdout_gives_no_traceback(command: str, tmp_path: Path
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("option", ["", "--json"])
+def test_a_closed_pipe_keeps_no_file_from_being_written(option: str, tmp_path: Path) -> None:
+    words = ["simulate", "planar_3dof/parabola", "--heading", "200", "-o", "a.h5", option]
+    read, write = os.pipe()
+    os.close(read)
+    command = [*PROGRAM, *filter(None, words)]
+    done = subprocess.run(command, cwd=tmp_path, stdout=write, check=False)
+    os.close(write)
+    assert (done.returncode, (tmp_path / "a.h5").is_file()) == (0, True)
+
+
+@pytest.mark.slow
 def test_a_terminal_without_unicode_gives_no_traceback(tmp_path: Path) -> None:
     environment = {**os.environ, "LANG": "C", "LC_ALL": "C", "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(

@@ -66,7 +66,7 @@ class Console:
         if self.as_json or self.quiet:
             return
         width = None if sys.stdout.isatty() else _PIPE_WIDTH
-        console = RichConsole(highlight=False, markup=False, width=width)
+        console = _Stdout(highlight=False, markup=False, width=width)
         for renderable in renderables:
             console.print(renderable, soft_wrap=isinstance(renderable, str | Text))
 
@@ -97,9 +97,20 @@ class Console:
                 notice.cancel()
 
 
+class _Stdout(RichConsole):
+    """Prints on stdout; where that is a pipe that was closed, nowhere from then on."""
+
+    def on_broken_pipe(self) -> None:
+        with suppress(SystemExit):  # the command goes on: its files are still to be written
+            super().on_broken_pipe()
+
+
 def print_json(document: dict[str, Any]) -> None:
     """Print one JSON document on stdout."""
-    typer.echo(json.dumps(document, indent=2, allow_nan=False))
+    try:
+        typer.echo(json.dumps(document, indent=2, allow_nan=False))
+    except BrokenPipeError:
+        _Stdout().on_broken_pipe()
 
 
 def say(line: str) -> None:
