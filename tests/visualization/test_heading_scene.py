@@ -29,7 +29,7 @@ def test_a_quadrilateral_stands_for_each_motion() -> None:
     scene = heading_scene(result)
     commands = map(umsgpack.unpackb, scene.objects)
     drawn = {c["path"]: c["object"] for c in commands if c["type"] == "set_object"}
-    for number, name in enumerate(("branch 0", "branch 3")):
+    for number, name in enumerate(("elbow+", "branch 3")):
         (reached,) = np.nonzero(np.isfinite(MARGINS[number]))
         centres = attribute(drawn[f"/meshcat/{NODE}/{name}"], "position").mean(axis=1)
         directions = centres[:, :2] / np.linalg.norm(centres, axis=1)[:, None]

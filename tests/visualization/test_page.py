@@ -104,7 +104,7 @@ def test_a_page_shows_a_map_over_headings(browser: Browser, tmp_path: Path) -> N
     with opened(browser, file) as page:
         page.only()
         empty = page.picture()
-        for item in ("Circle", "Best heading", "branch 0", "branch 1"):
+        for item in ("Circle", "Best heading", "elbow+", "elbow-"):
             page.only(item)
             assert differing(page.picture(), empty) > 50
         box = page.page.locator("#meshcat-pane").bounding_box()

@@ -120,7 +120,7 @@ def test_without_ranges_the_samples_are_shaded() -> None:
     first, second = headings_figure(some_map()).axes
     assert np.allclose(spans(first), [(67.5, 247.5)])
     assert np.allclose(spans(second), [(0.0, 112.5), (247.5, 360.0)])
-    assert labels(first)[0] == "branch 0"
+    assert labels(first)[0] == "elbow+"
 
 
 def test_a_redundant_arm_has_one_axes_for_the_best_branch() -> None:

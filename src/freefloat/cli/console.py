@@ -182,8 +182,8 @@ def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
     yield f"Motion {name}{mark}: {motion.ending.value}"
     verdict = "keeps" if chosen.feasible else "violates"
     yield (
-        f"  minimum margin |{closest.measure}| {closest.value:.6g} at t = {closest.time:.4f} s, "
-        f"{verdict} the margin {problem.margin.threshold:g}"
+        f"  minimum margin |{closest.measure}| {chosen.minimum_margin:.6g} "
+        f"at t = {closest.time:.4f} s, {verdict} the margin {problem.margin.threshold:g}"
     )
     yield f"  initial attitude x y z w  {decimals(initial.attitude, 5)}"
     yield f"  initial joints            {decimals(initial.joints)}"

@@ -166,7 +166,8 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
     )
     for body in model.bodies:
         bodies.add_row(
-            body.joint, f"{body.mass:.6g}", _range(body) if body in model.bodies[1:] else "",
+            body.joint if body in model.bodies[1:] else "spacecraft",
+            f"{body.mass:.6g}", _range(body) if body in model.bodies[1:] else "",
             decimals(body.centre), " ".join(f"{x:.4g}" for x in body.inertia.diagonal()),
         )  # fmt: skip
     yield bodies
@@ -234,8 +235,8 @@ def _diagnostic_lines(diagnostics: Sequence[UrdfDiagnostic]) -> Iterator[Rendera
         names = ", ".join(entry.element.removeprefix(kind).strip() for entry in shown)
         more = len(entries) - len(shown)
         rest = f" and {more} more (--json)" if more else ""
-        case = "" if len({entry.problem for entry in entries}) == 1 else "of the first, "
+        case = ", each" if len({entry.problem for entry in entries}) == 1 else ", the first"
         style = "yellow" if severity == "warning" else ""
         where = f"line{plural} {lines}, {kind}{plural} {names}".rstrip()
-        yield Text(f"  {count}, {where}{rest}: {case}{first.problem}", style)
+        yield Text(f"  {count}, {where}{rest}{case * bool(plural)}: {first.problem}", style)
         yield f"    {first.remedy}"

@@ -124,9 +124,10 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
     from freefloat.motion.reach import reach_message
 
     yield f"{name}: feasible headings of {len(result.headings)}"
+    names = {k: f"{k} {short_label(label)}" for k, label in result.branch_labels().items()}
     regions = table("branch", "size [deg]", "centre [deg]")
     for region in result.regions:
-        regions.add_row(str(region.branch), f"{region.size:.3f}", f"{region.centre:.3f}")
+        regions.add_row(names[region.branch], f"{region.size:.3f}", f"{region.centre:.3f}")
     yield regions
     yield (
         f"{result.feasible_fraction:.2%} of the headings are feasible for some arm branch, "
@@ -135,7 +136,7 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
     yield from _start_lines(result)
     best = result.best
     if best is not None:
-        place = f"{math.degrees(best.heading):.3f} deg, branch {best.branch}"
+        place = f"{math.degrees(best.heading):.3f} deg, branch {names[best.branch]}".rstrip()
         yield f"best: {place}, minimum margin {best.minimum_margin:.6g}"
     reach = reach_message(result.problem)
     if reach is not None:
@@ -144,7 +145,8 @@ def _heading_tables(name: str, result: HeadingMap) -> Iterator[RenderableType]:
 
 
 def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]:
-    yield f"{name}: {result.samples:,} initial attitudes, every arm branch"
+    scope = "" if result.search.joints is not None else ", every arm branch"
+    yield f"{name}: {result.samples:,} initial attitudes{scope}"
     branches = table("branch", "exists [%]", "feasible [%]")
     for branch, label in result.branch_labels().items():
         feasible, exists = (f"{100.0 * part:.2f}" for part in result.branch_fractions(branch))

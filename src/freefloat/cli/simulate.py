@@ -35,6 +35,8 @@ from freefloat.cli.options import (
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from freefloat.limits.limits import LimitKind
     from freefloat.motion.problem import Problem
     from freefloat.planning.simulation import SimulatedBranch, Simulation
@@ -85,7 +87,7 @@ def simulate(
     problem = loaded.problem()
     limits = loaded.limits()
     start = problem.attitude(_start_attitude(problem, attitude, heading))
-    near = None if joints is None else comma_separated("joints", joints)
+    near: npt.ArrayLike | None = None if joints is None else comma_separated("joints", joints)
     mark = " (*)"
     prepare_outputs(loaded.source, output=output, html=html)
     if near is None and branch is None:
@@ -127,7 +129,6 @@ def _start_attitude(
 
 
 def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[RenderableType]:
-    from freefloat.motion.motion import Ending
     from freefloat.motion.reach import reach_message
 
     problem = simulation.problem
@@ -137,11 +138,10 @@ def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[Renderable
     branches = table(start, "initial joints [rad, m]", minimum, "verdict")
     for entry in simulation.branches:
         number = f"{entry.branch.index}{'*' if entry is simulation.chosen else ''}"
-        singular = entry.motion.ending is Ending.SINGULAR
-        value = 0.0 if singular else entry.closest_approach.value
         branches.add_row(
-            f"{number} {short_label(entry.branch.label)}", decimals(entry.branch.joints, 3),
-            f"{value:.4g}", _verdict(entry, simulation.violations.get(entry.branch.index, ())),
+            f"{number} {short_label(entry.branch.label)}",
+            decimals(entry.branch.joints, 3), f"{entry.minimum_margin:.4g}",
+            _verdict(entry, simulation.violations.get(entry.branch.index, ())),
         )  # fmt: skip
     yield branches
     yield from motion_lines(simulation.chosen, mark)

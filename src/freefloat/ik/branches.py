@@ -31,6 +31,13 @@ if TYPE_CHECKING:
 _STARTS = 512
 _SLICE = 16
 """Minimum number of poses per task of a thread."""
+
+
+def branch_name(label: str) -> str:
+    """The label of an arm branch; ``branch 1`` where that is a number."""
+    return f"branch {label}" if label.isdigit() else label
+
+
 _ELBOWS = ("elbow+", "elbow-")
 _SIGNS = tuple(
     f"shoulder{shoulder} elbow{elbow} wrist{wrist}"

@@ -219,6 +219,12 @@ class AttitudeMap:
         branches = np.flatnonzero(self.reached.any(axis=0)).tolist()
         return [(branch, margins[:, branch]) for branch in branches if branch % step == 0]
 
+    @property
+    def largest_margin(self) -> float:
+        """Largest minimum margin: of the samples, or of :attr:`best` where that was refined."""
+        refined = 0.0 if self.best is None else self.best.minimum_margin
+        return float(self.margins.max(initial=refined))
+
     def branch_labels(self) -> dict[int | None, str]:
         """Names of the arm branches that exist somewhere, by number; of a redundant arm, "any"."""
         if self.problem.redundant:

@@ -147,6 +147,15 @@ class HeadingMap:
                 regions.append(HeadingRegion(branch, (stop - start) * step, centre))
         return tuple(regions)
 
+    def branch_labels(self) -> dict[int, str]:
+        """Labels of the arm branches, by number."""
+        labels = {}
+        for branch, margins in zip(self.branches, self.minimum_margins, strict=True):
+            heading = float(self.headings[np.argmax(np.isfinite(margins))])
+            there = self.problem.branches(heading_quaternion(heading))
+            labels[branch] = next((b.label for b in there if b.index == branch), str(branch))
+        return labels
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat map``."""
         regions = [region.to_dict() for region in self.regions]

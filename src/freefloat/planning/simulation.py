@@ -17,7 +17,7 @@ from freefloat.limits.contact import Contact, self_contact
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.motion import Motion
+from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.motion.reach import light_spacecraft_hint, out_of_reach, reach_message
 from freefloat.motion.singularity import singular_event
@@ -44,6 +44,12 @@ class SimulatedBranch:
         number, label = self.branch.index, self.branch.label
         kind = "start" if self.motion.problem.redundant else "branch"
         return f"{kind} {number}" + ("" if label == str(number) else f" {label}")
+
+    @property
+    def minimum_margin(self) -> float:
+        """The smallest magnitude of the measure; zero for a motion that ends singular."""
+        singular = self.motion.ending is Ending.SINGULAR
+        return 0.0 if singular else self.closest_approach.value
 
     @property
     def feasible(self) -> bool:

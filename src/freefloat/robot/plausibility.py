@@ -71,7 +71,10 @@ def _joint_values(robot: RobotDescription) -> Faults:
             problem = f"its <axis> has length {length:.6g}; only the direction is used"
             yield joint, "axis", problem, f'<axis xyz="{unit}"/>'
         if joint.mimic is not None:
-            problem = f"it mimics {joint.mimic}, which is ignored: the joint moves by itself"
+            problem = (
+                f"it mimics {joint.mimic}, which is ignored: it moves independently, or stays "
+            )
+            problem += "at zero where it does not lead to the end-effector"
             remedy = 'a fixed value (robot.held in a scenario), or type="fixed"'
             yield joint, "mimic", problem, remedy
 
@@ -120,7 +123,9 @@ def _centre_of_mass(
     ) / mass  # fmt: skip
     along = float(centre @ span) / length**2
     end = next((end for end in (0.0, 1.0) if abs(along - end) < ON_JOINT), None)
-    if end is None:
+    prismatic = [child for child in group.joints if robot.parent_joints[child].type == "prismatic"]
+    slides = any(np.array_equal(group.joints[child], span) for child in prismatic)
+    if end is None or (end and slides):  # a mast or rail with its carriage in the middle
         return
     heaviest = max(group.links, key=lambda name: robot.links_by_name[name].mass)
     link, pose = robot.links_by_name[heaviest], group.links[heaviest]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from freefloat.ik.branches import branch_name
 from freefloat.planning.heading_map import HeadingMap
 from freefloat.so3 import Array, IntArray
 from freefloat.visualization.description import (
@@ -43,6 +44,7 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
     colours = MarginColours.over(result.problem.margin, np.nan_to_num(result.minimum_margins))
     edges = np.linspace(1.0, _INNERMOST, len(result.branches) + 1)
     items, best = [CIRCLE, BEST], result.best
+    names = [branch_name(label) for label in result.branch_labels().values()]
     for number, branch in enumerate(result.branches):
         outer, margins = edges[number], result.minimum_margins[number]
         radii = np.array([outer + _FILLED * (edges[number + 1] - outer), outer])
@@ -50,7 +52,7 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
         values = np.where(result.feasible[number], margins, -1.0)[reached]
         vertices, faces = _sectors(radii, result.headings[reached], result.step / 2.0)
         shades = np.repeat(colours(values), 4, axis=0)
-        items.append(f"branch {branch}")
+        items.append(names[number])
         builder.coloured_mesh(f"{root}/{items[-1]}", vertices, faces, shades)
         place = _points(radii.mean(), np.radians(280.0))
         labels.append(Label(items[-1], place.tolist(), items[-1]))
@@ -61,8 +63,7 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
     scene = TitledScene("all arm branches", NODE, labels, lines=tuple(_lines(result)))
     shown = dict.fromkeys(items, True)
     margins = np.nan_to_num(result.minimum_margins, nan=-1.0).T
-    branches = tuple(f"branch {branch}" for branch in result.branches)
-    samples = Samples(_points(1.0, result.headings), margins, branches)
+    samples = Samples(_points(1.0, result.headings), margins, tuple(names))
     return builder.scene(SceneDescription(title, (scene,), shown, colours, _VIEW, samples=samples))
 
 
@@ -86,6 +87,7 @@ def _lines(result: HeadingMap) -> Iterator[str]:
     yield f"{result.feasible_fraction:.2%} of {len(result.headings):,} headings keep {measure}"
     if best is not None:
         degrees = f"{np.degrees(best.heading):.4g}°"
-        yield f"best: {degrees}, branch {best.branch}, {measure} {best.minimum_margin:.6g}"
+        name = branch_name(result.branch_labels()[best.branch])
+        yield f"best: {degrees}, {name}, {measure} {best.minimum_margin:.6g}"
     if np.isnan(result.minimum_margins).any():
         yield "gaps: start of the path not reached"

@@ -13,6 +13,7 @@ from matplotlib.patches import Circle, Patch
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
+from freefloat.ik.branches import branch_name
 from freefloat.motion.margin import is_kept
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array
@@ -55,7 +56,7 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     threshold = result.problem.margin.threshold
     figure = new_figure(PAGE, 0.75 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
-    highest = max(float(np.nanmax(m)) for m in (result.margins, *(p.margins for p in slices)))
+    highest = result.largest_margin
     norm = Normalize(threshold, max(highest, threshold))
     for axes, plane in zip(panels, slices, strict=True):
         shown = _draw_slice(axes, plane, norm)
@@ -136,7 +137,7 @@ def histogram_figure(result: AttitudeMap) -> Figure:
     edges = np.linspace(0.0, highest if highest > 0.0 else 1.0, _BINS + 1)
     for axes, (branch, values) in zip(panels, groups, strict=False):
         _draw_bars(axes, values, edges, margin.threshold)
-        name = f"{names[branch][:-1]}±" if flipped else names[branch]
+        name = f"{names[branch][:-1]}±" if flipped else branch_name(names[branch])
         feasible, *others = _percentages(result, branch, values)
         lines = fill(", ".join(others), _TITLE_LENGTH)
         axes.set_title(f"{name}: {feasible}\n{lines}", fontsize=7.0, loc="left")

@@ -13,6 +13,7 @@ import numpy as np
 from meshcat import geometry as g
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
+from freefloat.ik.branches import branch_name
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array, Pose
 from freefloat.visualization.description import (
@@ -76,7 +77,7 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
     chosen = np.arange(result.samples)
     if result.samples > _MAX_SAMPLES:
         chosen = np.random.default_rng(0).choice(result.samples, _MAX_SAMPLES, replace=False)
-    colours = MarginColours.over(margin, [result.margins.ravel()])
+    colours = MarginColours.over(margin, [np.array([result.largest_margin])])
     edges = [*(result.boundary or ()), *(result.tangency or ())]
     builder = SceneBuilder()
     scenes = []
@@ -112,7 +113,7 @@ def _groups(result: AttitudeMap) -> Iterator[_Group]:
     for branch, margins in result.branch_margins():
         if branch is None:
             continue
-        name = labels[branch]
+        name = branch_name(labels[branch])
         branches = (branch, branch + 1) if flipped else (branch,)
         values = np.where(reached[:, branch], margins, -1.0)
         yield _Group(f"{name[:-1]}±" if flipped else name, branches, values)

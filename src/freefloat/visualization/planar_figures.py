@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from freefloat.ik.branches import branch_name
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.heading_map import HeadingMap
@@ -152,8 +153,9 @@ def _curves(
         return [(None, "best branch", best, ranges[0].degrees)]
     known = {entry.branch: (entry.label, entry.degrees) for entry in ranges}
     curves: list[tuple[int | None, str, Array, list[list[float]]]] = []
+    labels = result.branch_labels()
     for branch, values in zip(result.branches, result.minimum_margins, strict=True):
-        sampled = f"branch {branch}", _sampled_spans(result, branch)
+        sampled = branch_name(labels[branch]), _sampled_spans(result, branch)
         name, spans = known.get(branch, sampled)
         curves.append((branch, name, values, spans))
     return curves
