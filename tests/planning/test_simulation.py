@@ -102,6 +102,7 @@ def test_completing_counts_more_than_any_margin(spatial):
 def test_where_none_completes_the_longest_motion_is_chosen(planar, heading):
     simulation = simulate(planar, heading_quaternion(np.deg2rad(heading)))
     assert {branch.motion.ending for branch in simulation.branches} == {Ending.SINGULAR}
+    assert {branch.minimum_margin for branch in simulation.branches} == {0.0}
     times = [branch.motion.final.time for branch in simulation.branches]
     assert simulation.chosen.motion.final.time == max(times) > min(times) + 1.0
 

@@ -171,6 +171,13 @@ def test_the_mass_of_a_long_link_may_be_in_a_part_fixed_to_it(offset: str, count
         assert np.allclose(middle, [-0.2, -0.49, 0], atol=1e-3)
 
 
+@pytest.mark.parametrize(("kind", "count"), [("revolute", 1), ("prismatic", 0)])
+def test_a_centre_of_mass_may_be_on_a_prismatic_next_joint(kind: str, count: int) -> None:
+    text = VALID.replace(UPPER, UPPER.replace('xyz="0.5 0 0"', 'xyz="1 0 0"'))
+    text = text.replace('"elbow" type="revolute"', f'"elbow" type="{kind}"')
+    assert elements(text) == count * ["link upper"]
+
+
 @pytest.mark.parametrize(("length", "expected"), [("0.2", []), ("0.6", ["link upper"])])
 def test_a_centre_of_mass_may_be_on_the_joint_of_a_short_link(
     length: str, expected: list[str]

@@ -66,6 +66,13 @@ def points(scene: Scene, title: str) -> dict[str, list[np.ndarray]]:
     return drawn
 
 
+def test_the_scale_ends_at_the_best_attitude_also_between_samples(result: AttitudeMap) -> None:
+    assert result.best is not None
+    best = replace(result.best, minimum_margin=1.5 * result.margins.max())
+    scale = map_scene(replace(result, best=best)).description.scale
+    assert scale.largest == best.minimum_margin
+
+
 @pytest.mark.parametrize(("title", "columns"), [(BEST_BRANCH, slice(None)), (SECOND, [2])])
 def test_points_are_rotation_vectors_coloured_by_the_margin(
     scene: Scene, result: AttitudeMap, title: str, columns: Any

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -157,9 +158,9 @@ def extent(low: float, high: float) -> str:
 
 
 def short_label(label: str) -> str:
-    """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for a number or ``any``."""
-    words = [word for word in label.split() if not word.isdigit() and word != ANY]
-    return " ".join(word[0] + word[-1] for word in words)
+    """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for numbers and words."""
+    words = [word for word in label.split() if word[-1] in "+-" or re.fullmatch("[a-z]", word)]
+    return " ".join(word[0] + word[1:][-1:] for word in words)
 
 
 def search_lines(search: Search) -> Iterator[str]:

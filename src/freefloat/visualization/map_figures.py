@@ -56,7 +56,7 @@ def slices_figure(result: AttitudeMap, slices: Sequence[Slice]) -> Figure:
     threshold = result.problem.margin.threshold
     figure = new_figure(PAGE, 0.75 + 2.2 * rows)
     panels = figure.subplots(rows, 3, squeeze=False).ravel()
-    highest = result.largest_margin
+    highest = max(result.largest_margin, *(float(np.nanmax(plane.margins)) for plane in slices))
     norm = Normalize(threshold, max(highest, threshold))
     for axes, plane in zip(panels, slices, strict=True):
         shown = _draw_slice(axes, plane, norm)

@@ -151,7 +151,7 @@ def _curves(
         with np.errstate(invalid="ignore"):
             best = np.fmax.reduce(result.minimum_margins, axis=0)
         return [(None, "best branch", best, ranges[0].degrees)]
-    known = {entry.branch: (entry.label, entry.degrees) for entry in ranges}
+    known = {entry.branch: (branch_name(entry.label), entry.degrees) for entry in ranges}
     curves: list[tuple[int | None, str, Array, list[list[float]]]] = []
     labels = result.branch_labels()
     for branch, values in zip(result.branches, result.minimum_margins, strict=True):
