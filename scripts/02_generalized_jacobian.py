@@ -17,11 +17,11 @@ model = ff.FreeFloatingModel.from_urdf(find_robot("planar_2dof", Path()))
 task = ff.Task.PLANAR_POSITION  # two joints, two coordinates
 bent = np.radians([30.0, 60.0])
 
-# S* gives the end-effector's velocity per joint rate [m/rad] while nothing holds the spacecraft.
+# S* gives the end-effector's velocity per joint rate [m/rad] of the free-floating system.
 S = ff.generalized_jacobian(model, bent, task)
 print("S*:", np.round(S, 4), sep="\n")
 
-# With the spacecraft held, the same arm moves otherwise: columns 6 on are the joints'.
+# With a fixed base: columns 6 on are the joints'.
 J = end_effector_jacobian(model, bent)[:2, 6:]
 print("J:", np.round(J, 4), sep="\n")
 

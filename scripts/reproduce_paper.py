@@ -231,9 +231,9 @@ def spatial_tangency() -> Iterator[Line]:
         ),
     ):
         motion = ff.integrate_motion(problem, state.attitude, state.joints)
-        least = ff.closest_approach(motion, problem.margin.measure)
+        closest = ff.closest_approach(motion, problem.margin.measure)
         yield Line("Example 2: the path is completed", True, motion.completed, 0, remark)
-        yield Line("Example 2: S_max", -5.0, least.sign * least.value, tolerance, remark)
+        yield Line("Example 2: S_max", -5.0, closest.sign * closest.value, tolerance, remark)
 
 
 def nearest_tangency(problem: ff.Problem) -> TangencyPoint:

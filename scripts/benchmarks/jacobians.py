@@ -30,7 +30,7 @@ def mujoco_jacobian(urdf: str) -> Jacobian:
         urdf.replace('<link name="bus">', drift + '<link name="bus">', 1)
     )
     data = mujoco.MjData(model)
-    tip = model.nbody - 1
+    last = model.nbody - 1
     H, J = np.zeros((model.nv, model.nv)), np.zeros((6, model.nv))
 
     def jacobian(joints: np.ndarray) -> np.ndarray:
@@ -39,7 +39,7 @@ def mujoco_jacobian(urdf: str) -> Jacobian:
         mujoco.mj_comPos(model, data)
         mujoco.mj_crb(model, data)
         mujoco.mj_fullM(model, data, H)
-        mujoco.mj_jac(model, data, J[:3], J[3:], data.xpos[tip], tip)
+        mujoco.mj_jac(model, data, J[:3], J[3:], data.xpos[last], last)
         return J[:, 6:] - J[:, :6] @ np.linalg.solve(H[:6, :6], H[:6, 6:])
 
     return jacobian

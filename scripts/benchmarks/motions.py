@@ -46,7 +46,7 @@ def one_motion(quick: bool) -> list[Result]:
 def ranges(quick: bool) -> list[Result]:
     """Against a sweep in steps of a quarter degree, its crossings bisected to 1e-6 degrees.
 
-    Every twentieth heading of the sweep is followed and the time multiplied; the bisections are
+    Every twentieth heading of the sweep is integrated and the time multiplied; the bisections are
     counted as motions of average length.
     """
     problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
@@ -66,7 +66,7 @@ def ranges(quick: bool) -> list[Result]:
 
     def sample_of_sweep() -> None:
         for attitude, joints in starts:
-            plain.least(attitude, joints, 1e-9)
+            plain.minimum(attitude, joints, 1e-9)
 
     seconds, sample = race(ours, sample_of_sweep, rounds=1 if quick else 3)
     motion = sample / len(starts)
@@ -81,10 +81,10 @@ def ranges(quick: bool) -> list[Result]:
 
 
 def maps(quick: bool) -> list[Result]:
-    """All arm branches from attitudes all over SO(3); the plain loop follows some of the motions.
+    """All arm branches from attitudes all over SO(3); the plain loop integrates some motions.
 
-    The two wrist branches of Example 2 share their motions, and a map follows one of the two. The
-    second line follows every motion on its own, as arms with a heavy wrist need.
+    The wrist-flipped branches of Example 2 have the same motions, and a map integrates one of two.
+    The second line integrates each motion, as arms with a heavy wrist need.
     """
     problem = ff.load_scenario("spatial_6dof/line").problem()
     evaluator, plain = FeasibilityEvaluator(problem), PlainMotion(problem)
@@ -99,7 +99,7 @@ def maps(quick: bool) -> list[Result]:
 
     def loop() -> None:
         for k in picked:
-            plain.least(starts[k], joints[k])
+            plain.minimum(starts[k], joints[k])
 
     whole, each, sample = race(
         lambda: sample_attitudes(evaluator, samples),

@@ -55,11 +55,11 @@ class PlainMotion:
         )
         return solution.y[:, -1]
 
-    def least(self, attitude: np.ndarray, joints: np.ndarray, tolerance: float = 1e-6) -> float:
-        """What a sweep asks of a motion: the least magnitude of the determinant on the way.
+    def minimum(self, attitude: np.ndarray, joints: np.ndarray, tolerance: float = 1e-6) -> float:
+        """The minimum magnitude of the determinant over a motion, which a sweep needs.
 
         By ``solve_ivp``'s default method, which an event stops where the determinant vanishes; the
-        least magnitude is that at the solver's own steps.
+        minimum is that at the solver's own steps.
         """
 
         def singular(t: float, y: np.ndarray) -> float:

@@ -48,7 +48,7 @@ def line_problem(joints: int) -> ff.Problem:
 
 
 def with_joints(quick: bool) -> list[Result]:
-    """The same motion of the hand from random states, which need not be on the path for that.
+    """The same end-effector motion from random states, which need not be on the path for that.
 
     As in a search each is given up where its measure falls to a margin, a hundredth of the usual.
     """

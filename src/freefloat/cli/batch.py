@@ -128,7 +128,7 @@ def _result_lines(result: StudyResult) -> Iterator[str]:
     counts = ", ".join(f"{count:,} {verdict}" for verdict, count in result.verdicts.items())
     yield f"{study.source}: {_runs(len(result.rows))} of command {study.content.command}: {counts}"
     if study.branch_rule is not None:
-        yield f"followed: {study.branch_rule}"
+        yield f"arm branch: {study.branch_rule}"
     if result.feasible_percentage is not None:
         yield f"feasible: {result.feasible_percentage} of the runs without error"
     for reason, count in result.reasons.items():

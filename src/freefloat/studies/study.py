@@ -68,7 +68,7 @@ class StudyFile(Section):
     heading_deg: Number | None = None
     """Command simulate, planar tasks: initial heading [degrees]."""
     branch: Annotated[int, Field(strict=True, ge=0)] | Literal["best"] | None = None
-    """Command simulate: number of the arm branch to follow, or ``best``, the one with the largest
+    """Command simulate: number of the arm branch to integrate, or ``best``, that with the largest
     minimum margin that keeps the limits, in each run. Default: that of the undisturbed motion,
     which simulate chooses for the base scenario at the same attitude."""
 
@@ -122,13 +122,13 @@ class Study:
 
     @property
     def branch_rule(self) -> str | None:
-        """Which arm branch simulations follow; None for other commands."""
+        """Arm branch that simulations integrate; None for other commands."""
         branch = self.content.branch
         if self.content.command is not Command.SIMULATE:
             return None
         if branch is None:
-            return "the arm branch of the undisturbed motion (the base scenario at that attitude)"
-        return "the best arm branch of each run" if branch == "best" else f"arm branch {branch}"
+            return "that of the undisturbed motion (the base scenario at that attitude)"
+        return "the best of each run" if branch == "best" else str(branch)
 
     def document(self, number: int) -> dict[str, Any]:
         """Return the data of a run's scenario file."""

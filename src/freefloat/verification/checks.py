@@ -19,10 +19,10 @@ _ON_PATH = 1e-7
 """Fraction of the reach, and angle [rad], by which a motion may leave its path, per revolution of
 the spacecraft."""
 _MOMENTUM = 1e-6
-"""Error of the momentum as a fraction of the arm's own."""
+"""Error of the momentum as a fraction of that of the arm."""
 _ROUNDING = 1e-12
-"""The same as a fraction of what the system has when it rotates by one radian in the duration: an
-arm that hardly moves has next to none."""
+"""Error of the momentum as a fraction of that of the system when it rotates by one radian in the
+duration: the arm's momentum is near zero where it hardly moves."""
 _ENDS = 1e-9
 """Fraction of the duration by which a motion may miss its ends."""
 _RATES = 1e-5

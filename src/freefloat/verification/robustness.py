@@ -29,12 +29,12 @@ _NEAR_END = 5e-4
 """Distance of the headings tried from the ends of ranges [rad]."""
 _PRECISE = 1e-8
 """Tolerance of the motions that try them."""
-_ALL_ROUND = 720
-"""Headings tried all round."""
+_CIRCLE = 720
+"""Headings on the whole circle."""
 _SAMPLES = 1024
 """Attitudes tried in the ball of the robust radius."""
 _SEED = 8128
-"""Seed of these, for they are not those of the planner."""
+"""A seed other than the planner's."""
 _MAY_FAIL = 1e-3
 """Fraction of them that may fail: thousands confirmed the ball, not all attitudes."""
 _DIRECTIONS = 96
@@ -58,7 +58,7 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
         yield _heading_check(plan)
         yield _depth_check(plan, chosen)
         return
-    if plan.robust_radius:  # a radius of zero promises nothing
+    if plan.robust_radius:  # a radius of zero: nothing to check
         yield _ball_check(plan, chosen)
     if plan.tolerance is not None:
         yield _tolerance_check(plan, plan.tolerance, chosen)
@@ -80,7 +80,9 @@ def _heading_check(plan: Plan) -> Check:
                 f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
             )
             return Check("ranges of headings", False, words, stated, degrees, unit="deg")
-    words = f"{len(probes)} headings tried at the ends and middles of ranges, and all round"
+    words = (
+        f"{len(probes)} headings tried at the ends and middles of ranges, and on the whole circle"
+    )
     return Check("ranges of headings", True, words)
 
 
@@ -97,10 +99,10 @@ def _probes(entry: BranchRanges) -> Iterator[tuple[float, int, bool]]:
 
 
 def _contradictions(plan: Plan) -> Iterator[tuple[float, int, bool]]:
-    """Headings all round at which an ensemble of motions contradicts the ranges of a branch."""
+    """Headings on the whole circle at which an ensemble of motions contradicts the ranges of a branch."""
     problem = plan.problem
     evaluator = FeasibilityEvaluator(problem)
-    headings = np.linspace(0.0, tau, _ALL_ROUND // evaluator.sample_reduction, endpoint=False)
+    headings = np.linspace(0.0, tau, _CIRCLE // evaluator.sample_reduction, endpoint=False)
     outcomes = evaluator.evaluate(heading_quaternion(headings), stop_at_margin=True)
     feasible = problem.margin.is_kept(outcomes.margins)
     if problem.redundant:

@@ -37,7 +37,7 @@ BEST_BRANCH = "best of all branches"
 _MAX_SAMPLES = 40_000
 """Maximum number of samples drawn; a larger map is thinned at random."""
 _FEASIBLE, _OTHERS = (0.5, 0.12), (0.32, 0.09)
-"""Sizes of feasible and other points: fraction of the distance between samples, least size [m]."""
+"""Sizes of feasible and other points: fraction of the distance between samples, minimum size [m]."""
 _EDGE, _MARK = 0.06, 0.07
 """Size of boundary points and radius of marks [m]."""
 _WHITE = (0.95, 0.96, 0.98)
@@ -130,12 +130,12 @@ def _draw_samples(
         (FRONT, feasible & front, _FEASIBLE), (BACK, feasible & ~front, _FEASIBLE),
         (INFEASIBLE, reached & ~feasible, _OTHERS), (UNREACHED, ~reached, _OTHERS),
     )  # fmt: skip
-    for name, part, (fraction, least) in parts:
+    for name, part, (fraction, minimum) in parts:
         if part.any():
             shades = colours(np.where(feasible, margins, -1.0)[part])
             if name == UNREACHED:
                 shades[:] = _GREY[:3]
-            size = max(fraction * spacing, least)
+            size = max(fraction * spacing, minimum)
             builder.points(f"{root}/{name}", vectors[part], shades, size)
 
 
