@@ -34,7 +34,7 @@ def row(name: str, report: CheckReport, seconds: float) -> str:
     certificate, engine = report.certificate, report.engine
     if certificate is None or engine is None:
         return name
-    minimum, angle = certificate.minima[-1], certificate.end_effector_attitude
+    minimum, angle = certificate.minima[-1], certificate.end_effector_orientation
     inverse, forward = engine["inverse"], engine["forward"]
     return (
         f"{name:30} {minimum.measure:>7} {minimum.value:9.4g} {minimum.bound / minimum.value:6.3f}"

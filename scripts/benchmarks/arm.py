@@ -10,7 +10,7 @@ _INERTIAL = (
 
 
 def arm_urdf(joints: int) -> str:
-    """A spacecraft of 300 kg with rods of half a metre; the last link's frame is its centre of mass."""
+    """A spacecraft of 300 kg with rods of 0.5 m; the last link's frame is its centre of mass."""
     text = f'<link name="bus">{_INERTIAL.format(0.0, 300.0, 40.0, 50.0)}</link>\n'
     parent = "bus"
     for k, axis in enumerate(_AXES[:joints], start=1):

@@ -158,7 +158,7 @@ def test_motions_are_exact(structure, task, number):
     assert motion.completed
     residuals = motion.residuals()
     assert residuals.end_effector_position < 1e-8
-    assert (residuals.end_effector_attitude or 0.0) < 1e-8
+    assert (residuals.end_effector_orientation or 0.0) < 1e-8
     assert residuals.momentum < 1e-8 * max(1.0, np.linalg.norm(start.problem.momentum))
 
 

@@ -77,7 +77,7 @@ FIELDS = {
     "joint_accelerations": "joint_accelerations",
     "joint_torques": "joint_torques",
     "end_effector_position": "end_effector_positions",
-    "end_effector_attitude": "end_effector_attitudes",
+    "end_effector_attitude": "end_effector_orientations",
     "measure": "measure",
 }
 

@@ -81,7 +81,7 @@ def test_states_are_those_of_the_motion(motion):
         pose = motion.problem.path.pose(state.time)
         assert_close(trajectory.end_effector_positions[k], pose.position, atol=1e-8)
         if motion.problem.task.prescribes_orientation:
-            rotation = Rotation.from_quat(trajectory.end_effector_attitudes[k]).as_matrix()
+            rotation = Rotation.from_quat(trajectory.end_effector_orientations[k]).as_matrix()
             assert_close(rotation, pose.rotation, atol=1e-8)
         assert trajectory.measure[k] == pytest.approx(motion.problem.margin.measure(state.joints))
     assert_close(trajectory.attitudes[0], motion.attitudes[0], atol=1e-12)

@@ -47,7 +47,7 @@ def singular(planar):
 def test_certificate_agrees_with_residuals(motion):
     result, residuals = certify(motion), motion.residuals()
     assert 0.99 * residuals.end_effector_position < result.end_effector_position.value < 1e-8
-    assert 0.99 * residuals.end_effector_attitude < result.end_effector_attitude.value < 1e-8
+    assert 0.99 * residuals.end_effector_orientation < result.end_effector_orientation.value < 1e-8
     assert result.momentum.value == pytest.approx(residuals.momentum, rel=1.0)
     assert result.momentum.value < 1e-6 * result.momentum_scale
     assert result.rates.value < 1e-6

@@ -187,7 +187,7 @@ def test_a_good_motion_has_small_residuals(motion, singular, backwards, stopping
     for record in (motion, singular, backwards, stopping):
         residuals = record.residuals()
         assert residuals.end_effector_position < 1e-8
-        assert residuals.end_effector_attitude < 1e-8
+        assert residuals.end_effector_orientation < 1e-8
         assert residuals.momentum < (1e-5 if record is singular else 1e-6)  # rates without bound
 
 
@@ -197,7 +197,7 @@ def test_position_tasks_have_no_attitude_residual(spatial):
     position = replace(spatial, task=Task.POSITION)
     joints = spatial.branches(attitude)[2].joints
     residuals = integrate_motion(position, attitude, joints, end=20.0).residuals()
-    assert residuals.end_effector_attitude is None
+    assert residuals.end_effector_orientation is None
     assert residuals.end_effector_position < 1e-8
 
 
@@ -220,7 +220,7 @@ def test_one_shifted_joint_node_shows_in_the_end_effector(motion, joint):
     moved = np.linalg.norm(J[:3, 6 + joint] - mass[:, 6 + joint])
     angle = np.linalg.norm(J[3:, 6 + joint])
     assert result.end_effector_position == pytest.approx(shift * moved, rel=1e-2)
-    assert result.end_effector_attitude == pytest.approx(shift * angle, rel=1e-2)
+    assert result.end_effector_orientation == pytest.approx(shift * angle, rel=1e-2)
     assert result.momentum > 1e-3 or joint > 2  # the wrist's bodies 4 and 5 weigh a milligram
 
 
@@ -231,7 +231,7 @@ def test_a_rotated_spacecraft_shows_in_all_residuals(motion):
         values[100] = (Rotation.from_quat(values[100]) * rotation).as_quat()
         values[100] *= np.sign(values[100] @ motion.attitudes[100])
         result = replace(motion, attitudes=values).residuals()
-        assert result.end_effector_attitude == pytest.approx(1e-3, rel=1e-5)
+        assert result.end_effector_orientation == pytest.approx(1e-3, rel=1e-5)
         assert result.end_effector_position > 1e-5
         assert result.momentum > 1e-3
 
@@ -325,4 +325,4 @@ def test_a_spatial_arm_that_starts_stretched_is_singular(spatial):
 def test_a_shifted_wrist_roll_shows_in_the_attitude_alone(motion):
     result = tampered(motion, "joints", 100, [0, 0, 0, 0, 0, 1e-3]).residuals()
     assert result.end_effector_position < 1e-8
-    assert result.end_effector_attitude == pytest.approx(1e-3, rel=1e-6)
+    assert result.end_effector_orientation == pytest.approx(1e-3, rel=1e-6)

@@ -234,7 +234,7 @@ def test_a_million_seconds_of_slow_drift_are_integrated(planar):
     assert headings[-1] - headings[0] > 2.0 * 2.0 * np.pi
     assert_compiled_agrees(motion, 1e-3)
     residuals = motion.residuals()
-    assert max(residuals.end_effector_position, residuals.end_effector_attitude) < 1e-7
+    assert max(residuals.end_effector_position, residuals.end_effector_orientation) < 1e-7
     assert residuals.momentum < 1e-8
 
 

@@ -43,7 +43,7 @@ def test_example_2_completes_from_the_printed_attitude(spatial):
         residuals = motion.residuals()
         assert residuals.momentum < 1e-6
         assert residuals.end_effector_position < 1e-6
-        assert residuals.end_effector_attitude < 1e-6
+        assert residuals.end_effector_orientation < 1e-6
 
 
 def test_example_2_becomes_singular_at_c_from_the_bad_attitude(spatial):

@@ -229,7 +229,7 @@ ALTERATIONS = {
     "no certificate": (lambda plan: replace(plan, certificate=None), "certificate"),
     "an error of the certificate": (
         lambda plan: replace(
-            plan, certificate=replace(plan.certificate, end_effector_attitude=Worst(0.5, 1.0))
+            plan, certificate=replace(plan.certificate, end_effector_orientation=Worst(0.5, 1.0))
         ),
         "certificate end_effector_attitude",
     ),

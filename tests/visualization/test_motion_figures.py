@@ -161,5 +161,6 @@ def test_errors_are_those_of_the_motion(drawn: Drawn) -> None:
     assert np.nanmax(dots[:, 1]) == np.nanmax(errors) < 1.0001 * residuals.momentum
     assert np.nanmax(line(pose, "end-effector position")[:, 1]) == residuals.end_effector_position
     assert (
-        np.nanmax(line(pose, "end-effector orientation")[:, 1]) == residuals.end_effector_attitude
+        np.nanmax(line(pose, "end-effector orientation")[:, 1])
+        == residuals.end_effector_orientation
     )

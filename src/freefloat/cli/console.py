@@ -197,7 +197,7 @@ def motion_lines(chosen: SimulatedBranch, mark: str = "") -> Iterator[str]:
         )
         yield f"  kind of singularity: {event.kind.description}"
     residuals = motion.residuals()
-    angle = residuals.end_effector_attitude
+    angle = residuals.end_effector_orientation
     yield (
         f"  residuals: end-effector {residuals.end_effector_position:.1e} m"
         + (f" and {angle:.1e} rad" if angle is not None else "")

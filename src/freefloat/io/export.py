@@ -90,7 +90,7 @@ def _groups(trajectory: Trajectory) -> list[_Group]:
                "rad/s^2", "m/s^2"),
         joints("joint_torques", "torque", trajectory.joint_torques, "N m", "N"),
         space("end_effector_position", trajectory.end_effector_positions, "m"),
-        space("end_effector_attitude", trajectory.end_effector_attitudes, "1"),
+        space("end_effector_attitude", trajectory.end_effector_orientations, "1"),
         _Group("measure", trajectory.measure[:, None], (measure.name,), (measure.unit,)),
     ]  # fmt: skip
 

@@ -229,7 +229,9 @@ def _certificate(document: Document | None) -> Certificate | None:
     if document is None:
         return None
     worst = {key: None if document[key] is None else Worst(**document[key]) for key in _WORST}
-    fields = {key: document[key] for key in document.keys() - {"least", "centre_of_mass"}}
+    worst["end_effector_orientation"] = worst.pop("end_effector_attitude")
+    others = {"least", "centre_of_mass", "end_effector_attitude"}
+    fields = {key: document[key] for key in document.keys() - others}
     return Certificate(**{
         **fields,
         **worst,

@@ -39,7 +39,7 @@ class Trajectory:
         joint_accelerations: [rad/s² or m/s²], shape (K, n).
         joint_torques: Of inverse dynamics [N m or N], shape (K, n).
         end_effector_positions: From the centre of mass, inertial axes [m], shape (K, 3).
-        end_effector_attitudes: Quaternions x, y, z, w of continuous sign, shape (K, 4).
+        end_effector_orientations: Quaternions x, y, z, w of continuous sign, shape (K, 4).
         measure: Signed singularity measure of the margin, shape (K,).
     """
 
@@ -54,7 +54,7 @@ class Trajectory:
     joint_accelerations: Array
     joint_torques: Array
     end_effector_positions: Array
-    end_effector_attitudes: Array
+    end_effector_orientations: Array
     measure: Array
 
     def __post_init__(self) -> None:
@@ -102,7 +102,7 @@ class Trajectory:
             joint_accelerations=accelerations,
             joint_torques=torques,
             end_effector_positions=np.array([pose.position for pose in poses]),
-            end_effector_attitudes=without_jumps(orientations.as_quat()),
+            end_effector_orientations=without_jumps(orientations.as_quat()),
             measure=np.array([problem.margin.measure(q) for q in joints]),
         )
 

@@ -94,8 +94,8 @@ class Certificate:
         method: Method of the proof of bounds.
         intervals: Number of intervals of the proof.
         end_effector_position: Distance from the path [m].
-        end_effector_attitude: Angle from the path's orientation [rad]; None where the task leaves
-            the orientation free.
+        end_effector_orientation: Angle from the path's orientation [rad]; None where the task
+            leaves the orientation free.
         momentum: Deviation of the angular momentum from the prescribed one [N m s]; not evaluated
             where time nearly stands still, or in panels without motion.
         momentum_scale: Scale of that deviation [N m s]: the largest angular momentum of the arm
@@ -110,7 +110,7 @@ class Certificate:
     method: str
     intervals: int
     end_effector_position: Worst
-    end_effector_attitude: Worst | None
+    end_effector_orientation: Worst | None
     momentum: Worst
     momentum_scale: float
     rates: Worst
@@ -119,10 +119,11 @@ class Certificate:
 
     def to_dict(self) -> dict[str, Any]:
         """The certificate as a JSON document."""
-        document = asdict(self)
-        least = list(document.pop("minima"))
-        # positions are computed from the centre of mass; the key is of version 0.1.0
-        return {"least": least, **document, "centre_of_mass": asdict(Worst(0.0, 0.0))}
+        keys = {"minima": "least", "end_effector_orientation": "end_effector_attitude"}
+        document = {keys.get(name, name): value for name, value in asdict(self).items()}
+        # positions are computed from the centre of mass; the keys are of version 0.1.0
+        zero = asdict(Worst(0.0, 0.0))
+        return {**document, "least": list(document["least"]), "centre_of_mass": zero}
 
 
 def certify(motion: Motion) -> Certificate:
@@ -137,7 +138,7 @@ def certify(motion: Motion) -> Certificate:
         method=METHOD,
         intervals=intervals,
         end_effector_position=_worst(poses[:, 0], times),
-        end_effector_attitude=_worst(poses[:, 1], times)
+        end_effector_orientation=_worst(poses[:, 1], times)
         if motion.problem.task.prescribes_orientation
         else None,
         momentum=_worst(motion.momentum_errors(u), times),

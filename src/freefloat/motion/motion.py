@@ -7,7 +7,7 @@ bound, is recorded as exactly as any other.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -70,19 +70,23 @@ class Residuals:
 
     Attributes:
         end_effector_position: Distance from the path [m].
-        end_effector_attitude: Angle from the path's orientation [rad]; None where the task leaves
-            the orientation free.
+        end_effector_orientation: Angle from the path's orientation [rad]; None where the task
+            leaves the orientation free.
         momentum: Deviation of the angular momentum from the prescribed one [N m s], recomputed from
             the recorded configurations alone by differentiating their polynomials.
     """
 
     end_effector_position: float
-    end_effector_attitude: float | None
+    end_effector_orientation: float | None
     momentum: float
 
     def to_dict(self) -> dict[str, Any]:
         """The residuals as a JSON document."""
-        return asdict(self)
+        return {
+            "end_effector_position": self.end_effector_position,
+            "end_effector_attitude": self.end_effector_orientation,
+            "momentum": self.momentum,
+        }
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,7 +47,7 @@ def remote_client(scheduler: str) -> Iterator[Client]:
 
 
 async def _await_answer(scheduler: str) -> None:
-    """Connect once, as a client of an invalid address, or of a server without answer, does not end."""
+    """Connect once; a client of an invalid address, or of a server that is silent, never ends."""
     get_address_host_port(scheduler)
     arguments = Security().get_connection_args("client")
     try:

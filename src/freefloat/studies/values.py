@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from freefloat.limits.limits import LimitResult
@@ -106,7 +105,7 @@ def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
         "attitude": attitude,
         "heading_deg": math.degrees(heading_of(attitude)) if planar else None,
         "joints": motion.initial.joints.tolist(),
-        "residuals": asdict(motion.residuals()),
+        "residuals": motion.residuals().to_dict(),
     }
 
 

@@ -253,10 +253,10 @@ def _same_certificate(plan: Plan, recomputed: Certificate) -> Iterator[Check]:
     yield comparison_check(
         "certificate momentum_scale", stated.momentum_scale, scale, _RELATIVE * scale
     )
+    stated_errors, recomputed_errors = stated.to_dict(), recomputed.to_dict()
     for key in ("end_effector_position", "end_effector_attitude", "momentum", "rates"):
-        worst = getattr(stated, key)
-        again = getattr(recomputed, key)
-        yield _error_comparison(key, worst and worst.value, again and again.value)
+        worst, again = stated_errors[key], recomputed_errors[key]
+        yield _error_comparison(key, worst and worst["value"], again and again["value"])
     for key in ("attitude", "joints", "halving_attitude", "halving_joints"):
         value = getattr(stated.integration, key)
         again = getattr(recomputed.integration, key)

@@ -145,7 +145,7 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
     halving = max(again.halving_attitude, again.halving_joints)
     errors = [
         ("end-effector position", certificate.end_effector_position, distance, "m"),
-        ("end-effector orientation", certificate.end_effector_attitude, angle, "rad"),
+        ("end-effector orientation", certificate.end_effector_orientation, angle, "rad"),
         ("angular momentum", certificate.momentum, momentum, "N m s"),
         ("joint rates", certificate.rates, _RATES, "of the largest"),
     ]

@@ -80,9 +80,7 @@ def _heading_check(plan: Plan) -> Check:
                 f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
             )
             return Check("ranges of headings", False, words, stated, degrees, unit="deg")
-    words = (
-        f"{len(probes)} headings tried at the ends and middles of ranges, and on the whole circle"
-    )
+    words = f"{len(probes)} headings tried at ends and middles of ranges, and on the whole circle"
     return Check("ranges of headings", True, words)
 
 
@@ -99,7 +97,7 @@ def _probes(entry: BranchRanges) -> Iterator[tuple[float, int, bool]]:
 
 
 def _contradictions(plan: Plan) -> Iterator[tuple[float, int, bool]]:
-    """Headings on the whole circle at which an ensemble of motions contradicts the ranges of a branch."""
+    """Headings at which an ensemble of motions on the whole circle contradicts the ranges."""
     problem = plan.problem
     evaluator = FeasibilityEvaluator(problem)
     headings = np.linspace(0.0, tau, _CIRCLE // evaluator.sample_reduction, endpoint=False)

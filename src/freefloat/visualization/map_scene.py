@@ -37,7 +37,7 @@ BEST_BRANCH = "best of all branches"
 _MAX_SAMPLES = 40_000
 """Maximum number of samples drawn; a larger map is thinned at random."""
 _FEASIBLE, _OTHERS = (0.5, 0.12), (0.32, 0.09)
-"""Sizes of feasible and other points: fraction of the distance between samples, minimum size [m]."""
+"""Sizes of feasible and other points: fraction of the distance of samples, minimum [m]."""
 _EDGE, _MARK = 0.06, 0.07
 """Size of boundary points and radius of marks [m]."""
 _WHITE = (0.95, 0.96, 0.98)
