@@ -30,7 +30,6 @@ from freefloat.cli.options import (
     prepare_outputs,
 )
 from freefloat.cli.plan import draw
-from freefloat.statistics import percentage
 
 if TYPE_CHECKING:
     from freefloat.planning.attitude_map import AttitudeMap, Candidate
@@ -164,10 +163,9 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
     if len(result.regions) > _MAX_REGIONS:
         yield f"and {len(result.regions) - _MAX_REGIONS} smaller regions"
     margin = result.problem.margin
-    feasible = percentage(round(result.feasible_fraction * result.samples), result.samples)
     yield (
-        f"{feasible} of the attitudes keep {margin.measure.name} {margin.threshold:g} with some "
-        f"arm branch, {result.motion_fraction:.2%} of the {int(result.reached.sum()):,} motions do"
+        f"{result.feasible_percentage} of the attitudes keep {margin.measure.name} {margin.threshold:g} with some "
+        f"arm branch, {result.motion_fraction:.2%} of the {result.motions:,} motions do"
     )
     yield from _start_lines(result)
     yield from _candidate_lines(result)
@@ -200,8 +198,8 @@ def _candidate_lines(result: AttitudeMap) -> Iterator[str]:
     if nearest is not None:
         yield f"nearest: {_place(nearest)}, {math.degrees(nearest.deviation):.6g} deg away"
     if result.tangency is not None:
-        gaps = [point.gap for point in result.tangency if point.gap is not None]
-        gap = f"; bisection agrees within {math.degrees(max(gaps)):.2g} deg" if gaps else ""
+        worst = result.worst_gap
+        gap = "" if worst is None else f"; bisection agrees within {math.degrees(worst):.2g} deg"
         yield f"{len(result.tangency)} attitudes of the boundary from tangency points{gap}"
     if result.boundary is not None:
         yield f"{len(result.boundary)} attitudes of the boundary by bisection, see --json or -o"

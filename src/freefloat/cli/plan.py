@@ -33,7 +33,6 @@ from freefloat.cli.options import (
     Threads,
     prepare_outputs,
 )
-from freefloat.statistics import percentage
 
 if TYPE_CHECKING:
     from freefloat.planning.attitude_map import AttitudeMap
@@ -123,9 +122,8 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
             ranges.add_row(number, _ranges(entry))
         yield ranges
     else:
-        samples = plan.map.samples
-        feasible = percentage(round(plan.map.feasible_fraction * samples), samples)
-        yield f"{name}: {feasible} of {samples:,} initial attitudes are feasible{scope}"
+        feasible = plan.map.feasible_percentage
+        yield f"{name}: {feasible} of {plan.map.samples:,} initial attitudes are feasible{scope}"
     yield from search_lines(plan.search)
     for sentence in plan.disagreements:
         yield Text(f"not confirmed: {sentence}", "yellow")

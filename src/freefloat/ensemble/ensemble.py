@@ -86,6 +86,11 @@ class EnsembleResult(NamedTuple):
             np.zeros(shape, np.int64),
         )  # fmt: skip
 
+    def assign(self, chosen: npt.NDArray[np.bool_], motions: EnsembleResult) -> None:
+        """Write the results of motions where they are chosen, in place."""
+        for table, values in zip(self, motions, strict=True):
+            table[chosen] = values
+
     def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
         """Which motions complete and keep a margin, shape (K,)."""
         return np.asarray((self.endings == COMPLETED) & is_kept(self.minimum, margin))

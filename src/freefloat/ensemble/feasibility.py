@@ -119,8 +119,7 @@ class FeasibilityEvaluator:
             progress=progress,
         )  # fmt: skip
         table = EnsembleResult.empty(chosen.shape, joints.shape[2])
-        for name in EnsembleResult._fields:
-            getattr(table, name)[chosen] = getattr(result, name)
+        table.assign(chosen, result)
         selected = np.searchsorted(integrated, sources)
         table = EnsembleResult._make(values[:, selected] for values in table)
         if flipped:

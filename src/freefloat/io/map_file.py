@@ -26,7 +26,7 @@ from freefloat.planning.regions import Region
 from freefloat.so3 import Array, frozen
 
 T = TypeVar("T")
-_ENDINGS = "code: 0 completed, 1 singular, 3 given up, -1 no such branch"
+_ENDINGS = "code: 0 completed, 1 singular, 3 step limit reached, -1 no such branch"
 _UNITS = {
     "attitude": QUATERNION, "centre": QUATERNION, "volume_rad3": "rad^3",
     "radius_deg": "deg", "deviation_deg": "deg", "depth_deg": "deg", "gap_deg": "deg",

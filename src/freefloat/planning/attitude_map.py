@@ -14,9 +14,10 @@ from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, 
 from freefloat.motion.margin import is_kept
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
-from freefloat.planning.plan import Search
+from freefloat.planning.plan import Search, degrees
 from freefloat.planning.regions import Region
 from freefloat.so3 import Array, angle_between
+from freefloat.statistics import percentage
 
 _ENDINGS = {"completed": COMPLETED, "singular": SINGULAR, "given_up": FAILED,
             "unreached": UNREACHED}  # fmt: skip
@@ -201,6 +202,16 @@ class AttitudeMap:
         """Fraction of the motions that keep the margin."""
         return float(self.feasible.sum() / max(1, self.motions))
 
+    @property
+    def feasible_percentage(self) -> str:
+        """:attr:`feasible_fraction` with its confidence interval, in words."""
+        return percentage(int(self.feasible.any(axis=1).sum()), self.samples)
+
+    @property
+    def worst_gap(self) -> float | None:
+        """Largest gap of the points from tangency points [rad]; None where none has one."""
+        return max((p.gap for p in self.tangency or () if p.gap is not None), default=None)
+
     def regular(self, branch: int | None) -> npt.NDArray[np.bool_]:
         """Where a branch, or any, is feasible and avoids all singularities, shape (N,)."""
         regular = self.feasible & is_regular(self.determinant_ratios)
@@ -273,10 +284,9 @@ class AttitudeMap:
         if self.boundary is not None:
             document["boundary"] = [point.to_dict() for point in self.boundary]
         if self.tangency is not None:
-            gaps = [point.gap for point in self.tangency if point.gap is not None]
             document["touch"] = {
                 "count": len(self.tangency),
-                "worst_gap_deg": float(np.degrees(max(gaps))) if gaps else None,
+                "worst_gap_deg": degrees(self.worst_gap),
                 "points": [point.to_dict() for point in self.tangency],
             }
         return document

@@ -114,7 +114,7 @@ def _ending_fractions(endings: npt.NDArray[np.int8]) -> str:
     """How attitudes fail: by the arm branch that gets farthest; endings have the shape (K, B)."""
     words = {
         UNREACHED: "have no arm configuration at the start",
-        FAILED: "end where the integration gives up",
+        FAILED: "end at the step limit",
         SINGULAR: "end in a singularity",
         COMPLETED: "complete the path below the margin",
     }
