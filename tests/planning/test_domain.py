@@ -151,6 +151,13 @@ def test_the_closest_branch_is_that_of_brute_force(name: str) -> None:
             assert np.abs(branch.joints - joints).max() == pytest.approx(min(best.values()))
 
 
+def test_plan_and_map_state_fractions_of_the_headings_searched() -> None:
+    search = Search(from_attitude=heading_quaternion(np.radians(200.0)), within=np.radians(30.0))
+    problem = bundled("planar_3dof/parabola")
+    headings = attitude_map(problem, 24, search=search, threads=1)
+    assert headings.feasible_fraction == ff.plan(problem, search).feasible_fraction == 1.0
+
+
 @pytest.mark.slow
 def test_a_redundant_arm_starts_from_its_present_joints() -> None:
     problem = bundled("panda_servicer/line")

@@ -164,8 +164,9 @@ def _attitude_tables(name: str, result: AttitudeMap) -> Iterator[RenderableType]
         yield f"and {len(result.regions) - _MAX_REGIONS} smaller regions"
     margin = result.problem.margin
     yield (
-        f"{result.feasible_percentage} of the attitudes keep {margin.measure.name} {margin.threshold:g} with some "
-        f"arm branch, {result.motion_fraction:.2%} of the {result.motions:,} motions do"
+        f"{result.feasible_percentage} of the attitudes keep {margin.measure.name} "
+        f"{margin.threshold:g} with some arm branch, {result.motion_fraction:.2%} of the "
+        f"{result.motions:,} motions do"
     )
     yield from _start_lines(result)
     yield from _candidate_lines(result)

@@ -63,6 +63,11 @@ class HeadingRegion:
     size: float
     centre: float
 
+    @property
+    def radius(self) -> float:
+        """Distance of the middle from the ends [deg]."""
+        return self.size / 2.0
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON document."""
         return {"branch": self.branch, "size_deg": self.size, "centre_deg": self.centre}
@@ -147,6 +152,11 @@ class HeadingMap:
                 regions.append(HeadingRegion(branch, (stop - start) * step, centre))
         return tuple(regions)
 
+    @property
+    def robust(self) -> HeadingRegion | None:
+        """The widest of the regions; None where there is none."""
+        return max(self.regions, key=lambda region: region.size, default=None)
+
     def branch_labels(self) -> dict[int, str]:
         """Labels of the arm branches, by number."""
         labels = {}
@@ -159,7 +169,6 @@ class HeadingMap:
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat map``."""
         regions = [region.to_dict() for region in self.regions]
-        widest = max(regions, key=lambda region: region["size_deg"], default=None)
         return {
             "samples": len(self.headings),
             "search": self.search.to_dict(),
@@ -167,7 +176,7 @@ class HeadingMap:
             "feasible_fraction": self.feasible_fraction,
             "motion_fraction": self.motion_fraction,
             "best": self.best and self.best.to_dict(),
-            "robust": widest and {**widest, "radius_deg": widest["size_deg"] / 2.0},
+            "robust": self.robust and {**self.robust.to_dict(), "radius_deg": self.robust.radius},
             "regions": regions,
             "branches": [
                 {"branch": index, "least": [None if np.isnan(v) else v for v in row.tolist()]}

@@ -18,7 +18,7 @@ from freefloat.limits.limits import LimitResult, Limits
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.planar_ranges import BranchRanges, RangeLimit, Span
+from freefloat.planning.planar_ranges import BranchRanges, RangeLimit, Span, covered_angle
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import Array, angle_between, frozen, heading_of
 
@@ -86,17 +86,14 @@ class Search:
             samples = whole_number("search.samples", self.samples, FEWEST_SAMPLES)
             object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "seed", whole_number("search.seed", self.seed, 0))
-        accepted = "an angle of 0 or more, up to pi / 2"
-        finite_number("search.spare", self.spare, accepted, 0.0, np.pi / 2.0)
+        finite_number("search.spare", self.spare, "an angle from 0 to pi / 2", 0.0, np.pi / 2.0)
         reason = "objective nearest" if self.objective is Objective.NEAREST else None
         if self.within is not None:
             accepted = "an angle above 0, up to pi"
             finite_number("search.within", self.within, accepted, np.finfo(float).tiny, np.pi)
             reason = "a search within an angle"
         if reason is not None and self.from_attitude is None:
-            raise InputError(
-                "search.from_attitude", f"it is missing, {reason} needs it", "x, y, z, w"
-            )
+            raise InputError("search.from_attitude", f"it is missing, for {reason}", "x, y, z, w")
 
     @cached_property
     def domain(self) -> SearchDomain:
@@ -157,10 +154,9 @@ class Segment:
 
     def to_dict(self) -> dict[str, Any]:
         """The segment's JSON document."""
-        start, end = self.span
         return {
-            "from": start,
-            "to": end,
+            "from": self.span[0],
+            "to": self.span[1],
             "touch_points": [limit.to_dict(self.span) for limit in self.limits],
             "ranges_at_start_deg": [entry.to_dict() for entry in self.at_start],
             "ranges_at_end_deg": [entry.to_dict() for entry in self.at_end],
@@ -223,6 +219,13 @@ class Plan:
         """What the motion of an infeasible plan violates; empty for feasible plans."""
         violated = [str(result.limit) for result in self.limit_results if not result.kept]
         return "" if self.feasible else f"infeasible: violates {', '.join(violated) or 'no limit'}"
+
+    @property
+    def feasible_fraction(self) -> float | None:
+        """Fraction of the attitudes searched from which some arm branch keeps the margin."""
+        if self.map is not None or not self.ranges:
+            return self.map and self.map.feasible_fraction
+        return min(1.0, covered_angle(self.ranges) / (2.0 * self.search.domain.radius))
 
     @property
     def deviation(self) -> float | None:

@@ -6,7 +6,7 @@ at which the arm just reaches the path. Between neighbouring limits one motion d
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from itertools import groupby
@@ -144,6 +144,15 @@ class BranchRanges:
             "ranges": self.degrees,
             "limits": [float(np.degrees(limit)) for limit in self.limits],
         }
+
+
+def covered_angle(ranges: Iterable[BranchRanges]) -> float:
+    """Angle of all headings in a range of any arm branch [rad]."""
+    angle, covered = 0.0, 0.0
+    for low, high in sorted(span for entry in ranges for span in entry.degrees):
+        angle += max(0.0, high - max(low, covered))
+        covered = max(covered, high)
+    return float(np.radians(angle))
 
 
 def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:

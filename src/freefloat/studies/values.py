@@ -44,22 +44,12 @@ def plan_values(plan: Plan) -> dict[str, Any]:
         **_limit_values(plan.limit_results),
         "robust_radius_deg": degrees(plan.robust_radius),
         "deviation_deg": degrees(plan.deviation),
-        "feasible_fraction": None if plan.map is None else plan.map.feasible_fraction,
+        "feasible_fraction": plan.feasible_fraction,
     }
     if plan.ranges:
         ranges = {str(entry.branch): entry.degrees for entry in plan.ranges}
         values["attitude_ranges_deg"] = ranges
-        values["feasible_fraction"] = _covered_fraction(ranges)
     return values
-
-
-def _covered_fraction(ranges: dict[str, list[list[float]]]) -> float:
-    """Fraction of all headings in a range of any arm branch, from ranges in degrees."""
-    fraction, covered = 0.0, 0.0
-    for low, high in sorted(span for spans in ranges.values() for span in spans):
-        fraction += max(0.0, high - max(low, covered)) / 360.0
-        covered = max(covered, high)
-    return fraction
 
 
 def map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
@@ -81,8 +71,8 @@ def map_values(result: AttitudeMap | HeadingMap) -> dict[str, Any]:
         attitude = result.best and result.best.attitude.tolist()
         measure = margin.measure.name
         return values | {"robust_radius_deg": radius, "attitude": attitude, "measure": measure}
-    if result.regions:
-        values["robust_radius_deg"] = max(region.size for region in result.regions) / 2.0
+    if result.robust is not None:
+        values["robust_radius_deg"] = result.robust.radius
     if result.best is not None:
         values["heading_deg"] = degrees(result.best.heading)
         values["attitude"] = heading_quaternion(result.best.heading).tolist()
