@@ -88,8 +88,8 @@ class EnsembleResult(NamedTuple):
 
     def assign(self, chosen: npt.NDArray[np.bool_], motions: EnsembleResult) -> None:
         """Write the results of motions where they are chosen, in place."""
-        for table, values in zip(self, motions, strict=True):
-            table[chosen] = values
+        for name in self._fields:
+            getattr(self, name)[chosen] = getattr(motions, name)
 
     def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
         """Which motions complete and keep a margin, shape (K,)."""

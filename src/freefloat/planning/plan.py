@@ -223,9 +223,9 @@ class Plan:
     @property
     def feasible_fraction(self) -> float | None:
         """Fraction of the attitudes searched from which some arm branch keeps the margin."""
-        if self.map is not None or not self.ranges:
-            return self.map and self.map.feasible_fraction
-        return min(1.0, covered_angle(self.ranges) / (2.0 * self.search.domain.radius))
+        if self.ranges:
+            return min(1.0, covered_angle(self.ranges) / (2.0 * self.search.domain.radius))
+        return None if self.map is None else self.map.feasible_fraction
 
     @property
     def deviation(self) -> float | None:
