@@ -43,13 +43,13 @@ def heading(degrees: float) -> np.ndarray:
     return heading_quaternion(np.deg2rad(degrees))
 
 
-def followed(problem: Problem, attitude: object, branch: int, **options: object) -> Motion:
+def simulated(problem: Problem, attitude: object, branch: int, **options: object) -> Motion:
     """The motion of an arm branch."""
     attitude = problem.attitude(attitude)
     return integrate_motion(problem, attitude, problem.branches(attitude)[branch].joints, **options)
 
 
-def rolled(motion: Motion, tolerance: float = STEP_TOLERANCE) -> EnsembleResult:
+def compiled_motion(motion: Motion, tolerance: float = STEP_TOLERANCE) -> EnsembleResult:
     """The same motion by the compiled kernels."""
     first, integrator = motion.initial, EnsembleIntegrator(motion.problem, 1, tolerance=tolerance)
     return integrator.integrate(first.attitude[None], first.joints[None])

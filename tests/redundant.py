@@ -63,7 +63,7 @@ def redundant(
         across = np.array([1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     else:
         robot = random_robot(rng, structure)
-        model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
         attitude, across = Rotation.random(rng=rng).as_quat(), (np.ones(3), np.ones(3))
     joints = rng.uniform(-1.5, 1.5, model.dof)
     pose = model.end_effector_pose(attitude, joints)

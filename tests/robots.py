@@ -29,24 +29,26 @@ class Robot:
 
     Attributes:
         text: The URDF. Its root link is ``bus``.
-        tip: Last link of the arm.
-        joints: Moving joints from the spacecraft to the tip.
+        end_effector: Last link of the arm.
+        joints: Moving joints from the spacecraft to the end-effector.
         others: Moving joints of the second arm.
-        tip_centre: ``xyz`` and ``rpy`` of the tip's inertial frame.
+        end_effector_centre: ``xyz`` and ``rpy`` of the end-effector's inertial frame.
     """
 
     text: str
-    tip: str
+    end_effector: str
     joints: tuple[str, ...]
     others: tuple[str, ...]
-    tip_centre: tuple[str, str]
+    end_effector_centre: tuple[str, str]
 
     def with_frame(self, name: str, xyz: str, rpy: str) -> Robot:
-        """The same robot with one more massless frame fixed to the tip."""
+        """The same robot with one more massless frame fixed to the end-effector."""
         frame = f'<link name="{name}"/>' + joint_text(
-            f"{name}_joint", "F", self.tip, name, xyz, rpy
+            f"{name}_joint", "F", self.end_effector, name, xyz, rpy
         )
-        return replace(self, text=self.text.replace("</robot>", frame + "</robot>"), tip=name)
+        return replace(
+            self, text=self.text.replace("</robot>", frame + "</robot>"), end_effector=name
+        )
 
 
 def numbers(values: Sequence[float] | np.ndarray) -> str:
@@ -103,7 +105,7 @@ def random_robot(rng: np.random.Generator, chain: str = "RRRRRR", branch: str = 
 
     Args:
         rng: Source of randomness.
-        chain: Structure of the arm to the tip.
+        chain: Structure of the arm to the end-effector.
         branch: Structure of a second arm, mounted on a random body.
     """
     names = iter(rng.permutation(100))
@@ -135,10 +137,10 @@ def random_robot(rng: np.random.Generator, chain: str = "RRRRRR", branch: str = 
     bus = inertial_text(mass, random_inertia(rng, 0.2 * mass), *place(0.4))
     parts, bodies = [link_text("bus", bus)], ["bus"]
     joints, centre = arm(chain, bodies, "bus")
-    tip = bodies[-1]
+    end_effector = bodies[-1]
     others, _ = arm(branch, bodies, bodies[rng.integers(len(chain) + 1)])
     text = '<?xml version="1.0"?>\n<robot name="random">\n' + "".join(parts) + "</robot>"
-    return Robot(text, tip, tuple(joints), tuple(others), centre)
+    return Robot(text, end_effector, tuple(joints), tuple(others), centre)
 
 
 def planar_robot(

@@ -200,8 +200,8 @@ arms = st.one_of(
 @given(data=st.data(), robot=robots(arms))
 def test_matrices_of_random_robots_agree_with_pinocchio(data: st.DataObject, robot: Robot) -> None:
     """Revolute and prismatic joints, fixed joints merged; awkward joint values."""
-    held = {name: data.draw(st.floats(-2.0, 2.0)) for name in robot.others}
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
+    fixed = {name: data.draw(st.floats(-2.0, 2.0)) for name in robot.others}
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
     q = data.draw(joint_values(model.dof))
     task = Task.POSE if model.dof >= 6 and data.draw(st.booleans()) else Task.POSITION
     assert_equal_parts(model, task, q)
@@ -220,8 +220,8 @@ def arm(request: pytest.FixtureRequest, rng: np.random.Generator) -> Arm:
         model, planar = planar_model(rng, request.param), True
     else:
         robot, planar = random_robot(rng, request.param, "RP"), False
-        held = dict(zip(robot.others, rng.uniform(-1.0, 1.0, 2), strict=True))
-        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
+        fixed = dict(zip(robot.others, rng.uniform(-1.0, 1.0, 2), strict=True))
+        model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
     tasks = [task for task in Task if task.planar is planar and len(task.rows) <= model.dof]
     return Arm(model, tasks, rng.uniform(-2.0, 2.0, (8, model.dof)))
 

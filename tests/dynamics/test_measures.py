@@ -34,7 +34,7 @@ TANGENCY = np.array([0.1, 2.0, 3.3076, -2.6104, 2.2981, 1.4288])
 
 def model_of(structure: str, rng: np.random.Generator) -> FreeFloatingModel:
     robot = random_robot(rng, structure)
-    return FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    return FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
 
 
 # -------------------------------------------------------------------------------- definitions
@@ -43,7 +43,7 @@ def model_of(structure: str, rng: np.random.Generator) -> FreeFloatingModel:
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=6)))
 def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, robot: object) -> None:
     """det A = det D det S*, signs included; each from its matrix."""
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     q = data.draw(joint_values(6))
     S, A = generalized_jacobian(model, q), system_matrix(model, q)
     D, _ = inertia_matrices(model, q)
@@ -57,7 +57,7 @@ def test_gjm_and_system_are_the_determinants_of_6_and_5(data: st.DataObject, rob
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=7, max_size=8)))
 def test_redundant_gjm_is_the_volume_of_the_ellipsoid(data: st.DataObject, robot: object) -> None:
     """sqrt(det(S* S*^T)), never negative; the system's is det D times it."""
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     q = data.draw(joint_values(model.dof))
     S = generalized_jacobian(model, q)
     size = np.prod(np.linalg.norm(S, axis=1))
@@ -85,7 +85,7 @@ def test_redundant_planar_measures_count_one_spacecraft_rate(
 @given(data=st.data(), robot=robots(st.text("RCP", min_size=6, max_size=8)))
 def test_sigma_is_the_smallest_scaled_singular_value(data: st.DataObject, robot: object) -> None:
     """Lengths in units of the reach."""
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     q = data.draw(joint_values(model.dof))
     reach = VirtualManipulator.of(model).reach
     row = np.array([1.0 / reach] * 3 + [1.0] * 3)
@@ -102,8 +102,8 @@ def test_measures_scale_by_their_units(structure: str, name: str, rng: np.random
     """The same robot in feet and pounds: the value changes as its unit says."""
     robot = random_robot(rng, structure)
     feet, pounds = 3.28084, 2.20462
-    metric = FreeFloatingModel.from_urdf(robot.text, robot.tip)
-    imperial = FreeFloatingModel.from_urdf(in_units(robot.text, feet, pounds), robot.tip)
+    metric = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    imperial = FreeFloatingModel.from_urdf(in_units(robot.text, feet, pounds), robot.end_effector)
     q = rng.uniform(-2.0, 2.0, metric.dof)
     same = q * np.where([body.prismatic for body in metric.bodies[1:]], feet, 1.0)
     measure = singularity_measure(metric, Task.POSE, name)

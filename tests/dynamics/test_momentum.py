@@ -35,7 +35,7 @@ from tests.robots import (
 
 
 def loaded(robot: Robot, **options: object) -> FreeFloatingModel:
-    return FreeFloatingModel.from_urdf(robot.text, robot.tip, **options)
+    return FreeFloatingModel.from_urdf(robot.text, robot.end_effector, **options)
 
 
 def test_dynamic_singularity_is_not_kinematic() -> None:

@@ -27,8 +27,8 @@ from tests.robots import (
 
 
 def both(robot: Robot) -> tuple[FreeFloatingModel, VirtualManipulator]:
-    held = dict.fromkeys(robot.others, 0.6)
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
+    fixed = dict.fromkeys(robot.others, 0.6)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
     return model, VirtualManipulator.of(model)
 
 

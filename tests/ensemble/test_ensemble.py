@@ -33,7 +33,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES, FINE, both, dense, headings, random_attitudes, states
 from tests.errors import error_key
-from tests.motions import BAD, GOOD, PitchOrientation, asked, bundled, followed, from_here
+from tests.motions import BAD, GOOD, PitchOrientation, asked, bundled, from_here, simulated
 from tests.robots import planar_robot, random_robot
 
 # ------------------------------------------------------------------------------ the examples
@@ -154,7 +154,7 @@ def test_random_arms(structure: str, task: Task, name: str) -> None:
         generator = np.random.default_rng(seed)
         robot = random_robot(generator, structure, "R")
         fixed = {robot.others[0]: 0.7}
-        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=fixed)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
         attitude = Rotation.random(rng=generator).as_quat()
         joints = generator.uniform(-1.5, 1.5, model.dof)
         step, vector = generator.uniform(-0.1, 0.1, 3), generator.uniform(-0.2, 0.2, 3)
@@ -336,7 +336,7 @@ def test_backward_integration_retraces(name: str, attitude: object) -> None:
 )
 def test_motions_between_any_two_times(name: str, attitude: object, branch: int) -> None:
     """Between, before and exactly at stops on the way, forward and backward."""
-    motion = followed(bundled(name), attitude, branch)
+    motion = simulated(bundled(name), attitude, branch)
     spans = [(0.0, 30.0), (30.0, 69.73), (69.73, 100.0), (69.73, 10.0), (100.0, 69.73),
              (80.0, 20.0), (20.0, 80.0), (45.0, 45.0), (100.0, 100.0), (69.73, 69.73)]  # fmt: skip
     starts, ends = np.array(spans).T
@@ -360,7 +360,7 @@ def test_motions_between_any_two_times(name: str, attitude: object, branch: int)
 @pytest.mark.parametrize("when", [0.0, 35.0])
 def test_rates_at_the_start_count(spatial: Problem, when: float) -> None:
     """Where a motion is at its fastest when it begins, and only slows down from there."""
-    (state,) = followed(spatial, GOOD, 2).sample([when])
+    (state,) = simulated(spatial, GOOD, 2).sample([when])
     momentum = 200.0 * spatial.momentum if when == 0.0 else spatial.momentum
     solver = replace(spatial, momentum=momentum).resolved_rate_solver()
     first = solver.rates(state.attitude, state.joints, spatial.path.twist(when))[1]

@@ -191,7 +191,7 @@ def test_names_of_the_ur5_are_continuous(ur5: FreeFloatingModel, rng: np.random.
 def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) -> None:
     """A random arm: the second stands at place 8 or beyond, called b."""
     robot = random_robot(rng, "RRRRRR")
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     positions, rotations, _ = random_poses(model, 60, rng)
     sets = many_arm_branches(model, positions, rotations, Task.POSE)
     assert sets.exist[:, 8:].any()
@@ -228,7 +228,7 @@ def test_kinematics_agree_with_the_virtual_manipulator(
     """Pose, error and Jacobian, against the arrays of all arms at once."""
     for _ in range(5):
         robot = random_robot(rng, structure)
-        model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
         virtual, chain, n = VirtualManipulator.of(model), chain_of(model), model.dof
         q, target = rng.uniform(-3.0, 3.0, (2, n))
         p, R, points, axes = virtual.kinematics(q)

@@ -312,7 +312,7 @@ def test_newton_finds_the_configuration_a_pose_came_from(
     """Arms without a closed form; their solutions come in pairs, born where the arm is singular."""
     for _ in range(4):
         robot = random_robot(rng, structure)
-        model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+        model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
         virtual = VirtualManipulator.of(model)
         q = rng.uniform(-np.pi, np.pi, model.dof)
         target = virtual.pose(q)
@@ -420,7 +420,7 @@ def test_position_tasks_ignore_the_orientation(rng: np.random.Generator) -> None
     """Only the part of the pose that the task prescribes counts."""
     flat = FreeFloatingModel.from_urdf(planar_robot([40, 4, 3], [6, 1, 1], [0.5] * 2, [0.5] * 3))
     robot = random_robot(rng, "RRR")
-    free = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    free = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     for model, task in ((flat, Task.PLANAR_POSITION), (free, Task.POSITION)):
         q = np.array([0.4, 1.1, 0.3])[: model.dof]
         pose = VirtualManipulator.of(model).pose(q)
@@ -470,7 +470,7 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
 ) -> None:
     """Sixteen of infinitely many, far from each other, the same at every call."""
     robot = random_robot(rng, structure)
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     virtual = VirtualManipulator.of(model)
     target = virtual.pose(np.full(model.dof, 0.4))
     branches = arm_branches(model, target, task)
@@ -482,7 +482,7 @@ def test_branches_of_redundant_arms_are_reproducible_and_spread(
             assert missed(virtual, target, branch.joints) < 1e-8
         others = [other for other in branches if other is not branch]
         assert not holds(joints_of(others), branch.joints, 0.1)
-    again = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    again = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     for branch, other in zip(branches, arm_branches(again, target, task), strict=True):
         np.testing.assert_array_equal(branch.joints, other.joints)
 

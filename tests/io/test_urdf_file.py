@@ -290,7 +290,7 @@ def test_random_arms_come_back_as_they_were(tmp_path: Path) -> None:
         arm = random_robot(np.random.default_rng(seed), "RCPF", "RF")
         (tmp_path / "arm.urdf").write_text(arm.text)
         document = assembled(str(tmp_path / "arm.urdf"), "-o", str(tmp_path / "out.urdf"),
-                       "--end-effector", arm.tip, *CRAFT)  # fmt: skip
+                       "--end-effector", arm.end_effector, *CRAFT)  # fmt: skip
         wanted = combined(craft(), rigid_body(tmp_path / "arm.urdf").at(*mount()))
         assert_same(document, wanted)
         kinds = {joint["name"]: joint["type"] for joint in document["joints"]}

@@ -104,7 +104,7 @@ def test_distances_change_no_faster_than_the_levers_say(seed):
     robot = random_robot(rng, ["RRRR", "RPRC", "PRFRP", "RFRRR", "CPCP", "RRPF"][seed], "R")
     cube = shape_text('<box size="0.3 0.2 0.1"/>', "0.1 0.2 0.3")
     text = re.sub(r"</link>", cube + "</link>", robot.text)
-    model = FreeFloatingModel.from_urdf(text, robot.tip)
+    model = FreeFloatingModel.from_urdf(text, robot.end_effector)
     pairs = CollisionPairs(model)
     everything = np.arange(len(pairs.pairs))
     for _ in range(40):

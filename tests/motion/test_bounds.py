@@ -19,7 +19,7 @@ from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.robot.model import FreeFloatingModel
-from tests.motions import GOOD, followed, heading
+from tests.motions import GOOD, heading, simulated
 from tests.robots import inertial_text, joint_text, link_text, random_robot
 
 ROBOTS = [
@@ -31,7 +31,7 @@ ROBOTS = [
 def wandering(rng, chain, task, size):
     """Smooth joints of a random robot in two panels, which solve no equation of motion."""
     robot = random_robot(rng, chain)
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     c = size * rng.normal(size=(5, model.dof)) / np.arange(1, 6)[:, None] ** 2
     c[0] = rng.uniform(-1.5, 1.5, model.dof)
     return moving(model, task, c)
@@ -89,14 +89,14 @@ def test_second_derivatives_of_every_block_are_bounded(rng):
                 for order in (1, 2)
             )
             bounds = system.second_derivatives(w, change)
-            tip = second[k:, k:]
+            end_effector = second[k:, k:]
             linear = sum(row < 3 for row in task.rows)
             norms = {
                 "D": np.linalg.norm(second[:k, :k]) / bounds.D,
                 "Dq": (np.linalg.norm(second[:k, k:], axis=0) / bounds.Dq).max(),
                 "base": np.linalg.norm(second[k:, :k]) / bounds.base,
-                "linear": np.linalg.norm(tip[:linear], axis=0).max() / bounds.linear,
-                "angular": np.linalg.norm(tip[linear:], axis=0).max() / bounds.angular,
+                "linear": np.linalg.norm(end_effector[:linear], axis=0).max() / bounds.linear,
+                "angular": np.linalg.norm(end_effector[linear:], axis=0).max() / bounds.angular,
             }
             assert np.linalg.norm(second) <= bounds.whole
             for name, ratio in norms.items():
@@ -246,11 +246,11 @@ def test_bounds_hold_on_motions_of_random_robots(rng, chain, task):
 @pytest.mark.slow
 def test_bounds_hold_along_the_papers_examples(spatial, planar):
     """Arm and its system in space, the paper's S in the plane."""
-    motion = followed(spatial, GOOD, 2).cut(15.0, Ending.MARGIN)  # beyond the closest approach
+    motion = simulated(spatial, GOOD, 2).cut(15.0, Ending.MARGIN)  # beyond the closest approach
     result, bounds = proven(motion, ("gjm", "arm", "sigma"))
     assert bounds.bounds["arm"] >= 0.9 * result["arm"]
     assert_holds(motion, bounds)
-    motion = followed(planar, heading(200.0), 0)
+    motion = simulated(planar, heading(200.0), 0)
     result, bounds = proven(motion, ("gjm", "system"))
     assert bounds.bounds["system"] >= 0.9 * result["system"]
     assert_holds(motion, bounds)

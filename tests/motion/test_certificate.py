@@ -16,7 +16,7 @@ from freefloat.motion.motion import DEGREE, Ending
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.verification.mujoco import forward_run, inverse_run
 from freefloat.verification.mujoco_model import Engine
-from tests.motions import GOOD, bundled, followed, heading
+from tests.motions import GOOD, bundled, heading, simulated
 from tests.prismatic import prismatic_motion, prismatic_robot
 from tests.robots import random_robot
 
@@ -30,17 +30,17 @@ def measure(certificate, name):
 
 @pytest.fixture(scope="module")
 def motion(spatial):
-    return followed(spatial, GOOD, 2)
+    return simulated(spatial, GOOD, 2)
 
 
 @pytest.fixture(scope="module")
 def redundant():
-    return followed(bundled("panda_servicer/line"), [0, 0, 0, 1], 0)
+    return simulated(bundled("panda_servicer/line"), [0, 0, 0, 1], 0)
 
 
 @pytest.fixture(scope="module")
 def singular(planar):
-    return followed(planar, heading(140.0), 0)
+    return simulated(planar, heading(140.0), 0)
 
 
 @pytest.mark.slow
@@ -111,8 +111,8 @@ def test_certificates_of_a_prismatic_arm_and_of_no_duration():
 def test_fixed_joints_in_mujoco(rng):
     for _ in range(4):
         robot = random_robot(rng, "RPRCRRP", "RP")
-        held = dict(zip(robot.joints[1:3], (0.7, -1.1), strict=True)) | {robot.others[0]: 0.4}
-        model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
+        fixed = dict(zip(robot.joints[1:3], (0.7, -1.1), strict=True)) | {robot.others[0]: 0.4}
+        model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
         engine, joints = Engine(model), rng.uniform(-1.0, 1.0, model.dof)
         attitude = rng.normal(size=4)
         attitude /= np.linalg.norm(attitude)

@@ -20,7 +20,7 @@ from freefloat.motion.integration import integrate_motion
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending
 from freefloat.robot.model import FreeFloatingModel
-from tests.motions import BAD, GOOD, bundled, followed, heading
+from tests.motions import BAD, GOOD, bundled, heading, simulated
 from tests.prismatic import RELATIVE, prismatic_motion, prismatic_robot
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
@@ -30,18 +30,18 @@ REVOLUTION = 2.0 * np.pi
 @pytest.fixture(scope="module")
 def near(spatial):
     """Example 2, a branch that comes near to S = -5."""
-    return followed(spatial, GOOD, 2)
+    return simulated(spatial, GOOD, 2)
 
 
 @pytest.fixture(scope="module")
 def motions(spatial, planar, near):
     return {
         "near": near,
-        "far": followed(spatial, GOOD, 0),
-        "singular": followed(spatial, BAD, 2),
-        "planar": followed(planar, heading(161.03), 0),
-        "planar singular": followed(planar, heading(140.0), 0),
-        "planar close": followed(planar, heading(140.0), 1),
+        "far": simulated(spatial, GOOD, 0),
+        "singular": simulated(spatial, BAD, 2),
+        "planar": simulated(planar, heading(161.03), 0),
+        "planar singular": simulated(planar, heading(140.0), 0),
+        "planar close": simulated(planar, heading(140.0), 1),
     }
 
 
@@ -263,7 +263,7 @@ def test_first_crossing_has_the_required_magnitude(near):
 @pytest.fixture(scope="module")
 def ranged():
     """A UR5's motion; its joints have ranges of two revolutions, one of them of one."""
-    return followed(bundled("ur5_servicer/arc"), [0.0, 0.0, 0.0, 1.0], 7)
+    return simulated(bundled("ur5_servicer/arc"), [0.0, 0.0, 0.0, 1.0], 7)
 
 
 def test_extents_are_those_of_fine_sampling(ranged):

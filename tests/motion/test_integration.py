@@ -27,11 +27,11 @@ from tests.motions import (
     along,
     asked,
     bundled,
-    followed,
     from_here,
     heading,
     on_side,
     seven,
+    simulated,
     tracking,
 )
 
@@ -46,7 +46,7 @@ def test_the_singular_end_is_a_singularity(spatial):
     measure = singularity_measure(spatial.model, spatial.task, "gjm")
     largest = joint_space_extremes(spatial.model, measure, 1024).magnitude
     for branch in (2, 3, 4, 5):
-        motion = followed(spatial, BAD, branch)
+        motion = simulated(spatial, BAD, branch)
         assert abs(measure(motion.final.joints)) < 1e-6 * largest
         sign = np.sign(measure(motion.initial.joints))
         for q in motion.evaluate(np.linspace(0.0, motion.panels - 1e-6, 300))[2]:
@@ -55,7 +55,7 @@ def test_the_singular_end_is_a_singularity(spatial):
 
 def test_the_singular_time_does_not_depend_on_the_tolerance(spatial):
     for branch in (2, 3, 4, 5):
-        rough, fine = (followed(spatial, BAD, branch, tolerance=e) for e in (1e-8, 1e-12))
+        rough, fine = (simulated(spatial, BAD, branch, tolerance=e) for e in (1e-8, 1e-12))
         assert rough.ending is fine.ending is Ending.SINGULAR
         assert rough.final.time == pytest.approx(fine.final.time, abs=1e-6)
         assert_close(rough.final.joints, fine.final.joints, atol=1e-3)
@@ -63,7 +63,7 @@ def test_the_singular_time_does_not_depend_on_the_tolerance(spatial):
 
 def test_joint_rates_grow_beyond_bounds_towards_the_singularity(spatial):
     """Like one over the root of the time left: a hundredth of it, ten times the rate."""
-    motion = followed(spatial, BAD, 2)
+    motion = simulated(spatial, BAD, 2)
     rates = []
     for left in (1e-2, 1e-4):
         before, after = motion.sample(motion.final.time - left * np.array([1.01, 0.99]))
@@ -74,9 +74,9 @@ def test_joint_rates_grow_beyond_bounds_towards_the_singularity(spatial):
 @pytest.mark.slow
 def test_a_motion_that_begins_just_before_its_singularity_ends_there(spatial):
     """In one step, as time reverses smoothly along the curve."""
-    end = followed(spatial, BAD, 2).final
+    end = simulated(spatial, BAD, 2).final
     for before in (1e-4, 1e-8):
-        (state,) = followed(spatial, BAD, 2).sample(end.time - before)
+        (state,) = simulated(spatial, BAD, 2).sample(end.time - before)
         motion = integrate_motion(spatial, state.attitude, state.joints, start=state.time)
         assert motion.ending is Ending.SINGULAR
         assert motion.panels == 1
@@ -85,9 +85,9 @@ def test_a_motion_that_begins_just_before_its_singularity_ends_there(spatial):
 
 def test_a_motion_up_to_just_before_its_singularity_completes(spatial):
     """Its last step may pass the singularity, where time reverses, and end at an earlier time."""
-    final = followed(spatial, BAD, 2).final
+    final = simulated(spatial, BAD, 2).final
     for before in (1e-3, 1e-5, 1e-7):
-        motion = followed(spatial, BAD, 2, end=final.time - before)
+        motion = simulated(spatial, BAD, 2, end=final.time - before)
         assert motion.completed
         assert motion.final.time == final.time - before
         assert motion.residuals().end_effector_position < 1e-8
@@ -134,7 +134,7 @@ def test_every_heading_has_an_ending(name):
 
 def test_a_motion_may_begin_and_end_anywhere_on_its_way(spatial):
     """In two parts, forwards or backwards, it is the motion in one."""
-    whole = followed(spatial, GOOD, 2)
+    whole = simulated(spatial, GOOD, 2)
     first = integrate_motion(spatial, whole.initial.attitude, whole.initial.joints, end=37.0)
     assert first.final.time == 37.0
     second = integrate_motion(spatial, first.final.attitude, first.final.joints, start=37.0)
@@ -178,7 +178,7 @@ def test_short_legs_between_breaks_have_precise_rates_and_few_steps(spatial):
     curve = SplineCurve([spatial.path.path.curve(x) for x in s] + noise, s)
     path = EndEffectorPath(curve, spatial.path.path.orientation)
     problem = replace(spatial, path=TimedPath(path, spatial.path.timing))
-    motion = followed(problem, GOOD, 2)
+    motion = simulated(problem, GOOD, 2)
     assert motion.completed
     assert motion.panels < 120
     assert motion.residuals().momentum < 6e-8
@@ -221,7 +221,7 @@ def test_without_momentum_nothing_moves_at_a_stop(spatial):
     problem = replace(
         spatial, momentum=[0, 0, 0], path=TimedPath(spatial.path.path, timing)
     )  # fmt: skip
-    before, after = followed(problem, GOOD, 2).sample([49.99, 50.01])
+    before, after = simulated(problem, GOOD, 2).sample([49.99, 50.01])
     assert_close(after.joints, before.joints, atol=1e-8)
     assert_close(after.attitude, before.attitude, atol=1e-8)
 
@@ -247,7 +247,7 @@ def test_a_spacecraft_rotates_several_times(planar):
     problem = along(
         planar.model, Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], upright, momentum=momentum
     )
-    motion = followed(problem, heading(10.0), 0)
+    motion = simulated(problem, heading(10.0), 0)
     assert motion.completed
     headings = np.unwrap([heading_of(attitude) for attitude in motion.attitudes])
     assert headings[-1] - headings[0] > 8.0 * 2.0 * np.pi
@@ -284,7 +284,7 @@ def test_where_an_arm_becomes_singular_does_not_depend_on_time_without_momentum(
         problem = replace(
             spatial, momentum=[0, 0, 0], path=TimedPath(spatial.path.path, Timing(T))
         )  # fmt: skip
-        motion = followed(problem, BAD, 2)
+        motion = simulated(problem, BAD, 2)
         assert motion.ending is Ending.SINGULAR
         places.append(problem.path.timing.s(motion.final.time))
     assert places[0] == pytest.approx(places[1], abs=1e-8)
@@ -295,9 +295,9 @@ def test_where_an_arm_becomes_singular_does_not_depend_on_time_without_momentum(
 
 def test_the_error_shrinks_with_the_tolerance(spatial):
     errors, ends = [], []
-    exact = followed(spatial, GOOD, 2, tolerance=1e-13).final.joints
+    exact = simulated(spatial, GOOD, 2, tolerance=1e-13).final.joints
     for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
-        motion = followed(spatial, GOOD, 2, tolerance=tolerance)
+        motion = simulated(spatial, GOOD, 2, tolerance=tolerance)
         errors.append(tracking(motion, np.linspace(0.0, 100.0, 200))[0])
         ends.append(np.abs(motion.final.joints - exact).max())
     for result in (errors, ends):
@@ -307,18 +307,18 @@ def test_the_error_shrinks_with_the_tolerance(spatial):
 
 
 def test_the_default_tolerance_is_that_of_the_documentation(spatial):
-    usual, same = followed(spatial, GOOD, 2), followed(spatial, GOOD, 2, tolerance=1e-10)
+    usual, same = simulated(spatial, GOOD, 2), simulated(spatial, GOOD, 2, tolerance=1e-10)
     assert usual.times.tolist() == same.times.tolist()
 
 
 def test_steps_are_limited(spatial, monkeypatch):
     """Over all legs."""
-    panels = followed(spatial, GOOD, 2).panels
+    panels = simulated(spatial, GOOD, 2).panels
     monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", panels)
-    assert followed(spatial, GOOD, 2).panels == panels
+    assert simulated(spatial, GOOD, 2).panels == panels
     monkeypatch.setattr("freefloat.motion.integration._MAX_STEPS", panels - 1)
     with pytest.raises(IntegrationError) as caught:
-        followed(spatial, GOOD, 2)
+        simulated(spatial, GOOD, 2)
     assert 50.0 < caught.value.time < 100.0
 
 
@@ -329,7 +329,7 @@ def test_a_step_that_fails_raises(spatial, monkeypatch):
 
     monkeypatch.setattr(DOP853, "step", fail)
     with pytest.raises(IntegrationError, match="no step is small enough") as caught:
-        followed(spatial, GOOD, 2)
+        simulated(spatial, GOOD, 2)
     assert caught.value.time == 0.0
 
 
@@ -472,7 +472,7 @@ def test_no_margin_left_at_a_singularity_is_still_a_singularity(spatial, planar,
         for attitude in attitudes:
             for branch in asked_for.branches(asked_for.attitude(attitude)):
                 plainly, stopping = (
-                    followed(asked_for, attitude, branch.index, stop_at_margin=stop)
+                    simulated(asked_for, attitude, branch.index, stop_at_margin=stop)
                     for stop in (False, True)
                 )
                 assert stopping.ending is plainly.ending

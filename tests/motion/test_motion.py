@@ -18,7 +18,7 @@ from freefloat.paths.orientation import FixedOrientation
 from freefloat.paths.path import EndEffectorPath
 from freefloat.paths.timing import TimedPath, Timing
 from freefloat.so3 import heading_quaternion, rotation_matrix
-from tests.motions import BAD, GOOD, followed, heading
+from tests.motions import BAD, GOOD, heading, simulated
 
 assert_close = partial(np.testing.assert_allclose, rtol=0)
 
@@ -26,13 +26,13 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 @pytest.fixture(scope="module")
 def motion(spatial):
     """Example 2, the branch with q1 near 1.25 that comes close to the margin."""
-    return followed(spatial, GOOD, 2)
+    return simulated(spatial, GOOD, 2)
 
 
 @pytest.fixture(scope="module")
 def singular(spatial):
     """Example 2 from the printed bad attitude."""
-    return followed(spatial, BAD, 2)
+    return simulated(spatial, BAD, 2)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def backwards(spatial, motion):
 @pytest.fixture(scope="module")
 def stopping(planar):
     """Example 1 from 200 degrees, at rest at F on the way."""
-    return followed(planar, heading(200.0), 0)
+    return simulated(planar, heading(200.0), 0)
 
 
 def test_a_motion_begins_and_ends_where_it_says(motion, spatial):

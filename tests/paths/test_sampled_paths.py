@@ -21,7 +21,7 @@ from freefloat.motion.motion import DEGREE, Motion
 from freefloat.motion.problem import Problem
 from freefloat.paths.timing import Stop, TimeLaw, Timing
 from freefloat.verification.checks import certificate_checks
-from tests.motions import rolled
+from tests.motions import compiled_motion
 
 FIXED = "attitude: {fixed: {axes: {x: [0.4683, 1.1683, -0.7], z: [1.5, -0.8, -0.33]}}}"
 
@@ -114,9 +114,9 @@ def test_recorded_paths_are_integrated_as_precisely_as_others(kind: str, count: 
             assert check.recomputed < (0.2 if "again" in check.name else 0.05) * check.allowed, (
                 check
             )
-    last = rolled(motion)
+    last = compiled_motion(motion)
     assert np.abs(last.joints[0] - motion.final.joints).max() < 1e-4
-    last = rolled(motion, tolerance=1e-9)
+    last = compiled_motion(motion, tolerance=1e-9)
     assert np.abs(last.joints[0] - motion.final.joints).max() < 2e-7
 
 

@@ -28,7 +28,7 @@ def random_problem(seed: int, folder: Path) -> tuple[Problem, np.ndarray, np.nda
     rng = np.random.default_rng(seed)
     robot = random_robot(rng, "RRRRRR")
     (folder / "random.urdf").write_text(robot.text)
-    model = FreeFloatingModel.from_urdf(folder / "random.urdf", robot.tip)
+    model = FreeFloatingModel.from_urdf(folder / "random.urdf", robot.end_effector)
     joints = rng.uniform(-3.0, 3.0, 6)
     attitude = Rotation.random(rng=rng).as_quat()
     pose = model.end_effector_pose(attitude, joints)

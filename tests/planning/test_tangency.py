@@ -482,7 +482,7 @@ def test_problems_without_tangency_points_are_refused(problem, tmp_path):
             refused(planar)
     robot = random_robot(np.random.default_rng(5))
     (tmp_path / "robot.urdf").write_text(robot.text)
-    model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf", robot.tip)
+    model = ff.FreeFloatingModel.from_urdf(tmp_path / "robot.urdf", robot.end_effector)
     margin = ff.Margin(ff.singularity_measure(model, ff.Task.POSE, "gjm"), 0.1)
     other = ff.Problem(model, problem.path, ff.Task.POSE, STILL, margin)
     with pytest.raises(ff.InputError, match=r"^robot: "):

@@ -89,7 +89,7 @@ def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
     """The same masses and joints as ``appendModel`` of a fixed-base arm to a free body."""
     rng = np.random.default_rng(seed)
     arm, craft = random_robot(rng, "RPR"), random_spacecraft(rng)
-    model = FreeFloatingModel.from_urdf(arm.text, arm.tip, spacecraft=craft)
+    model = FreeFloatingModel.from_urdf(arm.text, arm.end_effector, spacecraft=craft)
     body = free_flyer(f'<robot name="b"><link name="b">'
                       f"{inertial_text(craft.mass, craft.inertia)}</link></robot>")  # fmt: skip
     fixed = pin.buildModelFromXML(arm.text)
@@ -108,13 +108,13 @@ def test_a_mounted_arm_is_pinocchios_own_sum_of_two_models(seed: int) -> None:
 def test_the_arms_kinematics_relative_to_its_root_stay_as_they_were(seed: int) -> None:
     rng = np.random.default_rng(seed)
     arm, craft = random_robot(rng, "RRPR"), random_spacecraft(rng)
-    text = assembled(arm.text, craft, random_payload(rng), arm.tip)
+    text = assembled(arm.text, craft, random_payload(rng), arm.end_effector)
     q = joints(rng, arm)
     poses = []
     for model in (pin.buildModelFromXML(arm.text), pin.buildModelFromXML(text)):
         data = model.createData()
         pin.framesForwardKinematics(model, data, q)
-        poses.append(data.oMf[model.getFrameId(arm.tip)].homogeneous)
+        poses.append(data.oMf[model.getFrameId(arm.end_effector)].homogeneous)
     assert np.allclose(mounted(craft).homogeneous @ poses[0], poses[1], rtol=0, atol=1e-12)
     assert not np.allclose(poses[0], poses[1], rtol=0, atol=1e-3), "the mount moves the arm"
 
@@ -170,8 +170,8 @@ def test_a_payload_adds_its_own_momentum(seed: int) -> None:
     """Angular momentum about the whole's centre, summed over robot and payload."""
     rng = np.random.default_rng(seed)
     arm, load = random_robot(rng, "RRPR"), random_payload(rng)
-    empty = FreeFloatingModel.from_urdf(arm.text, arm.tip)
-    laden = FreeFloatingModel.from_urdf(arm.text, arm.tip, payload=load)
+    empty = FreeFloatingModel.from_urdf(arm.text, arm.end_effector)
+    laden = FreeFloatingModel.from_urdf(arm.text, arm.end_effector, payload=load)
     assert np.isclose(laden.total_mass, empty.total_mass + load.mass, rtol=1e-12)
     q, v = joints(rng, arm), rng.normal(size=6 + len(arm.joints))
 
@@ -179,14 +179,14 @@ def test_a_payload_adds_its_own_momentum(seed: int) -> None:
     whole = np.concatenate([np.zeros(3), IDENTITY, q])
     pin.computeCentroidalMomentum(model, data, whole, v)
     pin.framesForwardKinematics(model, data, whole)
-    tip = data.oMf[empty.frame_id]
+    end_effector = data.oMf[empty.frame_id]
     twist = pin.getFrameVelocity(model, data, empty.frame_id, pin.LOCAL_WORLD_ALIGNED)
-    arm_to_load = tip.rotation @ load.com
-    where = tip.translation + arm_to_load
+    arm_to_load = end_effector.rotation @ load.com
+    where = end_effector.translation + arm_to_load
     p_load = load.mass * (twist.linear + np.cross(twist.angular, arm_to_load))
     p_robot = data.hg.linear
     centre = (empty.total_mass * data.com[0] + load.mass * where) / laden.total_mass
-    spin = tip.rotation @ load.inertia @ tip.rotation.T @ twist.angular
+    spin = end_effector.rotation @ load.inertia @ end_effector.rotation.T @ twist.angular
     h = data.hg.angular + spin
     h = h + np.cross(data.com[0] - centre, p_robot) + np.cross(where - centre, p_load)
 
@@ -203,7 +203,7 @@ def test_of_several_last_links_one_must_be_named() -> None:
     with pytest.raises(ModelError) as caught:
         assembled(arm.text, payload=load)
     assert caught.value.key == "end_effector"
-    assert arm.tip in caught.value.accepted
+    assert arm.end_effector in caught.value.accepted
     assert caught.value.source == "URDF text"
     with pytest.raises(ModelError) as caught:
         assembled(arm.text, None, load, "gripper")
@@ -231,12 +231,12 @@ def test_names_that_are_taken_get_a_number() -> None:
 def test_factors_reach_what_was_assembled_by_its_name() -> None:
     arm = random_robot(np.random.default_rng(9), "RR")
     parts = {"spacecraft": Spacecraft(100.0, CUBE), "payload": Payload(3.0, CUBE)}
-    alone = FreeFloatingModel.from_urdf(arm.text, arm.tip).total_mass
+    alone = FreeFloatingModel.from_urdf(arm.text, arm.end_effector).total_mass
     for scale, expected in (
         ({"spacecraft": 2.0, "payload": 10.0}, alone + 230.0),
         (3.0, 3.0 * (alone + 103.0)),
     ):
-        model = FreeFloatingModel.from_urdf(arm.text, arm.tip, scale_mass=scale, **parts)
+        model = FreeFloatingModel.from_urdf(arm.text, arm.end_effector, scale_mass=scale, **parts)
         assert np.isclose(model.total_mass, expected, rtol=1e-12)
 
 

@@ -87,8 +87,8 @@ def test_the_two_real_arms_have_the_published_masses_and_lengths() -> None:
     assert np.isclose(ssrms.total_mass, 1e5 + 2 * 243.66 + 4 * 105.98 + 314.88 + 279.2, rtol=1e-12)
     straight = ets_vii.body_poses(IDENTITY, np.zeros(6))
     shoulder = straight[2].position
-    tip = ets_vii.end_effector_pose(IDENTITY, np.zeros(6)).position
-    assert np.isclose(np.linalg.norm(tip - shoulder), np.hypot(0.87 + 0.63 + 0.53, np.hypot(
+    position = ets_vii.end_effector_pose(IDENTITY, np.zeros(6)).position
+    assert np.isclose(np.linalg.norm(position - shoulder), np.hypot(0.87 + 0.63 + 0.53, np.hypot(
         0.26, 0.28)), rtol=1e-12)  # fmt: skip
     upright = ssrms.end_effector_pose(IDENTITY, np.zeros(7)).position
     foot = ssrms.body_poses(IDENTITY, np.zeros(7))[0].position[2] + 2.2

@@ -56,7 +56,7 @@ ELBOW = chain_of(
 @given(robot=robots())
 def test_joints_run_from_the_spacecraft_to_the_end_effector(robot: Robot) -> None:
     """In chain order whatever their names; the second arm's joints do not count."""
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     assert model.joint_names == robot.joints
     assert model.dof == len(robot.joints)
     assert [body.joint for body in model.bodies] == ["root_joint", *robot.joints]
@@ -104,7 +104,7 @@ def test_too_many_moving_joints_are_refused() -> None:
 
 
 def test_the_only_last_link_is_the_end_effector() -> None:
-    """With one tip it need not be named; with several they are listed."""
+    """With one last link it need not be named; with several they are listed."""
     folder = models_folder()
     model = FreeFloatingModel.from_urdf(folder / "planar_3dof" / "planar_3dof.urdf")
     assert model.end_effector == "end_effector"
@@ -167,29 +167,29 @@ def test_fixed_joints_are_merged_into_whole_body() -> None:
 
 def test_fixed_joints_are_as_if_glued() -> None:
     """The mast fixed at 0.7 rad is the mast mounted at 0.7 rad."""
-    held = FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints={"hinge": 0.7})
+    fixed = FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints={"hinge": 0.7})
     glue = joint_text("hinge", "F", "bus", "mast", "-0.5 0 0", "0 0.7 0")
     revolute = joint_text("hinge", "R", "bus", "mast", "-0.5 0 0", axis="0 1 0")
     assert revolute in ELBOW
     glued = FreeFloatingModel.from_urdf(ELBOW.replace(revolute, glue), "fore")
     q = [0.2, -1.0]
-    np.testing.assert_allclose(momentum_map(held, q), momentum_map(glued, q), atol=1e-12)
+    np.testing.assert_allclose(momentum_map(fixed, q), momentum_map(glued, q), atol=1e-12)
     straight = FreeFloatingModel.from_urdf(ELBOW, "fore")
-    assert np.abs(momentum_map(held, q) - momentum_map(straight, q)).max() > 0.1
+    assert np.abs(momentum_map(fixed, q) - momentum_map(straight, q)).max() > 0.1
 
 
 @given(data=st.data(), robot=robots(branch=st.just("RP")))
 def test_joints_not_named_are_fixed_at_zero(data: st.DataObject, robot: Robot) -> None:
     """Silence means zero."""
-    silent = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    silent = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     zeros = dict.fromkeys(robot.others, 0.0)
-    zero = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=zeros)
+    zero = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=zeros)
     q = data.draw(joint_values(silent.dof))
     np.testing.assert_array_equal(momentum_map(silent, q), momentum_map(zero, q))
 
 
 def test_a_stuck_joint_of_the_arm_is_as_if_glued() -> None:
-    """Held by name it moves no more, and the bodies beyond it stand as if it had never moved."""
+    """Fixed by name it does not move; the bodies beyond it are where they are without motion."""
     stuck = FreeFloatingModel.from_urdf(ELBOW, "fore", fixed_joints={"shoulder": 0.4})
     free = FreeFloatingModel.from_urdf(ELBOW, "fore")
     (left,) = stuck.joint_names
@@ -228,7 +228,7 @@ def test_the_centre_of_mass_is_the_origin(
     data: st.DataObject, robot: Robot, attitude: np.ndarray
 ) -> None:
     """At every attitude and with every joint vector, summed over the bodies."""
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     q = data.draw(joint_values(model.dof))
     p, R = model.base_position(attitude, q), rotation_matrix(attitude)
     moment = model.bodies[0].mass * (p + R @ model.bodies[0].centre)
@@ -300,9 +300,9 @@ def test_joint_vectors_that_do_not_fit_are_refused(
 def test_models_survive_pickling_and_copying(rng: np.random.Generator) -> None:
     """A worker process gets the same robot, fixed joints and scaled masses included."""
     robot = random_robot(rng, "RCPRR", "RP")
-    held = dict(zip(robot.others, (0.3, -0.2), strict=True))
+    fixed = dict(zip(robot.others, (0.3, -0.2), strict=True))
     model = FreeFloatingModel.from_urdf(
-        robot.text, robot.tip, scale_mass={"bus": 2.0}, fixed_joints=held
+        robot.text, robot.end_effector, scale_mass={"bus": 2.0}, fixed_joints=fixed
     )
     q = rng.uniform(-2, 2, 5)
     expected = momentum_map(model, q)
@@ -376,11 +376,11 @@ def test_a_fixed_joint_may_have_the_name_of_a_link() -> None:
 # -------------------------------------------------------------------------------- where things are
 
 
-def whole_robot(robot: Robot, held: dict[str, float], joints: np.ndarray) -> tuple[pin.Model, ...]:
+def whole_robot(robot: Robot, fixed: dict[str, float], joints: np.ndarray) -> tuple[pin.Model, ...]:
     """Pinocchio's own robot, no joint fixed, its root link at the origin."""
     model = pin.buildModelFromXML(read_urdf(robot.text).text)
     q = pin.neutral(model)
-    for name, value in [*held.items(), *zip(robot.joints, joints, strict=True)]:
+    for name, value in [*fixed.items(), *zip(robot.joints, joints, strict=True)]:
         joint = model.joints[model.getJointId(name)]
         angle = [np.cos(value), np.sin(value)] if joint.nq == 2 else [value]
         q[joint.idx_q : joint.idx_q + joint.nq] = angle
@@ -397,10 +397,10 @@ def test_every_link_is_where_pinocchio_puts_it(
 ) -> None:
     """Body pose times link place, whether the link moves, is fixed or on a fixed arm."""
     rng = np.random.default_rng(seed)
-    held = {name: float(rng.uniform(-2, 2)) for name in robot.others}
+    fixed = {name: float(rng.uniform(-2, 2)) for name in robot.others}
     joints = rng.uniform(-2, 2, len(robot.joints))
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
-    whole, data = whole_robot(robot, held, joints)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
+    whole, data = whole_robot(robot, fixed, joints)
     poses = model.body_poses(attitude, joints)
     assert len(poses) == model.dof + 1
     np.testing.assert_allclose(poses[0].position, model.base_position(attitude, joints))

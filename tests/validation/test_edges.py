@@ -30,7 +30,7 @@ from freefloat.robot.names import models_folder
 from freefloat.so3 import angle_between, attitude_grid, heading_of
 from freefloat.verification.mujoco import forward_run, inverse_run
 from freefloat.verification.mujoco_model import Engine
-from tests.motions import GOOD, along, bundled, followed, heading, lasting, rolled
+from tests.motions import GOOD, along, bundled, compiled_motion, heading, lasting, simulated
 from tests.result_files import altered, replaced
 from tests.robots import in_units, planar_robot
 
@@ -72,7 +72,7 @@ def assert_equal_ends(motion, other, tolerance):
 
 
 def assert_compiled_agrees(motion, tolerance):
-    compiled = rolled(motion)
+    compiled = compiled_motion(motion)
     assert compiled.endings[0] == (COMPLETED if motion.completed else SINGULAR)
     assert_close(compiled.joints[0], motion.final.joints, atol=tolerance)
 
@@ -103,7 +103,7 @@ def test_a_singular_start_is_the_end_of_the_motion(name, joints, step):
     motion = integrate_motion(problem, [0, 0, 0, 1], joints)
     assert motion.ending is Ending.SINGULAR
     assert (len(motion.times), motion.final.time) == (1, 0.0)
-    compiled = rolled(motion)
+    compiled = compiled_motion(motion)
     ended = compiled.endings[0] == SINGULAR and compiled.ended_at[0] < 1e-2
     assert ended or compiled.determinant_ratios[0] < 1e-9
     assert not compiled.keeps(1e-6 * abs(problem.margin.measure(np.array(joints) + 0.3)))[0]
@@ -144,18 +144,18 @@ def test_a_margin_grazed_to_a_billionth_is_reported(planar, above):
 
     The verdict on a finished motion allows a millionth of S0 for rounding.
     """
-    motion = followed(planar, heading(200.0), 0)
+    motion = simulated(planar, heading(200.0), 0)
     lowest = closest_approach(motion, planar.margin.measure)
     margin = Margin(planar.margin.measure, lowest.value + above)
     problem = replace(planar, margin=margin)
-    grazing = followed(problem, heading(200.0), 0, stop_at_margin=True)
+    grazing = simulated(problem, heading(200.0), 0, stop_at_margin=True)
     assert grazing.completed == (above < 0.0)
     if not grazing.completed:
         assert grazing.ending is Ending.MARGIN
         assert grazing.final.time == pytest.approx(lowest.time, abs=1e-3)
     assert margin.is_kept(lowest.value)
     assert not is_kept(lowest.value, lowest.value * (1.0 + 2e-6))
-    fine = rolled(motion, tolerance=1e-11)
+    fine = compiled_motion(motion, tolerance=1e-11)
     assert fine.minimum[0] == pytest.approx(lowest.value, abs=1e-7)
 
 
@@ -168,17 +168,17 @@ def test_a_motion_that_grazes_zero_is_reported_from_one_that_does_not(planar):
     low, high = np.radians(140.0), np.radians(162.0)
     while high - low > 1e-7:
         middle = (low + high) / 2.0
-        if followed(planar, heading(np.degrees(middle)), 0).completed:
+        if simulated(planar, heading(np.degrees(middle)), 0).completed:
             high = middle
         else:
             low = middle
-    ends = [followed(planar, heading(np.degrees(limit)), 0) for limit in (low, high)]
+    ends = [simulated(planar, heading(np.degrees(limit)), 0) for limit in (low, high)]
     assert [motion.ending for motion in ends] == [Ending.SINGULAR, Ending.COMPLETED]
     assert 0.0 < closest_approach(ends[1], planar.margin.measure).value < 1e-5
     assert ends[1].residuals().momentum < 1e-4
     for near in (low - 1e-5, high + 1e-5):
-        motion = followed(planar, heading(np.degrees(near)), 0)
-        assert rolled(motion).endings[0] == (COMPLETED if motion.completed else SINGULAR)
+        motion = simulated(planar, heading(np.degrees(near)), 0)
+        assert compiled_motion(motion).endings[0] == (COMPLETED if motion.completed else SINGULAR)
 
 
 @pytest.mark.slow
@@ -187,7 +187,7 @@ def test_the_ends_of_a_range_graze_the_margin(planar, ranges):
     for entry in ranges:
         for part in entry.ranges:
             for end in (part.low, part.high):
-                motion = followed(planar, heading(np.degrees(end)), entry.branch)
+                motion = simulated(planar, heading(np.degrees(end)), entry.branch)
                 minimum = closest_approach(motion, planar.margin.measure).value
                 assert minimum == pytest.approx(5.0, abs=5e-7)
 
@@ -204,8 +204,8 @@ def test_the_ends_of_a_range_graze_the_margin(planar, ranges):
 def test_a_millisecond_and_a_million_seconds_are_one_motion(name, attitude, branch, duration):
     """Expected: without momentum the same joints and the same certificate as in 100 s."""
     still = [0.0, 0.0, 0.0]
-    usual = followed(lasting(bundled(name), 100.0, still), attitude, branch)
-    motion = followed(lasting(bundled(name), duration, still), attitude, branch)
+    usual = simulated(lasting(bundled(name), 100.0, still), attitude, branch)
+    motion = simulated(lasting(bundled(name), duration, still), attitude, branch)
     assert motion.final.time == duration
     assert_equal_ends(motion, usual, 1e-10)
     assert_compiled_agrees(motion, 1e-5)
@@ -218,8 +218,8 @@ def test_a_millisecond_and_a_million_seconds_are_one_motion(name, attitude, bran
 
 def test_in_a_millisecond_momentum_has_no_time_to_matter(spatial):
     """Expected: with momentum the end is that of h = 0, but for the drift of 1e-5 rad."""
-    drifting = followed(lasting(spatial, 1e-3), GOOD, 2)
-    assert_equal_ends(drifting, followed(lasting(spatial, 1e-3, [0, 0, 0]), GOOD, 2), 1e-4)
+    drifting = simulated(lasting(spatial, 1e-3), GOOD, 2)
+    assert_equal_ends(drifting, simulated(lasting(spatial, 1e-3, [0, 0, 0]), GOOD, 2), 1e-4)
     assert drifting.residuals().momentum < 1e-6 * 6e4  # the arm swings with 6e4 N m s by itself
 
 
@@ -228,7 +228,7 @@ def test_a_million_seconds_of_slow_drift_are_integrated(planar):
     problem = along(
         planar.model, Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], UPRIGHT, 1e6, [0, 0, 0.005]
     )
-    motion = followed(problem, heading(10.0), 0)
+    motion = simulated(problem, heading(10.0), 0)
     assert motion.completed
     headings = np.unwrap([heading_of(attitude) for attitude in motion.attitudes])
     assert headings[-1] - headings[0] > 2.0 * 2.0 * np.pi
@@ -242,7 +242,7 @@ def test_many_rotations_raise_an_error(spatial, monkeypatch):
     """Expected: rotations that need more steps than allowed end in an error with the time."""
     monkeypatch.setattr(integration, "_MAX_STEPS", 100)
     with pytest.raises(IntegrationError) as caught:
-        followed(lasting(spatial, 5e4), GOOD, 2)
+        simulated(lasting(spatial, 5e4), GOOD, 2)
     assert 0.0 < caught.value.time < 5e4
 
 
@@ -255,7 +255,7 @@ def test_a_spacecraft_that_tumbles_is_confirmed_by_both_engines(planar):
     problem = along(
         planar.model, Task.PLANAR_POSE, [2.1, 0, 0], [2.1, 0.2, 0], UPRIGHT, 100.0, [0, 0, 20.0]
     )
-    motion = followed(problem, heading(10.0), 0)
+    motion = simulated(problem, heading(10.0), 0)
     assert motion.completed
     headings = np.unwrap([heading_of(attitude) for attitude in motion.attitudes])
     assert (headings[-1] - headings[0]) / (2.0 * np.pi) > 4.0
@@ -272,9 +272,9 @@ def test_a_spacecraft_that_tumbles_is_confirmed_by_both_engines(planar):
 
 def test_a_tumbling_arm_in_space_becomes_singular_where_both_ways_say(spatial):
     """Expected: a hundred times Example 2's momentum ends it, precise and compiled alike."""
-    motion = followed(lasting(spatial, 100.0, 100.0 * spatial.momentum), GOOD, 2)
+    motion = simulated(lasting(spatial, 100.0, 100.0 * spatial.momentum), GOOD, 2)
     assert motion.ending is Ending.SINGULAR
-    compiled = rolled(motion)
+    compiled = compiled_motion(motion)
     assert compiled.endings[0] == SINGULAR
     assert compiled.ended_at[0] == pytest.approx(motion.final.time, abs=1e-2)
     assert motion.residuals().end_effector_position < 1e-7
@@ -329,7 +329,7 @@ def test_an_arm_of_1200_tonnes_on_a_gram_is_singular():
     for branch in problem.branches([0, 0, 0, 1]):
         motion = integrate_motion(problem, [0, 0, 0, 1], branch.joints)
         assert motion.ending is Ending.SINGULAR
-        assert rolled(motion).endings[0] == SINGULAR
+        assert compiled_motion(motion).endings[0] == SINGULAR
 
 
 # --- links of a millimetre ------------------------------------------------------------------------
@@ -363,8 +363,8 @@ def test_an_arm_of_millimetres_moves_as_one_of_metres(
     """Expected: a thousandth in length, and of 1 g instead of 400 kg: the same joints to 1e-7."""
     monkeypatch.chdir(tmp_path)
     problem = small(name, 1e-3, kilograms)
-    motion = followed(problem, attitude, branch)
-    assert_equal_ends(motion, followed(bundled(name), attitude, branch), 1e-7)
+    motion = simulated(problem, attitude, branch)
+    assert_equal_ends(motion, simulated(bundled(name), attitude, branch), 1e-7)
     assert_compiled_agrees(motion, 1e-3)
     inverse = inverse_run(motion, Engine(problem.model))
     assert inverse.wrench < 1e-4 * inverse.torque
@@ -387,14 +387,14 @@ def test_a_planar_end_effector_passes_through_the_centre_of_mass():
     usual = bundled("planar_2dof/line")
     problem = along(usual.model, usual.task, [0.5, 0, 0], [-0.5, 0, 0], UPRIGHT, 30.0)
     motions = [
-        followed(problem, heading(degrees), branch)
+        simulated(problem, heading(degrees), branch)
         for degrees in range(0, 360, 45)
         for branch in range(len(problem.branches(heading(degrees))))
     ]
     completed = [motion for motion in motions if motion.completed]
     assert 0 < len(completed) < len(motions)
     for motion in motions:
-        assert motion.completed == (rolled(motion).endings[0] == COMPLETED)
+        assert motion.completed == (compiled_motion(motion).endings[0] == COMPLETED)
     (middle,) = completed[0].sample(15.0)
     place = usual.model.end_effector_pose(middle.attitude, middle.joints).position
     assert_close(place[:2], 0.0, atol=1e-8)

@@ -22,9 +22,9 @@ from tests.motions import (
     GOOD,
     asked,
     bundled,
-    followed,
     heading,
     relative,
+    simulated,
     two,
 )
 from tests.robots import Robot, joint_values, robots
@@ -41,7 +41,7 @@ def apart(first, second):
 
 
 def there_and_back(problem, attitude, branch):
-    there = followed(problem, attitude, branch)
+    there = simulated(problem, attitude, branch)
     assert there.completed
     final = there.final
     back = integrate_motion(
@@ -97,7 +97,7 @@ def test_reversal_is_a_forward_motion_with_opposite_momentum(spatial):
 def timed(problem, momentum, timing):
     """Example 2 from the good attitude with other timing and momentum."""
     path = TimedPath(problem.path.path, timing)
-    motion = followed(replace(problem, path=path, momentum=momentum), GOOD, 2)
+    motion = simulated(replace(problem, path=path, momentum=momentum), GOOD, 2)
     assert motion.completed
     return motion.final
 
@@ -228,15 +228,15 @@ def test_scaling_every_mass_and_the_momentum_changes_nothing(spatial):
         spatial.model.description.text, "end_effector", scale_mass=2.0
     )
     problem = replace(spatial, model=model, momentum=2.0 * spatial.momentum)
-    joints = followed(spatial, GOOD, 2).final.joints
-    assert_close(followed(problem, GOOD, 2).final.joints, joints, atol=1e-8)
+    joints = simulated(spatial, GOOD, 2).final.joints
+    assert_close(simulated(problem, GOOD, 2).final.joints, joints, atol=1e-8)
 
 
 @given(data=st.data(), robot=robots(branch=st.just("")))
 def test_heavy_base_recovers_the_fixed_base_arm(data: st.DataObject, robot: Robot) -> None:
     """On a spacecraft 100 times heavier the arm is 100 times nearer to one on a fixed base."""
     light, heavy = (
-        FreeFloatingModel.from_urdf(robot.text, robot.tip, scale_mass={"bus": factor})
+        FreeFloatingModel.from_urdf(robot.text, robot.end_effector, scale_mass={"bus": factor})
         for factor in (1e5, 1e7)
     )
     q = data.draw(joint_values(light.dof))

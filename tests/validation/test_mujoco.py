@@ -23,8 +23,8 @@ from freefloat.verification.mujoco_model import Engine, wxyz
 from tests.motions import (
     GOOD,
     differentiated,
-    followed,
     relative,
+    simulated,
 )
 from tests.robots import Robot, joint_values, robots
 from tests.validation.comparisons import assert_agrees
@@ -36,8 +36,8 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 def motions():
     """Example 2 and Example 1, each from its good attitude."""
     return {
-        "spatial": followed(load_scenario("spatial_6dof/line").problem(), GOOD, 2),
-        "planar": followed(
+        "spatial": simulated(load_scenario("spatial_6dof/line").problem(), GOOD, 2),
+        "planar": simulated(
             load_scenario("planar_3dof/parabola").problem(), heading_quaternion(np.deg2rad(200)), 0
         ),
     }
@@ -169,7 +169,7 @@ def test_tampered_records_are_noticed_by_mujoco(motions, engines):
 def all_motions(motions):
     """And a stock arm without a spherical wrist, and a redundant one."""
     stock = {
-        name: followed(load_scenario(name).problem(), [0, 0, 0, 1], branch)
+        name: simulated(load_scenario(name).problem(), [0, 0, 0, 1], branch)
         for name, branch in (("ur5_servicer/arc", 7), ("panda_servicer/line", 0))
     }
     return {**motions, **stock}
@@ -206,7 +206,7 @@ def test_mujoco_finds_the_same_joint_torques(all_motions, name):
 
 
 def mujoco_generalized_jacobian(
-    robot: Robot, joints: np.ndarray, held: dict[str, float]
+    robot: Robot, joints: np.ndarray, fixed: dict[str, float]
 ) -> np.ndarray:
     """S* from MuJoCo's mass matrix and Jacobian; its own reader of URDF, its own algorithms."""
     drift = (
@@ -216,26 +216,26 @@ def mujoco_generalized_jacobian(
     text = robot.text.replace('<link name="bus">', drift + '<link name="bus">', 1)
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
-    for name, value in {**dict(zip(robot.joints, joints, strict=True)), **held}.items():
+    for name, value in {**dict(zip(robot.joints, joints, strict=True)), **fixed}.items():
         data.joint(name).qpos[0] = value
     mujoco.mj_forward(model, data)
     H, J = np.zeros((model.nv, model.nv)), np.zeros((6, model.nv))
     for column, unit in zip(H, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, column, unit)
-    tip = data.body(robot.tip)
-    mujoco.mj_jac(model, data, J[:3], J[3:], tip.xpos, tip.id)
+    end_effector = data.body(robot.end_effector)
+    mujoco.mj_jac(model, data, J[:3], J[3:], end_effector.xpos, end_effector.id)
     arm = [int(model.joint(name).dofadr[0]) for name in robot.joints]
     return J[:, arm] - J[:, :6] @ np.linalg.solve(H[:6, :6], H[:6, arm])
 
 
 @given(data=st.data(), robot=robots())
 def test_mujoco_finds_the_same_generalized_jacobian(data: st.DataObject, robot: Robot) -> None:
-    """Any structure: revolute, prismatic, fixed in mid-chain, a second arm held still."""
-    held = dict(zip(robot.others, [0.7, -1.3, 0.4], strict=False))
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip, fixed_joints=held)
+    """Any structure: revolute, prismatic, fixed in mid-chain, a second, fixed arm."""
+    fixed = dict(zip(robot.others, [0.7, -1.3, 0.4], strict=False))
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector, fixed_joints=fixed)
     assert model.joint_names == robot.joints
     q = data.draw(joint_values(model.dof))
-    expected = mujoco_generalized_jacobian(robot, q, held)
+    expected = mujoco_generalized_jacobian(robot, q, fixed)
     worst = relative(generalized_jacobian(model, q), expected)
     assert_agrees("test_mujoco_finds_the_same_generalized_jacobian", worst)
 

@@ -15,9 +15,9 @@ from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import (
     BAD,
     GOOD,
-    followed,
     heading,
     on_side,
+    simulated,
     tracking,
 )
 from tests.validation.comparisons import assert_agrees
@@ -48,7 +48,7 @@ def test_example_2_completes_from_the_printed_attitude(spatial):
 
 def test_example_2_becomes_singular_at_c_from_the_bad_attitude(spatial):
     """Exactly four of the eight branches fail, all within 3 mm of the printed C."""
-    ends = [followed(spatial, BAD, k) for k in range(8)]
+    ends = [simulated(spatial, BAD, k) for k in range(8)]
     singular = [motion for motion in ends if motion.ending is Ending.SINGULAR]
     assert len(singular) == 4
     for motion in singular:

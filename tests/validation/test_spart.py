@@ -23,9 +23,9 @@ assert_close = partial(np.testing.assert_allclose, rtol=0)
 
 
 def spart_generalized_jacobian(
-    path: Path, robot: Robot, joints: np.ndarray, held: dict[str, float]
+    path: Path, robot: Robot, joints: np.ndarray, fixed: dict[str, float]
 ) -> np.ndarray:
-    """S* of the tip's centre of mass from SPART's kinematics, linear rows first."""
+    """S* of the end-effector's centre of mass from SPART's kinematics, linear rows first."""
     from SPARTpy import SPART
     from SPARTpy.urdf2robot import urdf2robot
 
@@ -34,7 +34,7 @@ def spart_generalized_jacobian(
     body, n = spart.robot, spart.robot.n_links_joints
     column = {name: number - 1 for name, number in keys["q_id"].items()}
     q = np.zeros(body.n_q)
-    for name, value in {**dict(zip(robot.joints, joints, strict=True)), **held}.items():
+    for name, value in {**dict(zip(robot.joints, joints, strict=True)), **fixed}.items():
         q[column[name]] = value
     _, RL, _, rL, e, g = spart.kinematics(np.eye(3), np.zeros(3), q)
     Bij, Bi0, P0, pm = spart.diff_kinematics(np.eye(3), np.zeros(3), rL, e, g)
@@ -49,7 +49,7 @@ def spart_generalized_jacobian(
             Am[:, :, int(joint.q_id) - 1] = Bij[:, j] @ pm[:, j]
     H0 = P0.T @ M0 @ P0 + np.einsum("iab,iac,icd->bd", A0, M, A0, optimize=True)
     H0m = np.einsum("iab,iac,icd->bd", A0, M, Am, optimize=True)
-    i = keys["link_id"][robot.tip] - 1
+    i = keys["link_id"][robot.end_effector] - 1
     S = Am[i] - A0[i] @ np.linalg.solve(H0, H0m)
     return S[[3, 4, 5, 0, 1, 2]][:, [column[name] for name in robot.joints]]
 
@@ -66,12 +66,12 @@ def test_spart_finds_the_same_generalized_jacobian(
     structures = [("RRRRRR", "")] * 6 + [("RRRRRR", "RR"), ("RFCPRR", "PR"), ("CRPF", "FR")] * 3
     for number, (chain, branch) in enumerate(structures):
         robot = random_robot(rng, chain, branch)
-        held = dict(zip(robot.others, rng.uniform(-2.0, 2.0, len(robot.others)), strict=True))
-        marked = robot.with_frame("centre", robot.tip_centre[0], "0 0 0")
-        model = FreeFloatingModel.from_urdf(marked.text, marked.tip, fixed_joints=held)
+        fixed = dict(zip(robot.others, rng.uniform(-2.0, 2.0, len(robot.others)), strict=True))
+        marked = robot.with_frame("centre", robot.end_effector_centre[0], "0 0 0")
+        model = FreeFloatingModel.from_urdf(marked.text, marked.end_effector, fixed_joints=fixed)
         for q in rng.uniform(-3.0, 3.0, (4, model.dof)):
             bus = Rotation.from_euler("xyz", _bus_angles(robot)).as_matrix()
-            S = spart_generalized_jacobian(tmp_path / f"{number}.urdf", robot, q, held)
+            S = spart_generalized_jacobian(tmp_path / f"{number}.urdf", robot, q, fixed)
             seen = np.vstack([bus @ S[:3], bus @ S[3:]])
             worst = relative(generalized_jacobian(model, q), seen)
             assert_agrees("test_spart_finds_the_same_generalized_jacobian", worst)

@@ -346,7 +346,7 @@ def test_a_singular_motion_cut_short_is_not_complete(simulated):
     assert failed(cut) == {"whole motion"}
 
 
-def followed(text, **how):
+def completed_simulation(text, **how):
     """A simulation from the identity attitude."""
     problem = parse_scenario(text, Path("scenario.yaml")).problem()
     simulation = ff.simulate(problem, [0.0, 0.0, 0.0, 1.0], **how)
@@ -358,7 +358,7 @@ def followed(text, **how):
 def test_a_spacecraft_that_tumbles_many_times_is_verified():
     """Errors of integration grow with every revolution, and so does what is allowed."""
     tumbling = SPATIAL.replace("[0.5, 0.3, 0.1]", "[25, 0, 10]").replace("value: 5", "value: 0")
-    simulation = followed(tumbling.replace("[-0.5, 0.8, 0.33]", "[0.6, 0.5, 0.2]"))
+    simulation = completed_simulation(tumbling.replace("[-0.5, 0.8, 0.33]", "[0.6, 0.5, 0.2]"))
     attitudes = simulation.chosen.motion.attitudes
     assert angle_between(attitudes[1:], attitudes[:-1]).sum() > 10.0 * np.pi
     assert ff.check(simulation).discrepancies == ()
@@ -367,7 +367,7 @@ def test_a_spacecraft_that_tumbles_many_times_is_verified():
 @pytest.mark.slow
 def test_an_arm_that_hardly_moves_is_verified():
     """A micrometre in a hundred seconds: momenta and torques are no larger than rounding."""
-    assert ff.check(followed(HARDLY), "mujoco").discrepancies == ()
+    assert ff.check(completed_simulation(HARDLY), "mujoco").discrepancies == ()
 
 
 @pytest.mark.slow
@@ -380,7 +380,7 @@ def test_a_sampled_path_with_many_knots_is_verified_by_mujoco(tmp_path):
     (tmp_path / "noisy.csv").write_text("x,y,z\n" + lines)
     text = HARDLY.replace("line: {from: [1.5, 0, 0], to: [1.500001, 0, 0]}",
                           f"samples: {tmp_path / 'noisy.csv'}")  # fmt: skip
-    report = ff.check(followed(text), "mujoco")
+    report = ff.check(completed_simulation(text), "mujoco")
     assert report.discrepancies == ()
     assert report.engine["inverse"]["looks"] > 40
 

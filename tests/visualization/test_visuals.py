@@ -75,11 +75,11 @@ def test_hubs_of_the_spatial_robot_lie_along_their_joints(spatial_6dof: FreeFloa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "tip"), [("ur5", "tool0"), ("panda", "panda_hand")])
-def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, tip: str) -> None:
+@pytest.mark.parametrize(("name", "end_effector"), [("ur5", "tool0"), ("panda", "panda_hand")])
+def test_meshes_of_real_arms_are_where_pinocchio_draws_them(name: str, end_effector: str) -> None:
     """Bounds of every body at zero joints, in metres, against Pinocchio's geometry model."""
     path = find_robot(f"example-robot-data:{name}", Path())
-    model = FreeFloatingModel.from_urdf(path, tip)
+    model = FreeFloatingModel.from_urdf(path, end_effector)
     visuals = robot_visuals(model)
     assert visuals.problems == ()
     whole = pin.buildModelFromUrdf(str(path))
@@ -211,7 +211,7 @@ def nearest_end(visuals: list[Visual], pose: Pose, point: np.ndarray) -> float:
 @given(robot=robots(chain=st.text("RC", min_size=1, max_size=6)), seed=st.integers(0, 99))
 def test_default_rods_lead_from_joint_to_joint(robot: Robot, seed: int) -> None:
     """In any configuration: a rod of every body ends where the next joint is; hubs lie along it."""
-    model = FreeFloatingModel.from_urdf(robot.text, robot.tip)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
     visuals = robot_visuals(model)
     assert visuals.problems == ()
     joints = np.random.default_rng(seed).uniform(-3, 3, model.dof)

@@ -52,13 +52,13 @@ def test_determinant_rates_and_place_agree_with_pinocchio(axes):
         attitude = heading_quaternion(heading)
         angles = arm.angles(heading, joints)
         assert arm.determinant(angles) == pytest.approx(S(joints), rel=1e-9, abs=1e-9)
-        place = model.end_effector_pose(attitude, joints).position
+        place = model.end_effector_pose(attitude, joints).rotation
         assert arm.vectors(angles).sum() == pytest.approx(complex(*place[:2]), abs=1e-12)
         D, _ = inertia_matrices(model, joints)
         assert arm.momentum_coefficients(angles).sum() == pytest.approx(D[2, 2], rel=1e-12)
         omega, rates = equation.rates(attitude, joints, twist)
-        tip = 1j * twist[5] * arm.vectors(angles)[3]
-        velocity = np.asarray(complex(*twist[:2]) - tip)
+        rotation = 1j * twist[5] * arm.vectors(angles)[3]
+        velocity = np.asarray(complex(*twist[:2]) - rotation)
         rates_of_24 = arm.rates(angles, 0.7, velocity, np.asarray(twist[5]))
         expected = np.cumsum(np.append(omega[2], arm.signs * rates))
         assert rates_of_24 == pytest.approx(expected, rel=1e-7, abs=1e-9)
