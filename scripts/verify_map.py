@@ -131,9 +131,9 @@ def robust(problem: Problem, threads: int | None, seed: int) -> Iterator[Check]:
     size = np.interp(generator.random(WITHIN) * volume[-1], volume, angles)
     axes = generator.normal(size=(WITHIN, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]
-    center = result.chosen.motion.initial.attitude
+    centre = result.chosen.motion.initial.attitude
     keeps = FeasibilityEvaluator(problem, threads).keeps(
-        rotated(center, size[:, None] * axes), result.chosen.branch.index
+        rotated(centre, size[:, None] * axes), result.chosen.branch.index
     )
     yield Check(
         f"robust, margin {problem.margin.threshold:g}",

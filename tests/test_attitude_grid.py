@@ -50,8 +50,8 @@ def test_grid_is_more_even_than_random_attitudes(count: int) -> None:
 def test_balls_contain_attitudes_in_proportion_to_their_volume() -> None:
     grid, radius = attitude_grid(4096), 1.0
     fraction = (radius - np.sin(radius)) / np.pi
-    for center in random_attitudes(40, 3):
-        inside = (angle_between(grid, center) < radius).mean()
+    for centre in random_attitudes(40, 3):
+        inside = (angle_between(grid, centre) < radius).mean()
         assert inside == pytest.approx(fraction, rel=0.06)
 
 
@@ -78,11 +78,11 @@ def test_seed_rotates_the_whole_grid() -> None:
 @pytest.mark.parametrize("radius", [1e-4, 0.3, 2.0, np.pi])
 def test_ball_is_sampled_evenly(radius: float) -> None:
     """By the volume theta - sin theta of smaller balls, and in all directions."""
-    center = np.array([0.1, 0.5, 0.2, -0.8367])
-    center /= np.linalg.norm(center)
-    cloud = attitudes_within(center, radius, 4000, 5)
+    centre = np.array([0.1, 0.5, 0.2, -0.8367])
+    centre /= np.linalg.norm(centre)
+    cloud = attitudes_within(centre, radius, 4000, 5)
     np.testing.assert_allclose(np.linalg.norm(cloud, axis=1), 1.0, atol=1e-12)
-    angles = angle_between(cloud, center)
+    angles = angle_between(cloud, centre)
     assert angles.max() <= radius * (1.0 + 1e-9)
     for fraction in (0.25, 0.5, 0.8):
         inner = fraction * radius
@@ -90,7 +90,7 @@ def test_ball_is_sampled_evenly(radius: float) -> None:
             (inner - np.sin(inner)) / (radius - np.sin(radius)) if radius > 0.01 else fraction**3
         )
         assert (angles < inner).mean() == pytest.approx(volume, abs=4e-3)
-    directions = rotation_vector_to(center, cloud) / angles[:, None]
+    directions = rotation_vector_to(centre, cloud) / angles[:, None]
     for axis in np.vstack([np.eye(3), [[0.6, 0.0, -0.8]]]):
         assert (directions @ axis > 0.0).mean() == pytest.approx(0.5, abs=0.01)
         assert (directions @ axis > 0.5).mean() == pytest.approx(0.25, abs=0.01)
@@ -98,14 +98,14 @@ def test_ball_is_sampled_evenly(radius: float) -> None:
 
 def test_ball_of_radius_pi_is_all_of_so3() -> None:
     cloud = attitudes_within([0.0, 0.0, 0.0, 1.0], np.pi, 4096)
-    for center in random_attitudes(10, 4):
-        inside = (angle_between(cloud, center) < 1.2).mean()
+    for centre in random_attitudes(10, 4):
+        inside = (angle_between(cloud, centre) < 1.2).mean()
         assert inside == pytest.approx((1.2 - np.sin(1.2)) / np.pi, rel=0.1)
 
 
 def test_seed_gives_other_attitudes_of_a_ball() -> None:
-    center = [0.0, 0.6, 0.0, 0.8]
-    clouds = [attitudes_within(center, 0.4, 50, seed) for seed in (0, 0, 1)]
+    centre = [0.0, 0.6, 0.0, 0.8]
+    clouds = [attitudes_within(centre, 0.4, 50, seed) for seed in (0, 0, 1)]
     np.testing.assert_array_equal(clouds[0], clouds[1])
     assert angles_to_nearest(clouds[0], clouds[2]).min() > 1e-4
 

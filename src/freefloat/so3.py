@@ -273,7 +273,7 @@ def grid_spacing(count: int, radius: float = np.pi) -> float:
     return float((8.0 * np.pi**2 * ball_fraction(radius) / count) ** (1.0 / 3.0))
 
 
-def attitudes_within(center: npt.ArrayLike, radius: float, count: int, seed: int = 0) -> Array:
+def attitudes_within(centre: npt.ArrayLike, radius: float, count: int, seed: int = 0) -> Array:
     """Evenly distributed attitudes (count, 4) within an angle [rad], at most pi, of an attitude.
 
     The seed shifts the low-discrepancy sequence.
@@ -282,14 +282,14 @@ def attitudes_within(center: npt.ArrayLike, radius: float, count: int, seed: int
     angles = np.linspace(0.0, radius, 257)
     volume = angles - np.sin(angles)  # of the ball with that angle, up to a factor
     half = np.interp(fraction * volume[-1], volume, angles)[:, None] / 2.0
-    x, y, z, w = (np.asarray(center) / np.linalg.norm(center)).tolist()
-    by_center = np.array([[w, -z, y, -x], [z, w, -x, -y], [-y, x, w, -z], [x, y, z, w]])
-    return np.asarray(np.hstack([np.sin(half) * axes, np.cos(half)]) @ by_center)
+    x, y, z, w = (np.asarray(centre) / np.linalg.norm(centre)).tolist()
+    by_centre = np.array([[w, -z, y, -x], [z, w, -x, -y], [-y, x, w, -z], [x, y, z, w]])
+    return np.asarray(np.hstack([np.sin(half) * axes, np.cos(half)]) @ by_centre)
 
 
 @lru_cache(maxsize=256)
 def _ball(count: int, seed: int) -> tuple[Array, Array]:
-    """Fractions of a ball's volume, shape (count,), and directions from its center, (count, 3)."""
+    """Fractions of a ball's volume, shape (count,), and directions from its centre, (count, 3)."""
     shift = np.random.default_rng(seed).random(3)
     points = (low_discrepancy(count, 3) + shift) % 1.0
     return points[:, 0], sphere_directions(points[:, 1:])

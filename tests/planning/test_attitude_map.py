@@ -14,7 +14,7 @@ from freefloat.planning.regions import depths, find_regions
 from freefloat.so3 import angle_between, attitude_grid, attitudes_within, grid_spacing
 from tests.motions import bundled
 
-CENTERS = np.array([[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
+CENTRES = np.array([[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
 RADII = (0.9, 0.6)
 
 
@@ -31,8 +31,8 @@ def made(
 def balls(attitudes: np.ndarray) -> np.ndarray:
     """Which attitudes lie in two balls with centres an angle of pi apart, shape (2, N)."""
     return np.array([
-        angle_between(attitudes, center) < radius
-        for center, radius in zip(CENTERS, RADII, strict=True)
+        angle_between(attitudes, centre) < radius
+        for centre, radius in zip(CENTRES, RADII, strict=True)
     ])  # fmt: skip
 
 
@@ -77,11 +77,11 @@ def test_two_balls_are_two_regions(margin_30: Problem) -> None:
     margins[:, 2] = np.where(inside.any(axis=0), 40.0, 29.0)
     regions = find_regions(made(margin_30, attitudes, margins))
     assert [region.branch for region in regions] == [2, 2]
-    for region, members, center, radius in zip(regions, inside, CENTERS, RADII, strict=True):
+    for region, members, centre, radius in zip(regions, inside, CENTRES, RADII, strict=True):
         fraction = members.mean()
         assert region.fraction == pytest.approx(fraction)
         assert region.error == pytest.approx(np.sqrt(fraction * (1 - fraction) / N))
-        assert angle_between(region.centre, center) < grid_spacing(N)
+        assert angle_between(region.centre, centre) < grid_spacing(N)
         assert region.depth == pytest.approx(radius, abs=grid_spacing(N))
         outside = attitudes[~inside.any(axis=0)]
         assert region.depth == pytest.approx(angle_between(outside, region.centre).min())

@@ -88,12 +88,12 @@ def test_plan_within_20_degrees() -> None:
 def test_ranges_of_headings_are_intersected() -> None:
     problem = bundled("planar_2dof/line")
     every = ff.plan(problem)
-    center, width = np.radians(40.0), np.radians(50.0)
-    search = Search(from_attitude=heading_quaternion(center), within=width)
+    centre, width = np.radians(40.0), np.radians(50.0)
+    search = Search(from_attitude=heading_quaternion(centre), within=width)
     plan = ff.plan(problem, search)
     for entry, whole in zip(plan.ranges, every.ranges, strict=True):
         for heading in np.linspace(0.0, 2.0 * np.pi, 500):
-            offset = abs((heading - center + np.pi) % (2.0 * np.pi) - np.pi)
+            offset = abs((heading - centre + np.pi) % (2.0 * np.pi) - np.pi)
             gap = min(abs(offset - width), *(abs(p.depth(heading)) for p in whole.ranges))
             stated = any(part.depth(heading) > 0.0 for part in entry.ranges)
             known = offset < width and any(p.depth(heading) > 0.0 for p in whole.ranges)
@@ -219,7 +219,7 @@ def test_joints_and_angle_survive_files(tmp_path: Path) -> None:
         known["search"].pop("from_attitude")
     )
     assert stored == known
-    assert heading_of(search.domain.center) == pytest.approx(0.5)
+    assert heading_of(search.domain.centre) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(

@@ -69,9 +69,9 @@ class Landscape:
         return AttitudeMap(self.problem, attitudes, minimum, np.ones(minimum.shape), endings)
 
 
-def ball(center: np.ndarray, radius: float) -> Margins:
+def ball(centre: np.ndarray, radius: float) -> Margins:
     """Margins that are kept in a ball, highest in its middle."""
-    return lambda q: MARGIN + 20.0 * (radius - angle_between(q, center))
+    return lambda q: MARGIN + 20.0 * (radius - angle_between(q, centre))
 
 
 def either(*margins: Margins) -> Margins:
@@ -82,8 +82,8 @@ def both(*margins: Margins) -> Margins:
     return lambda q: np.min([margin(q) for margin in margins], axis=0)
 
 
-def without(center: np.ndarray, radius: float) -> Margins:
-    return lambda q: MARGIN + 20.0 * (angle_between(q, center) - radius)
+def without(centre: np.ndarray, radius: float) -> Margins:
+    return lambda q: MARGIN + 20.0 * (angle_between(q, centre) - radius)
 
 
 def near_ring(width: float) -> Margins:

@@ -99,9 +99,9 @@ def test_attitudes_fill_so3_evenly() -> None:
 
 
 def test_attitudes_stay_within_the_angle_of_their_centre() -> None:
-    center = Rotation.from_rotvec([0.4, -1.0, 0.2])
-    quaternions = sample(so3={"center": center.as_quat().tolist(), "angle_deg": 30.0})
-    angles = (Rotation.from_quat(quaternions) * center.inv()).magnitude()
+    centre = Rotation.from_rotvec([0.4, -1.0, 0.2])
+    quaternions = sample(so3={"center": centre.as_quat().tolist(), "angle_deg": 30.0})
+    angles = (Rotation.from_quat(quaternions) * centre.inv()).magnitude()
     assert angles.max() <= np.radians(30.0) + 1e-12
     volume = (angles - np.sin(angles)) / (np.radians(30.0) - 0.5)
     assert stats.kstest(volume, "uniform").pvalue > UNLIKELY

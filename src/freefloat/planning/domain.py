@@ -34,11 +34,11 @@ class SearchDomain:
     """All attitudes, or those within an angle of one of them.
 
     Attributes:
-        center: Quaternion x, y, z, w.
-        radius: Largest angle from the center [rad]; pi for all attitudes.
+        centre: Quaternion x, y, z, w.
+        radius: Largest angle from the centre [rad]; pi for all attitudes.
     """
 
-    center: Array = field(default_factory=lambda: frozen([0.0, 0.0, 0.0, 1.0]))
+    centre: Array = field(default_factory=lambda: frozen([0.0, 0.0, 0.0, 1.0]))
     radius: float = np.pi
 
     @property
@@ -53,13 +53,13 @@ class SearchDomain:
 
     def contains(self, attitudes: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Which attitudes (..., 4) belong to it, shape (...)."""
-        return np.asarray(angle_between(attitudes, self.center) <= self.radius + _ROUNDING)
+        return np.asarray(angle_between(attitudes, self.centre) <= self.radius + _ROUNDING)
 
     def attitudes(self, count: int, seed: int = 0) -> Array:
         """Evenly distributed attitudes, shape (count, 4)."""
         if self.whole:
             return attitude_grid(count, seed)
-        return attitudes_within(self.center, self.radius, count, seed)
+        return attitudes_within(self.centre, self.radius, count, seed)
 
     def spacing(self, count: int) -> float:
         """Side [rad] of a cube with the volume that each of ``count`` attitudes represents."""
@@ -75,7 +75,7 @@ class SearchDomain:
     @property
     def heading_limits(self) -> tuple[float, float]:
         """First heading [rad], in [0, 2 pi), and last heading of planar attitudes."""
-        low = (heading_of(self.center) - self.radius) % (2.0 * np.pi)
+        low = (heading_of(self.centre) - self.radius) % (2.0 * np.pi)
         return low, low + 2.0 * self.radius
 
 
