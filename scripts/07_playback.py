@@ -20,12 +20,14 @@ def from_heading(degrees: float) -> Motion:
     return ff.simulate(problem, [0.0, 0.0, np.sin(half), np.cos(half)], branch=0).chosen.motion
 
 
-good, bad = from_heading(200.0), from_heading(140.0)
-for name, motion in (("good", good), ("bad", bad)):
+feasible, singular = from_heading(200.0), from_heading(140.0)
+for name, motion in (("feasible", feasible), ("singular", singular)):
     print(f"{name}: {motion.ending.value} {motion.final.time:.4f} s")
 
 # The trail behind the end-effector is coloured by the margin; areas can be shown and hidden.
-playback = ff.playback({"from 200 degrees": good, "from 140 degrees": bad}, title="Example 1")
+playback = ff.playback(
+    {"from 200 degrees": feasible, "from 140 degrees": singular}, title="Example 1"
+)
 print("written:", playback.save("playback.html"))
 print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 
@@ -33,8 +35,8 @@ print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 # the scene to a meshcat.Visualizer(), whose own controls play the animation.
 
 # Numbers of a motion at any times, such as the end of the shorter one:
-end = bad.final.time
-trajectory = Trajectory.of(good, np.linspace(0.0, end, 5))
-print("joints of the good motion then:", np.round(trajectory.joints[-1], 4))
-apart = angle_between(good.sample([end])[0].attitude, bad.final.attitude)
+end = singular.final.time
+trajectory = Trajectory.of(feasible, np.linspace(0.0, end, 5))
+print("joints of the feasible motion then:", np.round(trajectory.joints[-1], 4))
+apart = angle_between(feasible.sample([end])[0].attitude, singular.final.attitude)
 print(f"apart: {np.degrees(apart):.4f} deg")

@@ -209,7 +209,7 @@ def spatial_tangency() -> Iterator[Line]:
     """Section VI on Example 2: from q1 and q2 to the tangency point and back to the start.
 
     dS/dt = 0 holds at the printed tangency point if the first two components of the momentum are
-    exchanged, while it is carried back by the momentum as printed.
+    exchanged, and it is integrated backward with the momentum as printed.
     """
     problem = example_2()
     exchanged = nearest_tangency(with_momentum(problem, [0.3, 0.5, 0.1]))
@@ -243,7 +243,7 @@ def nearest_tangency(problem: ff.Problem) -> TangencyPoint:
 
 
 def nearby(joints: np.ndarray) -> np.ndarray:
-    """Whole turns taken off the difference to the printed joints."""
+    """The joints, less whole revolutions, nearest to the printed ones."""
     return PRINTED_JOINTS + np.angle(np.exp(1j * (joints - PRINTED_JOINTS)))
 
 

@@ -101,7 +101,7 @@ def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int
         rows = [arm.angles(headings[k], branches.joints[k, index]) for k in reaching]
         phi = np.array(rows).reshape(-1, len(arm.links))
         sign = np.sign(arm.determinant(phi))
-        good = np.abs(arm.determinant(phi)) >= level
+        keeps = np.abs(arm.determinant(phi)) >= level
         for k in range(steps):
             dt = duration / steps
 
@@ -109,7 +109,7 @@ def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int
                 velocity, omega = velocities[j]
                 return arm.rates(phi, h, np.full(len(phi), velocity), np.full(len(phi), omega))
 
-            live = np.flatnonzero(good)
+            live = np.flatnonzero(keeps)
             if not len(live):
                 break
             p = phi[live]
@@ -118,9 +118,9 @@ def sweep(problem: Problem, headings: np.ndarray, steps: int = 1500) -> dict[int
             k3 = rate(p + dt / 2 * k2, 2 * k + 1)
             k4 = rate(p + dt * k3, 2 * k + 2)
             phi[live] = p + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-            good[live] = sign[live] * arm.determinant(phi[live]) >= level
+            keeps[live] = sign[live] * arm.determinant(phi[live]) >= level
         verdict = np.zeros(len(headings), dtype=bool)
-        verdict[reaching[good]] = True
+        verdict[reaching[keeps]] = True
         verdicts[index] = verdict
     return verdicts
 

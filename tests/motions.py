@@ -162,7 +162,7 @@ SEVEN = chain(
 )
 
 
-SLIDING = chain(
+PRISMATIC_ARM = chain(
     ("continuous", Z, (0.2, 0.1, 0.5), 10.0, (0.0, 0.0, 0.1), (0.3, 0.3, 0.2)),
     ("continuous", (0, -1, 0), (0.1, 0.0, 0.2), 20.0, (0.5, 0.0, 0.0), (0.2, 1.5, 1.5)),
     ("prismatic", X, (0.8, 0.0, 0.0), 15.0, (0.3, 0.0, 0.05), (0.1, 0.9, 0.9)),
@@ -178,7 +178,7 @@ def two(aside):
     )  # fmt: skip
 
 
-def asked(model, task, momentum, curve, attitude, timing):
+def problem_with(model, task, momentum, curve, attitude, timing):
     """A problem without a margin."""
     path = TimedPath(EndEffectorPath(curve, attitude), timing)
     return Problem(
@@ -191,7 +191,7 @@ def from_here(model, task, momentum, attitude, joints, step, vector, timing):
     pose = model.end_effector_pose(attitude, joints)
     line = PolynomialCurve.line(pose.position, pose.position + step)
     end = Rotation.from_rotvec(vector).as_matrix() @ pose.rotation
-    return asked(model, task, momentum, line, SlerpOrientation(pose.rotation, end), timing)
+    return problem_with(model, task, momentum, line, SlerpOrientation(pose.rotation, end), timing)
 
 
 def tracking(motion, times):

@@ -56,12 +56,14 @@ def with_joints(quick: bool) -> list[Result]:
     runs, names = [], []
     for joints in JOINTS if not quick else (3, 6):
         problem = line_problem(joints)
-        roller = EnsembleIntegrator(problem)
+        integrator = EnsembleIntegrator(problem)
         starts, attitudes = rng.uniform(-1.5, 1.5, (count, joints)), attitude_grid(count)
         usual = np.median(np.abs([problem.margin.measure(q) for q in starts]))
-        roller.integrate(attitudes[:1], starts[:1])
+        integrator.integrate(attitudes[:1], starts[:1])
         runs.append(
-            lambda r=roller, a=attitudes, s=starts, m=0.01 * usual: r.integrate(a, s, stop_below=m)
+            lambda r=integrator, a=attitudes, s=starts, m=0.01 * usual: r.integrate(
+                a, s, stop_below=m
+            )
         )
         rows = 6 if joints >= POSE else 3
         names.append(f"one motion of an ensemble, {joints} joints, {rows} task coordinates")
@@ -76,9 +78,12 @@ def with_cores(quick: bool) -> list[Result]:
     branches = problem.many_branches(attitudes)
     where, _ = np.nonzero(branches.exist)
     starts, joints = attitudes[where], branches.joints[branches.exist]
-    rollers = [EnsembleIntegrator(problem, threads) for threads in (cores, 1)]
+    integrators = [EnsembleIntegrator(problem, threads) for threads in (cores, 1)]
     all_, one = race(
-        *(lambda roller=roller: roller.integrate(starts, joints) for roller in rollers),
+        *(
+            lambda integrator=integrator: integrator.integrate(starts, joints)
+            for integrator in integrators
+        ),
         rounds=1 if quick else 5,
     )
     return [Result(f"{len(joints):,} motions on {cores} cores", all_, "on one core", one)]

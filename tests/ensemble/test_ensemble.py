@@ -33,7 +33,7 @@ from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between, heading_quaternion
 from tests.ensembles import CODES, FINE, both, dense, headings, random_attitudes, states
 from tests.errors import error_key
-from tests.motions import BAD, GOOD, PitchOrientation, asked, bundled, from_here, simulated
+from tests.motions import BAD, GOOD, PitchOrientation, bundled, from_here, problem_with, simulated
 from tests.robots import planar_robot, random_robot
 
 # ------------------------------------------------------------------------------ the examples
@@ -127,7 +127,9 @@ def test_paths_and_laws(spatial, path, law, momentum) -> None:
     attitude = random_attitudes(1, 5)[0]
     pose = spatial.model.end_effector_pose(attitude, JOINTS)
     curve, orientation = path(np.array(pose.position), np.array(pose.rotation))
-    problem = asked(spatial.model, Task.POSE, momentum, curve, orientation, Timing(30.0, *law))
+    problem = problem_with(
+        spatial.model, Task.POSE, momentum, curve, orientation, Timing(30.0, *law)
+    )
     attitudes, joints = states(problem, attitude)
     near = np.abs(joints - JOINTS).max(axis=1).argmin()
     assert np.abs(joints[near] - JOINTS).max() < 1e-6
@@ -286,7 +288,7 @@ def test_wrists_that_barely_reach_the_singularity(spatial: Problem) -> None:
     endings = []
     for amplitude in np.linspace(0.1, 0.4, 25):
         law = PitchOrientation(np.array(pose.rotation), float(amplitude))
-        problem = asked(spatial.model, Task.POSE, (0.0, 0.2, 0.0), line, law, Timing(20.0))
+        problem = problem_with(spatial.model, Task.POSE, (0.0, 0.2, 0.0), line, law, Timing(20.0))
         (case,) = both(problem, attitude[None], pitch[None])
         assert case.coarse.endings[0] == CODES[case.motion.ending]
         if case.motion.completed:

@@ -25,11 +25,11 @@ from tests.motions import (
     GOOD,
     PitchOrientation,
     along,
-    asked,
     bundled,
     from_here,
     heading,
     on_side,
+    problem_with,
     seven,
     simulated,
     tracking,
@@ -402,7 +402,7 @@ def in_plane(model, law, momentum=(0.0, 0.2, 0.0)):
     """A motion in the x-z plane, to which spacecraft and arm are symmetric: q1, q4, q6 rest."""
     pose = model.end_effector_pose([0, 0, 0, 1], PITCH)
     line = PolynomialCurve.line(pose.position, pose.position + np.array([-0.3, 0.0, 0.3]))
-    problem = asked(model, Task.POSE, momentum, line, law(pose.rotation), Timing(20.0))
+    problem = problem_with(model, Task.POSE, momentum, line, law(pose.rotation), Timing(20.0))
     return problem, integrate_motion(problem, [0, 0, 0, 1], PITCH)
 
 
@@ -482,7 +482,7 @@ def test_motion_along_a_circle_with_the_end_effector_along_its_tangent(spatial):
     attitude = spatial.attitude(GOOD)
     arc = ArcCurve([0.9, 0.0, 0.0], [1.3, 0.0, 0.0], [0.0, 0.0, 1.0], 1.5)
     law = DirectedOrientation.follow(arc, "y", [0.0, 0.0, 1.0])
-    problem = asked(spatial.model, Task.POSE, [0, 0, 0], arc, law, Timing(50.0))
+    problem = problem_with(spatial.model, Task.POSE, [0, 0, 0], arc, law, Timing(50.0))
     motions = [
         integrate_motion(problem, attitude, branch.joints)
         for branch in problem.branches(attitude)[::3]

@@ -20,9 +20,9 @@ from freefloat.robot.model import FreeFloatingModel
 from tests.motions import (
     BAD,
     GOOD,
-    asked,
     bundled,
     heading,
+    problem_with,
     relative,
     simulated,
     two,
@@ -192,7 +192,7 @@ class JointLoop(Curve):
 def looping(aside, loops, law=TimeLaw.QUINTIC):
     model, upright = FreeFloatingModel.from_urdf(two(aside), "tool"), FixedOrientation(np.eye(3))
     loop, timing = JointLoop(aside, loops), Timing(30.0 * loops, law)
-    problem = asked(model, Task.PLANAR_POSITION, [0, 0, 0], loop, upright, timing)
+    problem = problem_with(model, Task.PLANAR_POSITION, [0, 0, 0], loop, upright, timing)
     return integrate_motion(problem, [0, 0, 0, 1], [0.9, 0.7])
 
 

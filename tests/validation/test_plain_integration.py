@@ -15,7 +15,7 @@ from freefloat.paths.timing import TimeLaw, Timing
 from freefloat.robot.model import FreeFloatingModel
 from tests.motions import (
     GOOD,
-    SLIDING,
+    PRISMATIC_ARM,
     bundled,
     from_here,
     heading,
@@ -77,7 +77,7 @@ def deviation(motion, reference, times):
 
 
 def prismatic(momentum):
-    model = FreeFloatingModel.from_urdf(SLIDING, "tool")
+    model = FreeFloatingModel.from_urdf(PRISMATIC_ARM, "tool")
     attitude = Rotation.from_rotvec([-0.2, 0.5, 0.3]).as_quat()
     joints = np.array([0.4, 0.7, 0.6])
     timing = Timing(25.0, TimeLaw.TRAPEZOIDAL)

@@ -52,7 +52,7 @@ def test_determinant_rates_and_place_agree_with_pinocchio(axes):
         attitude = heading_quaternion(heading)
         angles = arm.angles(heading, joints)
         assert arm.determinant(angles) == pytest.approx(S(joints), rel=1e-9, abs=1e-9)
-        place = model.end_effector_pose(attitude, joints).rotation
+        place = model.end_effector_pose(attitude, joints).position
         assert arm.vectors(angles).sum() == pytest.approx(complex(*place[:2]), abs=1e-12)
         D, _ = inertia_matrices(model, joints)
         assert arm.momentum_coefficients(angles).sum() == pytest.approx(D[2, 2], rel=1e-12)

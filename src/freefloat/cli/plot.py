@@ -38,7 +38,7 @@ def plot(
 
     Example: freefloat plot plan.h5
 
-    Example: freefloat plot good.h5 bad.h5 -o figures
+    Example: freefloat plot feasible.h5 singular.h5 -o figures
     """
     from freefloat.io.results import load
     from freefloat.visualization.comparison_figure import comparison_figure

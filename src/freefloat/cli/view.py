@@ -94,7 +94,7 @@ def view(
 
     Example: freefloat view plan.h5
 
-    Example: freefloat view good.h5 bad.h5 --html both.html --video bad.gif --scene bad
+    Example: freefloat view feasible.h5 singular.h5 --html both.html --scene singular
     """
     from freefloat.visualization.video import save_snapshots, save_video
 

@@ -36,7 +36,7 @@ from freefloat.so3 import (
     unit_quaternion,
 )
 
-_MAX_TURNS = 50
+_MAX_REVOLUTIONS = 50
 """Rotations of the system along a path, on which the time of an integration depends."""
 _NEAR = 0.05
 """Largest difference of joint values from those of a branch [rad, m]."""
@@ -100,7 +100,7 @@ class Problem:
             )
         if self.task.planar:
             self._require_planar()
-        self._require_few_turns()
+        self._require_few_revolutions()
 
     @property
     def redundant(self) -> bool:
@@ -164,18 +164,18 @@ class Problem:
                     "orientations about z only",
                 )
 
-    def _require_few_turns(self) -> None:
+    def _require_few_revolutions(self) -> None:
         """The time of an integration grows with the rotations of the spacecraft."""
         momentum = float(np.linalg.norm(self.momentum))
         duration = self.path.duration
         locked_inertia = inertia_matrices(self.model, np.zeros(self.model.dof))[0]
         rate = momentum / (np.trace(locked_inertia) / 3.0)
-        turns = rate * duration / (2.0 * np.pi)
-        if turns > _MAX_TURNS:
+        revolutions = rate * duration / (2.0 * np.pi)
+        if revolutions > _MAX_REVOLUTIONS:
             raise InputError(
                 "momentum",
-                f"{momentum:g} N m s turns the system about {turns:.3g} times in {duration:g} s",
-                f"momentum and duration of at most {_MAX_TURNS} turns",
+                f"{momentum:g} N m s rotates the system {revolutions:.3g} times in {duration:g} s",
+                f"momentum and duration of at most {_MAX_REVOLUTIONS} revolutions",
             )
 
     def attitude(

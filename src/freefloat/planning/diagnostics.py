@@ -49,7 +49,7 @@ def nearest_message(deviation: float, spare: float) -> str:
 
 
 def spare_message(spare: float, radius: float) -> str:
-    """Why an attitude was chosen where none is as deep inside as was asked for."""
+    """Why an attitude was chosen where none is as deep inside as required."""
     return (
         f"the deepest inside: no attitude found keeps the margin within {np.degrees(spare):.4g} "
         f"degrees around it; this one keeps it within {np.degrees(radius):.4g}"
@@ -184,7 +184,7 @@ def infeasible_distance_message(problem: Problem) -> str | None:
         return None
     return (
         f"at s = {s:.3g}, with the {point} at {_point(point_3_on_path(problem, s))} m, "
-        f"no configuration has |S| above {largest:.4g}; the margin asks for {threshold:.4g}"
+        f"no configuration has |S| above {largest:.4g}; the margin requires {threshold:.4g}"
     )
 
 

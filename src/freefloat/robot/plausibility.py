@@ -124,8 +124,8 @@ def _centre_of_mass(
     along = float(centre @ span) / length**2
     end = next((end for end in (0.0, 1.0) if abs(along - end) < ON_JOINT), None)
     prismatic = [child for child in group.joints if robot.parent_joints[child].type == "prismatic"]
-    slides = any(np.array_equal(group.joints[child], span) for child in prismatic)
-    if end is None or (end and slides):  # a mast or rail with its carriage in the middle
+    carriage = any(np.array_equal(group.joints[child], span) for child in prismatic)
+    if end is None or (end and carriage):  # a mast or rail with its carriage in the middle
         return
     heaviest = max(group.links, key=lambda name: robot.links_by_name[name].mass)
     link, pose = robot.links_by_name[heaviest], group.links[heaviest]

@@ -1,4 +1,4 @@
-"""Figure of several motions beside each other."""
+"""Figure of several motions side by side."""
 
 from __future__ import annotations
 

@@ -216,7 +216,7 @@ async function copy(text) {
 
 function plainLine(line) { return typeof line === "string" ? line : line.verdict; }
 
-function verdictColour(good) { return good ? "#9be3a0" : "#ffb27a"; }
+function verdictColour(feasible) { return feasible ? "#9be3a0" : "#ffb27a"; }
 
 function lineColour(line) { return typeof line === "string" ? INK : verdictColour(line.feasible); }
 

@@ -165,7 +165,7 @@ def merged(intervals: list[Interval], gap: float = 1e-9) -> tuple[Interval, ...]
 def _complement(
     intervals: tuple[Interval, ...], whole: Interval, narrowest: float = 0.0
 ) -> tuple[Interval, ...]:
-    """The rest of an interval beside disjoint ones in order, without gaps of rounding errors."""
+    """The rest of an interval between disjoint ones in order, without gaps of rounding errors."""
     edges = [whole[0], *(edge for interval in intervals for edge in interval), whole[1]]
     gaps = zip(edges[::2], edges[1::2], strict=True)
     return tuple((a, b) for a, b in gaps if b - a > max(narrowest, 1e-6 * whole[1]))
