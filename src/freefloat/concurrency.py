@@ -32,22 +32,23 @@ def available_cores() -> int:
     return os.cpu_count() or 1
 
 
-def require_memory(key: str, count: int, size: int) -> None:
-    """Raise an InputError if a request for ``count`` items needs half of the available memory.
+def require_memory(key: str, count: int, size: int, limit: float = 4e9) -> None:
+    """Raise an InputError if a request needs more than a limit or half of the available memory.
 
     Args:
-        key: The argument that asks for them.
+        key: The argument that asks for items.
         count: Number of items.
         size: Estimated memory of an item [bytes].
+        limit: Largest memory of all items [bytes].
     """
     import psutil
 
-    available = psutil.virtual_memory().available
-    most = available // (2 * size)
+    usable = min(psutil.virtual_memory().available / 2.0, limit)
+    most = int(usable // size)
     if count > most:
-        needed, free = (f"{size / 1e9:,.1f} GB" for size in (min(count, 10**30) * size, available))
-        problem = f"{count:,} would take {needed} of memory, {free} are available"
-        raise InputError(key, problem, f"at most {most:,} on this machine")
+        needed, free = (f"{size / 1e9:,.1f} GB" for size in (min(count, 10**30) * size, usable))
+        problem = f"{count:,} would take {needed} of memory, {free} may be used"
+        raise InputError(key, problem, f"at most {most:,}")
 
 
 def run_chunks(

@@ -165,7 +165,7 @@ def test_ros_2_gets_a_joint_trajectory(motions, trajectory):
 
 
 def test_ros_2_is_refused_a_motion_that_ends_early(motions):
-    with pytest.raises(InputError, match="The arm became dynamically singular"):
+    with pytest.raises(InputError, match="The arm became singular"):
         ros2_text(Trajectory.of(motions[1], [0.0, 1.0]))
 
 

@@ -45,7 +45,7 @@ def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -
         assert load(tmp_path / "run.h5").chosen.closest_approach.value == row.margin
     assert [result.row.verdict for result in simulated] == ["feasible", "infeasible", "feasible"]
     assert simulated[1].row.singular_time == pytest.approx(simulated[1].row.margin_time)
-    assert simulated[1].row.reason == "The arm became dynamically singular."
+    assert simulated[1].row.reason == "The arm became singular."
 
 
 def test_a_run_in_space_has_no_heading(tmp_path: Path) -> None:

@@ -178,7 +178,7 @@ def _tables(summary: RobotSummary, default_link: bool) -> Iterator[RenderableTyp
         f"end-effector farther than {virtual.reach:.4f} m from the centre of mass"
     )
     yield (
-        f"{measure.name}: {measure.definition}; over the joint space from "
+        f"{measure.name}: {measure.definition}; found over the joint space: from "
         f"{extent(extremes.smallest, extremes.largest)} {measure.unit}".removesuffix(" 1")
     )
     if summary.contact_unchecked is not None:

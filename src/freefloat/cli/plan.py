@@ -149,7 +149,10 @@ def _chosen_lines(plan: Plan) -> Iterator[str]:
         yield f"Deviation from the present attitude: {math.degrees(plan.deviation):.4f} deg."
     scope = " for the margin alone" if plan.limit_results else ""
     if plan.robust_radius is not None:
-        yield f"Attitude tolerance{scope}: {math.degrees(plan.robust_radius):.4f} deg."
+        nearest, spare = plan.search.objective == "nearest", plan.search.spare
+        less = nearest and plan.robust_radius < spare
+        wanted = f", less than search.spare_deg {math.degrees(spare):g}" if less else ""
+        yield f"Attitude tolerance{scope}: {math.degrees(plan.robust_radius):.4f} deg{wanted}."
     tolerance = plan.tolerance
     if tolerance is not None:
         more = " or more" if tolerance.momentum >= tolerance.momentum_limit else ""

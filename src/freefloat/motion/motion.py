@@ -34,7 +34,7 @@ class Ending(Enum):
     """How a motion ended; the value is the sentence shown in tables."""
 
     COMPLETED = "The whole path was followed."
-    SINGULAR = "The arm became dynamically singular."
+    SINGULAR = "The arm became singular."
     MARGIN = "The margin to a dynamic singularity was used up."
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import signal
 import threading
 import time
@@ -77,7 +78,7 @@ def run_study(
     if workers is not None and scheduler is not None:
         raise InputError("workers", "a scheduler was given too: it has its workers", "one of both")
     if workers is not None:
-        require_memory("workers", min(workers, study.count), _WORKER_SIZE)
+        require_memory("workers", min(workers, study.count), _WORKER_SIZE, math.inf)
     begin = time.perf_counter()
     folder, files = Path(folder), study_files(study)
     with open_results(folder, study, files) as database:
