@@ -21,7 +21,7 @@ end = plan.ranges[0].ranges[0].high
 for heading in (end - 1e-3, end + 1e-3):
     quaternion = [0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)]
     simulated = ff.simulate(problem, quaternion, branch=plan.ranges[0].branch).chosen
-    kept = problem.margin.is_kept(simulated.closest_approach.value)
+    kept = problem.margin.keeps(simulated.closest_approach.value)
     print(f"from {np.degrees(heading):.4f} deg the margin is {'kept' if kept else 'not kept'}")
 
 _, _, z, w = plan.chosen.motion.initial.attitude

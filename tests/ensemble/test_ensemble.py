@@ -17,7 +17,7 @@ from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
 from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR
 from freefloat.motion.extrema import closest_approach, first_crossing
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.margin import Margin, is_kept
+from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.motion.problem import Problem
 from freefloat.paths.curves import ArcCurve, Curve, PolynomialCurve, SplineCurve
@@ -563,8 +563,8 @@ def test_the_sign_of_a_quaternion_does_not_matter(spatial: Problem) -> None:
 
 def test_margins_allow_for_rounding_and_not_for_zero() -> None:
     values = np.array([0.0, 4.99, 5.0 * (1 - 2e-6), 5.0 * (1 - 0.5e-6), 5.0, 6.0])
-    assert is_kept(values, 5.0).tolist() == [False, False, False, True, True, True]
-    assert is_kept(values, 0.0).tolist() == [False, True, True, True, True, True]
+    assert keeps_threshold(values, 5.0).tolist() == [False, False, False, True, True, True]
+    assert keeps_threshold(values, 0.0).tolist() == [False, True, True, True, True, True]
 
 
 def test_determinant_ratios(spatial: Problem) -> None:

@@ -87,7 +87,7 @@ def test_another_robot_has_another_feasible_plan(
     residuals = motion.residuals()
     assert residuals.end_effector_position < 1e-7
     assert residuals.momentum < 1e-6
-    assert result.problem.margin.is_kept(result.chosen.closest_approach.value)
+    assert result.problem.margin.keeps(result.chosen.closest_approach.value)
     limits = scenario.limits()
     assert limits is not None
     results = check_limits(motion, limits)

@@ -60,7 +60,7 @@ def checked_plan(problem: Problem, limits: Limits, search: Search) -> Plan:
 def assert_keeps(result: Plan, limits: Limits) -> None:
     assert result.feasible, result.reason
     assert result.chosen is not None
-    assert result.problem.margin.is_kept(result.chosen.closest_approach.value)
+    assert result.problem.margin.keeps(result.chosen.closest_approach.value)
     again = check_limits(result.chosen.motion, limits)
     assert all(entry.kept for entry in again)
     assert [entry.limit for entry in again] == [entry.limit for entry in result.limit_results]

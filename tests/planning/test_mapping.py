@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
 from freefloat.errors import InputError
-from freefloat.motion.margin import Margin, is_kept
+from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.problem import Problem
 from freefloat.planning import mapping
 from freefloat.planning.attitude_map import AttitudeMap
@@ -47,7 +47,7 @@ def test_entries_of_a_map_are_those_of_simulations(samples: AttitudeMap) -> None
             assert completed == entry.motion.completed
             minimum = entry.closest_approach.value if completed else 0.0
             assert samples.margins[k, entry.branch.index] == pytest.approx(minimum, rel=1e-3)
-            keeps = completed and is_kept(entry.closest_approach.value, 30.0)
+            keeps = completed and keeps_threshold(entry.closest_approach.value, 30.0)
             assert samples.feasible[k, entry.branch.index] == keeps
 
 

@@ -41,7 +41,7 @@ def is_feasible(problem, heading, branch):
         if start.index == branch:
             motion = ff.integrate_motion(problem, attitude, start.joints, tolerance=1e-9)
             approach = ff.closest_approach(motion, problem.margin.measure)
-            return motion.completed and problem.margin.is_kept(approach.value)
+            return motion.completed and problem.margin.keeps(approach.value)
     return False
 
 

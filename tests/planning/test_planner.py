@@ -9,7 +9,7 @@ import pytest
 
 import freefloat as ff
 from freefloat.errors import InputError
-from freefloat.motion.margin import is_kept
+from freefloat.motion.margin import keeps_threshold
 from freefloat.planning import planar_planner
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.heading_map import evaluator_for, sample_headings
@@ -51,7 +51,7 @@ def test_the_largest_margin_exceeds_those_of_a_sweep(problem):
     """In steps of ten degrees; the chosen motion keeps its margin and momentum."""
     plan = ff.plan(problem)
     assert plan.feasible
-    assert problem.margin.is_kept(plan.chosen.closest_approach.value)
+    assert problem.margin.keeps(plan.chosen.closest_approach.value)
     sweep = heading_quaternion(np.radians(np.arange(0.0, 360.0, 10.0)))
     swept = evaluator_for(problem).margins(sweep, None).max()
     assert plan.chosen.closest_approach.value >= swept - 1e-4
@@ -165,8 +165,10 @@ def test_precise_motions_confirm_searched_limits(sigma):
                 ff.simulate(sigma, heading_quaternion(limit + step), branch=branch).chosen
                 for step in (inward, -inward)
             )
-            assert is_kept(inside.closest_approach.value, 0.05)
-            assert not (outside.motion.completed and is_kept(outside.closest_approach.value, 0.05))
+            assert keeps_threshold(inside.closest_approach.value, 0.05)
+            assert not (
+                outside.motion.completed and keeps_threshold(outside.closest_approach.value, 0.05)
+            )
 
 
 @pytest.mark.slow

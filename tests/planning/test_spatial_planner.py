@@ -14,7 +14,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import UNREACHED
 from freefloat.errors import InputError
-from freefloat.motion.margin import Margin, is_kept
+from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import NOT_UNIQUE
 from freefloat.planning.heading_map import evaluator_for
@@ -79,7 +79,7 @@ def test_the_chosen_motion_is_feasible(problem: Problem, objective: Objective) -
     assert plan.feasible
     chosen, initial = plan.chosen, plan.chosen.motion.initial
     assert chosen.motion.completed
-    assert is_kept(chosen.closest_approach.value, MARGIN)
+    assert keeps_threshold(chosen.closest_approach.value, MARGIN)
     again = simulate(problem, initial.attitude, branch=chosen.branch.index).chosen
     assert again.closest_approach.value == pytest.approx(chosen.closest_approach.value, rel=1e-9)
     assert chosen.motion.residuals().momentum < 1e-6
@@ -167,7 +167,7 @@ def test_sets_narrower_than_the_grid_are_found(objective: Objective) -> None:
     assert coarse.feasible_fraction == 0.0
     plan = planned(problem, Search(objective, frozen(BAD), samples, seed, spare=0.0))
     assert plan.feasible
-    assert is_kept(plan.chosen.closest_approach.value, value)
+    assert keeps_threshold(plan.chosen.closest_approach.value, value)
     if objective is Objective.ROBUST:
         assert 0.0 <= plan.robust_radius < grid_spacing(samples)
     angle = plan.deviation if objective is Objective.NEAREST else plan.robust_radius
@@ -253,7 +253,7 @@ def test_a_stock_arm_finds_its_largest_margin() -> None:
     fractions: list[float] = []
     plan = ff.plan(problem, Search(samples=16), progress=fractions.append, threads=1)
     assert plan.feasible
-    assert problem.margin.is_kept(plan.chosen.closest_approach.value)
+    assert problem.margin.keeps(plan.chosen.closest_approach.value)
     assert plan.chosen.closest_approach.value >= plan.map.margins.max() * (1.0 - 1e-3)
     assert plan.reason.startswith("the largest margin, gjm ")
     assert fractions == sorted(fractions)

@@ -336,7 +336,7 @@ def keeps_rotated(problem, there, rotation_vector):
     branch = problem.branch_near(attitude, there.joints, problem.branches(attitude))
     motion = ff.integrate_motion(problem, attitude, branch.joints)
     approach = ff.closest_approach(motion, problem.margin.measure)
-    return motion.completed and problem.margin.is_kept(approach.value)
+    return motion.completed and problem.margin.keeps(approach.value)
 
 
 @pytest.mark.slow

@@ -40,7 +40,7 @@ class Case:
     def __init__(self, problem: Problem, attitude: object) -> None:
         self.problem = problem
         chosen = simulate(problem, attitude).chosen
-        assert problem.margin.is_kept(chosen.closest_approach.value)
+        assert problem.margin.keeps(chosen.closest_approach.value)
         self.minimum = chosen.closest_approach.value
         self.attitude, self.joints = chosen.motion.initial.attitude, chosen.branch.joints
         self.integrator = EnsembleIntegrator(problem, 1)

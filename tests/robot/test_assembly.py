@@ -505,4 +505,4 @@ def test_the_panda_follows_its_line_from_the_identity_attitude() -> None:
         assert body.lower < value < body.upper
     motion = integrate_motion(problem, IDENTITY, branch.joints)
     assert motion.completed
-    assert problem.margin.is_kept(closest_approach(motion, problem.margin.measure).value)
+    assert problem.margin.keeps(closest_approach(motion, problem.margin.measure).value)

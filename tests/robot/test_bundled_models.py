@@ -121,7 +121,7 @@ def test_a_scenario_has_a_motion_that_keeps_the_margin(name: str) -> None:
             residuals = motion.residuals()
             assert residuals.end_effector_position < 1e-7
             assert residuals.momentum < 1e-5 * max(1.0, motion.problem.model.total_mass / 1e3)
-            if problem.margin.is_kept(closest_approach(motion, problem.margin.measure).value):
+            if problem.margin.keeps(closest_approach(motion, problem.margin.measure).value):
                 return
     raise AssertionError("no branch keeps the margin")
 
@@ -139,7 +139,7 @@ def test_a_scenario_plans_within_its_limits(name: str) -> None:
     plan = keep_limits(evaluator, planner(evaluator, search), limits)
     assert plan.feasible, plan.reason
     assert plan.chosen is not None
-    assert problem.margin.is_kept(plan.chosen.closest_approach.value)
+    assert problem.margin.keeps(plan.chosen.closest_approach.value)
     assert plan.disagreements == ()
     kept = {result.limit: result.kept for result in plan.limit_results}
     assert {"joint_rate", "joint_torque", "base_rate", "clearance"} <= kept.keys()

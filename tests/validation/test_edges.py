@@ -20,7 +20,7 @@ from freefloat.motion import integration
 from freefloat.motion.certificate import certify
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.margin import Margin, is_kept
+from freefloat.motion.margin import Margin, keeps_threshold
 from freefloat.motion.motion import Ending
 from freefloat.paths.curves import PolynomialCurve
 from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
@@ -153,8 +153,8 @@ def test_a_margin_grazed_to_a_billionth_is_reported(planar, above):
     if not grazing.completed:
         assert grazing.ending is Ending.MARGIN
         assert grazing.final.time == pytest.approx(lowest.time, abs=1e-3)
-    assert margin.is_kept(lowest.value)
-    assert not is_kept(lowest.value, lowest.value * (1.0 + 2e-6))
+    assert margin.keeps(lowest.value)
+    assert not keeps_threshold(lowest.value, lowest.value * (1.0 + 2e-6))
     fine = compiled_motion(motion, tolerance=1e-11)
     assert fine.minimum[0] == pytest.approx(lowest.value, abs=1e-7)
 

@@ -27,7 +27,7 @@ from freefloat.ensemble.kernels.integration import (
 )
 from freefloat.ensemble.kernels.steps import TABLEAU
 from freefloat.errors import whole_number
-from freefloat.motion.margin import is_kept
+from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
 from freefloat.so3 import Array, IntArray
@@ -93,7 +93,7 @@ class EnsembleResult(NamedTuple):
 
     def keeps(self, margin: float) -> npt.NDArray[np.bool_]:
         """Which motions complete and keep a margin, shape (K,)."""
-        return np.asarray((self.endings == COMPLETED) & is_kept(self.minimum, margin))
+        return np.asarray((self.endings == COMPLETED) & keeps_threshold(self.minimum, margin))
 
 
 class EnsembleIntegrator:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import overload
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.measures import SingularityMeasure
 from freefloat.errors import finite_number, require_type
-from freefloat.so3 import Array
 
 ROUNDING = 1e-6
 """Relative deviation from a threshold or limit that is attributed to rounding."""
@@ -27,7 +25,7 @@ class Margin:
     Example:
         >>> model = ff.FreeFloatingModel.from_urdf("planar_3dof", "end_effector")
         >>> margin = ff.Margin(ff.singularity_measure(model, "planar-pose", "system"), 5.0)
-        >>> margin.is_kept(4.9)
+        >>> bool(margin.keeps(4.9))
         False
     """
 
@@ -41,31 +39,16 @@ class Margin:
         threshold = finite_number("margin.value", self.threshold, accepted, 0.0)
         object.__setattr__(self, "threshold", threshold)
 
-    @overload
-    def is_kept(self, values: float) -> bool: ...
-
-    @overload
-    def is_kept(self, values: Array) -> npt.NDArray[np.bool_]: ...
-
-    def is_kept(self, values: float | Array) -> bool | npt.NDArray[np.bool_]:
+    def keeps(self, values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Whether motions keep the margin, from their smallest magnitudes of the measure.
 
         They do where the value is not zero and at least the threshold, less a millionth of it for
         rounding. The result has the shape of ``values``.
         """
-        return is_kept(values, self.threshold)
+        return keeps_threshold(values, self.threshold)
 
 
-@overload
-def is_kept(values: float, threshold: float) -> bool: ...
-
-
-@overload
-def is_kept(values: Array, threshold: float) -> npt.NDArray[np.bool_]: ...
-
-
-def is_kept(values: float | Array, threshold: float) -> bool | npt.NDArray[np.bool_]:
-    """The rule of :meth:`Margin.is_kept` for any threshold."""
-    if isinstance(values, np.ndarray):
-        return np.asarray((values > 0.0) & (values >= threshold * (1.0 - ROUNDING)))
-    return bool(values > 0.0 and values >= threshold * (1.0 - ROUNDING))
+def keeps_threshold(values: npt.ArrayLike, threshold: float) -> npt.NDArray[np.bool_]:
+    """The rule of :meth:`Margin.keeps` for any threshold."""
+    magnitudes = np.asarray(values)
+    return np.asarray((magnitudes > 0.0) & (magnitudes >= threshold * (1.0 - ROUNDING)))

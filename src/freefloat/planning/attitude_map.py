@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches, is_regular
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
-from freefloat.motion.margin import is_kept
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
 from freefloat.planning.plan import Search, degrees
@@ -171,7 +170,7 @@ class AttitudeMap:
     @property
     def feasible(self) -> npt.NDArray[np.bool_]:
         """Where the margin is kept, shape (N, B)."""
-        return is_kept(self.margins, self.problem.margin.threshold)
+        return self.problem.margin.keeps(self.margins)
 
     @property
     def reached(self) -> npt.NDArray[np.bool_]:

@@ -104,7 +104,7 @@ class HeadingMap:
     @property
     def feasible(self) -> npt.NDArray[np.bool_]:
         """Where the margin is kept, shape (B, N)."""
-        return self.problem.margin.is_kept(np.nan_to_num(self.minimum_margins))
+        return self.problem.margin.keeps(np.nan_to_num(self.minimum_margins))
 
     @property
     def feasible_fraction(self) -> float:

@@ -100,7 +100,7 @@ def _first_passing(
         attitudes = heading_quaternion(plan.search.domain.headings(_HEADINGS))
         spacing = _SPACING
         margins = evaluator.evaluate(attitudes).margins
-    total = int(plan.problem.margin.is_kept(margins).sum())
+    total = int(plan.problem.margin.keeps(margins).sum())
     refused: list[ScreenedCandidate] = []
     skipped: list[ScreenedCandidate] = []
     pairs = trials.checker.pairs

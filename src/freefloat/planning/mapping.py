@@ -208,7 +208,7 @@ def boundary_points(
     points: list[BoundaryPoint] = []
     for branch, margins in samples.branch_margins():
         inside = partial(evaluator.keeps, branch=branch)
-        members = samples.problem.margin.is_kept(margins)
+        members = samples.problem.margin.keeps(margins)
         attitudes = edge(inside, samples.attitudes, members, count, EXACT, samples.spacing)
         points += [BoundaryPoint(attitude, branch) for attitude in attitudes]
     return tuple(points)

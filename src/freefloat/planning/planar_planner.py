@@ -176,7 +176,7 @@ def searched_ranges(
     evaluator.require_memory(samples)
     attitudes = heading_quaternion(_headings(problem, samples, domain))
     results = evaluator.evaluate(attitudes, stop_at_margin=True, progress=progress)
-    feasible = problem.margin.is_kept(results.margins) & domain.contains(attitudes)[:, None]
+    feasible = problem.margin.keeps(results.margins) & domain.contains(attitudes)[:, None]
     if problem.redundant:
         feasible = np.asarray(feasible.any(axis=1, keepdims=True))
         labels = {0: "any"}

@@ -19,7 +19,7 @@ from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.errors import IntegrationError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.margin import is_kept
+from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, branch_changes
@@ -189,7 +189,7 @@ def _feasible_motions(
         except IntegrationError:
             return None
         approach = closest_approach(motion, problem.margin.measure)
-        if not (motion.completed and is_kept(approach.value, level)):
+        if not (motion.completed and keeps_threshold(approach.value, level)):
             return None
         motions.append(motion)
     return motions[0], motions[1]

@@ -12,7 +12,6 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from freefloat.motion.margin import is_kept
 from freefloat.so3 import Array, IntArray, frozen
 
 if TYPE_CHECKING:
@@ -85,10 +84,10 @@ def find_regions(samples: AttitudeMap) -> tuple[Region, ...]:
     Samples are connected when they are among each other's nearest and not farther apart than one
     and a half times the grid's spacing; narrower parts may be split or joined.
     """
-    N, threshold = samples.samples, samples.problem.margin.threshold
+    N = samples.samples
     regions = []
     for branch, margins in samples.branch_margins():
-        inside = is_kept(margins, threshold)
+        inside = samples.problem.margin.keeps(margins)
         if not inside.any():
             continue
         members, depth = samples.attitudes[inside], depths(samples.attitudes, inside)[inside]

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.margin import is_kept
+from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.regions import depths, nearest_among
@@ -258,11 +258,11 @@ def _outside_on_sphere(
 
     attitudes = rotated(center, radius * even_directions(_CONFIRMING // 3))
     losses = loss(attitudes)
-    outside = ~is_kept(-losses, 1.0)
+    outside = ~keeps_threshold(-losses, 1.0)
     if not outside.any():
         starts = _spread(attitudes[np.argsort(-losses)], _DESCENTS)
         attitudes, losses = climb(
             loss, starts, loss(starts), _SWEEP * radius, _FINEST_SWEEP * radius, rounds=_SWEEPS
         )
-        attitudes, outside = on_sphere(attitudes), ~is_kept(-losses, 1.0)
+        attitudes, outside = on_sphere(attitudes), ~keeps_threshold(-losses, 1.0)
     return attitudes[outside]

@@ -64,7 +64,7 @@ def screen(
     Margins are those of every arm branch from attitudes (N, 4), zero for motions that do not
     complete, shape (N, B). The clearance of ``pairs`` is limited where they are given.
     """
-    feasible = evaluator.problem.margin.is_kept(margins)
+    feasible = evaluator.problem.margin.keeps(margins)
     samples, branches = np.nonzero(feasible)
     ranks = [-margins[samples, branches]]
     if search.objective is Objective.NEAREST and search.from_attitude is not None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.motion.margin import is_kept
+from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.attitude_map import AttitudeMap, NearAttitude, Peak
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.regions import nearest_among
@@ -162,7 +162,7 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
 def feasible_peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
     """Those of :func:`largest_margins` that keep the margin."""
     margin = samples.problem.margin
-    return [p for p in largest_margins(evaluator, samples) if margin.is_kept(p.minimum_margin)]
+    return [p for p in largest_margins(evaluator, samples) if margin.keeps(p.minimum_margin)]
 
 
 def most_robust_first(samples: AttitudeMap, peaks: list[Peak]) -> list[Peak]:
@@ -252,20 +252,20 @@ def nearest_feasible(
     candidates: list[NearAttitude] = []
     for branch, margins in samples.branch_margins():
         at_target = evaluator.margins(target[None], branch) * domain.contains(target)
-        if is_kept(at_target, threshold)[0]:
+        if keeps_threshold(at_target, threshold)[0]:
             candidates.append(NearAttitude(target, branch, 0.0))
-        if is_kept(at_target, certain)[0]:
+        if keeps_threshold(at_target, certain)[0]:
             continue
 
         def inside(attitudes: Array, branch: int | None = branch) -> Flags:
-            kept = is_kept(evaluator.margins(attitudes, branch), certain)
+            kept = keeps_threshold(evaluator.margins(attitudes, branch), certain)
             return np.asarray(kept & domain.contains(attitudes))
 
         order = np.argsort(angle_between(samples.attitudes, target))
-        nearby = samples.attitudes[order[is_kept(margins[order], certain)][:3]]
+        nearby = samples.attitudes[order[keeps_threshold(margins[order], certain)][:3]]
         if len(nearby):
             nearby = closest(inside, target, nearby, samples.spacing, _SMALL)
-        sample = samples.attitudes[order[is_kept(margins[order], threshold)][:1]]
+        sample = samples.attitudes[order[keeps_threshold(margins[order], threshold)][:1]]
         candidates += [
             NearAttitude(attitude, branch, float(angle_between(attitude, target)))
             for attitude in (*nearby, *sample)

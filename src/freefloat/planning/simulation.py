@@ -55,7 +55,7 @@ class SimulatedBranch:
     def feasible(self) -> bool:
         """Whether the motion completes and keeps the problem's margin."""
         margin = self.motion.problem.margin
-        return self.motion.completed and margin.is_kept(self.closest_approach.value)
+        return self.motion.completed and bool(margin.keeps(self.closest_approach.value))
 
     def _outcome(self) -> dict[str, Any]:
         required = self.motion.problem.margin.threshold

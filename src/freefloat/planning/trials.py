@@ -143,7 +143,7 @@ class Trials:
             stretched = self.problem.stretched(factor)
             results = evaluator_for(stretched, self._threads).evaluate(attitudes)
             ratios = (results.motions.rates / joint_rate).max(axis=2)
-            ratios[~self.problem.margin.is_kept(results.margins)] = np.inf
+            ratios[~self.problem.margin.keeps(results.margins)] = np.inf
             for index in np.argsort(ratios, axis=None)[:_STRETCHED]:
                 row, branch = np.unravel_index(int(index), ratios.shape)
                 candidate = ScreenedCandidate(attitudes[row], int(branch))

@@ -11,7 +11,7 @@ from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.motion.certificate import Certificate, CertifiedMinimum
-from freefloat.motion.margin import is_kept
+from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Ending, Motion
 from freefloat.so3 import angle_between
 
@@ -178,7 +178,7 @@ def _margin_check(minimum: CertifiedMinimum, motion: Motion, feasible: bool) -> 
     if feasible and minimum.measure == problem.margin.measure.name:
         required = problem.margin.threshold
     passed, detail = True, f"lower bound between the nodes: {minimum.bound:.4g}"
-    if feasible and not is_kept(minimum.value, required or 0.0):
+    if feasible and not keeps_threshold(minimum.value, required or 0.0):
         passed, detail = False, f"{minimum.value:.6g} is below the margin {required or 0.0:.6g}"
     elif not minimum.bound and motion.completed:
         passed, detail = not feasible, "nothing is proven between the nodes"

@@ -102,7 +102,7 @@ def _contradictions(plan: Plan) -> Iterator[tuple[float, int, bool]]:
     evaluator = FeasibilityEvaluator(problem)
     headings = np.linspace(0.0, tau, _CIRCLE // evaluator.sample_reduction, endpoint=False)
     outcomes = evaluator.evaluate(heading_quaternion(headings), stop_at_margin=True)
-    feasible = problem.margin.is_kept(outcomes.margins)
+    feasible = problem.margin.keeps(outcomes.margins)
     if problem.redundant:
         feasible = np.array(feasible.any(axis=1, keepdims=True))
     stated = {entry.branch: entry.ranges for entry in plan.ranges}

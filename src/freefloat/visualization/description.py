@@ -138,7 +138,7 @@ class MarginColours:
         """Return the scale that covers arrays of values of the measure."""
         highest = [float(np.max(array)) for array in values if len(array)]
         largest = max([1.2 * margin.threshold, 1e-12, *highest])
-        return cls(margin, largest, any(map(margin.is_kept, highest)))
+        return cls(margin, largest, any(map(margin.keeps, highest)))
 
     def __call__(self, values: Array) -> Array:
         """Return RGB colours, shape (K, 3), of values of the measure, shape (K,)."""

@@ -14,7 +14,7 @@ from matplotlib.patches import Circle, Patch
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
 from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
 from freefloat.ik.branches import branch_name
-from freefloat.motion.margin import is_kept
+from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
@@ -149,7 +149,7 @@ def histogram_figure(result: AttitudeMap) -> Figure:
 def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
     """Draw bars, blue for feasible motions and grey below the margin, and the margin as a line."""
     weight = np.full(len(values), 100.0 / len(values))
-    feasible = is_kept(values, margin)
+    feasible = keeps_threshold(values, margin)
     parts = (feasible, ~feasible & (values > 0.0))
     axes.hist(
         [values[part] for part in parts], edges, weights=[weight[part] for part in parts],
@@ -163,7 +163,7 @@ def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list
     """Return the percentages of attitudes by best outcome of their branches."""
     endings = result.endings if branch is None else result.endings[:, [branch]]
     outcomes = {
-        "keep the margin": result.problem.margin.is_kept(values),
+        "keep the margin": result.problem.margin.keeps(values),
         "fall below": (endings == COMPLETED).any(axis=1),
         "become singular": (endings == SINGULAR).any(axis=1),
         "stopped early": (endings != UNREACHED).any(axis=1),

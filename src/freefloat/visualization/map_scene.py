@@ -123,7 +123,7 @@ def _draw_samples(
     builder: SceneBuilder, root: str, vectors: Array, margins: Array, colours: MarginColours
 ) -> None:
     """Draw feasible samples as two hemispheres, which can be hidden, and other samples small."""
-    feasible, reached = colours.margin.is_kept(margins), margins >= 0.0
+    feasible, reached = colours.margin.keeps(margins), margins >= 0.0
     front = vectors[:, 1] < 0.0
     spacing = float(np.cbrt(4.0 / 3.0 * np.pi**4 / len(vectors)))
     parts = (
@@ -170,7 +170,7 @@ def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
     """Text of a scene: the percentage of feasible attitudes and the scores of the marks."""
     margin = result.problem.margin
     measure = f"|{margin.measure.name}|"
-    percentage = 100.0 * margin.is_kept(group.margins).mean()
+    percentage = 100.0 * margin.keeps(group.margins).mean()
     yield "rotation vectors of the initial attitude"
     yield f"{percentage:.2f} % of {result.samples:,} attitudes keep {measure}"
     best, robust, nearest = result.best, result.robust, result.nearest

@@ -346,7 +346,7 @@ class SamplePicker {
   }
 }
 
-// The margin is kept up to rounding; see is_kept in margin.py.
+// The margin is kept up to rounding; see keeps_threshold in margin.py.
 function feasible(value) { return value > 0 && value >= about.scale.margin * (1 - 1e-6); }
 
 // The panels around the 3D view.

@@ -115,7 +115,7 @@ def _slice(
     inside = np.linalg.norm(vectors, axis=2) <= np.pi + ticks[1] - ticks[0]
     attitudes = Rotation.from_rotvec(vectors[inside]).as_quat()
     result = evaluator.evaluate(attitudes, stop_at_margin=True)
-    feasible = evaluator.problem.margin.is_kept(result.margins)
+    feasible = evaluator.problem.margin.keeps(result.margins)
     margins = np.full(inside.shape, np.nan)
     reached = np.zeros(inside.shape, dtype=bool)
     margins[inside] = np.where(feasible, result.margins, 0.0).max(axis=1, initial=0.0)
