@@ -64,14 +64,14 @@ def write_tables(computer: str, results: list[Result]) -> None:
         file.write_text(with_table(file.read_text("utf-8"), markdown(computer, rows)), "utf-8")
 
 
-def main(given: list[str] | None = None) -> int:
+def main(options: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("group", nargs="*", help=f"all when left out: {', '.join(GROUPS)}")
     parser.add_argument("--json", type=Path, help="also write the results to this file")
     parser.add_argument("--from", dest="saved", type=Path, help="measure nothing, read this file")
     parser.add_argument("--readme", action="store_true", help="write the tables of README and docs")
     parser.add_argument("--quick", action="store_true", help="small samples, for trying it out")
-    arguments = parser.parse_args(given)
+    arguments = parser.parse_args(options)
     unknown = sorted(set(arguments.group) - set(GROUPS))
     if unknown:
         parser.error(f"no such group: {', '.join(unknown)}; there are {', '.join(GROUPS)}")

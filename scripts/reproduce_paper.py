@@ -165,7 +165,7 @@ def with_momentum(
 
 
 def spatial() -> Iterator[Line]:
-    """Table II and Example 2: the bad attitude, and the printed tangency point as it stands."""
+    """Table II and Example 2: the second attitude, and the printed tangency point as it stands."""
     problem = example_2()
     yield Line("Example 2: z of B in m", 0.33, problem.path.pose(100.0).position[2], 5e-3,
                "computed from (41)")  # fmt: skip
@@ -176,9 +176,11 @@ def spatial() -> Iterator[Line]:
     attitude = unit_quaternion("attitude", PRINTED_ATTITUDE)
     at_joints = problem.model.end_effector_pose(attitude, PRINTED_JOINTS).position
     yield from lines("Example 2: end-effector at its tangency in m", list(printed), at_joints, 2e-4)
-    bad = ff.simulate(problem, [0.1, 0.5, 0.2, -0.8367])
-    singular = [branch.motion for branch in bad.branches if not branch.motion.completed]
-    yield Line("Example 2: singular branches of the bad attitude", 4, len(singular), 0, "decoded")
+    simulation = ff.simulate(problem, [0.1, 0.5, 0.2, -0.8367])
+    singular = [branch.motion for branch in simulation.branches if not branch.motion.completed]
+    yield Line(
+        "Example 2: singular branches of the second attitude", 4, len(singular), 0, "decoded"
+    )
     for motion in singular:
         final = motion.final
         C = problem.model.end_effector_pose(final.attitude, final.joints).position

@@ -79,14 +79,14 @@ def with_cores(quick: bool) -> list[Result]:
     where, _ = np.nonzero(branches.exist)
     starts, joints = attitudes[where], branches.joints[branches.exist]
     integrators = [EnsembleIntegrator(problem, threads) for threads in (cores, 1)]
-    all_, one = race(
+    all_, single = race(
         *(
             lambda integrator=integrator: integrator.integrate(starts, joints)
             for integrator in integrators
         ),
         rounds=1 if quick else 5,
     )
-    return [Result(f"{len(joints):,} motions on {cores} cores", all_, "on one core", one)]
+    return [Result(f"{len(joints):,} motions on {cores} cores", all_, "on one core", single)]
 
 
 def scaling_results(quick: bool) -> list[Result]:

@@ -12,7 +12,7 @@ from freefloat.errors import InputError
 Progress = Callable[[float], None]
 """Called with the fraction done, in [0, 1], during a long computation."""
 _WAIT = 0.2
-"""Longest time between two looks at signals [s]."""
+"""Longest time between two checks of signals [s]."""
 
 
 def step_of(progress: Progress | None, first: float, last: float) -> Progress:
@@ -57,7 +57,7 @@ def run_chunks(
     """Process chunks on several threads; an interruption cancels pending chunks.
 
     The main thread only waits: compiled code and the compiler would not let it be interrupted. A
-    chunk being processed then is not waited for; nobody reads its results.
+    chunk being processed then is not waited for; its results are discarded.
     """
     report = progress or (lambda fraction: None)
     single = len(chunks) < 2 or threads == 1

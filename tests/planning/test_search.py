@@ -349,7 +349,7 @@ def infeasible(evaluator: FeasibilityEvaluator) -> list[np.ndarray]:
 def test_the_nearest_feasible_attitude_lies_on_the_boundary(
     evaluator: FeasibilityEvaluator, samples: AttitudeMap, infeasible: list[np.ndarray]
 ) -> None:
-    """Nearer than any sample; a little nearer on the same way the margin is broken."""
+    """Nearer than any sample; a little nearer in the same direction it violates the margin."""
     for present in infeasible:
         best, *others = nearest_feasible(evaluator, samples, present)
         feasible = samples.attitudes[samples.feasible.any(axis=1)]

@@ -103,7 +103,7 @@ def test_marks_and_boundary_belong_to_their_branch(scene: Scene) -> None:
     assert BOUNDARY not in points(scene, BEST_BRANCH)
 
 
-def test_attitudes_that_do_not_reach_the_path_are_told_apart(result: AttitudeMap) -> None:
+def test_attitudes_that_do_not_reach_the_path_are_distinguished(result: AttitudeMap) -> None:
     endings = result.endings.copy()
     endings[7] = UNREACHED_CODE
     scene = map_scene(replace(result, endings=endings))

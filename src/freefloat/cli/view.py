@@ -158,7 +158,7 @@ def _document(playback: Playback) -> dict[str, Any]:
 def _require_outputs(**options: tuple[Any, dict[str, Any]]) -> None:
     """Raise where an option was given, but none of the outputs that it concerns."""
     for key, (value, outputs) in options.items():
-        if value is not None and all(wanted is None for wanted in outputs.values()):
+        if value is not None and all(output is None for output in outputs.values()):
             accepted = f"together with {' or '.join(outputs)}"
             raise InputError(key, "it has no effect without a file to write", accepted)
 

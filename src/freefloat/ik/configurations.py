@@ -49,8 +49,8 @@ def spread_configurations(model: FreeFloatingModel, poses: int, solve: Solve, mo
         moved = joints[pose]
         for _ in range(_ROUNDS):
             moved = _moved_inside(model, moved, pose, solve, most)
-            if (found := _excess(model, moved) == 0.0).any():
-                joints[pose, :most], inside[pose, :most] = moved, found
+            if (now_inside := _excess(model, moved) == 0.0).any():
+                joints[pose, :most], inside[pose, :most] = moved, now_inside
                 break
     usable = np.where(inside.any(axis=1, keepdims=True), inside, exist)
     return _well_spread(model, joints, usable, most)

@@ -171,12 +171,12 @@ def _segment(document: Document, group: Any, problem: Problem) -> Segment:
         if str(index) in group:
             margin = Margin(problem.margin.measure, abs(entry["level"]))
             tangent = replace(problem, margin=margin)
-            ways = (group[f"{index}/{way}"] for way in ("backward", "forward"))
+            motions = (group[f"{index}/{name}"] for name in ("backward", "forward"))
             point = PlanarTangencyPoint(
                 TangencyKind(entry["kind"]), entry["time"], entry["s"], entry["level"],
                 entry["heading"], np.array(entry["joints"]),
             )  # fmt: skip
-            limits.append(RangeLimit(point, *(_read_motion(way, tangent) for way in ways)))
+            limits.append(RangeLimit(point, *(_read_motion(motion, tangent) for motion in motions)))
     ranges = {}
     for key, name in _SEGMENT_RANGES.items():
         causes = _read_causes(group, f"{key}_causes") if group else iter(())

@@ -74,8 +74,8 @@ def limited_reason(search: Search, chosen: SimulatedBranch) -> str:
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
         away = np.degrees(angle_between(chosen.motion.initial.attitude, search.from_attitude))
         return f"the nearest found that keeps the limits, {away:.4g} degrees away"
-    what = "deepest inside" if search.objective is Objective.ROBUST else "largest margin"
-    return f"the {what} among the samples that keep the limits, {margin_text(chosen)}"
+    criterion = "deepest inside" if search.objective is Objective.ROBUST else "largest margin"
+    return f"the {criterion} among the samples that keep the limits, {margin_text(chosen)}"
 
 
 def disagreement_message(

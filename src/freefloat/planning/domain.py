@@ -1,4 +1,4 @@
-"""The attitudes among which a search looks."""
+"""The attitudes that a search considers."""
 
 from __future__ import annotations
 

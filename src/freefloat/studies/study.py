@@ -222,10 +222,10 @@ def _check_start(study: Study) -> None:
             raise InputError([*starts, "branch"][0], problem, "command: simulate")
         return
     planar = task in [str(task) for task in Task if task.planar]
-    wanted = "heading_deg" if planar else "attitude"
+    expected = "heading_deg" if planar else "attitude"
     if len(starts) != 1:
         keys = " and ".join(starts) or "none"
-        raise InputError(wanted, f"{keys} was given", f"one {wanted}, or it in vary")
+        raise InputError(expected, f"{keys} was given", f"one {expected}, or it in vary")
     if starts == ["heading_deg"] and not planar and "task" not in content.vary:
         raise InputError("heading_deg", f"the task {task} is not planar", "attitude")
 

@@ -255,12 +255,14 @@ def _same_certificate(plan: Plan, recomputed: Certificate) -> Iterator[Check]:
     )
     stated_errors, recomputed_errors = stated.to_dict(), recomputed.to_dict()
     for key in ("end_effector_position", "end_effector_attitude", "momentum", "rates"):
-        worst, again = stated_errors[key], recomputed_errors[key]
-        yield _error_comparison(key, worst and worst["value"], again and again["value"])
+        worst, recomputed_error = stated_errors[key], recomputed_errors[key]
+        yield _error_comparison(
+            key, worst and worst["value"], recomputed_error and recomputed_error["value"]
+        )
     for key in ("attitude", "joints", "halving_attitude", "halving_joints"):
         value = getattr(stated.integration, key)
-        again = getattr(recomputed.integration, key)
-        yield _error_comparison(f"integration.{key}", value, again)
+        recomputed_error = getattr(recomputed.integration, key)
+        yield _error_comparison(f"integration.{key}", value, recomputed_error)
 
 
 def _error_comparison(key: str, stated: float | None, recomputed: float | None) -> Check:

@@ -141,8 +141,8 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
     distance, angle = path_tolerances(motion)
     inertia = float(np.trace(inertia_matrices(model, motion.initial.joints)[0]))
     momentum = _MOMENTUM * certificate.momentum_scale + _ROUNDING * inertia / duration
-    again = certificate.integration
-    halving = max(again.halving_attitude, again.halving_joints)
+    second = certificate.integration
+    halving = max(second.halving_attitude, second.halving_joints)
     errors = [
         ("end-effector position", certificate.end_effector_position, distance, "m"),
         ("end-effector orientation", certificate.end_effector_orientation, angle, "rad"),
@@ -155,11 +155,11 @@ def certificate_checks(certificate: Certificate, motion: Motion, feasible: bool)
         if worst is not None
     ]
     checks += [
-        error_check("attitude, integrated again", again.attitude,
-                    max(_SECOND, 8.0 * again.halving_attitude), "rad", again.attitude_time),
-        error_check("joints, integrated again", again.joints,
-                    max(_SECOND, 8.0 * again.halving_joints), "rad or m", again.joints_time),
-        error_check("step halving", halving, _HALVING, "rad or m", again.until),
+        error_check("attitude, integrated again", second.attitude,
+                    max(_SECOND, 8.0 * second.halving_attitude), "rad", second.attitude_time),
+        error_check("joints, integrated again", second.joints,
+                    max(_SECOND, 8.0 * second.halving_joints), "rad or m", second.joints_time),
+        error_check("step halving", halving, _HALVING, "rad or m", second.until),
     ]  # fmt: skip
     checks += [_margin_check(minimum, motion, feasible) for minimum in certificate.minima]
     if motion.ending is Ending.SINGULAR:

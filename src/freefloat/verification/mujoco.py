@@ -170,17 +170,17 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
     of the spacecraft are not controlled: their deviations at the end are the result.
     """
     first, last = _known(motion)
-    wanted_steps = max(
+    required_steps = max(
         _STEPS_PER_RADIAN * _moved(motion).sum(),
         _STEPS_PER_SEGMENT * len(motion.problem.path.breaks),
     )
-    steps = int(np.clip(wanted_steps, _STEPS, _MAX_STEPS))
+    steps = int(np.clip(required_steps, _STEPS, _MAX_STEPS))
     nodes = np.linspace(first, last, round(_SPLINE * steps) + 1)
     _, _, rows = motion.evaluate(motion.coordinate_at(nodes))
-    wanted = CubicSpline(nodes, rows)
+    reference = CubicSpline(nodes, rows)
     h = (last - first) / steps
     stiff, damp = (_STIFFNESS / h) ** 2, 2.0 * _STIFFNESS / h
-    _start(motion, engine, first, wanted(first, 1))
+    _start(motion, engine, first, reference(first, 1))
     engine.rest(h)
     data = engine.data
     for step in range(steps):
@@ -188,7 +188,9 @@ def forward_run(motion: Motion, engine: Engine) -> ForwardRun:
         M, bias = engine.inertia()
         ahead = data.qpos[7:] + h / 2.0 * data.qvel[6:]
         acceleration = (
-            wanted(t, 2) + damp * (wanted(t, 1) - data.qvel[6:]) + stiff * (wanted(t) - ahead)
+            reference(t, 2)
+            + damp * (reference(t, 1) - data.qvel[6:])
+            + stiff * (reference(t) - ahead)
         )
         base = -np.linalg.solve(M[:6, :6], M[:6, 6:] @ acceleration + bias[:6])
         engine.step(M[6:, :6] @ base + M[6:, 6:] @ acceleration + bias[6:])
