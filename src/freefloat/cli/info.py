@@ -1,4 +1,4 @@
-"""``freefloat info``: what a robot is, and the errors and warnings of its URDF."""
+"""``freefloat info``: description of a robot, and the errors and warnings of its URDF."""
 
 from __future__ import annotations
 

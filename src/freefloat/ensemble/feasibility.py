@@ -16,7 +16,7 @@ from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, attitude_grid
 
 _REDUCTION = 4
-"""Of the number of attitudes in searches whose arm branches have no closed form."""
+"""Reduction of the number of attitudes in searches whose arm branches have no closed form."""
 _REGULAR_RATIO = 0.01
 """Smallest ratio of the minimum and maximum magnitude of det S* along a regular motion."""
 _NEGLIGIBLE = 1e-7
@@ -144,7 +144,7 @@ class FeasibilityEvaluator:
         return np.asarray((keeps & is_regular(motions.determinant_ratios)).any(axis=1))
 
     def regularity(self, attitudes: Array, branch: int | None) -> Array:
-        """How far a branch, or the best of any, is from the margin and singularities, shape (K,).
+        """Distance of a branch, or the best of any, to margin and singularities, shape (K,).
 
         The smaller of minimum margin and determinant ratio, each over the smallest that
         :meth:`regular` accepts; zero for motions that end early.

@@ -31,7 +31,7 @@ _BLOCK = 512
 _MARK = b"freefloat SHA-256 "
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _UNREADABLE = (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError)
-"""What h5py raises for content that is missing or of another kind."""
+"""Errors that h5py raises for content that is missing or of another kind."""
 _MAX_DEPTH = 8
 """Nested groups; result files have five."""
 _MAX_RATIO, _MAX_SMALL = 20, 50_000_000

@@ -42,10 +42,10 @@ class BodySection(Section):
     """A rigid body."""
 
     mass: Positive
-    """[kg]"""
+    """Mass [kg]."""
     inertia: Inertia
-    """About its centre of mass, axes of its frame [kg m²]: three principal moments, the six moments
-    xx, xy, xz, yy, yz, zz, or the rows of a matrix."""
+    """Inertia about the centre of mass, axes of the body's frame [kg m²]: three principal moments,
+    the six moments xx, xy, xz, yy, yz, zz, or the rows of a matrix."""
     com: Vector = (0.0, 0.0, 0.0)
     """Centre of mass in its frame, of a payload in the end-effector's frame [m]."""
     size: Size | None = None
@@ -67,10 +67,10 @@ class SpacecraftSection(BodySection):
     """A spacecraft that carries a bare arm."""
 
     mount: MountSection = MountSection()
-    """Pose of the arm's root link in its frame."""
+    """Pose of the arm's root link in the spacecraft's frame."""
 
     def values(self, folder: Path) -> dict[str, Any]:
-        """As for all bodies, and the mount."""
+        """Arguments of the spacecraft: those of a body, and the mount."""
         return super().values(folder) | {"mount": self.mount.to_mount()}
 
 

@@ -63,7 +63,7 @@ def self_contact(motion: Motion, results: Iterable[LimitResult] = ()) -> Contact
 
 
 def why_unchecked(model: FreeFloatingModel) -> str | None:
-    """Why motions of a robot cannot be searched for contact; None where they can."""
+    """Reason why motions of a robot cannot be searched for contact; None where they can."""
     try:
         CollisionPairs(model, hulls=_links_with_meshes(model))
     except ModelError as error:

@@ -13,7 +13,7 @@ from freefloat.so3 import Array, frozen
 
 
 class LimitKind(StrEnum):
-    """What is limited."""
+    """The limited quantity."""
 
     JOINT_RANGE = "joint_range"
     JOINT_RATE = "joint_rate"

@@ -56,11 +56,11 @@ class SecondDerivatives:
     """Bounds on the Frobenius norms of the second derivatives of blocks of the system matrix.
 
     Attributes:
-        D: Of the locked inertia.
-        Dq: Of the columns of Dq, shape (n,).
-        base: Of the end-effector's rows per spacecraft rate.
-        linear: Of its linear rows per joint rate.
-        angular: Of its angular rows per joint rate.
+        D: Bound for the locked inertia.
+        Dq: Bounds for the columns of Dq, shape (n,).
+        base: Bound for the end-effector's rows per spacecraft rate.
+        linear: Bound for the end-effector's linear rows per joint rate.
+        angular: Bound for the end-effector's angular rows per joint rate.
     """
 
     D: float
@@ -71,7 +71,7 @@ class SecondDerivatives:
 
     @property
     def whole(self) -> float:
-        """Of the whole matrix."""
+        """Bound for the whole matrix."""
         joint = len(self.Dq) * (self.linear**2 + self.angular**2)
         return float(np.sqrt(self.D**2 + np.sum(self.Dq**2) + self.base**2 + joint))
 

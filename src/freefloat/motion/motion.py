@@ -130,7 +130,7 @@ class Motion:
 
     @cached_property
     def base_positions(self) -> Array:
-        """Of the spacecraft's root link from the centre of mass at the nodes [m], shape (N, 3)."""
+        """Root link relative to the centre of mass, at the nodes [m], shape (N, 3)."""
         base_position = self.problem.model.base_position
         nodes = zip(self.attitudes, self.joints, strict=True)
         return frozen([base_position(attitude, joints) for attitude, joints in nodes])

@@ -26,7 +26,7 @@ gradient: 0.3 to 0.8 where elbows are straight or folded, below 0.01 where wrist
 
 
 class SingularityKind(StrEnum):
-    """Why the arm of a free-floating robot cannot follow its path any farther."""
+    """Kind of the singularity at which a motion ends."""
 
     BOUNDARY = "boundary of reach"
     KINEMATIC = "kinematic"

@@ -1,1 +1,1 @@
-"""Which initial attitudes are feasible, and which to choose."""
+"""Feasible initial attitudes, and the choice of one."""

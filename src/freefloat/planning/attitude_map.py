@@ -149,7 +149,7 @@ class AttitudeMap:
 
     @property
     def seed(self) -> int:
-        """Of the grid of attitudes."""
+        """Seed of the grid of attitudes."""
         return self.search.seed
 
     @property

@@ -26,7 +26,7 @@ _HEADINGS = 2880
 _EXACT = 1e-10
 """Accuracy of the headings at which it changes [rad]."""
 _ROUNDING = 1e-9
-"""Of angles [rad]."""
+"""Rounding error of angles [rad]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from freefloat.planning.plan import FEWEST_SAMPLES, Search
 from freefloat.so3 import Array, frozen, heading_quaternion
 
 _TOLERANCE = 1e-9
-"""Of motions of planar tasks: limits of ranges are then exact to 1e-7 rad."""
+"""Tolerance of motions of planar tasks: limits of ranges are then exact to 1e-7 rad."""
 _PARTS, _TOP = 8, 4
 """Finer steps around the best headings of a search, and how many of these are refined together."""
 _FINEST = 1e-7

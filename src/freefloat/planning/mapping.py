@@ -47,8 +47,8 @@ _RADIUS, _CLOUD = 0.02, 96
 """Distance from an attitude at which both sides of the boundary are searched for [rad], and the
 attitudes that search."""
 _BATCHES, _SPARE = 8, 3
-"""Families of tangency points that are computed, and how many more points than are missing: many
-belong to wrist-flipped branches or to motions that violate the margin elsewhere."""
+"""Maximum number of batches of tangency points, and points per missing one in each: many belong
+to wrist-flipped branches or to motions that violate the margin elsewhere."""
 _POINT_SIZE = 10_000
 """Memory for a point found from tangency points and the pairs of angles that are tried [bytes]."""
 
@@ -220,8 +220,8 @@ def tangent_boundary(
     """Attitudes on the boundary of the feasible set, integrated backward from tangency points.
 
     Of wrist-flipped branches the first alone counts; fewer than ``count`` are found where few
-    motions keep the margin elsewhere, or begin in the domain of the search. Its seed shifts the
-    family of tangency points.
+    motions keep the margin elsewhere, or begin in the domain of the search. Its seed varies the
+    tangency points.
 
     Raises:
         InputError: If the arm has no such tangency points, or the margin is zero.

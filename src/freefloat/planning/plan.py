@@ -42,7 +42,7 @@ _MAP_KEYS = ("samples", "seed", "feasible_fraction", "feasible_fraction_error")
 
 
 class Objective(StrEnum):
-    """Which of the feasible attitudes to choose."""
+    """Criterion by which one of the feasible attitudes is chosen."""
 
     MARGIN = "margin"
     NEAREST = "nearest"
@@ -51,7 +51,7 @@ class Objective(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What to search for.
+    """Objective and domain of a search for initial attitudes.
 
     Attributes:
         objective: The largest minimum margin, the feasible attitude nearest to ``from_attitude``,
@@ -166,7 +166,7 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Which initial attitude to choose, why, and what motion follows.
+    """The chosen initial attitude, the reason, and the motion from it.
 
     Attributes:
         problem: The problem that was solved; with a longer duration where it was stretched.

@@ -39,7 +39,7 @@ Span = tuple[float, float]
 
 
 class RangeLimitCause(StrEnum):
-    """Why a range ends."""
+    """Cause of the end of a range."""
 
     MARGIN = "margin"
     REACH = "reach"

@@ -27,9 +27,9 @@ _CLOUD = 40
 _CLIMBS = 16
 """Samples to climb from."""
 _FINISHED = 4
-"""How many of them climb to the top."""
+"""Number of climbs that are continued to the maximum."""
 _ROUNDS = 60
-"""Clouds on the way, at most."""
+"""Maximum number of clouds in a climb."""
 _FINE = 2e-5
 """Clouds smaller than this end a climb [rad]."""
 _SMALL = 2e-3

@@ -137,7 +137,7 @@ class Trials:
     def _searched_stretch(
         self, attitudes: Array, joint_rate: Array, factor: float
     ) -> tuple[float, ScreenedCandidate] | tuple[None, None]:
-        """The same from the slowest compiled motions of many attitudes, for growing factors."""
+        """Factor and candidate from the slowest compiled motions of many attitudes."""
         for _ in range(_STRETCHES):
             factor = rounded_up(factor)
             stretched = self.problem.stretched(factor)

@@ -143,12 +143,12 @@ class Link:
 
     @property
     def visuals(self) -> tuple[LinkShape, ...]:
-        """What is drawn of the link."""
+        """Shapes of the link that are drawn."""
         return tuple(shape for shape in self.shapes if shape.kind == "visual")
 
     @property
     def collisions(self) -> tuple[LinkShape, ...]:
-        """What other bodies may collide with."""
+        """Shapes of the link that other bodies may collide with."""
         return tuple(shape for shape in self.shapes if shape.kind == "collision")
 
 

@@ -165,7 +165,7 @@ def _gyration(robot: RobotDescription, link: Link) -> Faults:
 
 
 def _span(group: RigidGroup) -> Array:
-    """From the first joint to the farthest next joint, else to the farthest link frame [m]."""
+    """Vector from the first joint to the farthest next joint, else to the farthest frame [m]."""
     points = list(group.joints.values()) or [pose.position for pose in group.links.values()]
     return max(points, key=lambda point: float(np.linalg.norm(point)))
 

@@ -45,7 +45,7 @@ _HEADINGS = {
 Table = Mapping[str, list[Any]]
 """Values of the runs by column."""
 _FIRST_LISTED = ("verdict", "margin")
-"""Of these before the parameters."""
+"""Columns of the report before the parameters."""
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _MAX_LISTED = 2000
 """Runs listed in the report; the tables have all of them."""

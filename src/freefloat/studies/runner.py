@@ -27,7 +27,7 @@ from freefloat.studies.study import Study
 from freefloat.studies.values import finite
 
 _REPETITIONS = 2
-"""How often a run is repeated after the death of its worker."""
+"""Number of repetitions of a run after its worker was killed."""
 _WORKER_SIZE = 200_000_000
 """Memory of a worker [bytes]."""
 _START_SECONDS = 3.0

@@ -95,7 +95,7 @@ class BallSection(Section):
     center: _List[Number]
     """Centre of the ball."""
     radius: NotNegative
-    """In the unit of the key."""
+    """Radius of the ball, in the unit of the key."""
 
     def draw(self, rng: np.random.Generator) -> Array:
         """A random point."""
@@ -137,7 +137,7 @@ class ValuesSection(Section):
     values: Annotated[list[Any], Field(min_length=1, max_length=MAX_RUNS)] | None = Field(
         default=None, alias="list"
     )
-    """These values."""
+    """Listed values."""
     steps: tuple[Number, Number, Number] | None = Field(default=None, alias="range")
     """First value, last value (included if a step reaches it) and step."""
     grid: GridSection | None = None

@@ -41,7 +41,7 @@ _VANISHED = 1e-3
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was checked; a discrepancy if it failed.
+    """A comparison of a stated value; a discrepancy if it failed.
 
     Attributes:
         name: What was checked.

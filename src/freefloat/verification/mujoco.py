@@ -24,7 +24,7 @@ _WINDOW = 5e-3
 _WINDOW_ANGLE = 0.1
 """Largest displacement in that time [rad, m]."""
 _WITHIN = 0.49
-"""That time's largest fraction of a smooth segment."""
+"""The same time as a fraction of a smooth segment, at most."""
 _SHORTEST = 0.02
 """Fraction of that time that suffices for derivatives."""
 _BEFORE_SINGULAR = 0.9

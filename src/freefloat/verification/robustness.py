@@ -26,25 +26,25 @@ from freefloat.so3 import (
 from freefloat.verification.checks import Check, comparison_check
 
 _NEAR_END = 5e-4
-"""Distance of the headings tried from the ends of ranges [rad]."""
+"""Distance of tested headings from the ends of ranges [rad]."""
 _PRECISE = 1e-8
-"""Tolerance of the motions that try them."""
+"""Tolerance of the motions from these headings."""
 _CIRCLE = 720
 """Headings on the whole circle."""
 _SAMPLES = 1024
-"""Attitudes tried in the ball of the robust radius."""
+"""Attitudes tested in the ball of the robust radius."""
 _SEED = 8128
 """A seed other than the planner's."""
 _MAY_FAIL = 1e-3
-"""Fraction of them that may fail: thousands confirmed the ball, not all attitudes."""
+"""Fraction of these attitudes that may fail: samples confirmed the ball, not all attitudes."""
 _DIRECTIONS = 96
-"""Directions of momentum that are tried."""
+"""Tested directions of momentum."""
 _PRECISE_COUNT = 3
-"""How many of them, the worst, are integrated precisely."""
+"""Number of worst directions that are integrated precisely."""
 _ANGLE = 1e-7
 """Accuracy of the robust radius in the plane [rad]."""
 _INSIDE = 0.999
-"""Tolerances are tried slightly inside their ends."""
+"""Tolerances are tested slightly inside their ends."""
 
 
 def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
@@ -80,7 +80,7 @@ def _heading_check(plan: Plan) -> Check:
                 f"heading {degrees:.4f} deg {verb} the margin {where} a range of branch {branch}"
             )
             return Check("ranges of headings", False, words, stated, degrees, unit="deg")
-    words = f"{len(probes)} headings tried at ends and middles of ranges, and on the whole circle"
+    words = f"{len(probes)} headings tested at ends and middles of ranges, and on the whole circle"
     return Check("ranges of headings", True, words)
 
 

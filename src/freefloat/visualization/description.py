@@ -162,7 +162,7 @@ class MarginColours:
 
 @dataclass(frozen=True)
 class SceneDescription:
-    """What a page needs to know of a scene.
+    """Description of a scene for the page.
 
     Attributes:
         title: Title of the page.

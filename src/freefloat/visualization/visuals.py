@@ -1,4 +1,4 @@
-"""What is drawn of a robot: the poses of its bodies and their shapes."""
+"""Poses and shapes of the bodies of a robot, as they are drawn."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Where an arm can become singular."""
+"""Places in which an arm can become singular."""
