@@ -13,7 +13,7 @@ from freefloat.motion.margin import keeps_threshold
 from freefloat.planning import planar_planner
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.heading_map import evaluator_for, sample_headings
-from freefloat.planning.plan import Objective
+from freefloat.planning.plan import Objective, Plan
 from freefloat.planning.planar_planner import _headings, searched_ranges
 from freefloat.planning.planar_ranges import reach_limits
 from freefloat.so3 import heading_of, heading_quaternion
@@ -91,11 +91,10 @@ def test_the_nearest_attitude_is_the_present_one_or_a_limit(problem, present, de
 def test_the_nearest_heading_keeps_its_distance_from_the_limits(problem, robust, present, spare,
                                                                 depth):  # fmt: skip
     """The present heading where it does; where no range is as wide, the deepest of all."""
-    pairs = [(entry, part) for entry in robust.ranges for part in entry.ranges]
-    heading, entry, part, _ = planar_planner._nearest(np.radians(present), np.radians(spare), pairs)
-    assert (entry, part) in pairs
+    pairs = [(entry.branch, part) for entry in robust.ranges for part in entry.ranges]
+    heading, branch, _ = planar_planner._nearest(np.radians(present), np.radians(spare), pairs)
     if depth is not None:
-        assert np.degrees(part.depth(heading)) == pytest.approx(depth, abs=1e-9)
+        assert np.degrees(robust.ranges[branch].depth(heading)) == pytest.approx(depth, abs=1e-9)
         closer = [p.depth(h) for _, p in pairs
                   for h in heading_between(np.radians(present), heading)]  # fmt: skip
         assert np.degrees(max(closer)) < depth
@@ -181,6 +180,11 @@ def test_a_redundant_planar_arm_is_planned_by_search(problem):
     assert plan.ranges[0].label == "any"
     assert plan.chosen.motion.completed
     assert plan.chosen.closest_approach.value >= 0.02
+
+
+def test_an_infeasible_plan_without_violated_limits_names_none(problem, robust):
+    assert robust.violation == ""
+    assert Plan(problem, ff.Search(), False, "no heading").violation == "infeasible"
 
 
 def test_the_map_agrees_with_the_ranges(problem, robust):

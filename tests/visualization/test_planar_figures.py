@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
 from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.momentum import Task
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
@@ -125,7 +128,9 @@ def test_without_ranges_the_samples_are_shaded() -> None:
 
 def test_a_redundant_arm_has_one_axes_for_the_best_branch() -> None:
     ranges = (BranchRanges(0, "any", (HeadingRange(0.5, 1.0, BOTH),), (0.5, 1.0)),)
-    (axes,) = headings_figure(some_map(), ranges, (3, 0.7)).axes
+    redundant = replace(PLANAR, task=Task.PLANAR_POSITION)
+    result = replace(some_map(), problem=redundant)
+    (axes,) = headings_figure(result, ranges, (3, 0.7)).axes
     best = [9.0, 9.0, 9.0, 8.0, 9.0, 7.0, 5.0, 9.0]
     assert line(axes, "best branch")[:, 1].tolist() == best
     assert np.allclose(spans(axes), np.degrees([(0.5, 1.0)]))

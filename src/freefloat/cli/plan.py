@@ -118,7 +118,8 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
         yield f"{name}: feasible initial headings{scope}"
         ranges = table("branch", "ranges [deg]")
         for entry in plan.ranges:
-            number = ANY if entry.label == ANY else f"{entry.branch} {short_label(entry.label)}"
+            number = f"{entry.branch} {short_label(entry.label)}"
+            number = ANY if plan.problem.redundant else number
             ranges.add_row(number, _ranges(entry))
         yield ranges
     else:

@@ -80,6 +80,7 @@ def simulate(
     """
     from freefloat.io.results import save
     from freefloat.io.scenario import load_scenario
+    from freefloat.limits.limits import violated
     from freefloat.planning.simulation import simulate as simulate_branches
 
     console = Console(as_json, quiet)
@@ -106,7 +107,7 @@ def simulate(
 
         playback(simulation, output.stem if output else scenario).save(html)
     console.json(simulation.to_dict())
-    kept = all(result.kept for result in simulation.limit_results)
+    kept = not violated(simulation.limit_results)
     raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NO)
 
 

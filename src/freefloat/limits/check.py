@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from freefloat.errors import InputError, require_type
-from freefloat.limits.limits import LimitKind, LimitResult, Limits
+from freefloat.limits.limits import LimitKind, LimitResult, Limits, violated
 from freefloat.limits.torques import InverseDynamics
 from freefloat.motion.extrema import (
     Extremum,
@@ -99,15 +99,12 @@ class LimitChecker:
 
         Of a clearance its distance is too small, but need not be the smallest along the motion.
         """
-        return next(self._violations(motion), None)
+        results = (decide(motion) for decide in self._decisions.values())
+        return next((result for result in results if not result.kept), None)
 
     def violations(self, motion: Motion) -> tuple[LimitResult, ...]:
         """The results of all violated limits, each as :meth:`first_violation` has it."""
-        return tuple(self._violations(motion))
-
-    def _violations(self, motion: Motion) -> Iterator[LimitResult]:
-        results = (decide(motion) for decide in self._decisions.values())
-        return (result for result in results if not result.kept)
+        return violated(decide(motion) for decide in self._decisions.values())
 
 
 def _joint_range(motion: Motion) -> LimitResult:

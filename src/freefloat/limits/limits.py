@@ -103,6 +103,11 @@ class LimitResult:
         }
 
 
+def violated(results: Iterable[LimitResult]) -> tuple[LimitResult, ...]:
+    """The results of limits that are not kept."""
+    return tuple(result for result in results if not result.kept)
+
+
 _POWERS = {LimitKind.JOINT_RATE: 1.0, LimitKind.BASE_RATE: 1.0, LimitKind.JOINT_TORQUE: 2.0}
 """Exponents with which ratios fall with the duration, without momentum."""
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
-from freefloat.limits.limits import LimitResult
+from freefloat.limits.limits import LimitResult, violated
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import (
     light_spacecraft_hint,
@@ -206,7 +206,7 @@ def violated_limits_message(
     """
     counts = ", ".join(f"{name} {number}" for name, number in violations.most_common())
     reason = f"attitudes keep the margin, but every candidate violates a limit: {counts}"
-    worst = max((r for r in results if not r.kept), key=lambda r: r.ratio, default=None)
+    worst = max(violated(results), key=lambda result: result.ratio, default=None)
     if worst is not None:
         reason += (
             f"; the best of {count} integrated precisely reaches {worst.limit} "

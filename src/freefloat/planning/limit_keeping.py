@@ -14,12 +14,12 @@ from freefloat.limits.limits import LimitKind, Limits
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import limited_reason, violated_limits_message
 from freefloat.planning.plan import Objective, Plan
+from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.screening import ScreenedCandidate, screen
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.trials import OVER, PassedTrial, Trials
 from freefloat.so3 import (
     Array,
-    heading_of,
     heading_quaternion,
     rotated,
     rotation_vector_to,
@@ -185,16 +185,13 @@ def _heading_depth(plan: Plan, chosen: SimulatedBranch | None) -> float | None:
     """Distance of a heading from the limits of its range [rad]; None for spatial tasks."""
     if plan.map is not None or chosen is None:
         return None
-    heading = heading_of(chosen.motion.initial.attitude)
-    entries = [e for e in plan.ranges if e.label == "any" or e.branch == chosen.branch.index]
-    depths = [part.depth(heading) for entry in entries for part in entry.ranges]
-    return max(0.0, *depths) if depths else None
+    return heading_depth(plan.ranges, chosen)
 
 
 def _moved_nearer(trials: Trials, present: Array, spare: float, passed: PassedTrial) -> PassedTrial:
     """The motion from nearer to the present attitude that keeps everything.
 
-    Up to an angle ``spare`` [rad] nearer, everything is kept, too.
+    The margin and the limits are also kept up to an angle ``spare`` [rad] nearer.
     """
     chosen, problem = passed[0], trials.problem
     branch, start = chosen.branch.index, chosen.motion.initial.attitude

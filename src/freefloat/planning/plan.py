@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from freefloat.errors import InputError, finite_number, member, whole_number
 from freefloat.limits.contact import Contact
-from freefloat.limits.limits import LimitResult, Limits
+from freefloat.limits.limits import LimitResult, Limits, violated
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain
@@ -217,8 +217,8 @@ class Plan:
     @property
     def violation(self) -> str:
         """What the motion of an infeasible plan violates; empty for feasible plans."""
-        violated = [str(result.limit) for result in self.limit_results if not result.kept]
-        return "" if self.feasible else f"infeasible: violates {', '.join(violated) or 'no limit'}"
+        names = ", ".join(result.limit for result in violated(self.limit_results))
+        return "" if self.feasible else "infeasible" + (f": violates {names}" if names else "")
 
     @property
     def feasible_fraction(self) -> float | None:

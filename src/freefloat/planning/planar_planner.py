@@ -6,6 +6,7 @@ joints and measures other than ``system``, headings are sampled and the limits o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import tau
@@ -51,8 +52,9 @@ _TRIED = 24
 _ROUNDS = 8
 """Bisections of the interval of a range limit."""
 
-_Pair = tuple[BranchRanges, HeadingRange]
-_Choice = tuple[float, BranchRanges, HeadingRange, str]
+_Pair = tuple[int, HeadingRange]
+"""Number of an arm branch and one of its ranges."""
+_Choice = tuple[float, int, str]
 
 
 def plan_in_plane(
@@ -70,20 +72,28 @@ def plan_in_plane(
     else:
         samples = search.samples or HEADINGS
         ranges = searched_ranges(evaluator, samples, progress, search.domain)
-    pairs = [(entry, part) for entry in ranges for part in entry.ranges]
+    pairs = [(entry.branch, part) for entry in ranges for part in entry.ranges]
     if not pairs:
         return Plan(
             problem, search, False, no_feasible_heading_message(evaluator, search), ranges, segments
         )
-    heading, entry, part, reason = _choose(evaluator, search, pairs)
-    chosen = _integrate(problem, heading, _number(entry))
+    heading, branch, reason = _choose(evaluator, search, pairs)
+    chosen = _integrate(problem, heading, branch)
     if not chosen.feasible:
         reason = f"the motion chosen for {reason} does not keep the margin when integrated again"
         return Plan(problem, search, False, reason, ranges, segments)
     if search.objective is Objective.MARGIN:
         reason = f"{reason}, {margin_text(chosen)}"
-    depth = max(0.0, part.depth(heading))
+    depth = heading_depth(ranges, chosen)
     return Plan(problem, search, True, reason, ranges, segments, chosen, depth)
+
+
+def heading_depth(ranges: Sequence[BranchRanges], chosen: SimulatedBranch) -> float:
+    """Distance of a motion's heading from the nearer end of its range, 0 outside [rad]."""
+    initial, redundant = chosen.motion.initial, chosen.motion.problem.redundant
+    heading = heading_of(initial.attitude)
+    entries = (entry for entry in ranges if redundant or entry.branch == chosen.branch.index)
+    return max([0.0, *(entry.depth(heading) for entry in entries)])
 
 
 def _exact_ranges(
@@ -108,55 +118,51 @@ def _exact_ranges(
     return heading_ranges(problem, limits, whole, 0.0, domain), tuple(segments)
 
 
-def _integrate(problem: Problem, heading: float, branch: int | None) -> SimulatedBranch:
+def _integrate(problem: Problem, heading: float, branch: int) -> SimulatedBranch:
     """The precise motion from a heading; of a redundant arm that of its best branch."""
     attitude = heading_quaternion(heading)
-    if branch is None:
+    if problem.redundant:
         return simulate(problem, attitude).chosen
     return integrate_branch(problem, attitude, branch)
 
 
-def _number(entry: BranchRanges) -> int | None:
-    """Number of the arm branch; None where any starting configuration counts."""
-    return None if entry.label == "any" else entry.branch
-
-
 def _choose(evaluator: FeasibilityEvaluator, search: Search, pairs: list[_Pair]) -> _Choice:
-    """The heading of the objective, its range, and why it was chosen."""
+    """The heading of the objective, its arm branch, and why it was chosen."""
     if search.objective is Objective.ROBUST:
-        entry, part = max(pairs, key=lambda pair: pair[1].width)
+        branch, part = max(pairs, key=lambda pair: pair[1].width)
         reason = f"the middle of the widest range, {np.degrees(part.width):.4g} degrees wide"
-        return part.middle, entry, part, reason
+        return part.middle, branch, reason
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
         return _nearest(heading_of(search.from_attitude), search.spare, pairs)
     choices = []
-    for entry, part in pairs:
+    for branch, part in pairs:
         headings = np.linspace(*_inner_ends(part), _TRIED)
-        margin, heading = best_heading(evaluator, headings, _number(entry))
-        choices.append((margin, heading % tau, entry, part))
-    _, heading, entry, part = max(choices, key=lambda choice: choice[0])
-    return heading, entry, part, "the largest margin"
+        number = None if evaluator.problem.redundant else branch
+        margin, heading = best_heading(evaluator, headings, number)
+        choices.append((margin, heading % tau, branch))
+    _, heading, branch = max(choices, key=lambda choice: choice[0])
+    return heading, branch, "the largest margin"
 
 
 def _nearest(present: float, spare: float, pairs: list[_Pair]) -> _Choice:
     """The nearest heading that is deep enough inside a range; else the deepest."""
     wide = [pair for pair in pairs if pair[1].width >= 2.0 * spare]
     if not wide:
-        entry, part = max(pairs, key=lambda pair: pair[1].width)
-        return part.middle, entry, part, spare_message(spare, part.width / 2.0)
+        branch, part = max(pairs, key=lambda pair: pair[1].width)
+        return part.middle, branch, spare_message(spare, part.width / 2.0)
     choices = []
-    for entry, part in wide:
+    for branch, part in wide:
         enough = part.depth(present) >= spare
         headings = (present,) if enough else _inner_ends(part, spare)
         for heading in headings:
             deviation = abs(float(wrapped(heading - present)))
-            choices.append((deviation, heading % tau, entry, part))
-    angle, heading, entry, part = min(choices, key=lambda choice: choice[0])
-    return heading, entry, part, nearest_message(angle, spare)
+            choices.append((deviation, heading % tau, branch))
+    angle, heading, branch = min(choices, key=lambda choice: choice[0])
+    return heading, branch, nearest_message(angle, spare)
 
 
 def _inner_ends(part: HeadingRange, inside: float = 0.0) -> tuple[float, float]:
-    """Headings inside both limits of a range, by an angle or just so."""
+    """Headings inside both limits of a range by an angle, or by a millionth of a radian."""
     inside = min(max(_INSIDE, inside), part.width / 2.0)
     return part.low + inside, part.high - inside
 

@@ -127,6 +127,10 @@ class BranchRanges:
     ranges: tuple[HeadingRange, ...]
     limits: tuple[float, ...]
 
+    def depth(self, heading: float) -> float:
+        """Distance of a heading from the nearer end of its range, negative outside [rad]."""
+        return max((part.depth(heading) for part in self.ranges), default=-np.pi)
+
     @property
     def degrees(self) -> list[list[float]]:
         """The ranges in degrees from 0 to 360, those across zero split in two."""

@@ -14,7 +14,7 @@ from freefloat.errors import InputError, UnreachableError
 from freefloat.ik.branches import ArmBranch
 from freefloat.limits.check import LimitChecker
 from freefloat.limits.contact import Contact, self_contact
-from freefloat.limits.limits import LimitKind, LimitResult, Limits
+from freefloat.limits.limits import LimitKind, LimitResult, Limits, violated
 from freefloat.motion.extrema import ClosestApproach, closest_approach, unwrapped
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.motion import Ending, Motion
@@ -199,7 +199,7 @@ def simulate(
     chosen, results = checked[0]
     contact = self_contact(chosen.motion, results)
     violations = {
-        entry.branch.index: tuple(result.limit for result in results if not result.kept)
+        entry.branch.index: tuple(result.limit for result in violated(results))
         for entry, results in checked
         if results
     }
@@ -254,7 +254,7 @@ def _within_limits(
     checked = []
     for branch in branches:
         checked.append((branch, checker.results(branch.motion)))
-        if all(result.kept for result in checked[-1][1]):
+        if not violated(checked[-1][1]):
             return [checked[-1], *checked[:-1]]
     return checked
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from freefloat.limits.limits import LimitResult
+from freefloat.limits.limits import LimitResult, violated
 from freefloat.motion.motion import Ending
 from freefloat.planning.plan import Plan, degrees
 from freefloat.planning.simulation import SimulatedBranch, Simulation
@@ -22,14 +22,14 @@ def simulation_values(simulation: Simulation) -> dict[str, Any]:
     """Return the values of a simulation."""
     chosen = simulation.chosen
     limits = simulation.limit_results
-    violated = [str(result.limit) for result in limits if not result.kept]
+    names = ", ".join(result.limit for result in violated(limits))
     reason = ""
     if not chosen.motion.completed:
         reason = chosen.motion.ending.value
     elif not chosen.feasible:
         reason = "The margin is not kept."
-    elif violated:
-        reason = f"Limits are not kept: {', '.join(violated)}."
+    elif names:
+        reason = f"Limits are not kept: {names}."
     verdict = INFEASIBLE if reason else FEASIBLE
     return {"verdict": verdict, "reason": reason, **_motion_values(chosen), **_limit_values(limits)}
 
@@ -101,7 +101,7 @@ def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
 
 def _limit_values(limits: Sequence[LimitResult]) -> dict[str, Any]:
     return {
-        "limits_kept": all(result.kept for result in limits) if limits else None,
+        "limits_kept": not violated(limits) if limits else None,
         "limits": {str(result.limit): result.ratio for result in limits},
     }
 

@@ -13,6 +13,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.plan import Plan
+from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.planar_ranges import BranchRanges
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.tolerance import Tolerance
@@ -20,7 +21,6 @@ from freefloat.so3 import (
     Array,
     attitudes_within,
     even_directions,
-    heading_of,
     heading_quaternion,
 )
 from freefloat.verification.checks import Check, comparison_check
@@ -92,7 +92,7 @@ def _probes(entry: BranchRanges) -> Iterator[tuple[float, int, bool]]:
             yield heading, entry.branch, True
         outside = (span.low - _NEAR_END, span.high + _NEAR_END) if span.causes else ()
         for heading in outside:
-            if all(other.depth(heading) < 0.0 for other in entry.ranges):
+            if entry.depth(heading) < 0.0:
                 yield heading, entry.branch, False
 
 
@@ -105,13 +105,13 @@ def _contradictions(plan: Plan) -> Iterator[tuple[float, int, bool]]:
     feasible = problem.margin.keeps(outcomes.margins)
     if problem.redundant:
         feasible = np.array(feasible.any(axis=1, keepdims=True))
-    stated = {entry.branch: entry.ranges for entry in plan.ranges}
+    stated = {entry.branch: entry for entry in plan.ranges}
     for branch in sorted({*range(feasible.shape[1]), *stated}):
-        ranges = stated.get(branch, ())
+        entry = stated.get(branch)
         known = branch < feasible.shape[1]
         column = feasible[:, branch] if known else np.zeros(len(headings), bool)
         for heading, keeps in zip(headings.tolist(), column.tolist(), strict=True):
-            depth = max((span.depth(heading) for span in ranges), default=-np.pi)
+            depth = -np.pi if entry is None else entry.depth(heading)
             if keeps is not (depth > 0.0) and abs(depth) > _NEAR_END:
                 yield heading, branch, depth > 0.0
 
@@ -134,14 +134,7 @@ def _keeps_margin(problem: Problem, attitude: Array, joints: Array) -> bool:
 
 def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:
     """The robust radius is the distance of the heading from the end of its range."""
-    heading = heading_of(chosen.motion.initial.attitude)
-    depths = [
-        span.depth(heading)
-        for entry in plan.ranges
-        if plan.problem.redundant or entry.branch == chosen.branch.index
-        for span in entry.ranges
-    ]
-    depth = float(max([0.0, *depths]))
+    depth = heading_depth(plan.ranges, chosen)
     return comparison_check("robust radius", plan.robust_radius, depth, _ANGLE, "rad")
 
 

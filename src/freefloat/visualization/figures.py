@@ -152,7 +152,7 @@ def _infeasible_motion(problem: Problem, entry: BranchRanges) -> Motion | None:
     """Return a motion from the middle of the widest gap between ranges, if it reaches the path."""
     limits = np.array(entry.limits)
     middles = (limits + np.diff(limits, append=limits[:1] + tau) / 2.0) % tau
-    depths = [(max(span.depth(float(m)) for span in entry.ranges), float(m)) for m in middles]
+    depths = [(entry.depth(float(m)), float(m)) for m in middles]
     outside = [pair for pair in depths if pair[0] < 0.0]
     if not outside:
         return None

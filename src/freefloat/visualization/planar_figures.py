@@ -147,7 +147,7 @@ def _curves(
     result: HeadingMap, ranges: Sequence[BranchRanges]
 ) -> list[tuple[int | None, str, Array, list[list[float]]]]:
     """Return branch, name, minimum margins and feasible ranges [deg] per axes."""
-    if any(entry.label == "any" for entry in ranges):
+    if ranges and result.problem.redundant:
         with np.errstate(invalid="ignore"):
             best = np.fmax.reduce(result.minimum_margins, axis=0)
         return [(None, "best branch", best, ranges[0].degrees)]
