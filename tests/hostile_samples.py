@@ -125,15 +125,15 @@ def maps() -> tuple[bytes, bytes]:
     """A map over headings and one over attitudes."""
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
+    from tests.maps import branch_results
 
     problem = load_scenario("planar_3dof/parabola").problem()
     headings = np.linspace(0.0, 3.0, 4)
-    heading_map = HeadingMap(problem, headings, (0, 1), np.ones((2, 4)), 100.0 * np.ones((2, 4)))
     attitudes = heading_quaternion(headings)
+    results = branch_results(attitudes, np.ones((4, 2)), 3, ended_at=np.full((4, 2), 100.0))
+    heading_map = HeadingMap(problem, results, headings, (0, 1))
     spatial = load_scenario("spatial_6dof/line").problem()
-    attitude_map = AttitudeMap(
-        spatial, attitudes, np.ones((4, 8)), np.ones((4, 8)), np.zeros((4, 8), dtype=np.int8)
-    )
+    attitude_map = AttitudeMap(spatial, branch_results(attitudes, np.ones((4, 8))))
     return content(heading_map), content(attitude_map)
 
 

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from freefloat.robot.names import find_robot
 from freefloat.so3 import attitude_grid, heading_quaternion
 from tests.errors import error_key
 from tests.hostile_samples import plans
+from tests.maps import branch_results
 from tests.plans import planar_plan, spatial_plan
 from tests.result_files import altered, replaced, with_digest
 
@@ -94,7 +96,7 @@ def test_a_plan_in_space_comes_back_with_its_map(tmp_path):
     ff.save(plan, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
     assert_same(loaded.to_dict(), plan.to_dict())
-    assert np.array_equal(loaded.map.minimum_margins, plan.map.minimum_margins)
+    assert np.array_equal(loaded.map.margins, plan.map.margins)
     assert loaded.tolerance == plan.tolerance
     assert loaded.limits is None
 
@@ -142,15 +144,15 @@ def test_a_map_over_headings_comes_back(tmp_path):
     assert isinstance(loaded, HeadingMap)
     assert_same(loaded.to_dict(), computed.to_dict())
     with pytest.raises(ValueError, match="read-only"):
-        loaded.minimum_margins[0, 0] = 1.0
+        loaded.results.motions.minimum[0, 0] = 1.0
 
 
 def test_a_map_in_space_comes_back(tmp_path):
     random, attitudes = np.random.default_rng(5), attitude_grid(8)
     margins, joints = random.random((8, 8)), random.random((8, 8, 6))
     computed = AttitudeMap(
-        ff.load_scenario("spatial_6dof/line").problem(), attitudes, margins, margins / 2.0,
-        np.zeros((8, 8), np.int8), {"joints": joints},
+        ff.load_scenario("spatial_6dof/line").problem(),
+        replace(branch_results(attitudes, margins, determinant_ratios=margins / 2), joints=joints),
         regions=(Region(1, 0.5, 0.1, attitudes[0], 0.3),),
         best=Peak(attitudes[1], 2, 7.0),
         robust=Ball(attitudes[2], 1, 0.2),
@@ -165,9 +167,11 @@ def test_a_map_in_space_comes_back(tmp_path):
     loaded = ff.load(tmp_path / "map.h5")
     assert isinstance(loaded, AttitudeMap)
     assert_same(loaded.to_dict(), computed.to_dict())
-    for name in ("attitudes", "minimum_margins", "determinant_ratios", "endings", "nearest_to"):
+    for name in ("attitudes", "margins", "nearest_to"):
         assert np.array_equal(getattr(loaded, name), getattr(computed, name))
-    assert np.array_equal(loaded.details["joints"], joints)
+    for values, other in zip(loaded.results.motions, computed.results.motions, strict=True):
+        assert np.array_equal(values, other, equal_nan=True)
+    assert np.array_equal(loaded.results.joints, joints)
 
 
 def test_plain_hdf5_tools_can_read_it(saved):

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
+from freefloat.ensemble.kernels.integration import SINGULAR, UNREACHED
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.regions import depths, find_regions
 from freefloat.so3 import angle_between, attitude_grid, attitudes_within, grid_spacing
+from tests.maps import branch_results
 from tests.motions import bundled
 
 CENTRES = np.array([[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
@@ -22,10 +23,8 @@ def made(
     problem: Problem, attitudes: np.ndarray, margins: np.ndarray, endings: np.ndarray | None = None
 ) -> AttitudeMap:
     """A map with minimum margins of some arm branches; by default all motions complete."""
-    margins = margins.astype(float)
-    if endings is None:
-        endings = np.full(margins.shape, COMPLETED, dtype=np.int8)
-    return AttitudeMap(problem, attitudes, margins, np.ones(margins.shape), endings)
+    stated = {} if endings is None else {"endings": endings}
+    return AttitudeMap(problem, branch_results(attitudes, margins, **stated))
 
 
 def balls(attitudes: np.ndarray) -> np.ndarray:
@@ -146,7 +145,7 @@ def test_regions_of_the_example_make_up_its_branches(samples: AttitudeMap) -> No
 def test_an_arm_without_wrist_flipped_branches_has_all_its_branches() -> None:
     result = sample_attitudes(FeasibilityEvaluator(bundled("ur5_servicer/arc"), 1), 64)
     numbers = [branch for branch, _ in result.branch_margins()]
-    assert numbers == np.flatnonzero((result.endings != UNREACHED).any(axis=0)).tolist()
+    assert numbers == np.flatnonzero(result.results.exist.any(axis=0)).tolist()
     assert any(number % 2 for number in numbers)
     assert 0.0 < result.feasible_fraction < 1.0
 

@@ -120,7 +120,7 @@ def test_maps_over_headings_of_an_arc() -> None:
     for region in result.regions:
         sizes[region.branch] += np.radians(region.size)
     for number, branch in enumerate(result.branches):
-        assert sizes[branch] == pytest.approx(result.feasible[number].mean())
+        assert sizes[branch] == pytest.approx(result.feasible[:, number].mean())
 
 
 # --- joints ---------------------------------------------------------------------------------------
@@ -169,8 +169,8 @@ def test_a_redundant_arm_starts_from_its_present_joints() -> None:
     assert np.abs(start.joints - joints).max() < 1e-9
     evaluator = FeasibilityEvaluator(search.applied_to(problem), 1)
     result = sample_attitudes(evaluator, 16, search=search)
-    assert result.minimum_margins.shape == (16, 1)
-    starts = result.details["joints"][:, 0]
+    assert result.margins.shape == (16, 1)
+    starts = result.results.joints[:, 0]
     assert np.nanmax(np.abs(starts - joints)) < 0.6  # close to the present ones everywhere
     again = next(a for a in attitude_grid(64)[::-1] if problem.branches(a))
     (far,) = replace(problem, start_joints=joints).branches(again)

@@ -30,10 +30,10 @@ def test_a_map_has_the_results_of_a_grid(
 ) -> None:
     results = evaluator.evaluate(attitude_grid(512))
     np.testing.assert_array_equal(samples.attitudes, results.attitudes)
-    np.testing.assert_array_equal(samples.minimum_margins, results.motions.minimum)
-    np.testing.assert_array_equal(samples.endings, results.motions.endings)
+    np.testing.assert_array_equal(samples.results.motions.minimum, results.motions.minimum)
+    np.testing.assert_array_equal(samples.results.motions.endings, results.motions.endings)
     np.testing.assert_array_equal(samples.margins, results.margins)
-    for values in (samples.attitudes, samples.minimum_margins, samples.endings):
+    for values in (samples.attitudes, *samples.results.motions):
         assert not values.flags.writeable
 
 
@@ -41,9 +41,9 @@ def test_entries_of_a_map_are_those_of_simulations(samples: AttitudeMap) -> None
     for k in (3, 300):
         simulation = simulate(samples.problem, samples.attitudes[k])
         numbers = [entry.branch.index for entry in simulation.branches]
-        assert np.flatnonzero(samples.endings[k] != UNREACHED).tolist() == numbers
+        assert np.flatnonzero(samples.results.motions.endings[k] != UNREACHED).tolist() == numbers
         for entry in simulation.branches:
-            completed = samples.endings[k, entry.branch.index] == COMPLETED
+            completed = samples.results.motions.endings[k, entry.branch.index] == COMPLETED
             assert completed == entry.motion.completed
             minimum = entry.closest_approach.value if completed else 0.0
             assert samples.margins[k, entry.branch.index] == pytest.approx(minimum, rel=1e-3)
@@ -64,7 +64,7 @@ def test_fractions_are_those_of_random_attitudes(
     assert abs(samples.feasible_fraction - fraction) < 4.0 * error
     assert 0.4 < fraction < 0.8
     assert samples.motion_fraction == pytest.approx(keeps.mean(), abs=0.05)
-    assert samples.motions == (samples.endings != UNREACHED).sum() == 8 * 512
+    assert samples.motions == samples.results.exist.sum() == 8 * 512
 
 
 def test_blocks_and_threads_change_nothing(
@@ -75,9 +75,9 @@ def test_blocks_and_threads_change_nothing(
     monkeypatch.setattr(mapping, "_BLOCK", 16)
     fractions: list[float] = []
     blocks = sample_attitudes(FeasibilityEvaluator(margin_30, 2), 101, progress=fractions.append)
-    for name in ("attitudes", "minimum_margins", "endings"):
-        np.testing.assert_array_equal(getattr(blocks, name), getattr(whole, name))
-    assert blocks.details["joints"].shape == whole.details["joints"].shape
+    for values, other in zip(blocks.results.motions, whole.results.motions, strict=True):
+        np.testing.assert_array_equal(values, other)
+    np.testing.assert_array_equal(blocks.results.joints, whole.results.joints)
     assert fractions == sorted(fractions)
     assert fractions[0] > 0.0
     assert fractions[-1] == pytest.approx(1.0)
@@ -87,10 +87,10 @@ def test_a_seed_rotates_the_grid(evaluator: FeasibilityEvaluator) -> None:
     """Equal seeds give equal maps to the bit."""
     first, same, other = (sample_attitudes(evaluator, 32, Search(seed=seed)) for seed in (5, 5, 6))
     np.testing.assert_array_equal(first.attitudes, attitude_grid(32, 5))
-    np.testing.assert_array_equal(first.minimum_margins, same.minimum_margins)
+    np.testing.assert_array_equal(first.margins, same.margins)
     assert (first.seed, other.seed) == (5, 6)
     assert np.abs(first.attitudes - other.attitudes).max() > 0.01
-    assert np.abs(first.minimum_margins - other.minimum_margins).max() > 0.01
+    assert np.abs(first.margins - other.margins).max() > 0.01
 
 
 @pytest.mark.parametrize("count", [7, -3])

@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.motion.problem import Problem
 from freefloat.planning import search as attitude_search
 from freefloat.planning.attitude_map import AttitudeMap, Peak
@@ -29,6 +28,7 @@ from freefloat.so3 import (
     rotated,
     rotation_vector_to,
 )
+from tests.maps import branch_results
 
 MARGIN = 30.0
 SURPLUS = attitude_search._CERTAIN
@@ -65,8 +65,7 @@ class Landscape:
         attitudes, minimum = attitude_grid(samples, seed), np.zeros((samples, 8))
         for branch, margins in self.branches.items():
             minimum[:, branch] = np.maximum(margins(attitudes), 0.0)
-        endings = np.full(minimum.shape, COMPLETED, dtype=np.int8)
-        return AttitudeMap(self.problem, attitudes, minimum, np.ones(minimum.shape), endings)
+        return AttitudeMap(self.problem, branch_results(attitudes, minimum))
 
 
 def ball(centre: np.ndarray, radius: float) -> Margins:

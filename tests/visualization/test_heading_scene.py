@@ -11,7 +11,9 @@ import umsgpack
 import freefloat as ff
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.heading_map import HeadingMap
+from freefloat.so3 import heading_quaternion
 from freefloat.visualization.heading_scene import NODE, heading_scene
+from tests.maps import branch_results
 
 MARGINS = np.array([[9.0, 6.0, 4.0, 0.0], [np.nan, 20.0, np.nan, 7.0]])
 
@@ -23,9 +25,9 @@ def attribute(item: dict[str, Any], name: str) -> np.ndarray:
 
 def test_a_quadrilateral_stands_for_each_motion() -> None:
     problem = ff.load_scenario("planar_3dof/parabola").problem()  # the margin is 5
-    result = HeadingMap(
-        problem, SearchDomain().headings(4), (0, 3), MARGINS, np.full((2, 4), 100.0)
-    )
+    headings = SearchDomain().headings(4)
+    results = branch_results(heading_quaternion(headings), MARGINS.T, 3)
+    result = HeadingMap(problem, results, headings, (0, 3))
     scene = heading_scene(result)
     commands = map(umsgpack.unpackb, scene.objects)
     drawn = {c["path"]: c["object"] for c in commands if c["type"] == "set_object"}

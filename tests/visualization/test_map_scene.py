@@ -27,6 +27,7 @@ from freefloat.visualization.map_scene import (
     map_scene,
 )
 from freefloat.visualization.scene_builder import Scene
+from tests.maps import branch_results, with_motions
 
 SECOND = "shoulder+ elbow- wrist±"
 LABELS = [f"shoulder{a} elbow{b} wrist{c}" for a in "+-" for b in "+-" for c in "+-"]
@@ -104,9 +105,9 @@ def test_marks_and_boundary_belong_to_their_branch(scene: Scene) -> None:
 
 
 def test_attitudes_that_do_not_reach_the_path_are_distinguished(result: AttitudeMap) -> None:
-    endings = result.endings.copy()
+    endings = result.results.motions.endings.copy()
     endings[7] = UNREACHED_CODE
-    scene = map_scene(replace(result, endings=endings))
+    scene = map_scene(replace(result, results=with_motions(result.results, endings=endings)))
     positions, _ = points(scene, BEST_BRANCH)[UNREACHED]
     wanted = Rotation.from_quat(result.attitudes[7:8]).as_rotvec()
     assert positions == pytest.approx(wanted, abs=1e-6)
@@ -119,9 +120,8 @@ def test_attitudes_that_do_not_reach_the_path_are_distinguished(result: Attitude
 
 
 def test_many_samples_are_thinned_evenly(result: AttitudeMap) -> None:
-    fields = ("attitudes", "minimum_margins", "determinant_ratios", "endings")
-    many = {name: np.tile(getattr(result, name), (100, 1)) for name in fields}
-    drawn = points(map_scene(replace(result, **many)), BEST_BRANCH)
+    many = branch_results(np.tile(result.attitudes, (100, 1)), np.tile(result.margins, (100, 1)))
+    drawn = points(map_scene(replace(result, results=many)), BEST_BRANCH)
     assert sum(len(drawn[name][0]) for name in (FRONT, BACK, INFEASIBLE)) == 40_000
     fraction = len(drawn[INFEASIBLE][0]) / 40_000
     assert fraction == pytest.approx(1.0 - result.feasible_fraction, abs=0.005)

@@ -114,8 +114,8 @@ def test_a_page_shows_a_map_over_headings(browser: Browser, tmp_path: Path) -> N
         page.page.mouse.move(box["width"] / 2 + 80, box["height"] / 2 - 80)
         text = page.page.locator("#sample").inner_text()
         assert text.startswith("heading 45°")
-        for margins in result.minimum_margins:
-            assert f"{margins[3]:.4g}" in text
+        for margin in result.margins[3]:
+            assert f"{margin:.4g}" in text
         assert page.errors == []
 
 

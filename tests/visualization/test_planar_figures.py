@@ -21,6 +21,7 @@ from freefloat.so3 import heading_quaternion
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure, wrapped
 from freefloat.workspace.planar import PlanarArm, point_3, two_angles
 from tests.figures import labels, line
+from tests.maps import branch_results
 
 PLANAR = load_scenario("planar_3dof/parabola").problem()
 BOTH = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
@@ -93,7 +94,8 @@ def some_map() -> HeadingMap:
     """Two branches from eight headings, a margin of 5; one branch does not always reach."""
     margins = np.array([[0, 2, 6, 8, 9, 7, 4, 0], [9, 9, 9, np.nan, 0, 1, 5, 9]], dtype=float)
     headings = np.arange(8) * np.pi / 4
-    return HeadingMap(PLANAR, headings, (0, 3), margins, np.full((2, 8), 100.0))
+    results = branch_results(heading_quaternion(headings), margins.T, 3)
+    return HeadingMap(PLANAR, results, headings, (0, 3))
 
 
 def spans(axes: object) -> list[tuple[float, float]]:
@@ -113,7 +115,7 @@ def test_shaded_spans_are_the_ranges() -> None:
     assert labels(first)[0] == "elbow+"
     assert "chosen" not in labels(first)
     assert np.allclose(line(second, "chosen")[:, 0], np.degrees(6.0))
-    for axes, row in zip(figure.axes, some_map().minimum_margins, strict=True):
+    for axes, row in zip(figure.axes, some_map().results.existing_margins.T, strict=True):
         (curve,) = [item for item in axes.lines if len(item.get_xdata()) == 8]
         assert np.array_equal(curve.get_ydata(), row, equal_nan=True)
         assert line(axes, "margin 5")[:, 1].tolist() == [5.0, 5.0]

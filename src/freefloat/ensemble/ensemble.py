@@ -86,6 +86,10 @@ class EnsembleResult(NamedTuple):
             np.zeros(shape, np.int64),
         )  # fmt: skip
 
+    def columns(self, numbers: IntArray) -> EnsembleResult:
+        """The results of some columns of a table."""
+        return EnsembleResult._make(values[:, numbers] for values in self)
+
     def assign(self, chosen: npt.NDArray[np.bool_], motions: EnsembleResult) -> None:
         """Write the results of motions where they are chosen, in place."""
         for name in self._fields:

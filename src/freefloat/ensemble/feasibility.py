@@ -13,7 +13,7 @@ from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator, Ense
 from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
 from freefloat.ik.branches import ClosedForm, closed_form
 from freefloat.motion.problem import Problem, require_problem
-from freefloat.so3 import Array, attitude_grid
+from freefloat.so3 import Array, IntArray, attitude_grid
 
 _REDUCTION = 4
 """Reduction of the number of attitudes in searches whose arm branches have no closed form."""
@@ -51,6 +51,15 @@ class BranchResults:
     def margins(self) -> Array:
         """Minimum magnitudes of the measure, zero for motions that do not complete, (K, B)."""
         return np.where(self.motions.endings == COMPLETED, self.motions.minimum, 0.0)
+
+    @property
+    def existing_margins(self) -> Array:
+        """As :attr:`margins`, but nan where there is no such arm branch."""
+        return np.where(self.exist, self.margins, np.nan)
+
+    def columns(self, numbers: IntArray) -> BranchResults:
+        """The results of some of the columns."""
+        return BranchResults(self.attitudes, self.joints[:, numbers], self.motions.columns(numbers))
 
 
 class FeasibilityEvaluator:
@@ -121,12 +130,13 @@ class FeasibilityEvaluator:
         table = EnsembleResult.empty(chosen.shape, joints.shape[2])
         table.assign(chosen, result)
         selected = np.searchsorted(integrated, sources)
-        table = EnsembleResult._make(values[:, selected] for values in table)
+        table = table.columns(selected)
         if flipped:
             _flip_wrists(table, columns % 2 == 1, joints[:, sources], joints[:, columns])
-        for values in table:
+        joints = joints[:, columns]
+        for values in (joints, *table):
             values.setflags(write=False)
-        return BranchResults(attitudes, joints[:, columns], table)
+        return BranchResults(attitudes, joints, table)
 
     def margins(self, attitudes: Array, branch: int | None) -> Array:
         """Minimum margin along a branch, or the largest of all branches, shape (K,)."""

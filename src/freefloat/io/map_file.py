@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
+from freefloat.ensemble.ensemble import EnsembleResult
+from freefloat.ensemble.feasibility import BranchResults
 from freefloat.io.hdf5 import QUATERNION, TEXT, Document, read_numbers, write_arrays
 from freefloat.io.scenario import Scenario
 from freefloat.motion.problem import Problem
@@ -23,7 +23,7 @@ from freefloat.planning.attitude_map import (
 from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.plan import Search
 from freefloat.planning.regions import Region
-from freefloat.so3 import Array, frozen
+from freefloat.so3 import Array, frozen, heading_quaternion
 
 T = TypeVar("T")
 _ENDINGS = "code: 0 completed, 1 singular, 3 step limit reached, -1 no such branch"
@@ -37,37 +37,45 @@ _SAMPLES = {
     "largest_rates": "rad/s or m/s", "joint_lower": "rad or m", "joint_upper": "rad or m",
 }  # fmt: skip
 """Units of the arrays of samples, other than that of the measure."""
+_MOTIONS = {
+    "ending": "endings", "least": "minimum", "clearance": "determinant_ratios",
+    "ended_at": "ended_at", "least_at": "minimum_at", "final_attitude": "attitudes",
+    "largest_rates": "rates", "joint_lower": "lower", "joint_upper": "upper",
+}  # fmt: skip
+"""Fields of the results of motions, by the name of their array."""
 
 
 def write_heading_map(file: Any, heading_map: HeadingMap, _: Document) -> None:
     """Write a map over headings: a row for each arm branch, a column for each heading."""
     _write_margin(file, heading_map.problem)
-    margins, ended_at = heading_map.minimum_margins, heading_map.ended_at
-    early = ended_at < heading_map.problem.path.duration * (1.0 - 1e-9)
-    endings = np.where(early, SINGULAR, COMPLETED)
+    motions = heading_map.results.motions
     write_arrays(file, {
         "heading": (heading_map.headings, "rad"),
         "branch": (heading_map.branches, "1"),
-        "least": (margins, heading_map.problem.margin.measure.unit),
-        "ended_at": (ended_at, "s"),
-        "ending": (np.where(np.isnan(margins), UNREACHED, endings).astype(np.int8), _ENDINGS),
+        "least": (heading_map.results.existing_margins.T, heading_map.problem.margin.measure.unit),
+        "ended_at": (motions.ended_at.T, "s"),
+        "ending": (motions.endings.T, _ENDINGS),
     })  # fmt: skip
 
 
 def read_heading_map(file: Any, scenario: Scenario, document: Document) -> HeadingMap:
     """Map over headings of a file."""
-    names = ("heading", "least", "ended_at", "branch")
-    headings, margins, ended_at, branches = (
-        values.astype(float) for values in read_numbers(file, *names)
-    )
-    if not (margins.shape == ended_at.shape == (len(branches), len(headings))):
+    names = ("heading", "branch", "least", "ended_at", "ending")
+    headings, branches, *motions = read_numbers(file, *names)
+    shape = len(branches), len(headings)
+    if any(values.shape != shape for values in motions):
         raise ValueError("its arrays are not those of a map")
     if not np.isfinite(headings).all():
         raise ValueError("its headings are not finite")
-    arrays = frozen(headings), tuple(map(int, branches)), frozen(margins), frozen(ended_at)
     search = scenario.search()
     problem = search.applied_to(scenario.problem())
-    return HeadingMap(problem, *arrays, document["seconds"], search)
+    table = dict(zip(("minimum", "ended_at", "endings"), (a.T for a in motions), strict=True))
+    joints = np.full((*shape[::-1], len(problem.model.joint_names)), np.nan)
+    results = _results(heading_quaternion(headings), joints, table)
+    numbers = tuple(map(int, branches))
+    return HeadingMap(
+        problem, results, frozen(headings), numbers, search=search, seconds=document["seconds"]
+    )
 
 
 def write_attitude_map(file: Any, attitude_map: AttitudeMap, document: Document) -> None:
@@ -88,28 +96,31 @@ def write_samples(file: Any, attitude_map: AttitudeMap) -> None:
     """Write the samples of a map: a row for each attitude, a column for each arm branch."""
     _write_margin(file, attitude_map.problem)
     file.attrs["samples"], file.attrs["seed"] = attitude_map.samples, attitude_map.seed
-    unit = attitude_map.problem.margin.measure.unit
-    arrays: dict[str, npt.NDArray[Any]] = {
-        "attitude": attitude_map.attitudes, "ending": attitude_map.endings,
-        "least": attitude_map.minimum_margins, "clearance": attitude_map.determinant_ratios,
-        **attitude_map.details,
-    }  # fmt: skip
+    unit, results = attitude_map.problem.margin.measure.unit, attitude_map.results
+    arrays = {name: getattr(results.motions, key) for name, key in _MOTIONS.items()}
+    arrays |= {"attitude": results.attitudes, "joints": results.joints}
     write_arrays(file, {name: (array, _SAMPLES.get(name, unit)) for name, array in arrays.items()})
 
 
 def read_samples(file: Any, problem: Problem, search: Search) -> AttitudeMap:
     """Map of a file or group with its samples alone."""
-    main = ("attitude", "ending", "least", "clearance")
-    attitudes, endings, margins, ratios = read_numbers(file, *main)
-    alike = endings.shape == margins.shape == ratios.shape and margins.ndim == 2
-    if not alike or attitudes.shape != (len(margins), 4):
+    attitudes, joints, *motions = read_numbers(file, "attitude", "joints", *_MOTIONS)
+    shape, n = joints.shape[:2], len(problem.model.joint_names)
+    table = dict(zip(_MOTIONS.values(), motions, strict=True))
+    alike = all(values.shape[:2] == shape for values in motions)
+    if not alike or joints.shape != (*shape, n) or attitudes.shape != (shape[0], 4):
         raise ValueError("its arrays are not those of a map")
-    names = [name for name in _SAMPLES if name in file and name not in main]
-    details = dict(zip(names, read_numbers(file, *names), strict=True))
-    return AttitudeMap(
-        problem, frozen(attitudes), frozen(margins), frozen(ratios),
-        endings.astype(np.int8), details, search=search,
-    )  # fmt: skip
+    return AttitudeMap(problem, _results(attitudes, joints, table), search=search)
+
+
+def _results(attitudes: Array, joints: Array, table: dict[str, Any]) -> BranchResults:
+    """Read-only results; quantities that are not in the table are nan or zero."""
+    *shape, n = joints.shape
+    table["endings"] = table["endings"].astype(np.int8)
+    motions = EnsembleResult.empty((*shape,), n)._replace(**table)
+    for values in (attitudes, joints, *motions):
+        values.setflags(write=False)
+    return BranchResults(attitudes, joints, motions)
 
 
 def read_attitude_map(file: Any, scenario: Scenario, document: Document) -> AttitudeMap:

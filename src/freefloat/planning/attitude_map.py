@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches, is_regular
 from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
-from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
-from freefloat.planning.plan import Search, degrees
+from freefloat.planning.margin_map import MarginMap
+from freefloat.planning.plan import degrees
 from freefloat.planning.regions import Region
 from freefloat.so3 import Array, angle_between
 from freefloat.statistics import percentage
@@ -99,22 +99,10 @@ class BoundaryPoint(Candidate):
 
 
 @dataclass(frozen=True, eq=False)
-class AttitudeMap:
+class AttitudeMap(MarginMap):
     """Minimum margins over initial attitudes, arm branch by arm branch.
 
-    Quantities of motions have a row for each attitude and a column for each arm branch.
-
     Attributes:
-        problem: The problem.
-        attitudes: Evenly spread quaternions x, y, z, w, shape (N, 4).
-        minimum_margins: Smallest magnitude of the measure, zero where the motion becomes singular
-            or there is no such arm branch, shape (N, B).
-        determinant_ratios: Smallest over largest magnitude of det S* on the way, shape (N, B).
-        endings: Codes as in ``EnsembleResult``; -1 where there is no such arm branch, shape (N, B).
-        details: Further quantities of the motions by name: ``joints`` at the start [rad or m] and
-            ``largest_rates``, ``joint_lower``, ``joint_upper`` over the motion, (N, B, n),
-            ``ended_at`` and ``least_at`` (when the margin is smallest) [s], (N, B), and
-            ``final_attitude`` (N, B, 4).
         regions: Connected parts of the feasible set, the largest first.
         best: The attitude of the largest minimum margin; None where none is feasible.
         robust: The attitude deepest inside the feasible set; None where none is.
@@ -122,16 +110,8 @@ class AttitudeMap:
         nearest: The feasible attitude nearest to it; None where none is.
         boundary: Points on the boundary by bisection; None where none were asked for.
         tangency: Points on the boundary from tangency points; None where none were asked for.
-        search: What was searched for; its domain has the attitudes.
-        seconds: Computing time [s].
     """
 
-    problem: Problem = field(repr=False)
-    attitudes: Array = field(repr=False)
-    minimum_margins: Array = field(repr=False)
-    determinant_ratios: Array = field(repr=False)
-    endings: npt.NDArray[np.int8] = field(repr=False)
-    details: dict[str, npt.NDArray[np.floating]] = field(default_factory=dict, repr=False)
     regions: tuple[Region, ...] = field(default=(), repr=False)
     best: Peak | None = None
     robust: Ball | None = None
@@ -139,13 +119,6 @@ class AttitudeMap:
     nearest: NearAttitude | None = None
     boundary: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
     tangency: tuple[BoundaryPoint, ...] | None = field(default=None, repr=False)
-    search: Search = field(default_factory=Search, repr=False)
-    seconds: float = 0.0
-
-    @property
-    def samples(self) -> int:
-        """Number of attitudes."""
-        return len(self.attitudes)
 
     @property
     def seed(self) -> int:
@@ -158,34 +131,9 @@ class AttitudeMap:
         return self.search.domain.spacing(self.samples)
 
     @property
-    def motions(self) -> int:
-        """Number of motions."""
-        return int(self.reached.sum())
-
-    @property
-    def margins(self) -> Array:
-        """Minimum margins, zero for motions that do not complete, shape (N, B)."""
-        return np.where(self.endings == COMPLETED, self.minimum_margins, 0.0)
-
-    @property
-    def feasible(self) -> npt.NDArray[np.bool_]:
-        """Where the margin is kept, shape (N, B)."""
-        return self.problem.margin.keeps(self.margins)
-
-    @property
-    def reached(self) -> npt.NDArray[np.bool_]:
-        """Where an arm branch exists, shape (N, B)."""
-        return np.asarray(self.endings != UNREACHED)
-
-    @property
-    def feasible_fraction(self) -> float:
-        """Fraction of the attitudes from which at least one arm branch keeps the margin."""
-        return float(self.feasible.any(axis=1).mean())
-
-    @property
     def feasible_found(self) -> bool:
         """Whether a feasible attitude was found, among the samples or between them."""
-        return self.feasible_fraction > 0.0 or self.best is not None
+        return super().feasible_found or self.best is not None
 
     @property
     def feasible_fraction_error(self) -> float:
@@ -195,11 +143,6 @@ class AttitudeMap:
         """
         p = self.feasible_fraction
         return float(np.sqrt(p * (1.0 - p) / self.samples))
-
-    @property
-    def motion_fraction(self) -> float:
-        """Fraction of the motions that keep the margin."""
-        return float(self.feasible.sum() / max(1, self.motions))
 
     @property
     def feasible_percentage(self) -> str:
@@ -213,7 +156,7 @@ class AttitudeMap:
 
     def regular(self, branch: int | None) -> npt.NDArray[np.bool_]:
         """Where a branch, or any, is feasible and avoids all singularities, shape (N,)."""
-        regular = self.feasible & is_regular(self.determinant_ratios)
+        regular = self.feasible & is_regular(self.results.motions.determinant_ratios)
         return np.asarray(regular.any(axis=1) if branch is None else regular[:, branch])
 
     def branch_margins(self) -> list[tuple[int | None, Array]]:
@@ -226,7 +169,7 @@ class AttitudeMap:
         if self.problem.redundant:
             return [(None, margins.max(axis=1, initial=0.0))]
         step = 2 if has_wrist_flipped_branches(self.problem) else 1
-        branches = np.flatnonzero(self.reached.any(axis=0)).tolist()
+        branches = np.flatnonzero(self.results.exist.any(axis=0)).tolist()
         return [(branch, margins[:, branch]) for branch in branches if branch % step == 0]
 
     @property
@@ -239,23 +182,23 @@ class AttitudeMap:
         """Names of the arm branches that exist somewhere, by number; of a redundant arm, "any"."""
         if self.problem.redundant:
             return {None: "any"}
-        reached = self.reached
+        exist = self.results.exist
         labels: dict[int, str] = {}
-        for index in np.flatnonzero(reached.any(axis=0)).tolist():
+        for index in np.flatnonzero(exist.any(axis=0)).tolist():
             if index not in labels:
-                branches = self.problem.branches(self.attitudes[int(np.argmax(reached[:, index]))])
+                branches = self.problem.branches(self.attitudes[int(np.argmax(exist[:, index]))])
                 labels = {branch.index: branch.label for branch in branches} | labels
         return dict(sorted(labels.items()))
 
     def branch_fractions(self, branch: int | None) -> tuple[float, float]:
         """Fractions of the attitudes where an arm branch keeps the margin, and where it exists."""
         columns = slice(None) if branch is None else [branch]
-        feasible, reached = self.feasible[:, columns], self.reached[:, columns]
-        return float(feasible.any(axis=1).mean()), float(reached.any(axis=1).mean())
+        feasible, exist = self.feasible[:, columns], self.results.exist[:, columns]
+        return float(feasible.any(axis=1).mean()), float(exist.any(axis=1).mean())
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat map``."""
-        margin = self.problem.margin
+        margin, endings = self.problem.margin, self.results.motions.endings
         branches = []
         for branch, label in self.branch_labels().items():
             feasible, reached = self.branch_fractions(branch)
@@ -274,7 +217,7 @@ class AttitudeMap:
             "robust": self.robust and self.robust.to_dict(),
             "regions": [region.to_dict() for region in self.regions],
             "branches": branches,
-            "endings": {key: int((self.endings == code).sum()) for key, code in _ENDINGS.items()},
+            "endings": {key: int((endings == code).sum()) for key, code in _ENDINGS.items()},
             "out_of_reach": reach_message(self.problem),
             "seconds": self.seconds,
         }

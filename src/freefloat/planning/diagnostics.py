@@ -95,9 +95,9 @@ def no_feasible_attitude_message(evaluator: FeasibilityEvaluator, samples: Attit
     N = samples.samples
     if (beyond := reach_message(problem)) is not None:
         return beyond
-    if not samples.reached.any():
+    if not samples.results.exist.any():
         return unreached_start_message(problem, f"none of {N} attitudes")
-    fractions = _ending_fractions(samples.endings)
+    fractions = _ending_fractions(samples.results.motions.endings)
     peaks = largest_margins(evaluator, samples)
     if not peaks:
         return f"of {N} attitudes none completes the path: {fractions}{_last_singularity(samples)}"
@@ -114,7 +114,7 @@ def _ending_fractions(endings: npt.NDArray[np.int8]) -> str:
     """How attitudes fail: by the arm branch that gets farthest; endings have the shape (K, B)."""
     words = {
         UNREACHED: "have no arm configuration at the start",
-        FAILED: "end at the step limit",
+        FAILED: "reach the step limit",
         SINGULAR: "end in a singularity",
         COMPLETED: "complete the path below the margin",
     }
@@ -130,7 +130,8 @@ def _ending_fractions(endings: npt.NDArray[np.int8]) -> str:
 
 def _last_singularity(samples: AttitudeMap) -> str:
     """Time and kind of the singularity of the motion of a map that lasts longest."""
-    times = np.where(samples.endings == SINGULAR, samples.details["ended_at"], -np.inf)
+    motions = samples.results.motions
+    times = np.where(motions.endings == SINGULAR, motions.ended_at, -np.inf)
     n, branch = np.unravel_index(int(np.argmax(times)), times.shape)
     if not np.isfinite(times[n, branch]):
         return ""

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.ensemble import STEP_TOLERANCE
@@ -14,6 +13,7 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import whole_number
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
+from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.plan import FEWEST_SAMPLES, Search
 from freefloat.so3 import Array, frozen, heading_quaternion
 
@@ -74,27 +74,16 @@ class HeadingRegion:
 
 
 @dataclass(frozen=True, eq=False)
-class HeadingMap:
+class HeadingMap(MarginMap):
     """Minimum margins over initial headings, arm branch by arm branch.
 
     Attributes:
-        problem: The problem.
         headings: Evenly spread [rad], shape (N,).
-        branches: Numbers of the arm branches, shape (B,).
-        minimum_margins: Smallest magnitude of the measure, zero for motions that become singular,
-            nan where the branch does not reach the path, shape (B, N).
-        ended_at: When each motion ended [s], nan where there is none, shape (B, N).
-        seconds: Computing time [s].
-        search: What was searched for; its domain has the headings.
+        branches: Numbers of the arm branches, which are the columns of the results, shape (B,).
     """
 
-    problem: Problem = field(repr=False)
     headings: Array = field(repr=False)
     branches: tuple[int, ...]
-    minimum_margins: Array = field(repr=False)
-    ended_at: Array = field(repr=False)
-    seconds: float = 0.0
-    search: Search = field(default_factory=Search, repr=False)
 
     @property
     def step(self) -> float:
@@ -102,34 +91,9 @@ class HeadingMap:
         return 2.0 * self.search.domain.radius / len(self.headings)
 
     @property
-    def feasible(self) -> npt.NDArray[np.bool_]:
-        """Where the margin is kept, shape (B, N)."""
-        return self.problem.margin.keeps(np.nan_to_num(self.minimum_margins))
-
-    @property
-    def feasible_fraction(self) -> float:
-        """Fraction of the headings from which at least one arm branch keeps the margin."""
-        return float(self.feasible.any(axis=0).mean()) if self.branches else 0.0
-
-    @property
-    def feasible_found(self) -> bool:
-        """Whether a feasible heading was found."""
-        return self.feasible_fraction > 0.0
-
-    @property
-    def motions(self) -> int:
-        """Number of motions."""
-        return int(np.isfinite(self.minimum_margins).sum())
-
-    @property
-    def motion_fraction(self) -> float:
-        """Fraction of the motions that keep the margin."""
-        return float(self.feasible.sum() / max(1, self.motions))
-
-    @property
     def best(self) -> HeadingCandidate | None:
         """The sample with the largest minimum margin; None where all motions become singular."""
-        margins = np.nan_to_num(self.minimum_margins)
+        margins = self.margins.T
         if not margins.max(initial=0.0) > 0.0:
             return None
         b, n = np.unravel_index(int(np.argmax(margins)), margins.shape)
@@ -140,7 +104,7 @@ class HeadingMap:
         """Runs of feasible headings, where all were searched round the circle, by arm branch."""
         step, whole = float(np.degrees(self.step)), self.search.domain.whole
         regions = []
-        for branch, row in zip(self.branches, self.feasible, strict=True):
+        for branch, row in zip(self.branches, self.feasible.T, strict=True):
             if row.all() and whole:
                 regions.append(HeadingRegion(branch, 360.0, 0.0))
                 continue
@@ -160,8 +124,8 @@ class HeadingMap:
     def branch_labels(self) -> dict[int, str]:
         """Labels of the arm branches, by number."""
         labels = {}
-        for branch, margins in zip(self.branches, self.minimum_margins, strict=True):
-            heading = float(self.headings[np.argmax(np.isfinite(margins))])
+        for branch, exists in zip(self.branches, self.results.exist.T, strict=True):
+            heading = float(self.headings[np.argmax(exists)])
             there = self.problem.branches(heading_quaternion(heading))
             labels[branch] = next((b.label for b in there if b.index == branch), str(branch))
         return labels
@@ -180,7 +144,7 @@ class HeadingMap:
             "regions": regions,
             "branches": [
                 {"branch": index, "least": [None if np.isnan(v) else v for v in row.tolist()]}
-                for index, row in zip(self.branches, self.minimum_margins, strict=True)
+                for index, row in zip(self.branches, self.results.existing_margins.T, strict=True)
             ],
             "headings_deg": np.degrees(self.headings).tolist(),
             "margin": self.problem.margin.threshold,
@@ -212,14 +176,13 @@ def sample_headings(
     evaluator.require_memory(samples)
     search = search or Search()
     headings = search.domain.headings(samples)
-    results = evaluator.evaluate(heading_quaternion(headings), progress=progress)
+    attitudes = frozen(heading_quaternion(headings))
+    results = evaluator.evaluate(attitudes, progress=progress)
     branches = np.flatnonzero(results.exist.any(axis=0))
-    margins = np.where(results.exist, results.margins, np.nan)[:, branches].T
-    ended_at = results.motions.ended_at[:, branches].T
+    numbers = tuple(branches.tolist())
     return HeadingMap(
-        evaluator.problem, headings, tuple(branches.tolist()), frozen(margins), frozen(ended_at),
-        search=search,
-    )  # fmt: skip
+        evaluator.problem, results.columns(branches), headings, numbers, search=search
+    )
 
 
 def best_heading(

@@ -9,11 +9,13 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress, require_memory, step_of
+from freefloat.ensemble.ensemble import EnsembleResult
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.errors import InputError, require_type, whole_number
 from freefloat.motion.problem import Problem, require_problem
@@ -170,32 +172,18 @@ def sample_attitudes(
     for first in range(0, samples, _BLOCK):
         last = min(first + _BLOCK, samples)
         step = step_of(progress, first / samples, last / samples)
-        blocks.append(_tables(evaluator.evaluate(attitudes[first:last], progress=step)))
-    tables = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-    for values in tables.values():
+        results = evaluator.evaluate(attitudes[first:last], progress=step)
+        blocks.append([_compact(values) for values in (results.joints, *results.motions)])
+    tables = [np.concatenate(arrays) for arrays in zip(*blocks, strict=True)]
+    for values in tables:
         values.setflags(write=False)
-    return AttitudeMap(
-        evaluator.problem, frozen(attitudes), tables.pop("minimum_margins"),
-        tables.pop("determinant_ratios"), tables.pop("endings"), tables,
-        search=search,
-    )  # fmt: skip
+    results = BranchResults(frozen(attitudes), tables[0], EnsembleResult._make(tables[1:]))
+    return AttitudeMap(evaluator.problem, results, search=search)
 
 
-def _tables(results: BranchResults) -> dict[str, npt.NDArray[np.generic]]:
-    """Quantities of motions by attitude and branch; those for the record alone in float32."""
-    motions = results.motions
-    return {
-        "endings": motions.endings,
-        "minimum_margins": motions.minimum,
-        "determinant_ratios": motions.determinant_ratios,
-        "joints": results.joints.astype(np.float32),
-        "ended_at": motions.ended_at,
-        "least_at": motions.minimum_at,
-        "final_attitude": motions.attitudes.astype(np.float32),
-        "largest_rates": motions.rates.astype(np.float32),
-        "joint_lower": motions.lower.astype(np.float32),
-        "joint_upper": motions.upper.astype(np.float32),
-    }
+def _compact(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Quantities of motions; joints and attitudes, which are for the record alone, in float32."""
+    return values.astype(np.float32) if values.ndim > 2 else values
 
 
 def boundary_points(

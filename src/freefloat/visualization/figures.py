@@ -104,7 +104,7 @@ def _map_figures(
 ) -> dict[str, Figure]:
     slices = map_slices(FeasibilityEvaluator(result.problem, threads), marks, progress)
     drawn = {"map_slices": slices_figure(result, slices)}
-    if result.reached.any():
+    if result.results.exist.any():
         drawn["map_histogram"] = histogram_figure(result)
     return drawn
 

@@ -41,15 +41,15 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
     ticks = {0: 1.02, 90: 1.06, 180: 1.25, 270: 1.06}  # labels extend to the right
     places = {tick: _points(radius, np.radians(tick)) for tick, radius in ticks.items()}
     labels = [Label(f"{tick}°", place.tolist(), CIRCLE) for tick, place in places.items()]
-    colours = MarginColours.over(result.problem.margin, np.nan_to_num(result.minimum_margins))
+    colours = MarginColours.over(result.problem.margin, result.margins)
     edges = np.linspace(1.0, _INNERMOST, len(result.branches) + 1)
     items, best = [CIRCLE, BEST], result.best
     names = [branch_name(label) for label in result.branch_labels().values()]
     for number, branch in enumerate(result.branches):
-        outer, margins = edges[number], result.minimum_margins[number]
+        outer = edges[number]
         radii = np.array([outer + _FILLED * (edges[number + 1] - outer), outer])
-        reached = np.isfinite(margins)
-        values = np.where(result.feasible[number], margins, -1.0)[reached]
+        reached = result.results.exist[:, number]
+        values = np.where(result.feasible, result.margins, -1.0)[reached, number]
         vertices, faces = _sectors(radii, result.headings[reached], result.step / 2.0)
         shades = np.repeat(colours(values), 4, axis=0)
         items.append(names[number])
@@ -62,7 +62,7 @@ def heading_scene(result: HeadingMap, title: str = "freefloat") -> Scene:
             labels.append(Label("best", line[1].tolist(), BEST))
     scene = TitledScene("all arm branches", NODE, labels, lines=tuple(_lines(result)))
     shown = dict.fromkeys(items, True)
-    margins = np.nan_to_num(result.minimum_margins, nan=-1.0).T
+    margins = np.nan_to_num(result.results.existing_margins, nan=-1.0)
     samples = Samples(_points(1.0, result.headings), margins, tuple(names))
     return builder.scene(SceneDescription(title, (scene,), shown, colours, _VIEW, samples=samples))
 
@@ -89,5 +89,5 @@ def _lines(result: HeadingMap) -> Iterator[str]:
         degrees = f"{np.degrees(best.heading):.4g}°"
         name = branch_name(result.branch_labels()[best.branch])
         yield f"best: {degrees}, {name}, {measure} {best.minimum_margin:.6g}"
-    if np.isnan(result.minimum_margins).any():
+    if not result.results.exist.all():
         yield "gaps: start of the path not reached"

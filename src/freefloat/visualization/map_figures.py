@@ -161,7 +161,7 @@ def _draw_bars(axes: Any, values: Array, edges: Array, margin: float) -> None:
 
 def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list[str]:
     """Return the percentages of attitudes by best outcome of their branches."""
-    endings = result.endings if branch is None else result.endings[:, [branch]]
+    endings = result.results.motions.endings[:, slice(None) if branch is None else [branch]]
     outcomes = {
         "keep the margin": result.problem.margin.keeps(values),
         "fall below": (endings == COMPLETED).any(axis=1),

@@ -105,7 +105,7 @@ def map_scene(result: AttitudeMap, title: str = "freefloat") -> Scene:
 
 def _groups(result: AttitudeMap) -> Iterator[_Group]:
     """Yield the best branch, then the branches; wrist-flipped ones share a group."""
-    reached = result.reached
+    reached = result.results.exist
     best = result.margins.max(axis=1, initial=0.0)
     yield _Group(BEST_BRANCH, None, np.where(reached.any(axis=1), best, -1.0))
     flipped = has_wrist_flipped_branches(result.problem)

@@ -147,14 +147,15 @@ def _curves(
     result: HeadingMap, ranges: Sequence[BranchRanges]
 ) -> list[tuple[int | None, str, Array, list[list[float]]]]:
     """Return branch, name, minimum margins and feasible ranges [deg] per axes."""
+    margins = result.results.existing_margins
     if ranges and result.problem.redundant:
         with np.errstate(invalid="ignore"):
-            best = np.fmax.reduce(result.minimum_margins, axis=0)
+            best = np.fmax.reduce(margins, axis=1)
         return [(None, "best branch", best, ranges[0].degrees)]
     known = {entry.branch: (branch_name(entry.label), entry.degrees) for entry in ranges}
     curves: list[tuple[int | None, str, Array, list[list[float]]]] = []
     labels = result.branch_labels()
-    for branch, values in zip(result.branches, result.minimum_margins, strict=True):
+    for branch, values in zip(result.branches, margins.T, strict=True):
         sampled = branch_name(labels[branch]), _sampled_spans(result, branch)
         name, spans = known.get(branch, sampled)
         curves.append((branch, name, values, spans))

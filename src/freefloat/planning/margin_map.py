@@ -1,0 +1,70 @@
+"""What maps over all attitudes and over headings have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.ensemble.feasibility import BranchResults
+from freefloat.motion.problem import Problem
+from freefloat.planning.plan import Search
+from freefloat.so3 import Array
+
+
+@dataclass(frozen=True, eq=False)
+class MarginMap:
+    """Results of the motions from many initial attitudes, arm branch by arm branch.
+
+    Attributes:
+        problem: The problem.
+        results: Of the motions: a row for each attitude and a column for each arm branch.
+        search: What was searched for; its domain has the attitudes.
+        seconds: Computing time [s].
+    """
+
+    problem: Problem = field(repr=False)
+    results: BranchResults = field(repr=False)
+    search: Search = field(default_factory=Search, repr=False, kw_only=True)
+    seconds: float = field(default=0.0, kw_only=True)
+
+    @property
+    def attitudes(self) -> Array:
+        """Evenly spread quaternions x, y, z, w, shape (N, 4)."""
+        return self.results.attitudes
+
+    @property
+    def samples(self) -> int:
+        """Number of attitudes."""
+        return len(self.attitudes)
+
+    @property
+    def motions(self) -> int:
+        """Number of motions."""
+        return int(self.results.exist.sum())
+
+    @property
+    def margins(self) -> Array:
+        """Minimum margins, zero for motions that do not complete, shape (N, B)."""
+        return self.results.margins
+
+    @property
+    def feasible(self) -> npt.NDArray[np.bool_]:
+        """Where the margin is kept, shape (N, B)."""
+        return self.problem.margin.keeps(self.margins)
+
+    @property
+    def feasible_fraction(self) -> float:
+        """Fraction of the attitudes from which at least one arm branch keeps the margin."""
+        return float(self.feasible.any(axis=1).mean())
+
+    @property
+    def feasible_found(self) -> bool:
+        """Whether a feasible attitude was found."""
+        return self.feasible_fraction > 0.0
+
+    @property
+    def motion_fraction(self) -> float:
+        """Fraction of the motions that keep the margin."""
+        return float(self.feasible.sum() / max(1, self.motions))
