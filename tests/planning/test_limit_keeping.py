@@ -127,7 +127,7 @@ def assert_claim_is_true(result: Plan, limits: Limits) -> None:
         assert "no longer duration" in result.reason
         return
     factor = rounded_up(result.needed_stretch)
-    assert f"; {factor:.4g} times the duration would do" in result.reason
+    assert f"; {factor:.4g} times the duration suffices" in result.reason
     start, stretched = result.stretch_candidate, result.problem.stretched(factor)
     assert start is not None
     slower = integrate_branch(stretched, start.attitude, start.branch)

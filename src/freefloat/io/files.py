@@ -27,7 +27,7 @@ def written_beside(path: Path) -> Iterator[Path]:
     accepted = "a file in an existing, writable folder with enough space"
     path = path.resolve()
     if path.exists() and not path.is_file():
-        raise InputError("output", f"{path} exists and is no plain file", accepted)
+        raise InputError("output", f"{path} exists and is not a regular file", accepted)
     temporary = path.with_name(f".{path.name}.{uuid4().hex[:8]}{_SUFFIX}")
     try:
         _remove_abandoned(path)

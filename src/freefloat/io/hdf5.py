@@ -80,7 +80,7 @@ def open_hdf5(path: Path, accepted: str) -> Iterator[Any]:
                     problem = "it was altered: its SHA-256 is not the stated one"
                     raise AlteredFileError("file", problem, accepted, str(path))
             elif not block.startswith(_SIGNATURE):
-                raise InputError("file", "it is no result file", accepted, str(path))
+                raise InputError("file", "it is not a result file", accepted, str(path))
         with h5py.File(path, "r") as file:
             _require_plain(file)
             yield file
@@ -116,7 +116,7 @@ def read_numbers(group: Any, *names: str) -> tuple[Any, ...]:
     arrays = tuple(group[name][()] for name in names)
     for name, values in zip(names, arrays, strict=True):
         if getattr(values, "dtype", None) is None or values.dtype.kind not in "fiu":
-            raise ValueError(f"its part {name} holds no numbers")
+            raise ValueError(f"its part {name} contains no numbers")
     return arrays
 
 

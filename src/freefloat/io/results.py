@@ -144,7 +144,7 @@ def load(path: str | Path) -> Result:
     """Result of a file: a record of the class that was saved.
 
     Raises:
-        InputError: If it is no result file, or one of another format.
+        InputError: If it is not a result file, or one of another format.
         AlteredFileError: If it is not as it was saved: its digest is not that of its content, or
             its parts contradict each other.
 

@@ -1,4 +1,4 @@
-"""Limits along a motion, each at the instant at which it is most used up."""
+"""Limits along a motion, each at the instant of its largest ratio."""
 
 from __future__ import annotations
 

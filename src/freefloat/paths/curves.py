@@ -111,7 +111,7 @@ class ArcCurve(Curve):
         radius = self.start - self.centre
         height = float(radius @ self.normal)
         if abs(height) > 1e-6 * max(1.0, float(np.linalg.norm(radius))):
-            accepted = "a point in the plane through the centre, across the normal"
+            accepted = "a point in the plane through the centre, perpendicular to the normal"
             raise InputError("start", f"it lies {height:.3g} m off the plane", accepted)
 
     def __call__(self, s: float, order: int = 0) -> Array:

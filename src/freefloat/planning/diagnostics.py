@@ -214,8 +214,8 @@ def violated_limits_message(
             f"{worst.worst:.4g} of {worst.allowed:.4g} allowed, at {worst.where}"
         )
     if stretch is not None:
-        return f"{reason}; {rounded_up(stretch):.4g} times the duration would do"
-    return f"{reason}; no longer duration that was tried would do" if longer_tried else reason
+        return f"{reason}; {rounded_up(stretch):.4g} times the duration suffices"
+    return f"{reason}; none of the longer durations tried suffices" if longer_tried else reason
 
 
 def rounded_up(factor: float) -> float:

@@ -168,7 +168,7 @@ def simulate(
         branch: Choose the branch with this number; see :class:`Simulation` for the default.
         joints: Choose the branch near these joint values, shape (n,).
         limits: Check these limits and the joint ranges.
-        stop_at_margin: End motions where the problem's margin is used up.
+        stop_at_margin: End motions where they reach the problem's margin.
         tolerance: As for :func:`~freefloat.motion.integration.integrate_motion`.
 
     Raises:

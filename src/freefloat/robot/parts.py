@@ -186,5 +186,5 @@ def _inertia_matrix(key: str, values: npt.ArrayLike) -> Array:
         raise InputError(key, f"{shown} are not all positive", "a positive definite inertia")
     if breaks_triangle(moments):
         accepted = "moments of which the smaller two sum to the largest or more"
-        raise InputError(key, f"{shown} break the triangle inequality", accepted)
+        raise InputError(key, f"{shown} violate the triangle inequality", accepted)
     return frozen(matrix)

@@ -39,7 +39,7 @@ def _inertias(robot: RobotDescription) -> Faults:
             remedy = "moments about the centre of mass; signs of the products as in the matrix"
             yield link, "inertia", problem, remedy
         elif breaks_triangle(moments):
-            problem = f"its principal moments {shown} break the triangle inequality"
+            problem = f"its principal moments {shown} violate the triangle inequality"
             remedy = f"at most {moments[0] + moments[1]:.6g} for the largest"
             yield link, "inertia", problem, remedy
 

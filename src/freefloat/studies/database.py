@@ -108,7 +108,7 @@ def open_results(folder: Path, study: Study, files: Files) -> Iterator[StudyData
         folder.mkdir(parents=True, exist_ok=True)
         for path in folder.glob(f"{DATABASE}*"):
             if not path.is_file():  # opening a named pipe would wait for ever
-                raise InputError("output", f"{path} is no plain file", "another folder")
+                raise InputError("output", f"{path} is not a regular file", "another folder")
         connection = sqlite3.connect(folder / DATABASE, timeout=0.5)
     with closing(connection):
         with _errors(folder):
@@ -139,13 +139,13 @@ def _check_study(connection: sqlite3.Connection, folder: Path, study: Study, fil
         connection.execute("INSERT INTO study VALUES (?, ?, ?)", (digest, text, software))
     elif stored != digest:
         problem = f"{folder} holds the results of another study, base scenario or robot"
-        raise InputError("output", problem, "the study as it was, or another folder")
+        raise InputError("output", problem, "the unchanged study, or another folder")
 
 
 @contextmanager
 def _errors(folder: Path) -> Iterator[None]:
     """Raise errors of the file system and of SQLite as errors of the output folder."""
-    accepted = "a writable folder with space, and with the database as it was written"
+    accepted = "a writable folder with space, and an unaltered database"
     try:
         yield
     except (sqlite3.Error, UnicodeDecodeError) as error:

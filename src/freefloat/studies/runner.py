@@ -138,7 +138,7 @@ def _result(run: Run, future: Any) -> RunResult:
     try:
         result: RunResult = future.result()
     except KilledWorker:
-        return error_result(run, f"worker died, also in {_REPETITIONS} repetitions")
+        return error_result(run, f"its worker was killed, also in {_REPETITIONS} repetitions")
     return result
 
 

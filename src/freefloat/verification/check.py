@@ -289,5 +289,5 @@ def _engine_checks(motion: Motion, inverse: InverseRun, forward: ForwardRun) -> 
         error_check("mujoco: wrench on the base", inverse.wrench, wrench, "N m",
                     inverse.wrench_time, "inverse dynamics has a wrench on the free base"),
         error_check("mujoco: final attitude", forward.attitude, _DRIFT, "rad", forward.until,
-                    "with joint servos the spacecraft ends elsewhere"),
+                    "with joint servos the final attitude differs"),
     ]  # fmt: skip

@@ -179,5 +179,5 @@ def _tolerance_check(plan: Plan, tolerance: Tolerance, chosen: SimulatedBranch) 
         if not _keeps_margin(replace(problem, momentum=h), start.attitude, start.joints):
             words = f"the momentum {np.round(h, 6).tolist()} N m s violates the margin"
             return Check("tolerance", False, words, tolerance.momentum, unit="N m s")
-    words = f"{_DIRECTIONS} momenta tried, {len(worst)} of them precisely, and durations"
+    words = f"{_DIRECTIONS} momenta tested, {len(worst)} of them precisely, and durations"
     return Check("tolerance", True, words, tolerance.momentum, unit="N m s")

@@ -177,7 +177,7 @@ def _lines(result: AttitudeMap, group: _Group) -> Iterator[str]:
     if best is not None and group.has(best.branch):
         yield f"best: {measure} {best.minimum_margin:.6g}"
     if robust is not None and group.has(robust.branch):
-        yield f"robust: {np.degrees(robust.radius):.4g}° around keep the margin"
+        yield f"robust: keeps the margin within {np.degrees(robust.radius):.4g}°"
     if nearest is not None and group.has(nearest.branch):
         yield f"nearest: {np.degrees(nearest.deviation):.4g}° away"
     if group.margins.min() < 0.0:

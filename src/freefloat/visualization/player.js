@@ -324,7 +324,7 @@ class SamplePicker {
       row.insertCell().textContent = margin > 0 ? shortened(margin) : ending;
       row.style.color = verdictColour(feasible(margin));
     });
-    panel.replaceChildren(text, table, this.pinned ? this.copyButton(heading || attitude) : "click keeps this");
+    panel.replaceChildren(text, table, this.pinned ? this.copyButton(heading || attitude) : "click to keep this");
   }
 
   copyButton(text) {
