@@ -2,6 +2,12 @@
 
 The set meant here has attitudes from which one arm branch keeps the margin and avoids all
 singularities, also those that its measure does not see.
+
+The radius of a ball around an attitude is the distance to the closest attitude outside: those found
+in a cloud are moved closest. Attitudes inside the ball, on a slightly larger sphere and where the
+motions of that sphere are worst confirm it, or make it smaller until they do. For the deepest
+attitude the centre farthest from all that is known outside is examined; what is found outside
+limits the next ball, until the best ball is nearly as large as any could be.
 """
 
 from __future__ import annotations
@@ -27,7 +33,7 @@ from freefloat.so3 import (
 )
 
 _WIDE = 512
-"""Attitudes that search for the outside."""
+"""Attitudes of the cloud that searches for the outside."""
 _DIRECTIONS = 8
 """How many of those found outside are moved closest."""
 _KEPT = 64
@@ -40,8 +46,12 @@ _CONFIRMING = 3072
 """Attitudes that confirm a ball, half of them spread in it, a third on its sphere."""
 _DESCENTS = 6
 """The worst of those on the sphere, from which worse ones are searched for."""
-_SWEEPS, _SWEEP, _FINEST_SWEEP = 4, 0.15, 2e-3
-"""Clouds of such a search, radius of the first and smallest radius, as fractions of the ball's."""
+_SWEEPS = 4
+"""Clouds of such a search."""
+_SWEEP = 0.15
+"""Radius of its first cloud, as a fraction of the ball's."""
+_FINEST_SWEEP = 2e-3
+"""Smallest radius of its clouds, as a fraction of the ball's."""
 _CAUTION = 0.99
 """Fraction of its radius that is reported."""
 _BEYOND = 1.003
@@ -54,7 +64,7 @@ _PROMISING = 0.25
 """A branch is examined when its deepest sample exceeds the best radius by this many spacings."""
 _EDGE = 400
 """Points of the boundary that a search for the deepest attitude begins with."""
-_CENTERS = 20_000
+_CENTRES = 20_000
 """Centres considered."""
 _STARTS = 4
 """How many of them are refined."""
@@ -166,57 +176,57 @@ def _largest_ball(
 ) -> Ball:
     """Centre and radius of a branch's largest ball, if larger than ``smallest`` [rad].
 
-    Its center is in the domain. The first is that of the first ball, an attitude inside; then come
+    Its centre is in the domain. The first is that of the first ball, an attitude inside; then come
     those farthest from all outside.
     """
     start, branch = first.attitude, first.branch
     best = Ball(start, branch, 0.0)
     for number in range(_ROUNDS // evaluator.sample_reduction):
-        center, largest = (start, np.pi) if number == 0 else _farthest(domain, outside)
+        centre, largest = (start, np.pi) if number == 0 else _farthest(domain, outside)
         if max(best.radius, smallest) > _SETTLED * largest:
             break
-        if not evaluator.regular(center[None], branch)[0]:
-            outside = np.vstack([outside, center])
+        if not evaluator.regular(centre[None], branch)[0]:
+            outside = np.vstack([outside, centre])
             continue
         reach = spacing if number == 0 else 1.1 * largest
-        radius, found = _outside_nearby(evaluator, center, branch, spacing, reach)
+        radius, found = _outside_nearby(evaluator, centre, branch, spacing, reach)
         outside = np.vstack([outside, found])
         if radius > best.radius:
-            found = _outside_within(evaluator, center, branch, radius)
+            found = _outside_within(evaluator, centre, branch, radius)
             outside = np.vstack([outside, found])
-            radius = float(angle_between(found, center).min(initial=radius))
+            radius = float(angle_between(found, centre).min(initial=radius))
         if radius > best.radius:
-            best = Ball(center, branch, radius)
+            best = Ball(centre, branch, radius)
     return best
 
 
 def _outside_within(
-    evaluator: FeasibilityEvaluator, center: Array, branch: int | None, radius: float
+    evaluator: FeasibilityEvaluator, centre: Array, branch: int | None, radius: float
 ) -> Array:
     """Attitudes outside among many spread in a ball, each moved to the boundary, shape (K, 4)."""
-    cloud = attitudes_within(center, radius, _CONFIRMING // evaluator.sample_reduction)
+    cloud = attitudes_within(centre, radius, _CONFIRMING // evaluator.sample_reduction)
     outside = cloud[~evaluator.regular(cloud, branch)]
-    outside = outside[np.argsort(angle_between(outside, center))[:_KEPT]]
+    outside = outside[np.argsort(angle_between(outside, centre))[:_KEPT]]
     if not len(outside):
         return outside
-    centers = np.broadcast_to(center, outside.shape)
-    return bisect(lambda attitudes: ~evaluator.regular(attitudes, branch), outside, centers, ROUGH)
+    centres = np.broadcast_to(centre, outside.shape)
+    return bisect(lambda attitudes: ~evaluator.regular(attitudes, branch), outside, centres, ROUGH)
 
 
 def _farthest(domain: SearchDomain, outside: Array) -> tuple[Array, float]:
     """The attitude of the domain that is farthest from all those outside, and how far [rad]."""
-    centers, spacing = domain.attitudes(_CENTERS), domain.spacing(_CENTERS)
+    centres, spacing = domain.attitudes(_CENTRES), domain.spacing(_CENTRES)
     if not len(outside):
-        return centers[0], float(np.pi)
+        return centres[0], float(np.pi)
     nearest = nearest_among(outside)
 
     def distance(attitudes: Array) -> Array:
         return np.where(domain.contains(attitudes), nearest(attitudes)[0], 0.0)
 
-    distances = distance(centers)
+    distances = distance(centres)
     starts = np.argsort(-distances)[:_STARTS]
     places, distances = climb(
-        distance, centers[starts], distances[starts], spacing, _FINEST, shrink=0.5, rounds=10_000
+        distance, centres[starts], distances[starts], spacing, _FINEST, shrink=0.5, rounds=10_000
     )
     best = int(np.argmax(distances))
     return places[best], float(distances[best])
@@ -224,24 +234,24 @@ def _farthest(domain: SearchDomain, outside: Array) -> tuple[Array, float]:
 
 def _confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
     """The ball, made smaller where attitudes in it or on a sphere just beyond it are outside."""
-    center, branch = ball.attitude, ball.branch
+    centre, branch = ball.attitude, ball.branch
     radius = _CAUTION * ball.radius
     seed = 1
     while radius > _SMALLEST:
-        cloud = attitudes_within(center, radius, _CONFIRMING // 2, seed)
+        cloud = attitudes_within(centre, radius, _CONFIRMING // 2, seed)
         outside = cloud[~evaluator.regular(cloud, branch)]
         if not len(outside):
-            outside = _outside_on_sphere(evaluator, center, branch, min(_BEYOND * radius, np.pi))
+            outside = _outside_on_sphere(evaluator, centre, branch, min(_BEYOND * radius, np.pi))
         if not len(outside):
-            return Ball(center, branch, radius)
-        nearest, _ = _closest_outside(evaluator, center, branch, outside, radius / 2.0)
+            return Ball(centre, branch, radius)
+        nearest, _ = _closest_outside(evaluator, centre, branch, outside, radius / 2.0)
         radius = _CAUTION * nearest
         seed += 1
-    return Ball(center, branch, 0.0)
+    return Ball(centre, branch, 0.0)
 
 
 def _outside_on_sphere(
-    evaluator: FeasibilityEvaluator, center: Array, branch: int | None, radius: float
+    evaluator: FeasibilityEvaluator, centre: Array, branch: int | None, radius: float
 ) -> Array:
     """Attitudes outside at an angle from the centre, searched for where motions are worst, (K, 4).
 
@@ -250,13 +260,13 @@ def _outside_on_sphere(
     """
 
     def on_sphere(attitudes: Array) -> Array:
-        vectors = rotation_vector_to(center, attitudes)
-        return rotated(center, radius * vectors / np.linalg.norm(vectors, axis=1)[:, None])
+        vectors = rotation_vector_to(centre, attitudes)
+        return rotated(centre, radius * vectors / np.linalg.norm(vectors, axis=1)[:, None])
 
     def loss(attitudes: Array) -> Array:
         return -evaluator.regularity(on_sphere(attitudes), branch)
 
-    attitudes = rotated(center, radius * even_directions(_CONFIRMING // 3))
+    attitudes = rotated(centre, radius * even_directions(_CONFIRMING // 3))
     losses = loss(attitudes)
     outside = ~keeps_threshold(-losses, 1.0)
     if not outside.any():

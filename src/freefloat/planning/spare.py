@@ -1,4 +1,12 @@
-"""The attitude nearest to a present one that keeps the margin within an angle around it."""
+"""The attitude nearest to a target that keeps the margin within an angle ``spare`` around it.
+
+For each arm branch the search begins at its feasible attitude nearest to the target or, where that
+fails, at samples of the map. A cloud of attitudes around the start shows which are infeasible; the
+centre nearest to the target whose ball, with that angle as radius, contains none of them is
+examined. Infeasible attitudes on the ball's sphere and inside it exclude further centres, until a
+ball contains none. The next cloud lies around that centre, until centres come no nearer. The robust
+radius confirms the last one; where it is too small, the search is repeated with larger balls.
+"""
 
 from __future__ import annotations
 
@@ -18,21 +26,27 @@ from freefloat.so3 import (
     rotated,
 )
 
-_CLOUD, _CENTERS = 1536, 8000
-"""Attitudes of a cloud that are tried for being outside the feasible set; centres considered."""
-_RADIUS = 4.0
-"""Radius of the cloud, in units of the spare angle."""
-_SHELL, _INSIDE = 384, 128
-"""Attitudes tried on the sphere of a ball, and inside it."""
 _SAMPLES = 4
-"""Samples of the map, the nearest, that are started from where all else fails."""
-_STEPS, _ROUNDS = 8, 20
-"""Clouds on the way to the target, and balls examined in each, at most."""
-_CAUTIONS = 1.02, 1.06
-"""Factors of the radius that is searched for: slightly less than what is found is reported."""
-_CLEARANCE = 1.06
-"""Distance of a centre from what was found outside, in units of the radius: known attitudes outside
-do not lie exactly on the boundary."""
+"""Nearest samples, the last starts tried."""
+_FACTORS = 1.02, 1.06
+"""Radii of the balls tried, in units of the spare angle: reported radii are slightly smaller."""
+_STEPS = 8
+"""Clouds on the way to the target, at most."""
+_CLOUD = 1536
+"""Attitudes of a cloud."""
+_RADIUS = 4.0
+"""Radius of a cloud, in units of the ball's."""
+_CENTRES = 8000
+"""Centres considered in a cloud."""
+_ROUNDS = 20
+"""Balls examined in a cloud, at most."""
+_SEPARATION = 1.06
+"""Angle between a centre and attitudes outside, in units of the ball's radius: those known do not
+lie exactly on the boundary."""
+_SHELL = 384
+"""Attitudes tried on the sphere of a ball."""
+_INSIDE = 128
+"""Attitudes tried inside it."""
 _FINEST = 1e-4
 """Accuracy of a centre [rad]."""
 
@@ -58,14 +72,14 @@ def nearest_with_spare(
         inside = samples.attitudes[samples.regular(near.branch)]
         order = np.argsort(angle_between(inside, target))[:_SAMPLES]
         for start in (near.attitude, *inside[order]):
-            found = _nearest_center(evaluator, start, near.branch, target, spare, samples.spacing)
+            found = _nearest_centre(evaluator, start, near.branch, target, spare, samples.spacing)
             if found is not None and domain.contains(found.attitude):
                 best = found if best is None or found.deviation < best.deviation else best
                 break
     return [] if best is None else [best]
 
 
-def _nearest_center(
+def _nearest_centre(
     evaluator: FeasibilityEvaluator,
     start: Array,
     branch: int | None,
@@ -74,15 +88,15 @@ def _nearest_center(
     spacing: float,
 ) -> NearAttitude | None:
     """The centre of a ball inside the feasible set, moved from a start toward the target."""
-    for caution in _CAUTIONS:
+    for factor in _FACTORS:
         best: Array | None = None
         place = start
         for _ in range(_STEPS):
-            center = _center_nearby(evaluator, place, branch, target, caution * spare)
-            if center is None:
+            centre = _centre_nearby(evaluator, place, branch, target, factor * spare)
+            if centre is None:
                 break
-            gain = float(angle_between(place, target) - angle_between(center, target))
-            best = place = center
+            gain = float(angle_between(place, target) - angle_between(centre, target))
+            best = place = centre
             if gain < spare / 4.0:
                 break
         if best is None:
@@ -93,7 +107,7 @@ def _nearest_center(
     return None
 
 
-def _center_nearby(
+def _centre_nearby(
     evaluator: FeasibilityEvaluator, place: Array, branch: int | None, target: Array, radius: float
 ) -> Array | None:
     """The centre nearest to the target, near a place, of a ball inside the feasible set.
@@ -104,44 +118,42 @@ def _center_nearby(
     size, reduction = min(_RADIUS * radius, np.pi), evaluator.sample_reduction
     cloud = attitudes_within(place, size, _CLOUD // reduction)
     outside = cloud[~evaluator.regular(cloud, branch)]
-    clear = partial(_clear, place=place, reach=size - radius, distance=_CLEARANCE * radius)
-    centers = np.vstack([target, attitudes_within(place, size - radius, _CENTERS, 1)])
+    apart = partial(_apart, place=place, reach=size - radius, angle=_SEPARATION * radius)
+    centres = np.vstack([target, attitudes_within(place, size - radius, _CENTRES, 1)])
     for _ in range(_ROUNDS):
-        centers = centers[clear(centers, outside=outside)]
-        if not len(centers):
+        centres = centres[apart(centres, outside=outside)]
+        if not len(centres):
             return None
-        center = _refined(centers, partial(clear, outside=outside), target, radius)
-        ball = _ball(center, radius, reduction)
+        centre = _refined(centres, partial(apart, outside=outside), target, radius)
+        ball = _ball(centre, radius, reduction)
         failed = ball[~evaluator.regular(ball, branch)]
         if not len(failed):
-            return center
+            return centre
         outside = np.vstack([outside, failed])
     return None
 
 
-def _clear(
-    attitudes: Array, *, place: Array, reach: float, outside: Array, distance: float
-) -> Flags:
-    """Which attitudes are within reach of a place and keep a distance from all those outside."""
+def _apart(attitudes: Array, *, place: Array, reach: float, outside: Array, angle: float) -> Flags:
+    """Which attitudes are within reach of a place and at an angle or more from all outside."""
     cosines = np.abs(attitudes @ outside.T).max(axis=1, initial=0.0)
     near = angle_between(attitudes, place) <= reach
-    return np.asarray(near & (cosines <= np.cos(distance / 2.0)))
+    return np.asarray(near & (cosines <= np.cos(angle / 2.0)))
 
 
-def _refined(centers: Array, clear: Inside, target: Array, radius: float) -> Array:
-    """The clear attitude nearest to a target, near the nearest of some centres."""
+def _refined(centres: Array, apart: Inside, target: Array, radius: float) -> Array:
+    """The nearest attitude to a target, of those apart, near the nearest of some centres."""
 
     def merit(attitudes: Array) -> Array:
-        return np.where(clear(attitudes), -angle_between(attitudes, target), -np.inf)
+        return np.where(apart(attitudes), -angle_between(attitudes, target), -np.inf)
 
-    deviations = angle_between(centers, target)
+    deviations = angle_between(centres, target)
     best = [int(np.argmin(deviations))]
-    places, _ = climb(merit, centers[best], -deviations[best], radius / 4.0, _FINEST)
+    places, _ = climb(merit, centres[best], -deviations[best], radius / 4.0, _FINEST)
     return np.asarray(places[0])
 
 
-def _ball(center: Array, radius: float, reduction: int) -> Array:
+def _ball(centre: Array, radius: float, reduction: int) -> Array:
     """Attitudes of a ball: its centre first, many on its sphere, some inside, shape (K, 4)."""
     directions = even_directions(_SHELL // reduction)
-    shell = rotated(center, radius * directions)
-    return np.vstack([center, shell, attitudes_within(center, radius, _INSIDE // reduction)])
+    shell = rotated(centre, radius * directions)
+    return np.vstack([centre, shell, attitudes_within(centre, radius, _INSIDE // reduction)])
