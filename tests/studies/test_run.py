@@ -180,8 +180,13 @@ def test_files_sent_along_are_enough_on_another_machine(tmp_path: Path) -> None:
 
 def test_meshes_are_files_of_a_study(tmp_path: Path) -> None:
     file = write_study(tmp_path, {"momentum.2": {"list": [0.5]}})
-    robot = '<robot><mesh filename="part.stl"/><mesh filename="&a;"/><mesh filename="no.stl"/>'
+    names = ["it's.stl", "a&amp;b.stl", "missing.stl"]
+    geometries = [f'<geometry><mesh filename="{name}"/></geometry>' for name in names]
+    visuals = "".join(f"<visual>{geometry}</visual>" for geometry in geometries)
+    comment = '<!-- <visual><geometry><mesh filename="old.stl"/></geometry></visual> -->'
+    robot = f'<robot name="arm"><link name="base">{comment}{visuals}</link></robot>'
     (tmp_path / "planar_3dof.urdf").write_text(robot)
-    (tmp_path / "part.stl").write_bytes(b"solid")
-    names = [Path(path).name for path, _ in study_files(load_study(file))]
-    assert names == ["part.stl", "planar_3dof.urdf"]
+    for name in ("it's.stl", "a&b.stl", "old.stl"):
+        (tmp_path / name).write_bytes(b"solid")
+    found = [Path(path).name for path, _ in study_files(load_study(file))]
+    assert found == ["a&b.stl", "it's.stl", "planar_3dof.urdf"]

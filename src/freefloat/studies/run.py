@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import tempfile
 import time
 from collections.abc import Iterator
@@ -16,20 +15,20 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from freefloat.errors import FreeFloatError, InputError, UnreachableError
+from freefloat.errors import FreeFloatError, InputError, ModelError, UnreachableError
 from freefloat.ik.nearest import newton_configuration
 from freefloat.io.results import save
 from freefloat.motion.problem import Problem
 from freefloat.planning.simulation import simulate
+from freefloat.robot.description import MeshFile
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
+from freefloat.robot.urdf import parse_urdf
 from freefloat.so3 import Array, heading_quaternion, rotation_matrix
 from freefloat.studies.database import Files
 from freefloat.studies.document import error_of_study, scenario_from
 from freefloat.studies.results import ERROR, Row
 from freefloat.studies.study import Command, Study
 from freefloat.studies.values import finite, map_values, plan_values, simulation_values
-
-_MESH = re.compile(rb"""<mesh\s[^>]*filename\s*=\s*["']([^"'&]+)["']""")
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,20 +234,27 @@ def study_files(study: Study) -> Files:
     names = set(_file_names(study.base))
     for key, section in study.content.vary.items():
         names |= set(_file_names(section.values, key.rpartition(".")[2]))
-    contents: dict[str, bytes] = {}
-    for name in names:
+    files = set[Path]()
+    for key, name in names:
         path = Path(os.path.normpath(folder / name))
         if is_file(path) and not os.path.isabs(name):
-            content = contents[str(path)] = _read(path)
-            for mesh in _MESH.findall(content):
-                with suppress(MeshFileError, UnicodeDecodeError):
-                    file = os.path.abspath(find_mesh(mesh.decode(), str(path)))
-                    contents[file] = _read(Path(file))
-    return tuple(sorted(contents.items()))
+            files |= {path, *(_mesh_files(path) if key == "urdf" else ())}
+    return tuple(sorted((str(file), _read(file)) for file in files))
 
 
-def _file_names(node: Any, key: str = "") -> Iterator[str]:
-    """Yield the names of files in a scenario's data, and in values of one of its keys."""
+def _mesh_files(urdf: Path) -> Iterator[Path]:
+    """Yield the mesh files of a URDF; what is wrong with it is an error of its runs."""
+    with suppress(ModelError):
+        for link in parse_urdf(urdf).links:
+            for shape in link.shapes:
+                if isinstance(shape.geometry, MeshFile):
+                    with suppress(MeshFileError):
+                        mesh = find_mesh(shape.geometry.filename, str(urdf))
+                        yield Path(os.path.abspath(mesh))
+
+
+def _file_names(node: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield keys and names of files in a scenario's data, and in values of one of its keys."""
     if isinstance(node, dict):
         for inner, value in node.items():
             yield from _file_names(value, inner)
@@ -256,7 +262,7 @@ def _file_names(node: Any, key: str = "") -> Iterator[str]:
         for value in node:
             yield from _file_names(value, key)
     elif isinstance(node, str) and key in ("urdf", "mesh", "samples"):
-        yield node
+        yield key, node
 
 
 def _read(path: Path) -> bytes:
