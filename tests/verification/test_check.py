@@ -16,7 +16,7 @@ from freefloat.motion.motion import Ending
 from freefloat.planning.simulation import Simulation
 from freefloat.so3 import angle_between
 from freefloat.verification import robustness
-from freefloat.verification.checks import Check
+from freefloat.verification.tolerances import Check
 from tests.commands import document, error, run
 from tests.errors import error_key
 from tests.hostile_samples import plans

@@ -16,7 +16,7 @@ from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.verification.check import CheckReport
-    from freefloat.verification.checks import Check
+    from freefloat.verification.tolerances import Check
 
 _Engine = Annotated[
     str | None,
@@ -44,7 +44,7 @@ def check(
     from freefloat.planning.simulation import Simulation
     from freefloat.verification.check import PINOCCHIO, CheckReport
     from freefloat.verification.check import check as verify
-    from freefloat.verification.checks import Check
+    from freefloat.verification.tolerances import Check
 
     console = Console(as_json, quiet)
     with console.progress("integrating the motion again"):

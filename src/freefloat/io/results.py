@@ -33,7 +33,7 @@ from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
-from freefloat.verification.checks import magnitude_range
+from freefloat.verification.tolerances import magnitude_range
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
     from freefloat.planning.attitude_map import AttitudeMap

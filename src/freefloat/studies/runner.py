@@ -2,42 +2,29 @@
 
 from __future__ import annotations
 
-import logging
 import math
-import signal
-import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Callable, Generator, Iterable
+from contextlib import closing
 from dataclasses import dataclass, field, replace
-from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
-import dask
-from distributed import Client, KilledWorker, LocalCluster, as_completed
+from distributed import KilledWorker, as_completed
 
 from freefloat.concurrency import available_cores, require_memory
 from freefloat.errors import InputError, require_type
+from freefloat.studies.clients import REPETITIONS, local_client, remote_client
 from freefloat.studies.database import DATABASE, open_results
 from freefloat.studies.results import ERROR, Row, StudyResult
 from freefloat.studies.run import Run, RunResult, error_result, execute, study_files
-from freefloat.studies.scheduler import remote_client
 from freefloat.studies.study import Study
 from freefloat.studies.values import finite
 
-_REPETITIONS = 2
-"""Number of repetitions of a run after its worker was killed."""
 _WORKER_SIZE = 200_000_000
 """Memory of a worker [bytes]."""
 _START_SECONDS = 3.0
 """Typical time until local workers have started."""
-_CONFIG: dict[str, Any] = {
-    "distributed.scheduler.allowed-failures": _REPETITIONS,
-    "distributed.scheduler.worker-ttl": None,  # compiled code may hold the interpreter for long
-    "distributed.deploy.lost-worker-timeout": "1 day",  # restarts are slow on a busy machine
-    "distributed.worker.profile.enabled": False,
-}
 
 
 def run_study(
@@ -112,7 +99,7 @@ def execute_all(
     Raises:
         InputError: If the scheduler does not answer, is lost, or lacks workers with this version.
     """
-    with _local_client(workers) if scheduler is None else remote_client(scheduler) as client:
+    with local_client(workers) if scheduler is None else remote_client(scheduler) as client:
         waiting = iter(runs)
         submitted: dict[Any, Run] = {}
         completed = as_completed(loop=client.loop)
@@ -138,42 +125,8 @@ def _result(run: Run, future: Any) -> RunResult:
     try:
         result: RunResult = future.result()
     except KilledWorker:
-        return error_result(run, f"its worker was killed, also in {_REPETITIONS} repetitions")
+        return error_result(run, f"its worker was killed, also in {REPETITIONS} repetitions")
     return result
-
-
-@contextmanager
-def _local_client(workers: int) -> Iterator[Client]:
-    with dask.config.set(_CONFIG), ExitStack() as stack:
-        with _interrupts_deferred():
-            cluster = LocalCluster(
-                n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address=None,
-                silence_logs=logging.CRITICAL, scheduler_kwargs={"dashboard_address": ":0"},
-            )  # fmt: skip
-            stack.enter_context(cluster)
-            client = stack.enter_context(Client(cluster, set_as_default=False))
-        yield client
-
-
-@contextmanager
-def _interrupts_deferred() -> Iterator[None]:
-    """Defer Ctrl-C to the end of the block; processes started by its threads do not receive it.
-
-    A terminal sends it to all processes, but only this one may end, and after its workers.
-    """
-    resource_tracker.ensure_running()  # its start would unblock the signal
-    received: list[int] = []
-    if main := threading.current_thread() is threading.main_thread():
-        handler = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        if main:
-            signal.signal(signal.SIGINT, handler)
-    if received:
-        signal.raise_signal(signal.SIGINT)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import SimulatedBranch, Simulation
-from freefloat.verification.checks import (
+from freefloat.verification.tolerances import (
     Check,
     certificate_checks,
     comparison_check,

@@ -23,7 +23,7 @@ from freefloat.so3 import (
     even_directions,
     heading_quaternion,
 )
-from freefloat.verification.checks import Check, comparison_check
+from freefloat.verification.tolerances import Check, comparison_check
 
 _NEAR_END = 5e-4
 """Distance of tested headings from the ends of ranges [rad]."""

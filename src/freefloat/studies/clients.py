@@ -1,15 +1,20 @@
-"""Connection to a Dask scheduler, whose workers execute the runs of a study."""
+"""Clients of Dask: of workers on this machine, or of a scheduler elsewhere."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import signal
+import threading
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from importlib.metadata import PackageNotFoundError, version
+from multiprocessing import resource_tracker
+from typing import Any
 
-from distributed import Client, Security
+import dask
+from distributed import Client, LocalCluster, Security
 from distributed.comm.addressing import get_address_host_port
 from distributed.comm.core import connect
 
@@ -17,6 +22,49 @@ from freefloat.errors import InputError
 
 _TIMEOUT = 10.0
 """Time to wait for a scheduler and its first worker [s]."""
+REPETITIONS = 2
+"""Number of repetitions of a run after its worker was killed."""
+_CONFIG: dict[str, Any] = {
+    "distributed.scheduler.allowed-failures": REPETITIONS,
+    "distributed.scheduler.worker-ttl": None,  # compiled code may hold the interpreter for long
+    "distributed.deploy.lost-worker-timeout": "1 day",  # restarts are slow on a busy machine
+    "distributed.worker.profile.enabled": False,
+}
+
+
+@contextmanager
+def local_client(workers: int) -> Iterator[Client]:
+    """Start workers on this machine."""
+    with dask.config.set(_CONFIG), ExitStack() as stack:
+        with _interrupts_deferred():
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address=None,
+                silence_logs=logging.CRITICAL, scheduler_kwargs={"dashboard_address": ":0"},
+            )  # fmt: skip
+            stack.enter_context(cluster)
+            client = stack.enter_context(Client(cluster, set_as_default=False))
+        yield client
+
+
+@contextmanager
+def _interrupts_deferred() -> Iterator[None]:
+    """Defer Ctrl-C to the end of the block; processes started by its threads do not receive it.
+
+    A terminal sends it to all processes, but only this one may end, and after its workers.
+    """
+    resource_tracker.ensure_running()  # its start would unblock the signal
+    received: list[int] = []
+    if main := threading.current_thread() is threading.main_thread():
+        handler = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        if main:
+            signal.signal(signal.SIGINT, handler)
+    if received:
+        signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager
