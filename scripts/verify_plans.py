@@ -31,17 +31,16 @@ def planned(name: str, folder: Path) -> Path:
 
 def row(name: str, report: CheckReport, seconds: float) -> str:
     """Minimum margin, its proven bound relative to it, and the largest errors."""
-    certificate, engine = report.certificate, report.engine
-    if certificate is None or engine is None:
+    certificate, inverse, forward = report.certificate, report.inverse, report.forward
+    if certificate is None or inverse is None or forward is None:
         return name
     minimum, angle = certificate.minima[-1], certificate.end_effector_orientation
-    inverse, forward = engine["inverse"], engine["forward"]
     return (
         f"{name:30} {minimum.measure:>7} {minimum.value:9.4g} {minimum.bound / minimum.value:6.3f}"
         f" {certificate.end_effector_position.value:8.1e} {angle.value if angle else 0.0:8.1e}"
         f" {certificate.momentum.value / certificate.momentum_scale:8.1e}"
-        f" {certificate.integration.attitude:8.1e} {inverse['wrench'] / inverse['torque']:8.1e}"
-        f" {forward['attitude']:8.1e} {seconds:7.1f}"
+        f" {certificate.integration.attitude:8.1e} {inverse.wrench / inverse.torque:8.1e}"
+        f" {forward.attitude:8.1e} {seconds:7.1f}"
     )
 
 

@@ -81,8 +81,8 @@ def test_a_plan_is_verified_with_both_engines(request, name):
         "mujoco: end-effector position", "mujoco: angular momentum", "mujoco: wrench on the base",
         "mujoco: final attitude",
     } <= set(names)  # fmt: skip
-    assert report.engine["forward"]["attitude"] < 1e-3
-    assert report.engine["inverse"]["wrench"] < 1e-4 * report.engine["inverse"]["torque"]
+    assert report.forward.attitude < 1e-3
+    assert report.inverse.wrench < 1e-4 * report.inverse.torque
     assert report.to_dict().keys() >= {"proved", "kind", "reasons", "checks", "certificate"}
     json.dumps(report.to_dict(), allow_nan=False)
 
@@ -382,7 +382,7 @@ def test_a_sampled_path_with_many_knots_is_verified_by_mujoco(tmp_path):
                           f"samples: {tmp_path / 'noisy.csv'}")  # fmt: skip
     report = ff.check(completed_simulation(text), "mujoco")
     assert report.discrepancies == ()
-    assert report.engine["inverse"]["looks"] > 40
+    assert report.inverse.looks > 40
 
 
 # --- the command ----------------------------------------------------------------------------------

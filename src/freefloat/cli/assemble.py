@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +15,7 @@ from freefloat.cli.options import Json, Quiet, comma_separated, prepare_outputs,
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
+    from freefloat.io.urdf_file import UrdfFile
     from freefloat.robot.model import FreeFloatingModel
     from freefloat.robot.parts import Mount
 
@@ -139,10 +140,10 @@ def assemble(
     else:
         model = _assembled(robot, end_effector, parts)
     prepare_outputs(Path(model.description.source), output=output)
-    document = write_urdf(model, output, copy_meshes).to_dict()
+    written = write_urdf(model, output, copy_meshes)
     console = Console(as_json, quiet)
-    console.json(document)
-    console.tables(_tables(document))
+    console.json(written.to_dict())
+    console.tables(_tables(written))
 
 
 def _given(**parts: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -209,22 +210,22 @@ def _mount(key: str, placement: Placement) -> Mount:
     return Mount(np.array(placement[:3]), np.array(placement[3:]))
 
 
-def _tables(document: dict[str, Any]) -> Iterator[RenderableType]:
+def _tables(written: UrdfFile) -> Iterator[RenderableType]:
     """The robot's mass, joints, centre of mass, inertia, meshes and warnings."""
-    yield f"{document['file']}: {document['robot']}, {document['total_mass']:.6g} kg"
+    model = written.model
+    yield f"{written.file}: {model.description.name}, {model.total_mass:.6g} kg"
     joints = table("joint", "type", "")
-    for joint in document["joints"]:
-        state = "moves" if joint["held"] is None else f"fixed at {joint['held']:g}"
-        joints.add_row(joint["name"], joint["type"], state)
+    for joint, value in written.joints:
+        joints.add_row(joint.name, joint.type, "moves" if value is None else f"fixed at {value:g}")
     yield joints
-    yield f"root {document['root']}, end-effector {document['end_effector']}"
-    yield f"centre of mass {_numbers(document['centre_of_mass'])} m, root's frame, joints at 0"
+    yield f"root {model.body_names[0]}, end-effector {model.end_effector}"
+    yield f"centre of mass {_numbers(written.centre_of_mass)} m, root's frame, joints at 0"
     yield "inertia about it, axes of the root [kg m²]:"
-    yield from (f"  {_numbers(row)}" for row in document["inertia"])
-    if document["meshes"]:
-        yield f"{len(document['meshes'])} mesh files, the first {document['meshes'][0]}"
-    yield from (f"warning: {warning}" for warning in document["warnings"])
+    yield from (f"  {_numbers(row)}" for row in written.inertia)
+    if written.meshes:
+        yield f"{len(written.meshes)} mesh files, the first {written.meshes[0]}"
+    yield from (f"warning: {warning}" for warning in written.warnings)
 
 
-def _numbers(values: list[float]) -> str:
+def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{value:.6g}" for value in values)

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,8 @@ from freefloat.errors import FreeFloatError
 
 if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.limits.limits import LimitResult
+    from freefloat.planning.attitude_map import AttitudeMap
+    from freefloat.planning.heading_map import HeadingMap
     from freefloat.planning.plan import Plan, Search
     from freefloat.planning.simulation import SimulatedBranch, Simulation
 
@@ -161,6 +164,20 @@ def short_label(label: str) -> str:
     """``s+ e- w+`` for ``shoulder+ elbow- wrist+``; nothing for numbers and words."""
     words = [word for word in label.split() if word[-1] in "+-" or re.fullmatch("[a-z]", word)]
     return " ".join(word[0] + word[1:][-1:] for word in words)
+
+
+def draw(
+    console: Console, folder: Path, result: Plan | AttitudeMap | HeadingMap, threads: int | None
+) -> list[str]:
+    """Draw the figures of a result into a folder; print and return their files."""
+    from freefloat.visualization.figure_style import save_figures
+    from freefloat.visualization.figures import figures
+
+    with console.progress("drawing") as progress:
+        files = save_figures(folder, figures(result, threads=threads, progress=progress))
+    names = ", ".join(dict.fromkeys(file.stem for file in files))
+    console.tables([f"Figures in {folder}, as PDF and PNG: {names}"])
+    return [str(file) for file in files]
 
 
 def search_lines(search: Search) -> Iterator[str]:

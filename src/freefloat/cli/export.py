@@ -9,13 +9,11 @@ import typer
 
 from freefloat.cli.console import Console
 from freefloat.cli.options import Json, MotionFile, Quiet, prepare_outputs
-from freefloat.cli.view import load_motion
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
     from freefloat.io.export import Format
 
-_TIMES = 501
 _STDOUT = "-"
 
 _Format = Annotated[
@@ -56,16 +54,15 @@ def export(
     Example: freefloat export plan.h5 --format ros2 --rate 20 -o trajectory.yaml
     """
     from freefloat.io.export import TEXTS, save_trajectory
-    from freefloat.io.trajectory import Trajectory, even_times, times_at_rate
+    from freefloat.io.results import load_motion
+    from freefloat.io.trajectory import Trajectory
 
-    if rate is not None and times is not None:
-        raise InputError("rate", "both --rate and --times were given", "one of the two")
     if output == _STDOUT and as_json:
         raise InputError("output", "both -o - and --json were given", "one of the two")
     kind, target = _format_and_file(file, format_, output)
     motion, violation = load_motion(file)
-    at = even_times(motion, times or _TIMES) if rate is None else times_at_rate(motion, rate)
-    trajectory = Trajectory.of(motion, at)
+    trajectory = Trajectory.sampled(motion, times, rate)
+    at = trajectory.times
     if target is None:
         typer.echo(TEXTS[kind](trajectory), nl=False)
         return

@@ -15,6 +15,7 @@ from freefloat.cli.console import (
     NO,
     Console,
     decimals,
+    draw,
     search_lines,
     short_label,
     table,
@@ -29,7 +30,6 @@ from freefloat.cli.options import (
     Threads,
     prepare_outputs,
 )
-from freefloat.cli.plan import draw
 
 if TYPE_CHECKING:
     from freefloat.planning.attitude_map import AttitudeMap, Candidate

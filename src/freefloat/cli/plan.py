@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -17,6 +16,7 @@ from freefloat.cli.console import (
     NO,
     Console,
     contact_lines,
+    draw,
     limit_tables,
     motion_lines,
     search_lines,
@@ -35,8 +35,6 @@ from freefloat.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from freefloat.planning.attitude_map import AttitudeMap
-    from freefloat.planning.heading_map import HeadingMap
     from freefloat.planning.plan import Plan
     from freefloat.planning.planar_ranges import BranchRanges
 
@@ -95,20 +93,6 @@ def plan(
         document["plots"] = draw(console, plots, result, threads)
     console.json(document)
     raise typer.Exit(DONE if result.feasible else NO)
-
-
-def draw(
-    console: Console, folder: Path, result: Plan | AttitudeMap | HeadingMap, threads: int | None
-) -> list[str]:
-    """Draw the figures of a result into a folder; print and return their files."""
-    from freefloat.visualization.figure_style import save_figures
-    from freefloat.visualization.figures import figures
-
-    with console.progress("drawing") as progress:
-        files = save_figures(folder, figures(result, threads=threads, progress=progress))
-    names = ", ".join(dict.fromkeys(file.stem for file in files))
-    console.tables([f"Figures in {folder}, as PDF and PNG: {names}"])
-    return [str(file) for file in files]
 
 
 def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:

@@ -41,6 +41,8 @@ def plot(
     Example: freefloat plot feasible.h5 singular.h5 -o figures
     """
     from freefloat.io.results import load
+    from freefloat.planning.plan import Plan
+    from freefloat.planning.simulation import Simulation
     from freefloat.visualization.comparison_figure import comparison_figure
     from freefloat.visualization.figure_style import save_figures
     from freefloat.visualization.figures import figures
@@ -55,9 +57,8 @@ def plot(
         for name, result in results.items():
             place = folder / name if len(results) > 1 else folder
             written += save_figures(place, figures(result, threads=threads, progress=progress))
-            chosen = getattr(result, "chosen", None)
-            if chosen is not None:
-                motions[name] = chosen.motion
+            if isinstance(result, Plan | Simulation) and result.chosen is not None:
+                motions[name] = result.chosen.motion
         if len(motions) > 1:
             written += save_figures(folder, {"comparison": comparison_figure(motions)})
     names = [str(file) for file in written]

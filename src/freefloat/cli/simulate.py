@@ -25,7 +25,6 @@ from freefloat.cli.options import (
     Attitude,
     Json,
     Page,
-    Quaternion,
     Quiet,
     ResultFile,
     ScenarioName,
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from freefloat.limits.limits import LimitKind
-    from freefloat.motion.problem import Problem
     from freefloat.planning.simulation import SimulatedBranch, Simulation
 
 _Heading = Annotated[
@@ -87,7 +85,11 @@ def simulate(
     loaded = load_scenario(scenario)
     problem = loaded.problem()
     limits = loaded.limits()
-    start = problem.attitude(_start_attitude(problem, attitude, heading))
+    if (attitude is None) is (heading is None):
+        number = "neither" if attitude is None else "both"
+        accepted = "--heading DEG" if problem.task.planar else "--attitude X Y Z W"
+        raise InputError("attitude", f"{number} of --attitude and --heading given", accepted)
+    start = problem.attitude(attitude, heading=None if heading is None else math.radians(heading))
     near: npt.ArrayLike | None = None if joints is None else comma_separated("joints", joints)
     mark = " (*)"
     prepare_outputs(loaded.source, output=output, html=html)
@@ -109,24 +111,6 @@ def simulate(
     console.json(simulation.to_dict())
     kept = not violated(simulation.limit_results)
     raise typer.Exit(DONE if kept and simulation.chosen.motion.completed else NO)
-
-
-def _start_attitude(
-    problem: Problem, attitude: Quaternion | None, heading: float | None
-) -> Sequence[float]:
-    """Return the initial attitude of either option."""
-    accepted = "--heading DEG" if problem.task.planar else "--attitude X Y Z W"
-    if attitude is not None and heading is not None:
-        raise InputError("attitude", "both --attitude and --heading were given", accepted)
-    if attitude is not None:
-        return attitude
-    if heading is None:
-        raise InputError("attitude", "neither --attitude nor --heading was given", accepted)
-    if not (problem.task.planar and math.isfinite(heading)):
-        raise InputError("heading", f"{heading:g} was given, task {problem.task}", accepted)
-    from freefloat.so3 import heading_quaternion
-
-    return list(heading_quaternion(math.radians(heading)))
 
 
 def _tables(name: str, simulation: Simulation, mark: str) -> Iterator[RenderableType]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,8 +22,8 @@ from freefloat.cli.options import (
 from freefloat.errors import InputError
 
 if TYPE_CHECKING:
-    from freefloat.motion.motion import Motion
     from freefloat.visualization.playback import Playback
+    from freefloat.visualization.video import FrameTimes
 
 _Files = Annotated[
     list[Path],
@@ -72,6 +73,42 @@ _Scene = Annotated[
 ]
 
 
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A playback, and the address and the files where it is."""
+
+    playback: Playback
+    address: str | None = None
+    html: Path | None = None
+    snapshots: tuple[Path, ...] = ()
+    video: tuple[Path, FrameTimes] | None = None
+
+    def print(self, console: Console) -> None:
+        """Print the JSON document or lines."""
+        video = self.video and {"file": str(self.video[0]), **self.video[1].to_dict()}
+        console.json({
+            "address": self.address, "html": self.html and str(self.html),
+            "snapshots": [str(file) for file in self.snapshots], "video": video,
+            "scenes": list(self.playback.titles), "remarks": list(self.playback.remarks),
+        })  # fmt: skip
+        console.tables(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        """Where the page, the pictures or the video are."""
+        yield from (f"remark: {remark}" for remark in self.playback.remarks)
+        if self.address is not None:
+            yield f"{self.address}  (for this machine alone; Ctrl-C ends)"
+        if self.html is not None:
+            yield f"page: {self.html}"
+        if self.snapshots:
+            first, last = self.snapshots[0], self.snapshots[-1]
+            yield f"pictures: {first}" + (f" to {last}" if last != first else "")
+        if self.video is not None:
+            file, frames = self.video
+            speed = "" if frames.speed == 1.0 else f", {frames.speed:g} times the motion's speed"
+            yield f"video: {file}, {frames.duration:.1f} s{speed}"
+
+
 def view(
     files: _Files,
     port: _Port = 7007,
@@ -105,7 +142,7 @@ def view(
         size=(size, {"--snapshots": snapshots, "--video": video}),
         scene=(scene, {"--html": html, "--snapshots": snapshots, "--video": video}),
     )
-    shown: dict[str, Any] = {"size": _pixels(size), "scene": scene}
+    options: dict[str, Any] = {"size": _pixels(size), "scene": scene}
     console = Console(as_json, quiet)
     playback = _playback(files)
     if html is None and snapshots is None and video is None:
@@ -115,22 +152,21 @@ def view(
         key = "snapshots" if video is None else "video"
         raise InputError(key, "nothing moves there", "--snapshots 1 or --html")
     prepare_outputs(*files, html=html, video=video)
-    document = _document(playback)
+    shown = _Shown(playback)
     if snapshots is not None:
         name = scene if scene and len(files) > 1 else files[0].stem
         folder = output or Path(re.sub(r"[^\w.+-]+", "_", name) + "_snapshots")
         make_folder("output", folder)
-        with console.progress(f"taking {snapshots} pictures") as progress:
-            pictures = save_snapshots(playback, snapshots, folder, name, **shown, progress=progress)
-        document["snapshots"] = [str(file) for file in pictures]
+        with console.progress(f"taking {snapshots} pictures") as update:
+            pictures = save_snapshots(playback, snapshots, folder, name, **options, progress=update)
+        shown = replace(shown, snapshots=tuple(pictures))
     if video is not None:
-        with console.progress("taking the pictures of the video") as progress:
-            frames = save_video(playback, video, rate=fps, speed=speed, **shown, progress=progress)
-        document["video"] = {"file": str(video), **frames.to_dict()}
+        with console.progress("taking the pictures of the video") as update:
+            frames = save_video(playback, video, rate=fps, speed=speed, **options, progress=update)
+        shown = replace(shown, video=(video, frames))
     if html is not None:
-        document["html"] = str(playback.save(html, scene))
-    console.json(document)
-    console.tables(_lines(document))
+        shown = replace(shown, html=playback.save(html, scene))
+    shown.print(console)
 
 
 def _serve(console: Console, playback: Playback, port: int, open_page: bool) -> None:
@@ -138,21 +174,11 @@ def _serve(console: Console, playback: Playback, port: int, open_page: bool) -> 
     from freefloat.visualization.server import open_browser, serve
 
     def ready(address: str) -> None:
-        document = _document(playback) | {"address": address}
-        console.json(document)
-        console.tables(_lines(document))
+        _Shown(playback, address).print(console)
         if open_page:
             open_browser(address)
 
     serve(playback.html(), port, ready)
-
-
-def _document(playback: Playback) -> dict[str, Any]:
-    """Return the JSON document before anything is written."""
-    return {
-        "address": None, "html": None, "snapshots": [], "video": None,
-        "scenes": list(playback.titles), "remarks": list(playback.remarks),
-    }  # fmt: skip
 
 
 def _require_outputs(**options: tuple[Any, dict[str, Any]]) -> None:
@@ -175,7 +201,7 @@ def _pixels(text: str | None) -> tuple[int, int] | None:
 
 def _playback(files: Sequence[Path]) -> Playback:
     """The playback of motions, which are shown together, or of one map."""
-    from freefloat.io.results import load
+    from freefloat.io.results import chosen_motion, load
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
     from freefloat.visualization.playback import playback
@@ -183,47 +209,10 @@ def _playback(files: Sequence[Path]) -> Playback:
     results = [load(file) for file in files]
     if len(files) == 1:
         if not isinstance(results[0], AttitudeMap | HeadingMap):
-            _motion_of(results[0], files[0])
+            chosen_motion(results[0], files[0])
         return playback(results[0], files[0].stem)
     motions = {}
     for name, result, file in zip(distinct_stems(files), results, files, strict=True):
-        motion, violation = _motion_of(result, file)
+        motion, violation = chosen_motion(result, file)
         motions[f"{name}, {violation}" if violation else name] = motion
     return playback(motions, " · ".join(motions))
-
-
-def load_motion(file: Path) -> tuple[Motion, str]:
-    """The motion of a plan or motion file, and what the motion of an infeasible plan violates.
-
-    Raises:
-        InputError: If it has none.
-    """
-    from freefloat.io.results import load
-
-    return _motion_of(load(file), file)
-
-
-def _motion_of(result: Any, file: Path) -> tuple[Motion, str]:
-    if not hasattr(result, "chosen"):
-        accepted = "plans and motions, several together, or one map"
-        raise InputError("file", "it holds a map", accepted, str(file))
-    if result.chosen is None:
-        problem = f"it has no motion, the plan is not feasible: {result.reason}"
-        raise InputError("file", problem, "a plan or simulation with a motion", str(file))
-    return result.chosen.motion, getattr(result, "violation", "")
-
-
-def _lines(document: dict[str, Any]) -> Iterator[str]:
-    """Where the page, the pictures or the video are."""
-    yield from (f"remark: {remark}" for remark in document["remarks"])
-    if document["address"] is not None:
-        yield f"{document['address']}  (for this machine alone; Ctrl-C ends)"
-    if document["html"] is not None:
-        yield f"page: {document['html']}"
-    if document["snapshots"]:
-        first, last = document["snapshots"][0], document["snapshots"][-1]
-        yield f"pictures: {first}" + (f" to {last}" if last != first else "")
-    if document["video"] is not None:
-        video = document["video"]
-        speed = "" if video["speed"] == 1.0 else f", {video['speed']:g} times the motion's speed"
-        yield f"video: {video['file']}, {video['duration']:.1f} s{speed}"

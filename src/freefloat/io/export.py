@@ -14,7 +14,7 @@ import yaml
 
 from freefloat.errors import InputError, require_type
 from freefloat.io.files import written_beside
-from freefloat.io.trajectory import Trajectory, even_times, times_at_rate
+from freefloat.io.trajectory import Trajectory
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
@@ -197,7 +197,7 @@ def export(
     result: Plan | Simulation | Motion,
     file: str | Path,
     *,
-    times: int = 501,
+    times: int | None = None,
     rate: float | None = None,
 ) -> None:
     """Write the trajectory of a motion for other tools.
@@ -206,7 +206,7 @@ def export(
         result: A motion, or a plan or simulation, whose chosen motion is written.
         file: Its suffix is the format: ``.csv``, ``.mat``, ``.json``, ``.yaml`` (a ROS 2
             JointTrajectory).
-        times: Number of evenly spaced times.
+        times: Number of evenly spaced times; default is 501.
         rate: In its place, times per second [Hz].
 
     Raises:
@@ -222,11 +222,10 @@ def export(
         raise InputError(
             "file", f"{file} was given", f"a name in {', '.join(k.suffix for k in Format)}"
         )
-    chosen = getattr(result, "chosen", result)
-    motion: Any = getattr(chosen, "motion", chosen)
+    chosen = result.chosen if isinstance(result, Plan | Simulation) else None
+    motion: Any = result if chosen is None else chosen.motion
     require_type("result", motion, Motion, "a motion, a simulation, or a plan that is feasible")
-    at = even_times(motion, times) if rate is None else times_at_rate(motion, rate)
-    save_trajectory(Path(file), Trajectory.of(motion, at), kind)
+    save_trajectory(Path(file), Trajectory.sampled(motion, times, rate), kind)
 
 
 def save_trajectory(path: Path, trajectory: Trajectory, format_: Format) -> None:

@@ -29,6 +29,7 @@ from freefloat.io.hdf5 import (
     write_hdf5,
 )
 from freefloat.io.scenario import Scenario, parse_scenario, scenario_of
+from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.model import FreeFloatingModel
@@ -165,6 +166,27 @@ def load(path: str | Path) -> Result:
             if isinstance(error, InputError):
                 key, problem = error.key, error.problem
             raise AlteredFileError(key, problem, _ACCEPTED, str(path)) from error
+
+
+def load_motion(file: Path) -> tuple[Motion, str]:
+    """Chosen motion of a plan or motion file, and what the motion of an infeasible plan violates.
+
+    Raises:
+        InputError: If it has none.
+    """
+    return chosen_motion(load(file), file)
+
+
+def chosen_motion(result: Result, file: Path) -> tuple[Motion, str]:
+    """The same for a record that was loaded from a file."""
+    if not isinstance(result, Plan | Simulation):
+        accepted = "plans and motions, several together, or one map"
+        raise InputError("file", "it holds a map", accepted, str(file))
+    violation = result.violation if isinstance(result, Plan) else ""
+    if result.chosen is None:
+        problem = f"it has no motion, the plan is not feasible: {result.reason}"
+        raise InputError("file", problem, "a plan or simulation with a motion", str(file))
+    return result.chosen.motion, violation
 
 
 def _kind_of(file: Any, path: Path) -> str:

@@ -62,6 +62,26 @@ class Trajectory:
             object.__setattr__(self, entry.name, frozen(getattr(self, entry.name)))
 
     @classmethod
+    def sampled(
+        cls, motion: Motion, count: int | None = None, rate: float | None = None
+    ) -> Trajectory:
+        """Sample a motion at evenly spaced times.
+
+        Args:
+            motion: The motion.
+            count: Number of times; default is 501.
+            rate: In its place, times per second [Hz].
+
+        Raises:
+            InputError: If both are given, or there would be fewer than two or too many times.
+        """
+        if rate is None:
+            return cls.of(motion, even_times(motion, 501 if count is None else count))
+        if count is not None:
+            raise InputError("rate", "a number of times was given, too", "one of the two")
+        return cls.of(motion, times_at_rate(motion, rate))
+
+    @classmethod
     def of(cls, motion: Motion, times: npt.ArrayLike) -> Trajectory:
         """Sample a motion.
 

@@ -5,20 +5,23 @@ from __future__ import annotations
 import io
 import os
 import shutil
-import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yourdfpy
+from lxml import etree
 
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.errors import InputError, ModelError
 from freefloat.io.files import written_beside
 from freefloat.robot.assembly import rename_meshes
+from freefloat.robot.description import Joint
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import MeshFileError, find_mesh
+from freefloat.robot.urdf import Element
+from freefloat.so3 import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,31 +40,46 @@ class UrdfFile:
     meshes: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
 
+    @property
+    def centre_of_mass(self) -> Array:
+        """In the root's frame with all joints at zero [m], shape (3,)."""
+        return -self.model.base_position([0.0, 0.0, 0.0, 1.0], np.zeros(self.model.dof))
+
+    @property
+    def inertia(self) -> Array:
+        """About the centre of mass, axes of the root, all joints at zero [kg m²], shape (3, 3)."""
+        return inertia_matrices(self.model, np.zeros(self.model.dof))[0]
+
+    @property
+    def joints(self) -> tuple[tuple[Joint, float | None], ...]:
+        """Joints of types that move, with their fixed values [rad or m]; None where they move."""
+        model = self.model
+        return tuple(
+            (joint, None if joint.name in model.joint_names
+             else float(model.fixed_joints.get(joint.name, 0.0)))
+            for joint in model.description.joints if joint.moving
+        )  # fmt: skip
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of the URDF, and a sentence for each missing mesh file."""
+        return (*map(str, self.model.warnings), *self.missing)
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat assemble``."""
-        model = self.model
-        robot = ET.fromstring(model.description.text)
-        joints = np.zeros(model.dof)
-        centre = -model.base_position([0.0, 0.0, 0.0, 1.0], joints)
         return {
             "file": str(self.file),
-            "robot": robot.get("name"),
-            "root": model.body_names[0],
-            "end_effector": model.end_effector,
-            "total_mass": model.total_mass,
-            "centre_of_mass": centre.tolist(),
-            "inertia": inertia_matrices(model, joints)[0].tolist(),
+            "robot": self.model.description.name or None,
+            "root": self.model.body_names[0],
+            "end_effector": self.model.end_effector,
+            "total_mass": self.model.total_mass,
+            "centre_of_mass": self.centre_of_mass.tolist(),
+            "inertia": self.inertia.tolist(),
             "joints": [
-                {
-                    "name": (name := str(joint.get("name"))),
-                    "type": joint.get("type"),
-                    "moves": (moves := name in model.joint_names),
-                    "held": None if moves else float(model.fixed_joints.get(name, 0.0)),
-                }
-                for joint in robot.findall("joint")
-                if joint.get("type") != "fixed"
+                {"name": joint.name, "type": joint.type, "moves": value is None, "held": value}
+                for joint, value in self.joints
             ],
-            "warnings": [*map(str, model.warnings), *self.missing],
+            "warnings": list(self.warnings),
             "meshes": list(self.meshes),
         }
 
@@ -79,7 +97,7 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
         InputError: If the file cannot be written.
         ModelError: If another reader of URDFs refuses the robot.
     """
-    robot = ET.fromstring(model.description.text)
+    robot = etree.fromstring(model.description.text)
     source = model.description.source
     _require_readable(robot)
     found: dict[str, Path] = {}
@@ -95,19 +113,20 @@ def write_urdf(model: FreeFloatingModel, file: Path, copy_meshes: bool = False) 
         copies = _copy(sorted(set(found.values())), folder)
         names = {name: f"{folder.name}/{copies[path]}" for name, path in found.items()}
     rename_meshes(robot, lambda name: names.get(name, name))
-    ET.indent(robot)
+    etree.indent(robot)
     with written_beside(file) as temporary:
-        ET.ElementTree(robot).write(temporary, encoding="utf-8", xml_declaration=True)
+        text = etree.tostring(robot, encoding="utf-8", xml_declaration=True)
+        temporary.write_bytes(text)
     meshes = sorted(set(names.values()))
     sentences = sorted(missing.values())
     return UrdfFile(file, model, tuple(meshes), tuple(sentences))
 
 
-def _require_readable(robot: ET.Element) -> None:
+def _require_readable(robot: Element) -> None:
     """Raise a ModelError unless yourdfpy loads the robot, too."""
     try:
         loaded: Any = yourdfpy.URDF.load(
-            io.BytesIO(ET.tostring(robot)), load_meshes=False, build_scene_graph=True
+            io.BytesIO(etree.tostring(robot)), load_meshes=False, build_scene_graph=True
         )
         valid = loaded.validate()
         errors = "; ".join(str(error) for error in loaded.errors)

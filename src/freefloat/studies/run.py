@@ -15,7 +15,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from freefloat.errors import FreeFloatError, InputError, ModelError, UnreachableError
+from freefloat.errors import (
+    FreeFloatError,
+    InputError,
+    ModelError,
+    UnreachableError,
+    finite_number,
+)
 from freefloat.ik.nearest import newton_configuration
 from freefloat.io.results import save
 from freefloat.motion.problem import Problem
@@ -23,7 +29,7 @@ from freefloat.planning.simulation import simulate
 from freefloat.robot.description import MeshFile
 from freefloat.robot.names import MeshFileError, find_mesh, is_file
 from freefloat.robot.urdf import parse_urdf
-from freefloat.so3 import Array, heading_quaternion, rotation_matrix
+from freefloat.so3 import Array, rotation_matrix
 from freefloat.studies.database import Files
 from freefloat.studies.document import error_of_study, scenario_from
 from freefloat.studies.results import ERROR, Row
@@ -158,7 +164,12 @@ def _computed(run: Run, source: Path) -> RunResult:
             record = plan(problem, scenario.search(), limits, threads=1)
         values = plan_values(record)
     else:
-        attitude = _initial_attitude(problem, run.start)
+        heading = run.start.get("heading_deg")
+        if heading is not None:
+            heading = math.radians(
+                finite_number("heading_deg", heading, "a finite number of degrees")
+            )
+        attitude = problem.attitude(run.start.get("attitude"), heading=heading)
         choice = _branch_choice(run, problem, attitude, source)
         record = simulate(problem, attitude, limits=scenario.limits(), **choice)
         values = simulation_values(record)
@@ -166,23 +177,12 @@ def _computed(run: Run, source: Path) -> RunResult:
     return RunResult(row, _file_content(record) if run.save else None)
 
 
-def _initial_attitude(problem: Problem, start: dict[str, Any]) -> Any:
-    if "heading_deg" not in start:
-        return start["attitude"]
-    heading = start["heading_deg"]
-    if not problem.task.planar:
-        raise InputError("heading_deg", f"task {problem.task} is not planar", "attitude")
-    if not isinstance(heading, int | float) or not math.isfinite(heading):
-        raise InputError("heading_deg", f"{heading} was given", "a finite number of degrees")
-    return heading_quaternion(math.radians(heading))
-
-
 def _branch_choice(run: Run, problem: Problem, attitude: Any, source: Path) -> dict[str, Any]:
     """Return the arguments of simulate that choose the arm branch."""
     branch = run.start.get("branch")
     if branch is not None:
         return {} if branch == "best" else {"branch": branch}
-    branches = problem.branches(problem.attitude(attitude))
+    branches = problem.branches(attitude)
     if not branches:
         return {}  # which is an error of simulate
     joints = _undisturbed_joints(json.dumps(run.base), source, tuple(attitude))

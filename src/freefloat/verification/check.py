@@ -66,14 +66,16 @@ class CheckReport:
         checks: Everything that was checked, in order.
         certificate: Recomputed certificate of the motion; None without a motion.
         limits: Recomputed limits of the motion.
-        engine: Results of MuJoCo; None if it was not used.
+        inverse: Inverse dynamics of MuJoCo along the motion; None if it was not used.
+        forward: MuJoCo's own integration of the motion; None if it was not used.
     """
 
     kind: str
     checks: tuple[Check, ...]
     certificate: Certificate | None = field(default=None, repr=False)
     limits: tuple[LimitResult, ...] = field(default=(), repr=False)
-    engine: dict[str, Any] | None = field(default=None, repr=False)
+    inverse: InverseRun | None = field(default=None, repr=False)
+    forward: ForwardRun | None = field(default=None, repr=False)
 
     @property
     def passed(self) -> bool:
@@ -94,8 +96,10 @@ class CheckReport:
             "checks": [check.to_dict() for check in self.checks],
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "limits": [result.to_dict() for result in self.limits],
-            "engine": self.engine,
-        }
+            "engine": None if self.inverse is None or self.forward is None else {
+                "name": MUJOCO, "inverse": asdict(self.inverse), "forward": asdict(self.forward)
+            },
+        }  # fmt: skip
 
 
 def check(result: Plan | Simulation, engine: str = PINOCCHIO) -> CheckReport:
@@ -143,7 +147,7 @@ def _verify(
 ) -> CheckReport:
     """All checks of a motion."""
     motion = chosen.motion
-    runs = None
+    inverse = forward = None
     certificate = certify(motion)
     limits = check_limits(motion, result.limits or Limits())
     keeps_margin = result.feasible or isinstance(result, Plan)
@@ -167,8 +171,7 @@ def _verify(
         inverse = inverse_run(motion, robot)
         forward = forward_run(motion, robot)
         checks += _engine_checks(motion, inverse, forward)
-        runs = {"name": MUJOCO, "inverse": asdict(inverse), "forward": asdict(forward)}
-    return CheckReport(kind, tuple(checks), certificate, limits, runs)
+    return CheckReport(kind, tuple(checks), certificate, limits, inverse, forward)
 
 
 def _completed(

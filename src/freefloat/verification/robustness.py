@@ -8,10 +8,10 @@ from math import tau
 
 import numpy as np
 
-from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
 from freefloat.planning.planar_ranges import BranchRanges
@@ -54,23 +54,24 @@ def robustness_checks(plan: Plan, chosen: SimulatedBranch) -> Iterator[Check]:
         if not 0.0 <= value < np.inf:
             yield Check("robustness", False, f"{key} is {value}", value)
             return
+    evaluator = evaluator_for(plan.problem)
     if plan.problem.task.planar:
-        yield _heading_check(plan)
+        yield _heading_check(plan, evaluator)
         yield _depth_check(plan, chosen)
         return
     if plan.robust_radius:  # a radius of zero: nothing to check
-        yield _ball_check(plan, chosen)
+        yield _ball_check(evaluator, plan, chosen)
     if plan.tolerance is not None:
-        yield _tolerance_check(plan, plan.tolerance, chosen)
+        yield _tolerance_check(evaluator, plan.tolerance, chosen)
 
 
 # --- in the plane -------------------------------------------------------------------------------
 
 
-def _heading_check(plan: Plan) -> Check:
+def _heading_check(plan: Plan, evaluator: FeasibilityEvaluator) -> Check:
     """Headings just inside the ends of ranges keep the margin, those just outside do not."""
     probes = [probe for entry in plan.ranges for probe in _probes(entry)]
-    for heading, branch, stated in (*probes, *_contradictions(plan)):
+    for heading, branch, stated in (*probes, *_contradictions(plan, evaluator)):
         if not plan.search.domain.contains(heading_quaternion(heading)):
             continue
         if _is_feasible(plan.problem, heading, branch) is not stated:
@@ -96,10 +97,11 @@ def _probes(entry: BranchRanges) -> Iterator[tuple[float, int, bool]]:
                 yield heading, entry.branch, False
 
 
-def _contradictions(plan: Plan) -> Iterator[tuple[float, int, bool]]:
+def _contradictions(
+    plan: Plan, evaluator: FeasibilityEvaluator
+) -> Iterator[tuple[float, int, bool]]:
     """Headings at which an ensemble of motions on the whole circle contradicts the ranges."""
     problem = plan.problem
-    evaluator = FeasibilityEvaluator(problem)
     headings = np.linspace(0.0, tau, _CIRCLE // evaluator.sample_reduction, endpoint=False)
     outcomes = evaluator.evaluate(heading_quaternion(headings), stop_at_margin=True)
     feasible = problem.margin.keeps(outcomes.margins)
@@ -141,9 +143,8 @@ def _depth_check(plan: Plan, chosen: SimulatedBranch) -> Check:
 # --- in space -----------------------------------------------------------------------------------
 
 
-def _ball_check(plan: Plan, chosen: SimulatedBranch) -> Check:
+def _ball_check(evaluator: FeasibilityEvaluator, plan: Plan, chosen: SimulatedBranch) -> Check:
     """Attitudes within the robust radius keep the margin."""
-    evaluator = FeasibilityEvaluator(plan.problem)
     radius = plan.robust_radius or 0.0
     branch = None if plan.problem.redundant else chosen.branch.index
     count = _SAMPLES // evaluator.sample_reduction
@@ -160,16 +161,18 @@ def _ball_check(plan: Plan, chosen: SimulatedBranch) -> Check:
     )  # fmt: skip
 
 
-def _tolerance_check(plan: Plan, tolerance: Tolerance, chosen: SimulatedBranch) -> Check:
+def _tolerance_check(
+    evaluator: FeasibilityEvaluator, tolerance: Tolerance, chosen: SimulatedBranch
+) -> Check:
     """Motions with the tolerated momenta and durations keep the margin, from the same start.
 
     The ensemble is integrated for many directions; the worst of them and the durations precisely.
     """
-    problem, start = plan.problem, chosen.motion.initial
+    problem, start = evaluator.problem, chosen.motion.initial
     directions = even_directions(_DIRECTIONS)
     momenta = problem.momentum + _INSIDE * tolerance.momentum * directions
     states = np.tile(start.attitude, (_DIRECTIONS, 1)), np.tile(start.joints, (_DIRECTIONS, 1))
-    ensemble = EnsembleIntegrator(problem).integrate(*states, momenta=momenta)
+    ensemble = evaluator.integrator.integrate(*states, momenta=momenta)
     worst = [*momenta[np.argsort(ensemble.minimum)[:_PRECISE_COUNT]]]
     if problem.momentum.any():
         duration = problem.path.duration

@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from freefloat.concurrency import Progress
-from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import UnreachableError, require_type
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
@@ -102,7 +101,7 @@ def _figures(result: Any, threads: int | None, progress: Progress | None) -> dic
 def _map_figures(
     result: AttitudeMap, marks: Sequence[Mark], threads: int | None, progress: Progress | None
 ) -> dict[str, Figure]:
-    slices = map_slices(FeasibilityEvaluator(result.problem, threads), marks, progress)
+    slices = map_slices(evaluator_for(result.problem, threads), marks, progress)
     drawn = {"map_slices": slices_figure(result, slices)}
     if result.results.exist.any():
         drawn["map_histogram"] = histogram_figure(result)

@@ -60,11 +60,15 @@ class FrameTimes:
     rate: float
     speed: float
 
+    @property
+    def duration(self) -> float:
+        """Length of the video [s]."""
+        return len(self.times) / self.rate
+
     def to_dict(self) -> dict[str, float]:
         """Return numbers of pictures and of pictures per second, speed, and length [s]."""
-        count = len(self.times)
-        length = count / self.rate
-        return {"pictures": count, "fps": self.rate, "speed": self.speed, "duration": length}
+        return {"pictures": len(self.times), "fps": self.rate, "speed": self.speed,
+                "duration": self.duration}  # fmt: skip
 
 
 def frame_times(
