@@ -23,10 +23,11 @@ import pytest
 from freefloat.errors import InputError
 from freefloat.io.results import load
 from freefloat.robot.names import bundled_studies, models_folder
+from freefloat.studies.clients import _CONFIG
 from freefloat.studies.database import open_results
 from freefloat.studies.results import Row
 from freefloat.studies.run import Run, RunResult, execute, study_files
-from freefloat.studies.runner import _CONFIG, estimate_study, execute_all, run_study
+from freefloat.studies.runner import estimate_study, execute_all, run_study
 from freefloat.studies.study import load_study
 from tests.commands import document, error, run
 from tests.errors import error_key
