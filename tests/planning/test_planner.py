@@ -191,7 +191,7 @@ def test_the_map_agrees_with_the_ranges(problem, robust):
     """Headings are feasible exactly inside the ranges, branch by branch; progress ends at 1."""
     fractions = []
     result = sample_headings(evaluator_for(problem), 24, progress=fractions.append)
-    for index, row in zip(result.branches, result.feasible, strict=True):
+    for index, row in zip(result.branches, result.feasible.T, strict=True):
         parts = robust.ranges[index].ranges
         inside = [max(part.depth(h) for part in parts) > 0 for h in result.headings]
         assert row.tolist() == inside
