@@ -1,7 +1,7 @@
-"""How deep attitudes lie inside the feasible set, and the deepest of all.
+"""Depth of attitudes inside the feasible set, and the deepest attitude.
 
-The set meant here has attitudes from which one arm branch keeps the margin and avoids all
-singularities, also those that its measure does not see.
+The feasible set of an arm branch here contains the attitudes from which the branch keeps the margin
+and avoids all singularities, also those at which the measure does not vanish.
 
 The radius of a ball around an attitude is the distance to the closest attitude outside: those found
 in a cloud are moved closest. Attitudes inside the ball, on a slightly larger sphere and where the
@@ -35,7 +35,7 @@ from freefloat.so3 import (
 _WIDE = 512
 """Attitudes of the cloud that searches for the outside."""
 _DIRECTIONS = 8
-"""How many of those found outside are moved closest."""
+"""Attitudes found outside that are moved closest."""
 _KEPT = 64
 """Attitudes found outside a ball that are moved to the boundary, at most."""
 _COARSE = 8e-3
@@ -45,7 +45,7 @@ _SMALLEST = 2e-5
 _CONFIRMING = 3072
 """Attitudes that confirm a ball, half of them spread in it, a third on its sphere."""
 _DESCENTS = 6
-"""The worst of those on the sphere, from which worse ones are searched for."""
+"""Worst attitudes on the sphere, from which worse ones are searched for."""
 _SWEEPS = 4
 """Clouds of such a search."""
 _SWEEP = 0.15
@@ -67,7 +67,7 @@ _EDGE = 400
 _CENTRES = 20_000
 """Centres considered."""
 _STARTS = 4
-"""How many of them are refined."""
+"""Centres that are refined."""
 _FINEST = 2e-3
 """Accuracy of refined centres [rad]."""
 

@@ -56,10 +56,10 @@ def nearest_with_spare(
 ) -> list[NearAttitude]:
     """The attitude near a target that keeps the margin within an angle ``spare`` [rad] around it.
 
-    Also singularities that the measure does not see are avoided there, as for the robust radius.
+    There all singularities are avoided, also those at which the measure does not vanish.
 
     Returns:
-        The nearest attitude found; nothing where none is.
+        The nearest attitude found; empty where none is.
     """
     domain = samples.search.domain
     best: NearAttitude | None = None
