@@ -51,7 +51,7 @@ def check(
         try:
             result = load(file)
             if not isinstance(result, Plan | Simulation):
-                raise InputError("file", "it holds a map", "a plan or motion file", str(file))
+                raise InputError("file", "it is a map file", "a plan or motion file", str(file))
             report = verify(result, engine or PINOCCHIO)
         except AlteredFileError as error:
             report = CheckReport("file", (Check(error.key, False, error.problem),))

@@ -181,7 +181,7 @@ def chosen_motion(result: Result, file: Path) -> tuple[Motion, str]:
     """The same for a record that was loaded from a file."""
     if not isinstance(result, Plan | Simulation):
         accepted = "plans and motions, several together, or one map"
-        raise InputError("file", "it holds a map", accepted, str(file))
+        raise InputError("file", "it is a map file", accepted, str(file))
     violation = result.violation if isinstance(result, Plan) else ""
     if result.chosen is None:
         problem = f"it has no motion, the plan is not feasible: {result.reason}"
