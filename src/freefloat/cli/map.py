@@ -11,6 +11,7 @@ import typer
 from rich.console import RenderableType
 
 from freefloat.cli.console import (
+    ANY,
     DONE,
     NO,
     Console,
@@ -211,4 +212,4 @@ def _place(candidate: Candidate) -> str:
 
 
 def _number(branch: int | None) -> str:
-    return "any" if branch is None else str(branch)
+    return ANY if branch is None else str(branch)
