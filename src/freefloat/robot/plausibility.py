@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.robot.description import Link, MeshFile, RigidGroup, RobotDescription, corners
+from freefloat.robot.description import Joint, Link, MeshFile, RigidGroup, RobotDescription, corners
 from freefloat.robot.names import MeshFileError, find_mesh
 from freefloat.so3 import Array
 
@@ -24,8 +24,33 @@ _TINY = 1e-15
 """Moments of inertia that are zero but for rounding [kg m²]: those of a milligram at 0.03 mm."""
 ROUNDED = 1e-3
 """Error of a unit axis written with three digits."""
-Faults = Iterator[tuple[Any, str | int, str, str]]
-"""Link, joint or robot; tag of an element in it, or a line; problem; remedy."""
+
+
+class Fault(NamedTuple):
+    """An error or a warning before its severity is known.
+
+    Attributes:
+        element: The link, joint or robot concerned.
+        where: Tag of an element in it, or a line.
+        problem: What is wrong, with its numbers.
+        remedy: What to write instead.
+    """
+
+    element: Link | Joint | RobotDescription
+    where: str | int
+    problem: str
+    remedy: str
+
+    @property
+    def line(self) -> int:
+        """Line in the URDF; that of the link or joint where the element is missing."""
+        if isinstance(self.where, int) or isinstance(self.element, RobotDescription):
+            return int(self.where)
+        lines = self.element.lines
+        return lines.get(self.where, lines[self.element.tag])
+
+
+Faults = Iterator[Fault]
 
 
 def _inertias(robot: RobotDescription) -> Faults:
@@ -37,11 +62,11 @@ def _inertias(robot: RobotDescription) -> Faults:
         if moments[0] < 0.0 or (moments[0] == 0.0 and link.mass > 0.0):
             problem = f"its inertia is not positive definite (principal moments {shown})"
             remedy = "moments about the centre of mass; signs of the products as in the matrix"
-            yield link, "inertia", problem, remedy
+            yield Fault(link, "inertia", problem, remedy)
         elif breaks_triangle(moments):
             problem = f"its principal moments {shown} violate the triangle inequality"
             remedy = f"at most {moments[0] + moments[1]:.6g} for the largest"
-            yield link, "inertia", problem, remedy
+            yield Fault(link, "inertia", problem, remedy)
 
 
 def breaks_triangle(moments: npt.ArrayLike) -> bool:
@@ -64,19 +89,19 @@ def _joint_values(robot: RobotDescription) -> Faults:
         if joint.moving and "limit" in joint.lines and joint.lower >= joint.upper:
             problem = f"its range is {joint.lower:g} to {joint.upper:g}"
             remedy = "a lower end below the upper, or a fixed joint; the range is ignored"
-            yield joint, "limit", problem, remedy
+            yield Fault(joint, "limit", problem, remedy)
         length = float(np.linalg.norm(joint.axis))
         if joint.moving and length > 0.0 and abs(length - 1.0) > ROUNDED:
             unit = " ".join(f"{value:.9g}" for value in joint.axis / length + 0.0)
             problem = f"its <axis> has length {length:.6g}; only the direction is used"
-            yield joint, "axis", problem, f'<axis xyz="{unit}"/>'
+            yield Fault(joint, "axis", problem, f'<axis xyz="{unit}"/>')
         if joint.mimic is not None:
             problem = (
                 f"it mimics {joint.mimic}, which is ignored: it moves independently, or stays "
             )
             problem += "at zero where it does not lead to the end-effector"
             remedy = 'a fixed value (robot.held in a scenario), or type="fixed"'
-            yield joint, "mimic", problem, remedy
+            yield Fault(joint, "mimic", problem, remedy)
 
 
 def root_masses(robot: RobotDescription) -> Faults:
@@ -85,7 +110,7 @@ def root_masses(robot: RobotDescription) -> Faults:
         if _mass(robot, robot.rigid_groups[root]) == 0.0:
             problem = "the root link and what is fixed to it have no mass"
             remedy = "robot.spacecraft in a scenario, or an <inertial> in this link"
-            yield robot.links_by_name[root], "link", problem, remedy
+            yield Fault(robot.links_by_name[root], "link", problem, remedy)
 
 
 def _mass(robot: RobotDescription, group: RigidGroup) -> float:
@@ -101,7 +126,7 @@ def _moving_links(robot: RobotDescription) -> Faults:
         mass = _mass(robot, group)
         if mass == 0.0:
             remedy = "a small <inertial> where joint torques matter; motions are exact without"
-            yield robot.links_by_name[first], "link", "it moves but has no mass", remedy
+            yield Fault(robot.links_by_name[first], "link", "it moves but has no mass", remedy)
         elif mass > 0.0:
             yield from _centre_of_mass(robot, group, mass, arm_length)
         for name in group.links:
@@ -135,7 +160,7 @@ def _centre_of_mass(
         f"although the link is {length:.4g} m long"
     )
     remedy = f'in the middle: <origin xyz="{" ".join(f"{value:.6g}" for value in middle)}"/>'
-    yield link, "origin" if "origin" in link.lines else "inertial", problem, remedy
+    yield Fault(link, "origin" if "origin" in link.lines else "inertial", problem, remedy)
 
 
 def _gyration(robot: RobotDescription, link: Link) -> Faults:
@@ -161,7 +186,8 @@ def _gyration(robot: RobotDescription, link: Link) -> Faults:
             f"{link.mass:.6g} kg), but it reaches {farthest:.3g} m from its centre of mass"
         )
         rod = link.mass * (2.0 * farthest) ** 2 / 12.0
-        yield link, "inertia", problem, f"moments in kg m²; a rod of this mass has {rod:.3g}"
+        remedy = f"moments in kg m²; a rod of this mass has {rod:.3g}"
+        yield Fault(link, "inertia", problem, remedy)
 
 
 def _span(group: RigidGroup) -> Array:
@@ -197,7 +223,7 @@ def missing_meshes(robot: RobotDescription) -> Faults:
                 except MeshFileError as error:
                     problem = f"the mesh {name or 'without a name'} of its <{shape.kind}>: {error}"
                     remedy = "a file name relative to the URDF, or a shape such as <box>"
-                    yield link, shape.line, problem, remedy
+                    yield Fault(link, shape.line, problem, remedy)
 
 
 WARNINGS = (_inertias, _joint_values, _moving_links)

@@ -10,7 +10,7 @@ import numpy as np
 
 from freefloat.errors import ModelError
 from freefloat.robot.description import MOVING, RobotDescription, Severity, UrdfDiagnostic
-from freefloat.robot.plausibility import WARNINGS, Faults, missing_meshes, root_masses
+from freefloat.robot.plausibility import WARNINGS, Fault, Faults, missing_meshes, root_masses
 from freefloat.robot.urdf import parse_urdf
 
 _TREE = "one root link, every other link the child of exactly one joint, unique names"
@@ -70,12 +70,11 @@ def _diagnostics(
     warnings = (*WARNINGS, *more) if mounted else (*WARNINGS, *more, root_masses)
     diagnostics = list(robot.diagnostics)
     for severity, rules in ((Severity.ERROR, errors), (Severity.WARNING, warnings)):
-        for at, where, problem, remedy in (fault for rule in rules for fault in rule(robot)):
-            line = where if isinstance(where, int) else at.lines.get(where, at.lines[at.tag])
-            element = f"{at.tag} {at.name}".strip()
-            diagnostics.append(
-                UrdfDiagnostic(severity, robot.source, line, element, problem, remedy)
-            )
+        for fault in (fault for rule in rules for fault in rule(robot)):
+            element = f"{fault.element.tag} {fault.element.name}".strip()
+            diagnostics.append(UrdfDiagnostic(
+                severity, robot.source, fault.line, element, fault.problem, fault.remedy
+            ))  # fmt: skip
     first = [entry for entry in diagnostics if entry.severity is Severity.ERROR]
     last = [entry for entry in diagnostics if entry.severity is Severity.WARNING]
     return (*first, *sorted(last, key=lambda entry: entry.line))
@@ -86,10 +85,10 @@ def _names(robot: RobotDescription) -> Faults:
         seen: dict[str, int] = {}
         for entry in group:
             if not entry.name:
-                yield entry, entry.tag, f"a <{entry.tag}> without a name", _TREE
+                yield Fault(entry, entry.tag, f"a <{entry.tag}> without a name", _TREE)
             elif entry.name in seen:
                 problem = f"the name is already used on line {seen[entry.name]}"
-                yield entry, entry.tag, problem, _TREE
+                yield Fault(entry, entry.tag, problem, _TREE)
             seen.setdefault(entry.name, entry.lines[entry.tag])
 
 
@@ -99,11 +98,11 @@ def _ends(robot: RobotDescription) -> Faults:
             if name not in robot.links_by_name:
                 problem = f"its {tag} link is {name}, and there is no such link"
                 known = ", ".join(robot.links_by_name)
-                yield joint, tag, problem, f'<{tag} link=".."/> with one of {known}'
+                yield Fault(joint, tag, problem, f'<{tag} link=".."/> with one of {known}')
         first = robot.parent_joints[joint.child]
         if joint is not first and joint.child in robot.links_by_name:
             problem = f"its child {joint.child} is the child of {first.name}, too"
-            yield joint, "child", problem, _TREE
+            yield Fault(joint, "child", problem, _TREE)
 
 
 def _tree(robot: RobotDescription) -> Faults:
@@ -119,44 +118,46 @@ def _tree(robot: RobotDescription) -> Faults:
         elif above == link and link not in reported:
             reported |= set(path)
             problem = f"its links form a cycle: {' <- '.join([*path, link])}"
-            yield robot.links_by_name[link], "link", problem, _TREE
+            yield Fault(robot.links_by_name[link], "link", problem, _TREE)
     main = max(sizes, key=lambda root: sizes[root], default=None)
     for root in robot.roots:
         if root != main:
             problem = f"it is a root link besides {main}: no joint carries it"
-            yield robot.links_by_name[root], "link", problem, _TREE
+            yield Fault(robot.links_by_name[root], "link", problem, _TREE)
 
 
 def _joints(robot: RobotDescription) -> Faults:
     for joint in robot.joints:
         if not joint.moving:
             if joint.type != "fixed":
-                yield joint, "joint", f"its type is {joint.type}", f"{', '.join(MOVING)} or fixed"
+                remedy = f"{', '.join(MOVING)} or fixed"
+                yield Fault(joint, "joint", f"its type is {joint.type}", remedy)
             continue
         rated = {"effort": joint.effort, "velocity": joint.velocity}
         missing = [key for key, value in rated.items() if value is None]
         if joint.type != "continuous" and missing:
             problem = f"a {joint.type} joint without {' and '.join(missing)} in its <limit>"
             alternative = ', or type="continuous"' if joint.type == "revolute" else ""
-            yield joint, "limit", problem, _LIMIT + alternative
+            yield Fault(joint, "limit", problem, _LIMIT + alternative)
         for key, value in rated.items():
             if value is not None and value < 0.0:
-                yield joint, "limit", f'its <limit {key}="{value:g}"> is negative', "zero or more"
+                problem = f'its <limit {key}="{value:g}"> is negative'
+                yield Fault(joint, "limit", problem, "zero or more")
         if np.linalg.norm(joint.axis) == 0.0:  # also that of 1e-200
-            yield joint, "axis", "its <axis> has no direction", 'xyz="0 0 1"'
+            yield Fault(joint, "axis", "its <axis> has no direction", 'xyz="0 0 1"')
 
 
 def _masses(robot: RobotDescription) -> Faults:
     for link in robot.links:
         if link.mass < 0.0:
-            yield link, "mass", f"mass {link.mass} kg", "a mass of zero or more"
+            yield Fault(link, "mass", f"mass {link.mass} kg", "a mass of zero or more")
 
 
 def _total_mass(robot: RobotDescription) -> Faults:
     """A robot without mass, unless the arm will be mounted on a spacecraft."""
     if not any(link.mass for link in robot.links):
         remedy = 'robot.spacecraft, or <inertial><mass value=".."/> <inertia ../></inertial>'
-        yield robot, 1, "the total mass is zero", remedy
+        yield Fault(robot, 1, "the total mass is zero", remedy)
 
 
 _ERRORS = (_names, _ends, _tree, _joints, _masses)
