@@ -75,25 +75,15 @@ def info(
 
     Example: freefloat info planar_2dof/line --joints 0.5,1.0
     """
-    from freefloat.dynamics.joint_space import joint_space_extremes
-    from freefloat.dynamics.measures import singularity_measure
-    from freefloat.dynamics.summary import RobotSummary, configuration_at
+    from freefloat.dynamics.summary import RobotSummary
     from freefloat.limits.contact import why_unchecked
     from freefloat.robot.names import is_scenario
 
     console = Console(as_json, quiet)
     model, task, measure, diagnostics = _load(console, robot, end_effector)
-    configuration = None
-    if joints is not None:
-        measures = (singularity_measure(model, task, "gjm"), measure)
-        configuration = configuration_at(
-            model, measures, comma_separated("joints", joints), attitude
-        )
-    elif attitude is not None:
-        raise InputError("attitude", "it was given without --joints", "--joints with it")
-    extremes = joint_space_extremes(model, measure)
-    summary = RobotSummary(
-        model, task, measure, extremes, diagnostics, configuration, why_unchecked(model)
+    values = None if joints is None else comma_separated("joints", joints)
+    summary = RobotSummary.of(
+        model, task, measure, diagnostics, values, attitude, why_unchecked(model)
     )
     console.json(summary.to_dict())
     default_link = end_effector is None and not is_scenario(robot)

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from freefloat.dynamics.joint_space import Extremes
-from freefloat.dynamics.measures import SingularityMeasure
+from freefloat.dynamics.joint_space import Extremes, joint_space_extremes
+from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.errors import InputError
 from freefloat.robot.description import Severity, UrdfDiagnostic
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, unit_quaternion
@@ -108,6 +109,32 @@ class RobotSummary:
     diagnostics: tuple[UrdfDiagnostic, ...]
     configuration: Configuration | None = None
     contact_unchecked: str | None = None
+
+    @classmethod
+    def of(
+        cls,
+        model: FreeFloatingModel,
+        task: Task,
+        measure: SingularityMeasure,
+        diagnostics: tuple[UrdfDiagnostic, ...] = (),
+        joints: Sequence[float] | None = None,
+        attitude: Sequence[float] | None = None,
+        contact_unchecked: str | None = None,
+    ) -> RobotSummary:
+        """Summarize a robot, with the pose of its end-effector at joints if there are any.
+
+        Raises:
+            InputError: If they are not as many as the robot has, the attitude is no rotation, or
+                it is given without joints.
+        """
+        configuration = None
+        if joints is not None:
+            measures = (singularity_measure(model, task, "gjm"), measure)
+            configuration = configuration_at(model, measures, joints, attitude)
+        elif attitude is not None:
+            raise InputError("attitude", "it was given without joints", "joints with it")
+        extremes = joint_space_extremes(model, measure)
+        return cls(model, task, measure, extremes, diagnostics, configuration, contact_unchecked)
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document of ``freefloat info``."""
