@@ -150,7 +150,7 @@ def view(
         return
     if playback.scene_duration(scene) == 0.0 and (video or (snapshots or 1) > 1):
         key = "snapshots" if video is None else "video"
-        raise InputError(key, "a map has no motion", "--snapshots 1 or --html")
+        raise InputError(key, "the scene has no motion", "--snapshots 1 or --html")
     prepare_outputs(*files, html=html, video=video)
     shown = _Shown(playback)
     if snapshots is not None:

@@ -1,1 +1,1 @@
-"""Very many motions at once, in compiled form."""
+"""Compiled integration of many motions."""

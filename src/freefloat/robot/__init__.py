@@ -1,1 +1,1 @@
-"""The robot: from a URDF to a rigid-body model."""
+"""The robot: URDF files, assembly, rigid-body model."""
