@@ -132,3 +132,9 @@ def test_coinciding_points_are_accepted_with_distinct_s():
     """With s given, a curve may come to rest at a point."""
     spline = SplineCurve([[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0]], [0.0, 0.4, 0.6, 1.0])
     assert_close(spline(0.6), [1.0, 0.0, 0.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_chord_length_of_many_points_ends_at_one(seed: int) -> None:
+    points = np.random.default_rng(seed).standard_normal((81, 3))
+    assert SplineCurve(points).knots[-1] == 1.0

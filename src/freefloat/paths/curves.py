@@ -148,7 +148,8 @@ class SplineCurve(Curve):
                 k = int(np.argmin(chords)) + 1
                 problem = f"points {k} and {k + 1} coincide"
                 raise InputError("points", problem, "distinct neighbours")
-            s = np.append(0.0, np.cumsum(chords)) / chords.sum()
+            lengths = np.append(0.0, np.cumsum(chords))
+            s = lengths / lengths[-1]
         knots = finite_vector("s", s, len(self.points))
         if knots[0] != 0.0 or knots[-1] != 1.0 or np.diff(knots).min() <= 0.0:
             raise InputError("s", f"{knots.tolist()} was given", "values that rise from 0 to 1")
