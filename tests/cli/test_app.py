@@ -108,13 +108,14 @@ def test_an_unforeseen_exception_asks_for_a_report(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.slow
-def test_control_c_exits_with_130(tmp_path: Path) -> None:
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_exits_with_130(stop: signal.Signals, tmp_path: Path) -> None:
     words = ["map", "spatial_6dof/line", "--samples", "1000000"]
     with subprocess.Popen(
         [*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
         time.sleep(6.0)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(stop)
         stdout, stderr = process.communicate(timeout=60)
     assert (process.returncode, stdout, stderr) == (130, b"", b"freefloat: interrupted\n")
     assert list(tmp_path.iterdir()) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import traceback
 from contextlib import suppress
@@ -58,9 +59,9 @@ def _report(error: Exception, as_json: bool, debug: bool) -> int:
     """Print an error; return its exit code."""
     if isinstance(error, typer.TyperException):
         error = _usage_error(error)
-    elif isinstance(error, OSError):
+    elif isinstance(error, OSError) and error.errno is not None:  # without: no library loads
         name = "output" if error.filename is None else str(error.filename)
-        error = InputError(name, error.strerror or str(error), "a usable file")
+        error = InputError(name, os.strerror(error.errno), "a usable file")
     if isinstance(error, FreeFloatError):
         print_error(error, as_json)
         return BAD_INPUT
@@ -127,6 +128,7 @@ def main() -> None:
     sys.stderr = sys.stderr or sys.stdout
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     try:
         app()
     except SystemExit as end:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -69,7 +68,6 @@ def batch(
     from freefloat.studies.runner import estimate_study, run_study
     from freefloat.studies.study import load_study
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     console = Console(as_json, quiet)
     loaded = load_study(study)
     if dry_run:
