@@ -110,7 +110,7 @@ def test_an_unforeseen_exception_asks_for_a_report(monkeypatch: pytest.MonkeyPat
 @pytest.mark.slow
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_exits_with_130(stop: signal.Signals, tmp_path: Path) -> None:
-    words = ["map", "spatial_6dof/line", "--samples", "1000000"]
+    words = ["map", "spatial_6dof/line", "--samples", "900000"]
     with subprocess.Popen(
         [*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
