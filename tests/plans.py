@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 
 import numpy as np
+import pytest
 
 from freefloat.io.scenario import load_scenario
 from freefloat.limits.limits import Limits
+from freefloat.planning import planner, robustness, search, tolerance
 from freefloat.planning.plan import Objective, Plan, Search
 from freefloat.planning.planner import plan
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
+
+
+@contextmanager
+def smaller_searches() -> Iterator[None]:
+    """The same searches with fewer attitudes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planner, "_CANDIDATES", 6)
+        patch.setattr(search, "_FINISHED", 2)
+        patch.setattr(robustness, "_WIDE", 128)
+        patch.setattr(robustness, "_DIRECTIONS", 4)
+        patch.setattr(robustness, "_EDGE", 100)
+        patch.setattr(robustness, "_ROUNDS", 8)
+        patch.setattr(robustness, "_CONFIRMING", 1024)
+        patch.setattr(tolerance, "_DIRECTIONS", 16)
+        yield
 
 
 @cache

@@ -28,7 +28,7 @@ from freefloat.so3 import attitude_grid, heading_quaternion
 from tests.errors import error_key
 from tests.hostile_samples import plans
 from tests.maps import branch_results
-from tests.plans import planar_plan, spatial_plan
+from tests.plans import planar_plan, smaller_searches
 from tests.result_files import altered, replaced, with_digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -92,7 +92,8 @@ def test_a_plan_comes_back_as_it_was(tmp_path):
 
 @pytest.mark.slow
 def test_a_plan_in_space_comes_back_with_its_map(tmp_path):
-    plan = spatial_plan()
+    with smaller_searches():
+        plan = ff.plan(ff.load_scenario("spatial_6dof/line").problem(), ff.Search(samples=64))
     ff.save(plan, tmp_path / "plan.h5")
     loaded = ff.load(tmp_path / "plan.h5")
     assert_same(loaded.to_dict(), plan.to_dict())

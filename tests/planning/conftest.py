@@ -10,11 +10,10 @@ import pytest
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import Margin
 from freefloat.motion.problem import Problem
-from freefloat.planning import planner, robustness, tolerance
-from freefloat.planning import search as attitude_search
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.mapping import sample_attitudes
 from tests.motions import bundled
+from tests.plans import smaller_searches
 
 
 @pytest.fixture(scope="session")
@@ -37,13 +36,5 @@ def samples(evaluator: FeasibilityEvaluator) -> AttitudeMap:
 @pytest.fixture(scope="module")
 def smaller() -> Iterator[None]:
     """The same searches with fewer attitudes."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planner, "_CANDIDATES", 6)
-        patch.setattr(attitude_search, "_FINISHED", 2)
-        patch.setattr(robustness, "_WIDE", 128)
-        patch.setattr(robustness, "_DIRECTIONS", 4)
-        patch.setattr(robustness, "_EDGE", 100)
-        patch.setattr(robustness, "_ROUNDS", 8)
-        patch.setattr(robustness, "_CONFIRMING", 1024)
-        patch.setattr(tolerance, "_DIRECTIONS", 16)
+    with smaller_searches():
         yield
