@@ -151,6 +151,7 @@ def test_the_closest_branch_is_that_of_brute_force(name: str) -> None:
             assert np.abs(branch.joints - joints).max() == pytest.approx(min(best.values()))
 
 
+@pytest.mark.slow
 def test_plan_and_map_state_fractions_of_the_headings_searched() -> None:
     search = Search(from_attitude=heading_quaternion(np.radians(200.0)), within=np.radians(30.0))
     problem = bundled("planar_3dof/parabola")

@@ -99,6 +99,7 @@ def test_margin_is_kept_with_momentum_off_in_any_direction(
     assert not case.keeps(h + 1.1 * tolerated.momentum * tried).all()
 
 
+@pytest.mark.slow
 def test_a_precise_motion_agrees_with_the_worst_direction(drifting: Case) -> None:
     """Just inside, the margin is kept; ten percent beyond, it is not."""
     tolerated, h, tried = drifting.tolerance, drifting.problem.momentum, directions(2000, 6)
@@ -177,6 +178,7 @@ def test_a_shortest_duration_is_found_too() -> None:
         assert (smallest >= value) is keeps
 
 
+@pytest.mark.slow
 def test_without_momentum_any_duration_is_feasible(still: Case) -> None:
     """From a tenth to ten times the planned one; the motion is the same at any speed."""
     assert still.tolerance.shortest == pytest.approx(10.0)
