@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
-from math import tau
+from math import inf, tau
 from typing import Any
 
 import numpy as np
@@ -41,10 +40,9 @@ _WORST = ("end_effector_position", "end_effector_attitude", "momentum", "rates")
 _CAUSES_BEFORE_0_2 = (RangeLimitCause.MARGIN, RangeLimitCause.MARGIN)
 """Causes of the ends of a range in files without causes, which freefloat 0.1.0 wrote."""
 _SEGMENT_RANGES = {
-    "ranges_at_start_deg": "at_start",
-    "ranges_at_end_deg": "at_end",
+    "ranges_at_start_deg": "at_start", "ranges_at_end_deg": "at_end",
     "joined_at_end_deg": "joined_at_end",
-}
+}  # fmt: skip
 """Ranges of a segment: keys of its document, which are also those of their causes in its group."""
 
 
@@ -213,7 +211,7 @@ def _read_limits(
     """Limits of a file, their results, contact; version 0.1.0 always checked the scenario's."""
     results = []
     for entry in document["limits"]:
-        bounds = {key: math.inf if entry[key] is None else entry[key]
+        bounds = {key: inf if entry[key] is None else entry[key]
                   for key in ("worst", "allowed", "ratio")}  # fmt: skip
         kind = LimitKind(entry["limit"])
         notes = tuple(entry["notes"])

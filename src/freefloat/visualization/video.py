@@ -174,16 +174,13 @@ def _opened(html: str, size: tuple[int, int], key: str) -> Iterator[Page]:
     try:
         from playwright.sync_api import Error, ViewportSize, sync_playwright
     except ModuleNotFoundError:
-        raise InputError(
-            key, "the package playwright is not installed", "pip install 'freefloat[video]'"
-        ) from None
+        problem = "the package playwright is not installed"
+        raise InputError(key, problem, "pip install 'freefloat[video]'") from None
     program = find_browser()
     with sync_playwright() as playwright:
         if program is None and not Path(playwright.chromium.executable_path).exists():
-            raise InputError(
-                key, "no Chromium or Chrome was found",
-                "a browser (apt install chromium, playwright install chromium) or CHROMIUM_BIN",
-            )  # fmt: skip
+            accepted = "apt install chromium, playwright install chromium, or CHROMIUM_BIN"
+            raise InputError(key, "no Chromium or Chrome was found", accepted)
         root = hasattr(os, "geteuid") and os.geteuid() == 0  # root cannot use the sandbox
         flags = [*_FLAGS, "--no-sandbox"] if root else [*_FLAGS]
         try:
@@ -229,9 +226,7 @@ def save_snapshots(
     """
     times = np.linspace(0.0, playback.scene_duration(scene), count).tolist()
     shots = take_pictures(playback.html(), times, size or SIZE, scene=scene, progress=progress)
-    plain = re.sub(r"[^\w.+-]+", "_", name)
-    digits = len(str(count))
-    files = []
+    plain, digits, files = re.sub(r"[^\w.+-]+", "_", name), len(str(count)), []
     folder.mkdir(parents=True, exist_ok=True)
     with closing(shots):
         for number, (time, picture) in enumerate(zip(times, shots, strict=True), start=1):
