@@ -94,7 +94,7 @@ class _Shown:
         console.tables(self._lines())
 
     def _lines(self) -> Iterator[str]:
-        """Where the page, the pictures or the video are."""
+        """Addresses and files of the page, the pictures and the video."""
         yield from (f"remark: {remark}" for remark in self.playback.remarks)
         if self.address is not None:
             yield f"{self.address}  (for this machine alone; Ctrl-C ends)"

@@ -178,7 +178,7 @@ def load_motion(file: Path) -> tuple[Motion, str]:
 
 
 def chosen_motion(result: Result, file: Path) -> tuple[Motion, str]:
-    """The same for a record that was loaded from a file."""
+    """As :func:`load_motion`, for a record that was loaded from the file."""
     if not isinstance(result, Plan | Simulation):
         accepted = "plans and motions, several together, or one map"
         raise InputError("file", "it is a map file", accepted, str(file))

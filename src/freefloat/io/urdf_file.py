@@ -42,12 +42,12 @@ class UrdfFile:
 
     @property
     def centre_of_mass(self) -> Array:
-        """In the root's frame with all joints at zero [m], shape (3,)."""
+        """Centre of mass in the root's frame, all joints at zero [m], shape (3,)."""
         return -self.model.base_position([0.0, 0.0, 0.0, 1.0], np.zeros(self.model.dof))
 
     @property
     def inertia(self) -> Array:
-        """About the centre of mass, axes of the root, all joints at zero [kg m²], shape (3, 3)."""
+        """Inertia about the centre of mass, root's axes, joints at zero [kg m²], shape (3, 3)."""
         return inertia_matrices(self.model, np.zeros(self.model.dof))[0]
 
     @property

@@ -1,4 +1,4 @@
-"""What maps over all attitudes and over headings have in common."""
+"""Common part of maps over all attitudes and over headings."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class MarginMap:
 
     Attributes:
         problem: The problem.
-        results: Of the motions: a row for each attitude and a column for each arm branch.
-        search: What was searched for; its domain has the attitudes.
+        results: Results of the motions, in a row for each attitude and a column for each branch.
+        search: Objective and domain of the search; the attitudes are in the domain.
         seconds: Computing time [s].
     """
 

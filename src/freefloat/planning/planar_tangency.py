@@ -75,8 +75,7 @@ def planar_tangency_points(
     """Every state that satisfies the conditions of Case I or Case II.
 
     Minima of the magnitude are kept, maxima left out by the second derivative. Whether a motion
-    through a tangency point keeps the margin elsewhere is decided by integrating
-    it.
+    through a tangency point keeps the margin elsewhere is decided by integrating it.
 
     Args:
         problem: A planar problem whose S depends on two joint angles.

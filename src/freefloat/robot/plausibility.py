@@ -98,8 +98,8 @@ def _joint_values(robot: RobotDescription) -> Faults:
         if joint.mimic is not None:
             problem = (
                 f"it mimics {joint.mimic}, which is ignored: it moves independently, or stays "
+                "at zero where it does not lead to the end-effector"
             )
-            problem += "at zero where it does not lead to the end-effector"
             remedy = 'a fixed value (robot.held in a scenario), or type="fixed"'
             yield Fault(joint, "mimic", problem, remedy)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
+import struct
 import threading
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
@@ -102,6 +103,6 @@ async def _await_answer(scheduler: str) -> None:
         comm = await asyncio.wait_for(connect(scheduler, _TIMEOUT, **arguments), _TIMEOUT)
     except TimeoutError:
         raise OSError(f"it does not answer within {_TIMEOUT:g} s") from None
-    except Exception as error:  # distributed raises errors of many kinds if another server answers
-        raise OSError(str(error) or type(error).__name__) from None
+    except (MemoryError, struct.error) as error:  # bytes of another server, read as frames
+        raise OSError(str(error)) from None
     comm.abort()
