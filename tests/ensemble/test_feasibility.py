@@ -109,6 +109,12 @@ def test_single_branches_agree_with_columns_of_all(name: str, count: int) -> Non
         np.testing.assert_array_equal(margins, alone.margins[:, 0])
     best = evaluator.margins(attitudes, None)
     np.testing.assert_array_equal(best, results.margins.max(axis=1, initial=0.0))
+    each = np.arange(len(attitudes)) % results.margins.shape[1]
+    np.testing.assert_allclose(
+        evaluator.margins(attitudes, each),
+        results.margins[np.arange(len(each)), each],
+        rtol=rounding,
+    )
     beyond = evaluator.evaluate(attitudes, 100)
     assert beyond.motions.endings.size == 0
     np.testing.assert_array_equal(evaluator.margins(attitudes, 100), np.zeros(len(attitudes)))

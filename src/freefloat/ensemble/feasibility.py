@@ -27,6 +27,9 @@ copies made of it [bytes]."""
 _FLIPPED_JOINT = 4
 """The joint of a spherical wrist whose sign differs between wrist-flipped branches."""
 
+Branch = int | IntArray | None
+"""Number of an arm branch, or one for each attitude, shape (K,); None for the best of all."""
+
 
 @dataclass(frozen=True, eq=False)
 class BranchResults:
@@ -138,34 +141,53 @@ class FeasibilityEvaluator:
             values.setflags(write=False)
         return BranchResults(attitudes, joints, table)
 
-    def margins(self, attitudes: Array, branch: int | None) -> Array:
+    def margins(self, attitudes: Array, branch: Branch) -> Array:
         """Minimum margin along a branch, or the largest of all branches, shape (K,)."""
-        return np.asarray(self.evaluate(attitudes, branch).margins.max(axis=1, initial=0.0))
+        motions = self._motions(attitudes, branch, stop_at_margin=False)
+        margins = np.where(motions.endings == COMPLETED, motions.minimum, 0.0)
+        return np.asarray(margins.max(axis=1, initial=0.0))
 
-    def keeps(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
+    def keeps(self, attitudes: Array, branch: Branch) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any branch, keeps the problem's margin, shape (K,)."""
-        motions = self.evaluate(attitudes, branch, stop_at_margin=True).motions
+        motions = self._motions(attitudes, branch)
         return np.asarray(motions.keeps(self.problem.margin.threshold).any(axis=1))
 
-    def regular(self, attitudes: Array, branch: int | None) -> npt.NDArray[np.bool_]:
+    def regular(self, attitudes: Array, branch: Branch) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any, keeps the margin and avoids all singularities, shape (K,)."""
-        motions = self.evaluate(attitudes, branch, stop_at_margin=True).motions
+        motions = self._motions(attitudes, branch)
         keeps = motions.keeps(self.problem.margin.threshold)
         return np.asarray((keeps & is_regular(motions.determinant_ratios)).any(axis=1))
 
-    def regularity(self, attitudes: Array, branch: int | None) -> Array:
+    def regularity(self, attitudes: Array, branch: Branch) -> Array:
         """Distance of a branch, or the best of any, to margin and singularities, shape (K,).
 
         The smaller of minimum margin and determinant ratio, each over the smallest that
         :meth:`regular` accepts; zero for motions that end early.
         """
-        motions = self.evaluate(attitudes, branch, stop_at_margin=True).motions
+        motions = self._motions(attitudes, branch)
         threshold = max(self.problem.margin.threshold, np.finfo(float).tiny)
         with np.errstate(over="ignore"):
             margins = motions.minimum / threshold
         values = np.minimum(margins, motions.determinant_ratios / _REGULAR_RATIO)
         completed = motions.endings == COMPLETED
         return np.asarray(np.where(completed, values, 0.0).max(axis=1, initial=0.0))
+
+    def _motions(
+        self, attitudes: Array, branch: Branch, *, stop_at_margin: bool = True
+    ) -> EnsembleResult:
+        """Results of the motions of all arm branches, shape (K, B), or of a branch each, (K, 1)."""
+        if not isinstance(branch, np.ndarray):
+            return self.evaluate(attitudes, branch, stop_at_margin=stop_at_margin).motions
+        branches = self.problem.many_branches(attitudes, threads=self.integrator.threads)
+        chosen = np.arange(len(attitudes)), branch
+        joints, exist = branches.joints[chosen], branches.exist[chosen]
+        result = self.integrator.integrate(
+            attitudes[exist], joints[exist],
+            stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
+        )  # fmt: skip
+        table = EnsembleResult.empty((len(attitudes), 1), joints.shape[1])
+        table.assign(exist[:, None], result)
+        return table
 
 
 def is_regular(determinant_ratios: Array) -> npt.NDArray[np.bool_]:
