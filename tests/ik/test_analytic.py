@@ -1,4 +1,4 @@
-"""Compiled inverse kinematics: vectorization, completeness, branch names, kernels."""
+"""Inverse kinematics of many poses: completeness, branch names, kinematics of chains."""
 
 from __future__ import annotations
 
@@ -16,15 +16,13 @@ from freefloat.ik.branches import (
     many_arm_branches,
     search_arm_branches,
 )
-from freefloat.ik.chain import Chain, damped_step, pose_of, residual, scratch_for
-from freefloat.ik.numeric import columns_by_name
-from freefloat.ik.vectors import rotation_vector, row
+from freefloat.ik.chain import Chain, damped_step
+from freefloat.ik.numbering import columns_by_name
+from freefloat.ik.vectors import rotation_vector
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Pose
 from tests.motions import gaps, virtual_jacobian
 from tests.robots import AWKWARD, random_robot
-
-ALL_ROWS = np.arange(6)
 
 
 def random_poses(
@@ -52,13 +50,6 @@ def brute_force(
         if all(gaps(joints, other) > 1e-4 for other in distinct):
             distinct.append(joints)
     return distinct
-
-
-def chain_of(model: FreeFloatingModel) -> Chain:
-    virtual, n = VirtualManipulator.of(model), model.dof
-    arrays = (virtual.links, virtual.rotations, virtual.axes, virtual.prismatic, virtual.strokes)
-    ranges = (np.full(n, -np.inf), np.full(n, np.inf))
-    return Chain(*(np.array(array, order="C") for array in (*arrays, virtual.tool, *ranges)))
 
 
 def assert_equal(a: BranchSets, b: BranchSets) -> None:
@@ -209,7 +200,7 @@ def test_branches_of_equal_signs_have_distinct_labels(rng: np.random.Generator) 
 @given(st.lists(st.integers(0, 7), max_size=16))
 def test_columns_of_branches_are_distinct(patterns: list[int]) -> None:
     """The first of a name at its number, the others in order from 8 on, sixteen in all."""
-    places = columns_by_name(np.array(patterns, dtype=np.int64)).tolist()
+    places = columns_by_name(np.array(patterns, dtype=np.int64)[:, None])[:, 0].tolist()
     assert len(set(places)) == len(patterns)
     assert all(0 <= place < 16 for place in places)
     firsts = {pattern: patterns.index(pattern) for pattern in patterns}
@@ -218,39 +209,32 @@ def test_columns_of_branches_are_distinct(patterns: list[int]) -> None:
     assert later[:8] == list(range(8, 8 + len(later[:8])))
 
 
-# ----------------------------------------------------------------------------------- kernels
+# -------------------------------------------------------------------------------- kinematics
 
 
 @pytest.mark.parametrize("structure", ["RRRRRR", "RPRRPRC", "PRF"])
 def test_kinematics_agree_with_the_virtual_manipulator(
     structure: str, rng: np.random.Generator
 ) -> None:
-    """Pose, error and Jacobian, against the arrays of all arms at once."""
+    """Pose, Jacobian and damped step, many at once."""
     for _ in range(5):
         robot = random_robot(rng, structure)
         model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
-        virtual, chain, n = VirtualManipulator.of(model), chain_of(model), model.dof
-        q, target = rng.uniform(-3.0, 3.0, (2, n))
+        virtual, chain, n = VirtualManipulator.of(model), Chain.of(model), model.dof
+        q, error = rng.uniform(-3.0, 3.0, (4, n)), rng.uniform(-0.1, 0.1, (4, 6))
         p, R, points, axes = virtual.kinematics(q)
-        scratch = scratch_for(n, 6)
-        position, rotation = pose_of(chain, q, scratch.points, scratch.axes)
-        np.testing.assert_allclose(position, p[0], atol=1e-13)
-        np.testing.assert_allclose(rotation, R[0], atol=1e-13)
-        np.testing.assert_allclose(scratch.points, points[:, 0], atol=1e-13)
-        np.testing.assert_allclose(scratch.axes, axes[:, 0], atol=1e-13)
-        goal = virtual.pose(target)
-        goal_rotation = np.array(goal.rotation)
-        error = residual(chain, ALL_ROWS, row(goal.position[None], 0), goal_rotation, q, scratch)
-        vector = Rotation.from_matrix(goal.rotation @ R[0].T).as_rotvec()
-        expected = np.concatenate([goal.position - p[0], vector])
-        np.testing.assert_allclose(scratch.error, expected, atol=1e-12)
-        assert error == pytest.approx(np.linalg.norm(expected))
-        J = virtual_jacobian(virtual, q)[0]
-        np.testing.assert_allclose(scratch.J, J, atol=1e-13)
-        largest = damped_step(scratch, 0.01)
-        step = J.T @ np.linalg.solve(J @ J.T + 0.01 * np.eye(6), expected)
-        np.testing.assert_allclose(scratch.step, step, atol=1e-11)
-        assert largest == pytest.approx(np.abs(step).max())
+        at = chain.kinematics(q.T)
+        np.testing.assert_allclose(at.position.T, p, atol=1e-13)
+        np.testing.assert_allclose(at.rotation.transpose(2, 0, 1), R, atol=1e-13)
+        np.testing.assert_allclose(at.points.T, points.swapaxes(0, 1), atol=1e-13)
+        np.testing.assert_allclose(at.axes.T, axes.swapaxes(0, 1), atol=1e-13)
+        J = virtual_jacobian(virtual, q)
+        np.testing.assert_allclose(chain.jacobian(at).transpose(2, 0, 1), J, atol=1e-13)
+        steps = damped_step(chain.jacobian(at), error.T).T
+        for k in range(4):
+            damping = 0.1 * error[k] @ error[k] + 1e-13
+            step = J[k].T @ np.linalg.solve(J[k] @ J[k].T + damping * np.eye(6), error[k])
+            np.testing.assert_allclose(steps[k], step / max(1.0, np.abs(step).max()), atol=1e-9)
 
 
 @given(
@@ -262,8 +246,7 @@ def test_kinematics_agree_with_the_virtual_manipulator(
 def test_rotation_vectors_are_exact_near_zero_and_pi(axis: list[float], angle: float) -> None:
     start = Rotation.from_rotvec([0.3, -1.2, 0.7])
     end = (Rotation.from_rotvec(angle * np.array(axis)) * start).as_matrix()
-    rows = tuple(tuple(values) for values in start.as_matrix().tolist())
-    vector = np.array(rotation_vector(end, rows))
+    vector = rotation_vector(start.as_matrix()[..., None], end[..., None])[:, 0]
     assert np.linalg.norm(vector) <= np.pi + 1e-12
     reached = (Rotation.from_rotvec(vector) * start).as_matrix()
     np.testing.assert_allclose(reached, end, atol=2e-8 if abs(angle) > 3.14159 else 1e-14)

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 from itertools import product
 from string import ascii_lowercase
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,15 +23,22 @@ from freefloat.concurrency import available_cores, run_chunks
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.analytic import solve_elbow_and_wrist, solve_planar_elbow
+from freefloat.ik.chain import Chain
+from freefloat.ik.numbering import MAX_BRANCHES, numbered_branches
+from freefloat.ik.parallel_axes import solve_parallel_axes
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, Pose, frozen, low_discrepancy
 
 if TYPE_CHECKING:
-    from freefloat.ik.chain import Chain
+    from freefloat.ik.compiled_chain import Chain as CompiledChain
 
 _STARTS = 512
-_SLICE = 16
+_SLICE = 1024
+"""Number of poses that are solved in closed form at once."""
+_THREAD_SLICE = 16
 """Minimum number of poses per task of a thread."""
+_Solved = TypeVar("_Solved")
 
 
 def branch_name(label: str) -> str:
@@ -43,6 +51,7 @@ _SIGNS = tuple(
     f"shoulder{shoulder} elbow{elbow} wrist{wrist}"
     for shoulder, elbow, wrist in product("+-", repeat=3)
 )
+_NUMBERS = tuple(str(number) for number in range(MAX_BRANCHES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,25 +169,29 @@ def many_arm_branches(
         The branches at each pose, as in :func:`arm_branches`.
     """
     form = closed_form(model, task)
-    if form is None or form is ClosedForm.PARALLEL_AXES:
-        parallel_axes = form is not None
-        return search_arm_branches(
-            model, positions, rotations, task, threads, parallel_axes=parallel_axes
+    if form is None:
+        return search_arm_branches(model, positions, rotations, task, threads)
+    arm = Chain.of(model), np.array(task.rows)
+    p, R = _poses(positions, rotations)
+    if form is ClosedForm.PARALLEL_AXES:
+        solved = _in_slices(partial(solve_parallel_axes, *arm), p, R)
+        q, well_conditioned = (
+            np.concatenate(parts, axis=-1) for parts in zip(*solved, strict=True)
         )
-    # imported late: Numba takes half a second
-    from freefloat.ik import analytic as kernels
-
-    arm = (arm_chain(model), np.array(task.rows))
-    poses = _poses(positions, rotations)
-    labels = _SIGNS if form is ClosedForm.ELBOW_AND_WRIST else _ELBOWS
-    joints = np.empty((len(poses[0]), len(labels), model.dof))
+        joints, names = numbered_branches(*arm, q)
+        (others,) = np.nonzero(~well_conditioned)
+        if len(others):
+            searched = search_arm_branches(model, p[others], R[others], task, threads)
+            joints[others], names[others] = searched.joints, searched.names
+        return BranchSets(joints, names, _SIGNS)
     if form is ClosedForm.ELBOW_AND_WRIST:
-        fixed = (*arm, np.array(VirtualManipulator.of(model).wrist_centre))
-        _in_slices(kernels.solve_elbow_and_wrist, fixed, (*poses, joints), threads)
+        labels, centre = _SIGNS, np.array(VirtualManipulator.of(model).wrist_centre)
+        solve = partial(solve_elbow_and_wrist, *arm, centre)
     else:
-        _in_slices(kernels.solve_planar_elbow, arm, (*poses, joints), threads)
+        labels, solve = _ELBOWS, partial(solve_planar_elbow, *arm)
+    joints = np.concatenate(_in_slices(solve, p, R), axis=2).transpose(2, 1, 0)
     names = np.where(np.isfinite(joints).all(axis=2), np.arange(len(labels)), -1)
-    return BranchSets(joints, names, labels)
+    return BranchSets(np.ascontiguousarray(joints), names, labels)
 
 
 def search_arm_branches(
@@ -187,19 +200,13 @@ def search_arm_branches(
     rotations: npt.ArrayLike,
     task: Task,
     threads: int | None = None,
-    *,
-    parallel_axes: bool = False,
 ) -> BranchSets:
-    """:func:`many_arm_branches` by Newton's method, also for arms with a closed form.
-
-    With ``parallel_axes`` the closed form of three parallel axes is used where it is
-    well-conditioned.
-    """
+    """:func:`many_arm_branches` by Newton's method, also for arms with a closed form."""
     if model.dof > len(task.rows):
         return _redundant_branches(model, positions, rotations, task, threads)
     lower, upper = joint_box(model)
     starts = lower + (upper - lower) * low_discrepancy(_STARTS, model.dof)
-    return newton_branches(model, positions, rotations, task, starts, threads, parallel_axes)
+    return newton_branches(model, positions, rotations, task, starts, threads)
 
 
 def newton_branches(
@@ -209,22 +216,19 @@ def newton_branches(
     task: Task,
     starts: Array,
     threads: int | None = None,
-    parallel_axes: bool = False,
 ) -> BranchSets:
     """The branches that Newton's method reaches from starts (S, n), well-spread ones if redundant.
 
     Other arguments are as for :func:`search_arm_branches`.
     """
-    from freefloat.ik.numeric import MAX_BRANCHES, solve_numerically
+    from freefloat.ik.numeric import solve_numerically
 
-    chain, poses = arm_chain(model), _poses(positions, rotations)
-    joints = np.empty((len(poses[0]), MAX_BRANCHES, model.dof))
-    names = np.empty(joints.shape[:2], dtype=np.int64)
-    fixed = (chain, np.array(task.rows), starts, parallel_axes)
-    _in_slices(solve_numerically, fixed, (*poses, joints, names), threads)
-    signs = model.dof == len(task.rows) == 6 and not chain.prismatic.any()
-    labels = _SIGNS if signs else tuple(str(number) for number in range(MAX_BRANCHES))
-    return BranchSets(joints, names, labels)
+    rows, poses = np.array(task.rows), _poses(positions, rotations)
+    q = np.empty((len(poses[0]), MAX_BRANCHES, model.dof))
+    _on_threads(solve_numerically, (arm_chain(model), rows, starts), (*poses, q), threads)
+    joints, names = numbered_branches(Chain.of(model), rows, q.transpose(2, 1, 0))
+    signs = model.dof == len(rows) == 6 and not model.prismatic.any()
+    return BranchSets(joints, names, _SIGNS if signs else _NUMBERS)
 
 
 def _redundant_branches(
@@ -235,7 +239,6 @@ def _redundant_branches(
     threads: int | None,
 ) -> BranchSets:
     from freefloat.ik.configurations import spread_configurations
-    from freefloat.ik.numeric import MAX_BRANCHES
 
     p, R = _poses(positions, rotations)
 
@@ -244,12 +247,12 @@ def _redundant_branches(
 
     joints = spread_configurations(model, len(p), solve, MAX_BRANCHES)
     names = np.where(np.isfinite(joints).all(axis=2), np.arange(MAX_BRANCHES), -1)
-    return BranchSets(joints, names, tuple(str(number) for number in range(MAX_BRANCHES)))
+    return BranchSets(joints, names, _NUMBERS)
 
 
-def arm_chain(model: FreeFloatingModel) -> Chain:
+def arm_chain(model: FreeFloatingModel) -> CompiledChain:
     """The arm in the form of the compiled kernels."""
-    from freefloat.ik.chain import Chain
+    from freefloat.ik.compiled_chain import Chain
 
     virtual = VirtualManipulator.of(model)
     arrays: tuple[npt.NDArray[Any], ...] = (
@@ -265,7 +268,14 @@ def _poses(positions: npt.ArrayLike, rotations: npt.ArrayLike) -> tuple[Array, A
     return p.reshape(-1, 3), R.reshape(-1, 3, 3)
 
 
-def _in_slices(
+def _in_slices(solve: Callable[[Array, Array], _Solved], p: Array, R: Array) -> list[_Solved]:
+    """What a closed form gives for slices of K poses that fit into the processor's cache."""
+    slices = [slice(first, first + _SLICE) for first in range(0, max(1, len(p)), _SLICE)]
+    p, R = (np.ascontiguousarray(np.moveaxis(values, 0, -1)) for values in (p, R))
+    return [solve(p[..., chosen], R[..., chosen]) for chosen in slices]
+
+
+def _on_threads(
     kernel: Callable[..., None],
     fixed: tuple[Any, ...],
     sliced: tuple[npt.NDArray[Any], ...],
@@ -274,7 +284,7 @@ def _in_slices(
     """Run a kernel, which releases the global lock, on slices of the poses in parallel."""
     workers = threads or available_cores()
     count = len(sliced[0])
-    size = max(_SLICE, -(-count // (4 * workers)))
+    size = max(_THREAD_SLICE, -(-count // (4 * workers)))
 
     def run(first: int) -> None:
         kernel(*fixed, *(array[first : first + size] for array in sliced))

@@ -15,6 +15,7 @@ from freefloat.ik.branches import (
     many_arm_branches,
     newton_branches,
 )
+from freefloat.ik.numbering import MAX_BRANCHES
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen
 
@@ -32,7 +33,7 @@ def newton_configuration(
     position, rotation = (np.array(values) for values in (target.position, target.rotation))
     q = np.array(joints, dtype=float)
     if kernels.solve_nearby(chain, np.array(task.rows), position, rotation, q):
-        return ArmBranch(kernels.MAX_BRANCHES, "given", frozen(q))
+        return ArmBranch(MAX_BRANCHES, "given", frozen(q))
     return None
 
 

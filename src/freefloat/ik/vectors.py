@@ -1,93 +1,79 @@
-"""Vectors and rotations in compiled code.
+"""Vectors and rotations of many configurations at once.
 
-Vectors are tuples of three numbers, which need no allocation; a rotation is a tuple of its rows.
+Components are the first axis: a vector is an array (3, ...), a rotation (3, 3, ...). The other axes
+broadcast; a constant has length one along them.
 """
 
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
-from freefloat.dynamics.kernels.compilation import compiled
 from freefloat.so3 import Array
 
-Vector = tuple[float, float, float]
-Rows = tuple[Vector, Vector, Vector]
-
-ZERO: Vector = (0.0, 0.0, 0.0)
-
-
-@compiled
-def row(M: Array, i: int) -> Vector:
-    """A row of an array (n, 3)."""
-    return (M[i, 0], M[i, 1], M[i, 2])
+_NEXT, _AFTER_NEXT = [1, 2, 0], [2, 0, 1]
+_SMALL = 1e-7
+"""Twice the sine of an angle below which a rotation is the identity or half a revolution."""
 
 
-@compiled
-def dot(u: Vector, v: Vector) -> float:
+def dot(u: Array, v: Array) -> Array:
     """The scalar product."""
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+    x, y, z = u * v
+    return np.asarray(x + y + z)
 
 
-@compiled
-def cross(u: Vector, v: Vector) -> Vector:
+def cross(u: Array, v: Array) -> Array:
     """The vector product."""
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+    return np.asarray(u[_NEXT] * v[_AFTER_NEXT] - u[_AFTER_NEXT] * v[_NEXT])
 
 
-@compiled
-def plus(u: Vector, v: Vector, factor: float) -> Vector:
-    """The sum ``u + factor v``."""
-    return (u[0] + factor * v[0], u[1] + factor * v[1], u[2] + factor * v[2])
-
-
-@compiled
-def norm(v: Vector) -> float:
+def norm(v: Array) -> Array:
     """The length."""
-    return float(np.sqrt(dot(v, v)))
+    return np.sqrt(dot(v, v))
 
 
-@compiled
-def times(R: Rows, v: Vector) -> Vector:
+def times(R: Array, v: Array) -> Array:
     """A rotated vector."""
-    return (dot(R[0], v), dot(R[1], v), dot(R[2], v))
+    return np.asarray(R[:, 0] * v[0] + R[:, 1] * v[1] + R[:, 2] * v[2])
 
 
-@compiled
-def rotated_by(v: Vector, axis: Vector, c: float, s: float) -> Vector:
-    """A vector rotated about a unit axis by the angle with cosine ``c`` and sine ``s``."""
-    partial = plus(plus(ZERO, v, c), cross(axis, v), s)
-    return plus(partial, axis, (1.0 - c) * dot(axis, v))
+def product(R: Array, S: Array) -> Array:
+    """The rotation ``R S``."""
+    return np.asarray(R[:, 0, None] * S[0] + R[:, 1, None] * S[1] + R[:, 2, None] * S[2])
 
 
-@compiled
-def rotated(v: Vector, axis: Vector, angle: float) -> Vector:
+def rotated(v: Array, axis: Array, angle: Array) -> Array:
     """A vector rotated about a unit axis."""
-    return rotated_by(v, axis, np.cos(angle), np.sin(angle))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    along = (1.0 - cosine) * dot(axis, v)
+    return np.asarray(cosine * v + sine * cross(axis, v) + along * axis)
 
 
-@compiled
-def times_matrix(v: Vector, M: Array) -> Vector:
-    """The row ``v M`` for a matrix (3, 3)."""
-    return plus(plus(plus(ZERO, row(M, 0), v[0]), row(M, 1), v[1]), row(M, 2), v[2])
+def rotation_vector(start: Array, end: Array) -> Array:
+    """The rotation vector from rotations to others."""
+    R = product(end, start.swapaxes(0, 1))
+    twice = np.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine, cosine = norm(twice), R[0, 0] + R[1, 1] + R[2, 2] - 1.0
+    small = sine <= _SMALL
+    factor = np.where(small, 0.5, np.arctan2(sine, cosine) / np.where(small, 1.0, sine))
+    vector = twice * factor
+    half_turn = small & (cosine <= 0.0)
+    if half_turn.any():
+        vector[:, half_turn] = _half_turn(R[..., half_turn])
+    return np.asarray(vector)
 
 
-@compiled
-def rotation_vector(target: Array, R: Rows) -> Vector:
-    """The rotation vector from a rotation to the target (3, 3)."""
-    x, y, z = row(target, 0), row(target, 1), row(target, 2)
-    xx, yy, zz = dot(x, R[0]), dot(y, R[1]), dot(z, R[2])
-    xy, yx, xz = dot(x, R[1]), dot(y, R[0]), dot(x, R[2])
-    zx, yz, zy = dot(z, R[0]), dot(y, R[2]), dot(z, R[1])
-    twice = (zy - yz, xz - zx, yx - xy)
-    sine, cosine = norm(twice), xx + yy + zz - 1.0
-    if sine > 1e-7 or cosine > 0.0:
-        factor = np.arctan2(sine, cosine) / sine if sine > 1e-7 else 0.5
-        return plus(ZERO, twice, factor)
-    # rotation by pi: the longest row of (R + R') / 2 + 1 has the axis' direction
-    if xx >= yy and xx >= zz:
-        axis = (2.0 * xx + 2.0, xy + yx, xz + zx)
-    elif yy >= zz:
-        axis = (xy + yx, 2.0 * yy + 2.0, yz + zy)
-    else:
-        axis = (xz + zx, yz + zy, 2.0 * zz + 2.0)
-    return plus(ZERO, axis, np.pi / norm(axis))
+def _half_turn(R: Array) -> Array:
+    """Rotation vectors (3, N) of rotations (3, 3, N) by pi.
+
+    The longest row of (R + R') / 2 + 1 has the axis' direction.
+    """
+    rows = R + R.swapaxes(0, 1) + 2.0 * np.eye(3)[:, :, None]
+    longest = np.einsum("iin->in", rows).argmax(axis=0)
+    axis = rows[longest, :, np.arange(R.shape[2])].T
+    return np.asarray(np.pi * axis / norm(axis))
+
+
+def wrapped(angle: npt.ArrayLike) -> Array:
+    """Angles wrapped into (-pi, pi]."""
+    return np.asarray(np.pi - np.subtract(np.pi, angle) % (2.0 * np.pi))

@@ -1,0 +1,92 @@
+"""Order, numbers and names of the arm branches at many poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.ik.chain import Chain, Kinematics
+from freefloat.ik.vectors import cross, dot
+from freefloat.so3 import Array, IntArray
+
+MAX_BRANCHES = 16
+"""Maximum number of branches at a pose: that of an arm with six revolute joints."""
+
+
+def numbered_branches(chain: Chain, rows: IntArray, q: Array) -> tuple[Array, IntArray]:
+    """The branches at each pose in columns by number.
+
+    Branches of square arms are numbered in lexicographic order of their first six decimals, by the
+    sign pattern of six revolute joints, otherwise by the sign of the Jacobian's determinant. Those
+    of redundant arms keep their order.
+
+    Args:
+        chain: Arm.
+        rows: The task's components of the twist, shape (m,).
+        q: Joint values of B branches at K poses, revolute joints in (-pi, pi], NaN where there are
+            fewer, shape (n, B, K).
+
+    Returns:
+        Joint values in the joint ranges, NaN where a branch does not exist, shape
+        (K, MAX_BRANCHES, n), and names, -1 where it does not, shape (K, MAX_BRANCHES).
+    """
+    if len(q) == len(rows):
+        order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
+        q = np.take_along_axis(q, order[None], axis=1)
+    exist = np.asarray(np.isfinite(q).all(axis=0))
+    names = np.where(exist, np.arange(len(exist))[:, None], -1)
+    columns = names
+    if len(q) == len(rows):
+        at = chain.kinematics(q[:, exist])
+        negative = np.linalg.det(chain.jacobian(at)[rows].transpose(2, 0, 1)) < 0.0
+        if len(q) == 6 and not chain.prismatic.any():
+            names[exist] = sign_patterns(at, negative)
+        else:
+            names = numbers_by_sign(exist, negative)
+        columns = columns_by_name(names)
+    joints = np.full((q.shape[2], MAX_BRANCHES, len(q)), np.nan)
+    names_by_column = np.full(joints.shape[:2], -1)
+    place = np.nonzero(exist)[1], columns[exist]
+    joints[place], names_by_column[place] = chain.into_range(q[:, exist]).T, names[exist]
+    return joints, names_by_column
+
+
+def sign_patterns(at: Kinematics, negative: npt.NDArray[np.bool_]) -> IntArray:
+    """Numbers (N,) of the signs (shoulder, elbow, wrist) of six revolute joints.
+
+    The elbow sign is that of the elbow angle, the wrist sign that of the fifth joint; the shoulder
+    sign makes the product of all three that of the Jacobian's determinant, so that signs change at
+    singularities only.
+    """
+    p, h = at.points.swapaxes(0, 1), at.axes.swapaxes(0, 1)
+    elbow = dot(h[2], cross(p[2] - p[1], p[3] - p[2])) < 0.0
+    wrist = dot(h[4], cross(h[3], h[5])) < 0.0
+    return np.asarray(4 * (negative ^ elbow ^ wrist) + 2 * elbow + wrist)
+
+
+def numbers_by_sign(exist: npt.NDArray[np.bool_], negative: npt.NDArray[np.bool_]) -> IntArray:
+    """Names (B, K) of branches that exist, even ones for positive determinants, else -1.
+
+    A branch keeps its sign up to a singularity.
+    """
+    names = np.full(exist.shape, -1)
+    for sign in (False, True):
+        same = exist.copy()
+        same[exist] = negative == sign
+        names[same] = (2 * np.cumsum(same, axis=0) - 2 + sign)[same] % MAX_BRANCHES
+    return names
+
+
+def columns_by_name(names: IntArray) -> IntArray:
+    """Columns of branches (B, K): the number of their name or, if occupied, from 8 on."""
+    exist = names >= 0
+    branch = np.arange(len(names))
+    earlier = (branch < branch[:, None])[..., None]
+    repeated = exist & ((names == names[:, None]) & earlier).any(axis=1)
+    first = exist & ~repeated
+    occupied = np.zeros((MAX_BRANCHES, names.shape[1]), dtype=bool)
+    occupied[names[first], np.nonzero(first)[1]] = True
+    following = np.roll(np.arange(MAX_BRANCHES), -8)
+    free = following[np.argsort(occupied[following], axis=0, kind="stable")]
+    rank = np.maximum(np.cumsum(repeated, axis=0) - 1, 0)
+    return np.where(repeated, np.take_along_axis(free, rank, axis=0), names)
