@@ -237,6 +237,13 @@ def test_kinematics_agree_with_the_virtual_manipulator(
             np.testing.assert_allclose(steps[k], step / max(1.0, np.abs(step).max()), atol=1e-9)
 
 
+def test_damped_steps_of_singular_jacobians_are_finite() -> None:
+    """Equal rows of long arms, whose product loses the damping to rounding."""
+    J = np.full((2, 2, 3), [1.0, 30.0, 3e3])
+    step = damped_step(J, np.full((2, 3), 1e-12))
+    np.testing.assert_allclose((J * step).sum(axis=1), 1e-12, rtol=0.1)
+
+
 @given(
     axis=st.sampled_from([[1, 0, 0], [0, 1, 0], [0, 0, -1], [0.6, 0, 0.8], [-0.48, 0.6, 0.64]]),
     angle=st.one_of(

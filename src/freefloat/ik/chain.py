@@ -22,6 +22,8 @@ _EXACT = 1e-13
 """Residual at which the iteration stops [m, rad]."""
 _DAMPING = 0.1
 _MIN_DAMPING = 1e-13
+_ROUNDING = 2e-15
+"""Rounding error of a pivot relative to the trace: with less damping one could vanish."""
 
 
 class Kinematics(NamedTuple):
@@ -106,14 +108,10 @@ class Chain:
 
     def jacobian(self, at: Kinematics) -> Array:
         """The Jacobian of the end-effector's twist, shape (6, n, N)."""
-        linear = cross(at.axes, at.position[:, None] - at.points)
-        moving = self.prismatic[:, None]
-        if not moving.any():
-            return np.concatenate([linear, at.axes])
-        displacement = self.strokes[:, None] * at.axes
-        return np.concatenate([
-            np.where(moving, displacement, linear), np.where(moving, 0.0, at.axes)
-        ])  # fmt: skip
+        J = np.concatenate([cross(at.axes, at.position[:, None] - at.points), at.axes])
+        J[:3, self.prismatic] = (self.strokes[:, None] * at.axes)[:, self.prismatic]
+        J[3:, self.prismatic] = 0.0
+        return J
 
     def refined(
         self, rows: IntArray, positions: Array, rotations: Array, q: Array, steps: int
@@ -172,10 +170,11 @@ def damped_step(J: Array, error: Array) -> Array:
     Returns:
         Steps of at most one radian or metre per joint, shape (n, N).
     """
-    square = np.minimum(1.0, (error * error).sum(axis=0))
-    damping = _DAMPING * square + _MIN_DAMPING
     J = J.transpose(2, 0, 1)
-    transposed = J.swapaxes(1, 2)
-    A = J @ transposed + damping[:, None, None] * np.eye(J.shape[1])
-    step = (transposed @ np.linalg.solve(A, error.T[..., None]))[..., 0].T
+    A = J @ J.swapaxes(1, 2)
+    rounding = _ROUNDING * np.trace(A, axis1=1, axis2=2)
+    square = np.minimum(1.0, (error * error).sum(axis=0))
+    damping = _DAMPING * square + np.maximum(_MIN_DAMPING, rounding)
+    A += damping[:, None, None] * np.eye(len(error))
+    step = (np.linalg.solve(A, error.T[..., None]).swapaxes(1, 2) @ J)[:, 0].T
     return np.asarray(step / np.maximum(1.0, np.abs(step).max(axis=0)))

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.ik.compiled_chain import SAME
+from freefloat.ik.chain import SAME
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, low_discrepancy
 
