@@ -89,22 +89,37 @@ class Chain:
         skew = cross(self.axes[:, None], identity)
         return np.stack([along, identity - along, skew])[..., None]
 
-    def kinematics(self, q: Array) -> Kinematics:
-        """Forward kinematics at joint values (n, N)."""
+    def _frames(self, q: Array) -> tuple[list[Array], list[Array]]:
+        """Rotations (3, 3, N) of the bodies from zero, positions (3, N) of joints and end-effector.
+
+        For joint values (n, N).
+        """
         R = np.broadcast_to(np.eye(3)[..., None], (3, 3, q.shape[1]))
         p = np.broadcast_to(self.points[:, :1], (3, q.shape[1]))
-        points, axes = [], []
+        rotations, points = [], [p]
         for i, value in enumerate(q):
-            points.append(p)
-            if not self.prismatic[i]:
+            link = self._links[:, i, None]
+            if self.prismatic[i]:
+                link = link + self.axes[:, i, None] * (self.strokes[i] * value)
+            else:
                 constant, cosine, sine = self._rotation_terms[:, :, :, i]
                 R = product(R, constant + cosine * np.cos(value) + sine * np.sin(value))
-            axes.append(times(R, self.axes[:, i, None]))
-            p = p + times(R, self._links[:, i, None])
-            if self.prismatic[i]:
-                p = p + self.strokes[i] * value * axes[i]
-        rotation = product(R, self.rotation[..., None])
-        return Kinematics(p, rotation, np.stack(points, axis=1), np.stack(axes, axis=1))
+            p = p + times(R, link)
+            rotations.append(R)
+            points.append(p)
+        return rotations, points
+
+    def pose(self, q: Array) -> tuple[Array, Array]:
+        """End-effector positions (3, N) and rotations (3, 3, N) at joint values (n, N)."""
+        rotations, points = self._frames(q)
+        return points[-1], product(rotations[-1], self.rotation[..., None])
+
+    def kinematics(self, q: Array) -> Kinematics:
+        """Forward kinematics at joint values (n, N)."""
+        rotations, points = self._frames(q)
+        axes = [times(R, self.axes[:, i, None]) for i, R in enumerate(rotations)]
+        rotation = product(rotations[-1], self.rotation[..., None])
+        return Kinematics(points[-1], rotation, np.stack(points[:-1], 1), np.stack(axes, 1))
 
     def jacobian(self, at: Kinematics) -> Array:
         """The Jacobian of the end-effector's twist, shape (6, n, N)."""
@@ -131,16 +146,16 @@ class Chain:
         q, residual = q.copy(), np.full(q.shape[1:], np.nan)
         branch, pose = np.nonzero(np.isfinite(q).all(axis=0))
         for step in range(steps + 1):
-            at = self.kinematics(q[:, branch, pose])
-            linear = positions[:, pose] - at.position
-            angular = rotation_vector(at.rotation, rotations[..., pose])
+            position, rotation = self.pose(q[:, branch, pose])
+            linear = positions[:, pose] - position
+            angular = rotation_vector(rotation, rotations[..., pose])
             error = np.concatenate([linear, angular])[rows]
             residual[branch, pose] = size = np.sqrt((error * error).sum(axis=0))
             far = size > _EXACT
             if step == steps or not far.any():
                 break
             branch, pose = branch[far], pose[far]
-            J = self.jacobian(Kinematics(*(values[..., far] for values in at)))[rows]
+            J = self.jacobian(self.kinematics(q[:, branch, pose]))[rows]
             q[:, branch, pose] += damped_step(J, error[:, far])
         return q, residual
 
