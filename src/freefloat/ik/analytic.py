@@ -118,16 +118,14 @@ def solve_elbow_and_wrist(
     Returns:
         Joint values, shape (6, 8, K).
     """
-    branch_axes = (slice(None), None, None, None)
     shoulder, elbow, wrist = SIGNS[:, None, None, None], SIGNS[:, None, None], SIGNS[:, None]
-    h = chain.axes.T[..., None, None, None, None]
-    h1, h2, h3, h4, h5, h6 = h
+    h1, h2, h3, h4, h5, h6 = chain.axes.T[..., None, None, None, None]
     p1, p2, p3 = chain.points.T[:3, :, None, None, None, None]
     centre = centre[:, None, None, None, None]
     upper, fore = p3 - p2, centre - p3
-    change = required_rotation(chain, rotations)[:, *branch_axes]
-    offset = chain.position[:, None, None, None, None] - centre
-    u = positions[branch_axes] - times(change, offset) - p1
+    change = required_rotation(chain, rotations)[:, :, None, None, None]
+    offset = times(change, chain.position[:, None, None, None, None] - centre)
+    u = positions[:, None, None, None] - offset - p1
     q1 = -angle_to_height(h1, u, h2, dot(h2, centre - p1), shoulder)
     v = rotated(u, h1, -q1) - (p2 - p1)
     q3 = angle_to_height(h3, fore, upper, reach_term(upper, fore, v), elbow)
