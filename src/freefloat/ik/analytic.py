@@ -131,7 +131,7 @@ def solve_elbow_and_wrist(
     q3 = angle_to_height(h3, fore, upper, reach_term(upper, fore, v), elbow)
     q2 = angle_onto(h2, upper + rotated(fore, h3, q3), v)
     roll, pitch = times(change, h6), times(change, h5)
-    for axis, angle in ((h1, q1), (h2, q2), (h3, q3)):
+    for axis, angle in ((h1, q1), (h2, q2 + dot(h2, h3) * q3)):
         roll, pitch = rotated(roll, axis, -angle), rotated(pitch, axis, -angle)
     q4, q5, q6 = spherical_wrist(h4, h5, h6, roll, pitch, wrist)
     q = np.stack(np.broadcast_arrays(q1, q2, q3, q4, q5, q6)).reshape(6, 8, -1)

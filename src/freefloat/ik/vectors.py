@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from freefloat.so3 import Array
 
-_NEXT, _AFTER_NEXT = [1, 2, 0], [2, 0, 1]
 _SMALL = 1e-7
 """Twice the sine of an angle below which a rotation is the identity or half a revolution."""
 
@@ -24,7 +23,8 @@ def dot(u: Array, v: Array) -> Array:
 
 def cross(u: Array, v: Array) -> Array:
     """The vector product."""
-    return np.asarray(u[_NEXT] * v[_AFTER_NEXT] - u[_AFTER_NEXT] * v[_NEXT])
+    (a, b, c), (x, y, z) = u, v
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
 def norm(v: Array) -> Array:
