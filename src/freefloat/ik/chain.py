@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.vectors import cross, product, rotation_vector, times, wrapped
+from freefloat.ik.vectors import cross, rotation_vector, wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray
 
@@ -78,48 +79,50 @@ class Chain:
         )  # fmt: skip
 
     @cached_property
-    def _links(self) -> Array:
-        """Vectors from each joint to the next one or the end-effector, shape (3, n)."""
-        return np.diff(self.points, append=self.position[:, None])
+    def _joint_frames(self) -> tuple[list[list[list[float]]], list[list[float]]]:
+        """Columns of the rotation of each joint's frame, and the link behind it.
 
-    @cached_property
-    def _rotation_terms(self) -> Array:
-        """Coefficients of 1, cos q, sin q in rotations about the axes, shape (3, 3, 3, n, 1)."""
-        along, identity = self.axes[:, None] * self.axes, np.eye(3)[..., None]
-        skew = cross(self.axes[:, None], identity)
-        return np.stack([along, identity - along, skew])[..., None]
-
-    def _frames(self, q: Array) -> tuple[list[Array], list[Array]]:
-        """Rotations (3, 3, N) of the bodies from zero, positions (3, N) of joints and end-effector.
-
-        For joint values (n, N).
+        The z axes are the joint axes; at zero joints, in the frame before. The last rotation is the
+        end-effector's.
         """
-        R = np.broadcast_to(np.eye(3)[..., None], (3, 3, q.shape[1]))
-        p = np.broadcast_to(self.points[:, :1], (3, q.shape[1]))
-        rotations, points = [], [p]
-        for i, value in enumerate(q):
-            link = self._links[:, i, None]
+        frames = [np.eye(3), *map(_axis_frame, self.axes.T), self.rotation]
+        rotations = [_rounded(before.T @ after).T.tolist() for before, after in pairwise(frames)]
+        links = np.diff(self.points, append=self.position[:, None]).T
+        pairs = zip(frames[1:-1], links, strict=True)
+        return rotations, [_rounded(frame.T @ link).tolist() for frame, link in pairs]
+
+    def _frames(self, q: Array) -> tuple[list[Array], list[Array], list[Array]]:
+        """Positions of joints and end-effector, joint axes, columns of the end-effector's rotation.
+
+        Arrays of shape (3, N) at joint values (n, N), or (3, 1) where they are constant.
+        """
+        cosines, sines = np.cos(q), np.sin(q)
+        rotations, links = self._joint_frames
+        p = self.points[:, :1].astype(q.dtype)
+        frame = list(np.eye(3, dtype=q.dtype)[..., None])
+        points, axes = [p], []
+        for i, link in enumerate(links):
+            x, y, z = (_combination(frame, column) for column in rotations[i])
             if self.prismatic[i]:
-                link = link + self.axes[:, i, None] * (self.strokes[i] * value)
+                p = p + z * (float(self.strokes[i]) * q[i])
             else:
-                constant, cosine, sine = self._rotation_terms[:, :, :, i]
-                R = product(R, constant + cosine * np.cos(value) + sine * np.sin(value))
-            p = p + times(R, link)
-            rotations.append(R)
+                x, y = x * cosines[i] + y * sines[i], y * cosines[i] - x * sines[i]
+            frame = [x, y, z]
+            p = p + _combination(frame, link)
             points.append(p)
-        return rotations, points
+            axes.append(z)
+        return points, axes, [_combination(frame, column) for column in rotations[-1]]
 
     def pose(self, q: Array) -> tuple[Array, Array]:
         """End-effector positions (3, N) and rotations (3, 3, N) at joint values (n, N)."""
-        rotations, points = self._frames(q)
-        return points[-1], product(rotations[-1], self.rotation[..., None])
+        points, _, rotation = self._frames(q)
+        end = _stacked([points[-1], *rotation], q)
+        return end[:, 0], end[:, 1:]
 
     def kinematics(self, q: Array) -> Kinematics:
         """Forward kinematics at joint values (n, N)."""
-        rotations, points = self._frames(q)
-        axes = [times(R, self.axes[:, i, None]) for i, R in enumerate(rotations)]
-        rotation = product(rotations[-1], self.rotation[..., None])
-        return Kinematics(points[-1], rotation, np.stack(points[:-1], 1), np.stack(axes, 1))
+        points, axes, rotation = (_stacked(vectors, q) for vectors in self._frames(q))
+        return Kinematics(points[:, -1], rotation, points[:, :-1], axes)
 
     def jacobian(self, at: Kinematics) -> Array:
         """The Jacobian of the end-effector's twist, shape (6, n, N)."""
@@ -193,3 +196,26 @@ def damped_step(J: Array, error: Array) -> Array:
     A += damping[:, None, None] * np.eye(len(error))
     step = (np.linalg.solve(A, error.T[..., None]).swapaxes(1, 2) @ J)[:, 0].T
     return np.asarray(step / np.maximum(1.0, np.abs(step).max(axis=0)))
+
+
+def _axis_frame(axis: Array) -> Array:
+    """A rotation (3, 3) whose third column is a unit vector (3,)."""
+    x = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def _rounded(values: Array) -> Array:
+    """Values without the rounding errors of zeros."""
+    return np.where(np.abs(values) < 1e-15, 0.0, values)
+
+
+def _combination(vectors: list[Array], factors: list[float]) -> Array:
+    """The sum of vectors times factors, many of which are zero."""
+    terms = [factor * vector for vector, factor in zip(vectors, factors, strict=True) if factor]
+    return sum(terms[1:], terms[0]) if terms else 0.0 * vectors[0]
+
+
+def _stacked(vectors: list[Array], q: Array) -> Array:
+    """Vectors (3, N) or (3, 1), for joint values (n, N), along a second axis."""
+    return np.stack([np.broadcast_to(v, (3, q.shape[1])) for v in vectors], axis=1)
