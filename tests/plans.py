@@ -11,7 +11,7 @@ import pytest
 
 from freefloat.io.scenario import load_scenario
 from freefloat.limits.limits import Limits
-from freefloat.planning import planner, robustness, search, tolerance
+from freefloat.planning import deepest, planner, robustness, search, tolerance
 from freefloat.planning.plan import Objective, Plan, Search
 from freefloat.planning.planner import plan
 
@@ -25,10 +25,8 @@ def smaller_searches() -> Iterator[None]:
         patch.setattr(planner, "_CANDIDATES", 6)
         patch.setattr(search, "_FINISHED", 2)
         patch.setattr(robustness, "_WIDE", 128)
-        patch.setattr(robustness, "_DIRECTIONS", 4)
-        patch.setattr(robustness, "_EDGE", 100)
-        patch.setattr(robustness, "_ROUNDS", 8)
         patch.setattr(robustness, "_CONFIRMING", 1024)
+        patch.setattr(deepest, "_ROUNDS", 6)
         patch.setattr(tolerance, "_DIRECTIONS", 16)
         yield
 

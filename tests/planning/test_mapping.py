@@ -17,7 +17,7 @@ from freefloat.planning import mapping
 from freefloat.planning.attitude_map import AttitudeMap
 from freefloat.planning.mapping import boundary_points, sample_attitudes, tangent_boundary
 from freefloat.planning.plan import Search
-from freefloat.planning.search import EXACT, ROUGH, bisect, edge
+from freefloat.planning.search import EXACT, bisect, edge
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import angle_between, attitude_grid, grid_spacing, rotated
 from tests.motions import bundled
@@ -103,7 +103,7 @@ def test_too_few_samples_are_refused(evaluator: FeasibilityEvaluator, count: int
 # bisection
 
 
-@pytest.mark.parametrize(("rounds", "fraction"), [(ROUGH, 8.0**-3), (EXACT, 8.0**-6), (1, 1 / 8)])
+@pytest.mark.parametrize(("rounds", "fraction"), [(EXACT, 8.0**-6), (1, 1 / 8)])
 def test_bisection_ends_just_inside(rounds: int, fraction: float) -> None:
     """On geodesics that leave a ball around the identity."""
     radius, rng = 0.7, np.random.default_rng(3)
@@ -158,7 +158,7 @@ def test_points_of_an_edge_lie_between_neighbours(
     assert apart.min() > 1e-3
     margins = evaluator.margins(points, 2)
     signs = np.random.default_rng(2).choice([-1.0, 1.0], (len(attitudes), 1))
-    rough = edge(inside, attitudes * signs, keeps, 20, ROUGH, near / 1.5)
+    rough = edge(inside, attitudes * signs, keeps, 20, 3, near / 1.5)
     np.testing.assert_allclose(angle_between(points, rough), 0.0, atol=2e-3 * near)
     assert margins == pytest.approx(30.0, rel=1e-3)
     assert np.abs(evaluator.margins(rough, 2) - 30.0).max() > np.abs(margins - 30.0).max()
@@ -167,7 +167,7 @@ def test_points_of_an_edge_lie_between_neighbours(
 @pytest.mark.parametrize("everywhere", [True, False])
 def test_all_or_nothing_has_no_edge(everywhere: bool) -> None:
     members = np.full(64, everywhere)
-    assert edge(lambda q: q[:, 0] > 2.0, attitude_grid(64), members, 5, ROUGH, 1.0).shape == (0, 4)
+    assert edge(lambda q: q[:, 0] > 2.0, attitude_grid(64), members, 5, 3, 1.0).shape == (0, 4)
 
 
 # the boundary of the feasible set

@@ -12,7 +12,8 @@ from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning import search as attitude_search
 from freefloat.planning.attitude_map import AttitudeMap, Peak
-from freefloat.planning.robustness import deepest, robust_radius
+from freefloat.planning.deepest import deepest
+from freefloat.planning.robustness import robust_radius
 from freefloat.planning.search import (
     is_unique,
     largest_margins,
@@ -48,17 +49,21 @@ class Landscape:
         self.problem = problem
         self.branches = {int(name[1:]): margins for name, margins in branches.items()}
 
-    def margins(self, attitudes: np.ndarray, branch: int) -> np.ndarray:
-        if branch not in self.branches:
-            return np.zeros(len(attitudes))
-        return np.maximum(self.branches[branch](attitudes), 0.0)
+    def margins(self, attitudes: np.ndarray, branch: int | np.ndarray) -> np.ndarray:
+        numbers, result = np.broadcast_to(branch, len(attitudes)), np.zeros(len(attitudes))
+        for number, margins in self.branches.items():
+            chosen = numbers == number
+            result[chosen] = np.maximum(margins(attitudes[chosen]), 0.0)
+        return result
 
-    def keeps(self, attitudes: np.ndarray, branch: int) -> np.ndarray:
-        return self.margins(attitudes, branch) >= MARGIN
+    def keeps(
+        self, attitudes: np.ndarray, branch: int | np.ndarray, excess: float = 0.0
+    ) -> np.ndarray:
+        return self.margins(attitudes, branch) >= MARGIN * (1.0 + excess)
 
     regular = keeps
 
-    def regularity(self, attitudes: np.ndarray, branch: int) -> np.ndarray:
+    def regularity(self, attitudes: np.ndarray, branch: int | np.ndarray) -> np.ndarray:
         return self.margins(attitudes, branch) / MARGIN
 
     def map(self, samples: int, seed: int = 0) -> AttitudeMap:

@@ -147,10 +147,10 @@ class FeasibilityEvaluator:
         margins = np.where(motions.endings == COMPLETED, motions.minimum, 0.0)
         return np.asarray(margins.max(axis=1, initial=0.0))
 
-    def keeps(self, attitudes: Array, branch: Branch) -> npt.NDArray[np.bool_]:
-        """Whether a branch, or any branch, keeps the problem's margin, shape (K,)."""
+    def keeps(self, attitudes: Array, branch: Branch, excess: float = 0.0) -> npt.NDArray[np.bool_]:
+        """Whether a branch, or any, keeps the problem's margin and a fraction more, shape (K,)."""
         motions = self._motions(attitudes, branch)
-        return np.asarray(motions.keeps(self.problem.margin.threshold).any(axis=1))
+        return np.asarray(motions.keeps(self.problem.margin.threshold * (1.0 + excess)).any(axis=1))
 
     def regular(self, attitudes: Array, branch: Branch) -> npt.NDArray[np.bool_]:
         """Whether a branch, or any, keeps the margin and avoids all singularities, shape (K,)."""

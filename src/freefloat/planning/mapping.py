@@ -20,10 +20,10 @@ from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.errors import InputError, require_type, whole_number
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
+from freefloat.planning.deepest import deepest
 from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_headings
 from freefloat.planning.plan import FEWEST_SAMPLES, HEADINGS, Search
 from freefloat.planning.regions import find_regions
-from freefloat.planning.robustness import deepest
 from freefloat.planning.search import EXACT, bisect, edge, feasible_peaks, nearest_feasible
 from freefloat.planning.tangency import (
     boundary_attitude,

@@ -25,6 +25,7 @@ from freefloat.planning.diagnostics import (
 )
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.heading_map import best_heading
+from freefloat.planning.pattern_search import Flags
 from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
 from freefloat.planning.planar_ranges import (
     BranchRanges,
@@ -36,7 +37,7 @@ from freefloat.planning.planar_ranges import (
     heading_ranges,
     reach_limits,
 )
-from freefloat.planning.search import Flags, bisect
+from freefloat.planning.search import bisect
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
 from freefloat.so3 import Array, heading_of, heading_quaternion, wrapped
 from freefloat.workspace.planar import has_two_angle_form

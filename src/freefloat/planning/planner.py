@@ -14,6 +14,7 @@ from freefloat.limits.limits import Limits
 from freefloat.motion.certificate import certify
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, Ball, Candidate, NearAttitude, Peak
+from freefloat.planning.deepest import deepest
 from freefloat.planning.diagnostics import (
     NOT_UNIQUE,
     attitude_reason,
@@ -25,7 +26,7 @@ from freefloat.planning.limit_keeping import keep_limits, stretched_plan
 from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import PLAN_ATTITUDES, Objective, Plan, Search
 from freefloat.planning.planar_planner import plan_in_plane
-from freefloat.planning.robustness import deepest, robust_radius
+from freefloat.planning.robustness import robust_radius
 from freefloat.planning.screening import ScreenedCandidate
 from freefloat.planning.search import (
     best_branch,

@@ -1,17 +1,22 @@
-"""Searches between the samples of an attitude map: clouds of attitudes, and bisection."""
+"""Searches between the samples of an attitude map: largest margins and nearest attitudes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.margin import keeps_threshold
-from freefloat.planning.attitude_map import AttitudeMap, NearAttitude, Peak
-from freefloat.planning.domain import SearchDomain
+from freefloat.planning.attitude_map import AttitudeMap, Candidate, NearAttitude, Peak
+from freefloat.planning.pattern_search import (
+    ROUNDS,
+    Clouds,
+    Flags,
+    Searches,
+    pattern_search,
+    shortest,
+)
 from freefloat.planning.regions import nearest_among
 from freefloat.so3 import (
     Array,
@@ -22,18 +27,15 @@ from freefloat.so3 import (
     rotation_vector_to,
 )
 
-_CLOUD = 40
-"""Attitudes in a cloud."""
-_CLIMBS = 16
-"""Samples to climb from."""
+_CLIMBS, _FEW = 16, 3
+"""Samples to climb from, and the number of clouds of these climbs."""
 _FINISHED = 4
 """Number of climbs that are continued to the maximum."""
-_ROUNDS = 60
-"""Maximum number of clouds in a climb."""
-_FINE = 2e-5
+_FINE = 5e-5
 """Clouds smaller than this end a climb [rad]."""
-_SMALL = 2e-3
-"""Clouds smaller than this end the search for the nearest [rad]."""
+_NEAREST, _CONE = 3, 0.5
+"""Samples from which a branch's nearest attitude is searched for, and the largest angle of the
+first directions [rad]."""
 _CERTAIN = 5e-4
 """A compiled motion is certain to keep a margin that it exceeds by this fraction."""
 _EQUAL = 1e-6
@@ -41,69 +43,11 @@ _EQUAL = 1e-6
 _APART, _AROUND = np.radians(0.5), 256
 """Distance of attitudes that are not the same optimum [rad], and how many around it are tried."""
 _PARTS = 8
-ROUGH = 3
-"""Rounds of bisection to 0.2 percent of the distance."""
 EXACT = 6
 """Rounds of bisection to 4e-6 of the distance."""
 
-Flags = npt.NDArray[np.bool_]
 Inside = Callable[[Array], Flags]
 """Whether attitudes (K, 4) belong to a set, shape (K,)."""
-Improve = Callable[[IntArray, Array, Array], tuple[Flags, Array]]
-"""From numbers of searches (A,), their attitudes (A, 4) and clouds (A, C, 4): whether each cloud
-has a better attitude, (A,), and those attitudes, (B, 4)."""
-
-
-def cloud_search(
-    starts: Array,
-    radius: float,
-    smallest: float,
-    improve: Improve,
-    *,
-    shrink: float = 0.4,
-    rounds: int = _ROUNDS,
-) -> Array:
-    """Attitudes (K, 4) moved to better ones in clouds around them, which shrink without one.
-
-    The first clouds have a radius [rad]; clouds smaller than ``smallest``, or that many rounds, end
-    a search.
-    """
-    best, radii = np.array(starts), np.full(len(starts), radius)
-    for number in range(1, rounds + 1):
-        (active,) = np.nonzero(radii > smallest)
-        if not len(active):
-            break
-        clouds = np.array([attitudes_within(best[i], radii[i], _CLOUD, number) for i in active])
-        better, moved = improve(active, best[active], clouds)
-        best[active[better]] = moved
-        radii[active[~better]] *= shrink
-    return best
-
-
-def climb(
-    merit: Callable[[Array], Array],
-    starts: Array,
-    merits: npt.ArrayLike,
-    radius: float,
-    smallest: float,
-    *,
-    shrink: float = 0.4,
-    rounds: int = _ROUNDS,
-) -> tuple[Array, Array]:
-    """Attitudes (K, 4) moved to larger values of a function by :func:`cloud_search`, and these.
-
-    The function maps attitudes (N, 4) to values (N,); ``merits`` are those of the starts.
-    """
-    best = np.array(merits)
-
-    def improve(active: IntArray, _: Array, clouds: Array) -> tuple[Flags, Array]:
-        values = merit(clouds.reshape(-1, 4)).reshape(clouds.shape[:2])
-        rows, top = np.arange(len(active)), np.argmax(values, axis=1)
-        better = values[rows, top] > best[active]
-        best[active[better]] = values[rows, top][better]
-        return better, clouds[rows, top][better]
-
-    return cloud_search(starts, radius, smallest, improve, shrink=shrink, rounds=rounds), best
 
 
 def bisect(inside: Inside, within: Array, beyond: Array, rounds: int = EXACT) -> Array:
@@ -152,11 +96,9 @@ def largest_margins(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> li
 
     Many samples climb for a few clouds, the best of them to the top.
     """
-    spacing, domain = samples.spacing, samples.search.domain
-    climbed = _climb(evaluator, domain, _peaks(samples, 1.5 * spacing), spacing, spacing / 3.0)
-    climbed.sort(key=lambda peak: -peak.minimum_margin)
-    finished = _climb(evaluator, domain, climbed[:_FINISHED], spacing / 3.0, _FINE)
-    return sorted(finished, key=lambda peak: -peak.minimum_margin) + climbed[_FINISHED:]
+    spacing = samples.spacing
+    climbed = _climb(evaluator, samples, _peaks(samples, 1.5 * spacing), spacing, _FEW)
+    return _climb(evaluator, samples, climbed[:_FINISHED], spacing / 2.0) + climbed[_FINISHED:]
 
 
 def feasible_peaks(evaluator: FeasibilityEvaluator, samples: AttitudeMap) -> list[Peak]:
@@ -195,28 +137,31 @@ def best_branch(evaluator: FeasibilityEvaluator, attitude: Array) -> tuple[int, 
 
 def _climb(
     evaluator: FeasibilityEvaluator,
-    domain: SearchDomain,
-    starts: list[Peak],
+    samples: AttitudeMap,
+    peaks: list[Peak],
     radius: float,
-    smallest: float,
+    rounds: int = ROUNDS,
 ) -> list[Peak]:
-    """Peaks moved to larger margins nearby, inside the domain."""
+    """Peaks moved to larger margins nearby, inside the searched domain, the best first."""
+    if not peaks:
+        return []
+    domain, branches = samples.search.domain, branch_numbers(peaks)
 
-    def merit(attitudes: Array, branch: int | None) -> Array:
-        return np.where(domain.contains(attitudes), evaluator.margins(attitudes, branch), 0.0)
+    def merit(attitudes: Array, searched: IntArray) -> Array:
+        margins = evaluator.margins(attitudes, None if branches is None else branches[searched])
+        return np.where(domain.contains(attitudes), margins, 0.0)
 
-    peaks = []
-    for branch in dict.fromkeys(start.branch for start in starts):
-        group = [start for start in starts if start.branch == branch]
-        attitudes, margins = climb(
-            partial(merit, branch=branch),
-            np.array([start.attitude for start in group]),
-            [start.minimum_margin for start in group],
-            radius, smallest,
-        )  # fmt: skip
-        pairs = zip(attitudes, margins.tolist(), strict=True)
-        peaks += [Peak(attitude, branch, margin) for attitude, margin in pairs]
-    return peaks
+    first = Searches(
+        np.array([peak.attitude for peak in peaks]),
+        np.array([peak.minimum_margin for peak in peaks]),
+        np.zeros(len(peaks), np.int64) if branches is None else branches,
+    )
+    last = pattern_search(Clouds(), merit, first, radius, _FINE, rounds)
+    climbed = zip(last.points, peaks, last.merits.tolist(), strict=True)
+    return sorted(
+        (Peak(attitude, peak.branch, margin) for attitude, peak, margin in climbed),
+        key=lambda peak: -peak.minimum_margin,
+    )
 
 
 def _peaks(samples: AttitudeMap, spacing: float) -> list[Peak]:
@@ -249,50 +194,46 @@ def nearest_feasible(
     """
     threshold, domain = samples.problem.margin.threshold, samples.search.domain
     certain = threshold * (1.0 + _CERTAIN)
+    order = np.argsort(angle_between(samples.attitudes, target))
+    attitudes = samples.attitudes[order]
     candidates: list[NearAttitude] = []
+    starts: list[Candidate] = []
     for branch, margins in samples.branch_margins():
         at_target = evaluator.margins(target[None], branch) * domain.contains(target)
         if keeps_threshold(at_target, threshold)[0]:
             candidates.append(NearAttitude(target, branch, 0.0))
-        if keeps_threshold(at_target, certain)[0]:
-            continue
-
-        def inside(attitudes: Array, branch: int | None = branch) -> Flags:
-            kept = keeps_threshold(evaluator.margins(attitudes, branch), certain)
-            return np.asarray(kept & domain.contains(attitudes))
-
-        order = np.argsort(angle_between(samples.attitudes, target))
-        nearby = samples.attitudes[order[keeps_threshold(margins[order], certain)][:3]]
-        if len(nearby):
-            nearby = closest(inside, target, nearby, samples.spacing, _SMALL)
-        sample = samples.attitudes[order[keeps_threshold(margins[order], threshold)][:1]]
-        candidates += [
-            NearAttitude(attitude, branch, float(angle_between(attitude, target)))
-            for attitude in (*nearby, *sample)
-        ]
-    return sorted(candidates, key=lambda candidate: candidate.deviation)
+        if not keeps_threshold(at_target, certain)[0]:
+            known = attitudes[keeps_threshold(margins[order], certain)][:_NEAREST]
+            starts += [Candidate(attitude, branch) for attitude in known]
+            sample = attitudes[keeps_threshold(margins[order], threshold)][:1]
+            candidates += [_near(attitude, branch, target) for attitude in sample]
+    found = _nearest(evaluator, samples, target, starts) if starts else []
+    return sorted(found + candidates, key=lambda candidate: candidate.deviation)
 
 
-def closest(inside: Inside, target: Array, starts: Array, radius: float, smallest: float) -> Array:
-    """The attitudes of a set closest to a target outside it, near each of some starts (K, 4).
+def _nearest(
+    evaluator: FeasibilityEvaluator, samples: AttitudeMap, target: Array, starts: list[Candidate]
+) -> list[NearAttitude]:
+    """Starts moved along their branches to the nearest attitudes certain to be feasible."""
+    domain, branches = samples.search.domain, branch_numbers(starts)
 
-    Around each start, inside, a cloud of attitudes is examined, and the closest one inside moved
-    toward the target. The distance is flat at its minimum, so that coarse clouds find it to the
-    square of their size.
-    """
+    def member(vectors: Array, searched: IntArray) -> Flags:
+        attitudes = rotated(target, vectors)
+        numbers = None if branches is None else branches[searched]
+        return evaluator.keeps(attitudes, numbers, _CERTAIN) & domain.contains(attitudes)
 
-    def improve(active: IntArray, current: Array, clouds: Array) -> tuple[Flags, Array]:
-        distances = np.asarray(angle_between(clouds, target))
-        closer = np.asarray(distances < angle_between(current, target)[:, None] * (1.0 - 1e-4))
-        if closer.any():
-            closer[closer] = inside(clouds[closer])
-        better = np.asarray(closer.any(axis=1))
-        nearest = np.where(closer, distances, np.inf).argmin(axis=1)[better]
-        moved = clouds[better, nearest]
-        if better.any():
-            moved = bisect(inside, moved, np.broadcast_to(target, moved.shape), ROUGH)
-        return better, moved
+    vectors = rotation_vector_to(target, np.array([start.attitude for start in starts]))
+    angles = np.minimum(1.5 * samples.spacing / np.linalg.norm(vectors, axis=1), _CONE)
+    found = rotated(target, shortest(member, vectors, angles, branches))
+    pairs = zip(found, starts, strict=True)
+    return [_near(attitude, start.branch, target) for attitude, start in pairs]
 
-    ends = np.broadcast_to(target, starts.shape)
-    best = bisect(inside, starts, ends, ROUGH)
-    return bisect(inside, cloud_search(best, radius, smallest, improve), ends, EXACT)
+
+def _near(attitude: Array, branch: int | None, target: Array) -> NearAttitude:
+    return NearAttitude(attitude, branch, float(angle_between(attitude, target)))
+
+
+def branch_numbers(candidates: Sequence[Candidate]) -> IntArray | None:
+    """Arm branches of candidates, shape (K,); None where they have no numbers."""
+    numbers = [candidate.branch for candidate in candidates if candidate.branch is not None]
+    return np.array(numbers) if numbers else None

@@ -16,10 +16,12 @@ import numpy as np
 
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.planning.attitude_map import AttitudeMap, NearAttitude
+from freefloat.planning.pattern_search import Clouds, Flags, Searches, pattern_search
 from freefloat.planning.robustness import robust_radius
-from freefloat.planning.search import Flags, Inside, climb, nearest_feasible
+from freefloat.planning.search import Inside, nearest_feasible
 from freefloat.so3 import (
     Array,
+    IntArray,
     angle_between,
     attitudes_within,
     even_directions,
@@ -143,13 +145,13 @@ def _apart(attitudes: Array, *, place: Array, reach: float, outside: Array, angl
 def _refined(centres: Array, apart: Inside, target: Array, radius: float) -> Array:
     """The nearest attitude to a target, of those apart, near the nearest of some centres."""
 
-    def merit(attitudes: Array) -> Array:
+    def merit(attitudes: Array, _: IntArray) -> Array:
         return np.where(apart(attitudes), -angle_between(attitudes, target), -np.inf)
 
     deviations = angle_between(centres, target)
     best = [int(np.argmin(deviations))]
-    places, _ = climb(merit, centres[best], -deviations[best], radius / 4.0, _FINEST)
-    return np.asarray(places[0])
+    first = Searches(centres[best], -deviations[best], np.zeros(1, np.int64))
+    return np.asarray(pattern_search(Clouds(), merit, first, radius / 4.0, _FINEST).points[0])
 
 
 def _ball(centre: Array, radius: float, reduction: int) -> Array:

@@ -7,20 +7,27 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.dynamics.momentum import inertia_matrices
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.so3 import Array, IntArray, even_directions
+from freefloat.planning import pattern_search
+from freefloat.planning.pattern_search import Flags
+from freefloat.so3 import Array, even_directions
 
-_DIRECTIONS = 128
-_SAMPLES = 16
-"""Deviations tried in each direction before bisection."""
-_BISECTIONS = 12
+_DIRECTIONS, _FEW = 128, 24
+"""Directions of momentum, and those that bound the tolerance first."""
+_LADDER = 0.5 ** np.arange(14.0)
+"""Deviations tried in these few directions, as fractions of the limit."""
+_SIZES = (1.0, 0.75, 0.5, 0.25)
+"""Deviations tried in every direction, as fractions of the bound."""
+_PARTS, _EQUAL = np.arange(1, 8) / 8.0, 1e-9
+"""Parts of the last interval tried in the worst directions, and what makes them equal."""
+_SEARCHES, _CONE = 4, 0.3
+"""Searches for a smaller deviation, and the angle of the directions that each begins with [rad]."""
+_SECTIONS, _ROUNDS = 16, 4
+"""Parts of an interval of durations, one of which is divided again, and how often."""
 _LONGEST = 10.0
 """Largest ratio of durations, longer or shorter than planned, that is tried."""
-_SPREADS = (1.0, 0.25, 0.06)
-"""All directions are tried first, then such cones about the worst."""
 _SAFETY = 0.99
 """Fraction of the smallest deviation found that is reported, for directions between those tried."""
 
@@ -63,64 +70,53 @@ def tolerance(integrator: EnsembleIntegrator, attitude: Array, joints: Array) ->
     problem, h = integrator.problem, integrator.problem.momentum
     duration, margin = problem.path.duration, problem.margin.threshold
 
-    def keeps(momenta: Array) -> npt.NDArray[np.bool_]:
+    def keeps(momenta: Array) -> Flags:
         K = len(momenta)
         states = np.broadcast_to(attitude, (K, 4)), np.broadcast_to(joints, (K, len(joints)))
         return integrator.integrate(*states, momenta=momenta, stop_below=margin).keeps(margin)
 
     D, _ = inertia_matrices(problem.model, joints)
     limit = float(np.trace(D)) / 3.0 * 2.0 * np.pi / duration
-    deviation = _momentum_tolerance(keeps, h, limit)
+    deviation = _momentum_tolerance(lambda deviations: ~keeps(h + deviations), limit)
     if not h.any():
         return Tolerance(deviation, limit, duration / _LONGEST, duration * _LONGEST)
     signs = np.array([-1.0, 1.0])
     shorter, longer = _first_failures(
-        lambda powers, lines: keeps(np.exp(powers * signs[lines])[:, None] * h),
-        2, np.log(_LONGEST),
-    )  # fmt: skip
+        lambda powers: keeps(np.exp(powers * signs[:, None]).reshape(-1, 1) * h), np.log(_LONGEST)
+    )
     shortest, longest = duration * np.exp(-shorter), duration * np.exp(longer)
     return Tolerance(deviation, limit, float(shortest), float(longest))
 
 
-def _momentum_tolerance(
-    keeps: Callable[[Array], npt.NDArray[np.bool_]], h: Array, limit: float
-) -> float:
-    """Deviation of the momentum ``h`` tolerated in any direction, at most ``limit`` [N m s]."""
-    directions = even_directions(_DIRECTIONS)
-    smallest = limit
-    worst = np.zeros(3)
-    for spread in _SPREADS:
-        tried = worst + spread * directions
-        tried = tried / np.linalg.norm(tried, axis=1)[:, None]
-
-        def keeps_along(sizes: Array, lines: IntArray, tried: Array = tried) -> Any:
-            return keeps(h + sizes[:, None] * tried[lines])
-
-        sizes = _first_failures(keeps_along, _DIRECTIONS, limit)
-        if sizes.min() < smallest:
-            smallest, worst = float(sizes.min()), tried[np.argmin(sizes)]
-        elif not worst.any():
-            break
-    return smallest if smallest == limit else _SAFETY * smallest
+def _momentum_tolerance(violates: Callable[[Array], Flags], limit: float) -> float:
+    """Deviation of the momentum tolerated in any direction, at most ``limit`` [N m s]."""
+    bound, violating = limit, np.empty((0, 3))
+    for count, sizes in ((_FEW, _LADDER), (_DIRECTIONS, _SIZES)):
+        tried = (bound * np.multiply.outer(sizes, even_directions(count))).reshape(-1, 3)
+        violating = np.vstack([violating, tried[violates(tried)]])
+        gap = _SIZES[-1] * bound
+        bound = float(np.linalg.norm(violating, axis=1).min(initial=bound))
+    if not len(violating):
+        return limit
+    worst = violating[np.linalg.norm(violating, axis=1) < bound * (1.0 + _EQUAL)]
+    tried = np.multiply.outer(1.0 - gap / bound * _PARTS, worst).reshape(-1, 3)
+    violating = np.vstack([tried[violates(tried)], worst])
+    found = pattern_search.shortest(
+        lambda deviations, _: violates(deviations),
+        pattern_search.spread(violating, _SEARCHES), _CONE,
+    )  # fmt: skip
+    return _SAFETY * float(np.linalg.norm(found, axis=1).min())
 
 
-def _first_failures(
-    keeps: Callable[[Array, IntArray], npt.NDArray[np.bool_]], count: int, limit: float
-) -> Array:
-    """The largest value on each line, up to a limit, before the margin is violated, shape (count,).
+def _first_failures(keeps: Callable[[Array], Flags], limit: float) -> Array:
+    """The largest values, up to a limit, before the margin is violated on each of two lines, (2,).
 
-    ``keeps`` says whether the margin is kept at values (K,) on lines (K,).
+    ``keeps`` says whether the margin is kept at values (2, K), shape (2 K,).
     """
-    samples = limit * np.linspace(1.0 / _SAMPLES, 1.0, _SAMPLES)
-    lines = np.repeat(np.arange(count), _SAMPLES)
-    kept = keeps(np.tile(samples, count), lines).reshape(count, _SAMPLES)
-    first = np.where(kept.all(axis=1), _SAMPLES, np.argmin(kept, axis=1))
-    largest = np.concatenate([[0.0], samples])[first]
-    (violated,) = np.nonzero(first < _SAMPLES)
-    below, above = largest[violated], samples[first[violated]]
-    for _ in range(_BISECTIONS if len(violated) else 0):
-        middle = 0.5 * (below + above)
-        inside = keeps(middle, violated)
-        below, above = np.where(inside, middle, below), np.where(inside, above, middle)
-    largest[violated] = below
-    return np.asarray(largest)
+    below, width = np.zeros(2), limit
+    for _ in range(_ROUNDS):
+        values = below[:, None] + width * np.arange(1, _SECTIONS + 1) / _SECTIONS
+        kept = keeps(values).reshape(values.shape)
+        width /= _SECTIONS
+        below += width * np.where(kept.all(axis=1), _SECTIONS, np.argmin(kept, axis=1))
+    return np.minimum(below, limit)
