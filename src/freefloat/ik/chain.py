@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from math import tau
 from typing import NamedTuple
 
 import numpy as np
@@ -169,11 +170,11 @@ class Chain:
         angles = wrapped(q)
         shifted = angles
         if ((angles < lower) | (angles > upper)).any():
-            up, down = ((end - angles) / (2.0 * np.pi) for end in (lower, upper))
+            up, down = ((end - angles) / tau for end in (lower, upper))
             cycles = np.where(angles < lower, np.ceil(up), 0.0)
             cycles = np.where(angles > upper, np.floor(down), cycles)
             for rounding in (1.0, 0.0, -1.0):  # an integer quotient may be off by one
-                value = angles + 2.0 * np.pi * (cycles + rounding * np.sign(cycles))
+                value = angles + tau * (cycles + rounding * np.sign(cycles))
                 shifted = np.where((lower <= value) & (value <= upper), value, shifted)
         return np.where(self.prismatic.reshape(shape), q, shifted)
 

@@ -6,8 +6,9 @@ broadcast; a constant has length one along them.
 
 from __future__ import annotations
 
+from math import tau
+
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.so3 import Array
 
@@ -74,6 +75,6 @@ def _half_turn(R: Array) -> Array:
     return np.asarray(np.pi * axis / norm(axis))
 
 
-def wrapped(angle: npt.ArrayLike) -> Array:
+def wrapped(angle: Array) -> Array:
     """Angles wrapped into (-pi, pi]."""
-    return np.asarray(np.pi - np.subtract(np.pi, angle) % (2.0 * np.pi))
+    return np.minimum(angle - tau * np.ceil((angle - np.pi) / tau), np.pi)
