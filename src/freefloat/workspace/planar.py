@@ -9,6 +9,7 @@ the last link) from the centre of mass, at any heading: (21), (28).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -177,24 +178,38 @@ def margin_curves(arm: PlanarArm, *levels: float) -> tuple[MarginCurve, ...]:
         arm: Planar arm of two or three joints.
         levels: Values of S.
     """
-    axis, grid = _joint_grid()
-    contours = contour_generator(axis, axis, arm.determinant(two_angles(arm, grid)))
-    curves = []
-    for level in levels:
-        for line in contours.lines(level):
-            joints = _polished(arm, np.asarray(line), level)
-            curves.append(MarginCurve(level, frozen(joints), frozen(np.abs(point_3(arm, joints)))))
-    return tuple(curves)
-
-
-def _joint_grid() -> tuple[Array, Array]:
-    """Angles of a joint, and all pairs (q1, q2) of them, shape (N, N, 2)."""
     axis = np.linspace(-np.pi, np.pi, _GRID)
-    return axis, np.stack(np.meshgrid(axis, axis), axis=-1)
+    contours = contour_generator(axis, axis, _determinants(arm, axis))
+    lines = [(level, np.asarray(line)) for level in levels for line in contours.lines(level)]
+    if not lines:
+        return ()
+    counts = [len(line) for _, line in lines]
+    values = np.repeat([level for level, _ in lines], counts)
+    joints = _polished(arm, np.concatenate([line for _, line in lines]), values)
+    ends = np.cumsum(counts)[:-1]
+    radii = np.split(np.abs(point_3(arm, joints)), ends)
+    curves = zip(lines, np.split(joints, ends), radii, strict=True)
+    return tuple(MarginCurve(level, frozen(q), frozen(r)) for (level, _), q, r in curves)
 
 
-def _polished(arm: PlanarArm, joints: Array, level: float) -> Array:
-    """Points of a contour after small Newton steps along the gradient of S."""
+def _determinants(arm: PlanarArm, axis: Array) -> Array:
+    """S at all pairs of angles of an axis, those of q1 along the columns, shape (N, N)."""
+    return _on_grid(lambda q: arm.determinant(two_angles(arm, q)), axis)
+
+
+def _on_grid(function: Callable[[Array], Array], axis: Array) -> Array:
+    """A trigonometric polynomial of degree 2 in q1 and q2 at all pairs of angles of an axis."""
+    angles = np.arange(5) * (2.0 * np.pi / 5)
+    samples = function(np.stack(np.meshgrid(angles, angles), axis=-1))
+    harmonics = np.exp(1j * np.multiply.outer(axis, np.fft.fftfreq(5, 0.2)))
+    return np.asarray((harmonics @ np.fft.fft2(samples, norm="forward") @ harmonics.T).real)
+
+
+def _polished(arm: PlanarArm, joints: Array, level: Array) -> Array:
+    """Points of contours, shape (K, 2), after small Newton steps along the gradient of S.
+
+    ``level`` is the value of S for each of them.
+    """
     step = 1e-6
     around = np.array([[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]])[:, None]
     for _ in range(_POLISHES):
@@ -220,12 +235,13 @@ def most_singular_place(problem: Problem) -> tuple[float, float]:
 
     Configurations form a grid of half a degree; the value is accurate to about one percent.
     """
-    arm, (_, grid) = PlanarArm.of(problem.model), _joint_grid()
-    q = grid.reshape(-1, 2)
-    S, radii = np.abs(arm.determinant(two_angles(arm, q))), np.abs(point_3(arm, q))
+    arm, axis = PlanarArm.of(problem.model), np.linspace(-np.pi, np.pi, _GRID)
+    S = np.abs(_determinants(arm, axis))
+    squares = _on_grid(lambda q: np.abs(point_3(arm, q)) ** 2, axis)
+    radii = np.sqrt(np.maximum(squares, 0.0))
     shells = np.linspace(0.0, radii.max(), 401)
     largest = np.zeros(len(shells))
-    np.maximum.at(largest, np.searchsorted(shells, radii), S)
+    np.maximum.at(largest, np.ceil(radii / shells[1]).astype(int).clip(max=400), S)
     s = np.linspace(0.0, 1.0, 401)
     radii_on_path = [abs(point_3_on_path(problem, value)) for value in s.tolist()]
     attainable = np.interp(radii_on_path, shells, np.maximum(largest, np.append(largest[1:], 0.0)))
