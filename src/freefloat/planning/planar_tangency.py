@@ -8,10 +8,11 @@ form a curve over (margin curve, time), and (27), dS/dt = 0, selects from it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import pairwise
+from functools import cached_property, lru_cache
+from itertools import pairwise, product
 from operator import attrgetter
 from typing import NamedTuple, TypeVar
 
@@ -82,12 +83,11 @@ def planar_tangency_points(
         level: S0 > 0; both signs of S are looked at.
         span: First and last time of the motion [s].
     """
-    candidates = _Candidates(problem, span)
-    points: list[PlanarTangencyPoint] = []
-    for curve in margin_curves(candidates.arm, level, -level):
-        points += _at_ends(candidates, curve)
-        points += _along_path(candidates, curve)
-    return distinct(points, _same)
+    candidates = _candidates(problem, level)
+    first, last = span
+    inside = [point for point in candidates.tangent if first < point.time < last]
+    ends = ((TangencyKind.START, first), (TangencyKind.END, last))
+    return distinct([*inside, *_at_ends(candidates, ends)], _same)
 
 
 class _PathState(NamedTuple):
@@ -111,22 +111,29 @@ class _Candidates:
 
     Attributes:
         arm: The arm.
-        span: First and last time [s].
+        curves: Its margin curves.
+        duration: Of the path [s].
         times: Instants at which candidates are looked at [s], dense near rests, shape (T,).
         path: The path at those instants.
     """
 
-    def __init__(self, problem: Problem, span: tuple[float, float]) -> None:
+    def __init__(self, problem: Problem, level: float) -> None:
         self.arm = PlanarArm.of(problem.model)
-        self.span = span
+        self.curves = margin_curves(self.arm, level, -level)
+        self.duration = problem.path.duration
         self._problem = problem
         self._timing = problem.path.timing
         self._virtual = VirtualManipulator.of(problem.model)
         self._momentum = float(problem.momentum[2])
-        self.times = _instants(self._timing.ends, span)
+        self.times = _instants(self._timing.ends)
         states = map(self.path_at, self.times.tolist())
         path = _PathState._make(map(np.array, zip(*states, strict=True)))
         self.path = path._replace(last=np.unwrap(path.last))
+
+    @cached_property
+    def tangent(self) -> tuple[PlanarTangencyPoint, ...]:
+        """The tangency points of Case I."""
+        return tuple(point for curve in self.curves for point in _along_path(self, curve))
 
     def path_at(self, t: float) -> _PathState:
         """The path at a time [s].
@@ -134,7 +141,7 @@ class _Candidates:
         Without momentum the speed on the path does not matter to where S is smallest, and at rest
         would hide it: then rates are per unit of s.
         """
-        t = min(max(t, self.span[0]), self.span[1])
+        t = min(max(t, 0.0), self.duration)
         s = self._timing.s(t)
         pose, tangent = self._problem.path.path.pose(s), self._problem.path.path.tangent(s)
         speed = self._timing.s(t, 1) if self._momentum else 1.0
@@ -174,7 +181,7 @@ class _Candidates:
 
     def curvature(self, q: Array, t: float) -> float:
         """How :meth:`slope` changes along the motion: positive at minima of S."""
-        step = 1e-5 * (self.span[1] - self.span[0])
+        step = 1e-5 * self.duration
         pace = 1.0 if self._momentum else self._timing.s(t, 1)
         rates = self.arm.signs * np.diff(self.rates(q, self.path_at(t)))
         along = rates[:2] * pace * step
@@ -195,17 +202,25 @@ class _Candidates:
         return PlanarTangencyPoint(kind, t, self._timing.s(t), level, heading, frozen(joints))
 
 
-def _instants(ends: tuple[float, ...], span: tuple[float, float]) -> Array:
-    """Times of a span, even between the ends of segments of the time law, dense near those."""
-    edges = [span[0], *(t for t in ends if span[0] < t < span[1]), span[1]]
+@lru_cache(maxsize=2)
+def _candidates(problem: Problem, level: float) -> _Candidates:
+    """The candidates of a problem, which all its spans have in common."""
+    return _Candidates(problem, level)
+
+
+def _instants(ends: tuple[float, ...]) -> Array:
+    """Times of a path, even between the ends of segments of the time law, dense near those."""
+    edges = [0.0, *ends]
     fractions = np.concatenate([_NEAR_REST, np.linspace(0, 1, _TIMES + 1)[1:-1], 1.0 - _NEAR_REST])
     inner = [a + (b - a) * fractions for a, b in pairwise(edges)]
     return np.unique(np.concatenate([*inner, edges]))
 
 
-def _at_ends(candidates: _Candidates, curve: MarginCurve) -> Iterator[PlanarTangencyPoint]:
-    """Case II: the margin curve crossed with the distance curve of an end of the path."""
-    for kind, t in zip((TangencyKind.START, TangencyKind.END), candidates.span, strict=True):
+def _at_ends(
+    candidates: _Candidates, ends: Iterable[tuple[TangencyKind, float]]
+) -> Iterator[PlanarTangencyPoint]:
+    """Case II: margin curves crossed with the distance curve of an end of a span."""
+    for (kind, t), curve in product(ends, candidates.curves):
         path = candidates.path_at(t)
         off = curve.radii - abs(complex(path.position))
         for i in np.flatnonzero(off[:-1] * off[1:] <= 0.0):
@@ -245,20 +260,19 @@ def _refined(
     candidates: _Candidates, level: float, q: Array, t: float
 ) -> PlanarTangencyPoint | None:
     """Solve S = S0, (28) and dS/dt = 0 to rounding; None where there is no minimum nearby."""
-    first, last = candidates.span
-    span = last - first
-    steepness = max(abs(float(candidates.slope(q, candidates.path_at(t)))), abs(level) / span)
+    duration = candidates.duration
+    steepness = max(abs(float(candidates.slope(q, candidates.path_at(t)))), abs(level) / duration)
 
     def errors(x: Array) -> list[float]:
-        path = candidates.path_at(first + span * x[2])
+        path = candidates.path_at(duration * x[2])
         slope = float(candidates.slope(x[:2], path))
         return [*candidates.errors(x[:2], path, level), slope / steepness]
 
-    solution = root(errors, np.append(q, (t - first) / span), tol=1e-13)
+    solution = root(errors, np.append(q, t / duration), tol=1e-13)
     q, fraction = solution.x[:2], float(solution.x[2])
     if np.abs(solution.fun).max() > _EXACT or not 0.0 < fraction < 1.0:
         return None
-    time = first + span * fraction
+    time = duration * fraction
     if candidates.curvature(q, time) * level < 0.0:
         return None
     return candidates.point(TangencyKind.TANGENT, q, time, level)
