@@ -15,8 +15,8 @@ import yaml
 from freefloat.io.results import save
 from freefloat.io.scenario import load_scenario
 from freefloat.motion.certificate import certify
+from freefloat.planning.heading_arcs import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.planning.plan import Plan, Search
-from freefloat.planning.planar_ranges import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.planning.simulation import simulate
 from freefloat.robot.names import models_folder
 from freefloat.so3 import heading_quaternion

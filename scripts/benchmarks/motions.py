@@ -11,9 +11,10 @@ from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.motion import Motion
+from freefloat.planning.heading_arcs import BranchRanges
 from freefloat.planning.mapping import sample_attitudes
 from freefloat.planning.plan import Objective
-from freefloat.planning.planar_ranges import BranchRanges, find_range_limits, heading_ranges
+from freefloat.planning.planar_ranges import find_range_limits, heading_ranges
 from freefloat.so3 import attitude_grid, heading_quaternion, unit_quaternion
 
 ATTITUDE = unit_quaternion("attitude", (0.46008, 0.09337, 0.73519, -0.48898))

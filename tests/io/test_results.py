@@ -18,9 +18,9 @@ from freefloat.io.files import written_beside
 from freefloat.io.hdf5 import AlteredFileError
 from freefloat.io.results import differences
 from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint, NearAttitude, Peak
+from freefloat.planning.heading_arcs import RangeLimitCause
 from freefloat.planning.heading_map import HeadingMap
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_ranges import RangeLimitCause
 from freefloat.planning.regions import Region
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.names import find_robot

@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 import freefloat as ff
 from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.dynamics.momentum import Task
-from freefloat.planning.planar_ranges import (
+from freefloat.planning.heading_arcs import (
     BranchRanges,
     HeadingRange,
     RangeLimitCause,
-    _branch_of,
     arcs_between,
     branch_ranges,
+)
+from freefloat.planning.planar_ranges import (
+    _branch_of,
     find_range_limits,
     heading_ranges,
     reach_limits,

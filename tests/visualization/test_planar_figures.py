@@ -14,8 +14,8 @@ from freefloat.io.scenario import load_scenario
 from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.heading_arcs import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.planning.heading_map import HeadingMap
-from freefloat.planning.planar_ranges import BranchRanges, HeadingRange, RangeLimitCause
 from freefloat.planning.simulation import simulate
 from freefloat.so3 import heading_quaternion
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure, wrapped

@@ -35,8 +35,8 @@ from freefloat.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from freefloat.planning.heading_arcs import BranchRanges
     from freefloat.planning.plan import Plan
-    from freefloat.planning.planar_ranges import BranchRanges
 
 _Stretch = Annotated[
     bool, typer.Option("--stretch", help="Increase the duration until rates and torques fit.")

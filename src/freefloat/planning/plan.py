@@ -18,7 +18,8 @@ from freefloat.limits.limits import LimitResult, Limits, violated
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.planar_ranges import BranchRanges, RangeLimit, Span, covered_angle
+from freefloat.planning.heading_arcs import BranchRanges, covered_angle
+from freefloat.planning.planar_ranges import RangeLimit, Span
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.so3 import Array, angle_between, frozen, heading_of
 

@@ -24,19 +24,17 @@ from freefloat.planning.diagnostics import (
     spare_message,
 )
 from freefloat.planning.domain import SearchDomain
-from freefloat.planning.heading_map import best_heading
-from freefloat.planning.pattern_search import Flags
-from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
-from freefloat.planning.planar_ranges import (
+from freefloat.planning.heading_arcs import (
     BranchRanges,
     HeadingRange,
     RangeLimitCause,
     arcs_between,
     branch_ranges,
-    find_range_limits,
-    heading_ranges,
-    reach_limits,
 )
+from freefloat.planning.heading_map import best_heading
+from freefloat.planning.pattern_search import Flags
+from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
+from freefloat.planning.planar_ranges import find_range_limits, heading_ranges, reach_limits
 from freefloat.planning.search import bisect
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
 from freefloat.so3 import Array, heading_of, heading_quaternion, wrapped

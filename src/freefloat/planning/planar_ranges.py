@@ -6,44 +6,42 @@ at which the arm just reaches the path. Between neighbouring limits one motion d
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-from enum import StrEnum
-from itertools import groupby
+from functools import lru_cache
 from math import tau
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.dynamics.joint_space import largest_magnitude
-from freefloat.errors import IntegrationError
-from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
-from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, branch_changes
+from freefloat.planning.heading_arcs import (
+    BranchRanges,
+    HeadingRange,
+    RangeLimitCause,
+    arcs_between,
+    branch_ranges,
+)
 from freefloat.planning.planar_tangency import PlanarTangencyPoint, planar_tangency_points
 from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, point_3_on_path
+
+if TYPE_CHECKING:
+    from freefloat.ensemble.ensemble import EnsembleIntegrator
 
 _SMALLEST_LEVEL = 1e-4
 """Fraction of S_max used for a margin of zero, at which no motion can be started."""
 _TOLERANCE = 1e-9
 _NEAR = 1e-4
 """Largest distance of joint values from those of their arm branch [rad]."""
-_EQUAL = 1e-9
-"""Headings closer than this are the same limit [rad]."""
+_LABELS = "elbow+", "elbow-"
 
 Span = tuple[float, float]
-
-
-class RangeLimitCause(StrEnum):
-    """Cause of the end of a range."""
-
-    MARGIN = "margin"
-    REACH = "reach"
-    SEARCH = "search"
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,98 +77,21 @@ class RangeLimit:
         }
 
 
-@dataclass(frozen=True)
-class HeadingRange:
-    """A range of feasible headings.
-
-    Attributes:
-        low: First heading [rad], in [0, 2 pi).
-        high: Last heading [rad], above ``low``; beyond 2 pi where the range passes zero.
-        causes: Why it ends at ``low`` and at ``high``; empty for the full circle.
-    """
-
-    low: float
-    high: float
-    causes: tuple[RangeLimitCause, ...]
-
-    @property
-    def width(self) -> float:
-        """Width of the range [rad]."""
-        return self.high - self.low
-
-    @property
-    def middle(self) -> float:
-        """The heading deepest inside [rad], in [0, 2 pi)."""
-        return (self.low + self.width / 2.0) % tau
-
-    def depth(self, heading: float) -> float:
-        """Distance of a heading inside from the nearer end, negative outside [rad]."""
-        if not self.causes:
-            return np.pi
-        inside = (heading - self.low) % tau
-        return max(min(inside, self.width - inside), inside - tau)
-
-
-@dataclass(frozen=True)
-class BranchRanges:
-    """The feasible ranges of one arm branch at some time.
-
-    Attributes:
-        branch: Number of the arm branch at that time.
-        label: Its name.
-        ranges: In order of their first heading.
-        limits: Headings at which feasibility changes [rad]; even in number (Appendix C).
-    """
-
-    branch: int
-    label: str
-    ranges: tuple[HeadingRange, ...]
-    limits: tuple[float, ...]
-
-    def depth(self, heading: float) -> float:
-        """Distance of a heading from the nearer end of its range, negative outside [rad]."""
-        return max((part.depth(heading) for part in self.ranges), default=-np.pi)
-
-    @property
-    def degrees(self) -> list[list[float]]:
-        """The ranges in degrees from 0 to 360, those across zero split in two."""
-        parts = []
-        for entry in self.ranges:
-            low, high = np.degrees([entry.low, entry.high]).tolist()
-            parts += [[low, high]] if high <= 360.0 else [[0.0, high - 360.0], [low, 360.0]]
-        return sorted(parts)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON document, angles in degrees."""
-        return {
-            "branch": self.branch,
-            "label": self.label,
-            "ranges": self.degrees,
-            "limits": [float(np.degrees(limit)) for limit in self.limits],
-        }
-
-
-def covered_angle(ranges: Iterable[BranchRanges]) -> float:
-    """Angle of all headings in a range of any arm branch [rad]."""
-    angle, covered = 0.0, 0.0
-    for low, high in sorted(span for entry in ranges for span in entry.degrees):
-        angle += max(0.0, high - max(low, covered))
-        covered = max(covered, high)
-    return float(np.radians(angle))
-
-
 def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
     """All motions over a span whose smallest |S| is S0, of either sign.
 
     S of the planar problem is ``system`` and depends on two joint angles.
     """
     level = _level(problem)
-    limits = []
-    for point in planar_tangency_points(problem, level, span):
-        motions = _feasible_motions(problem, point.heading, point.joints, point.time, span, level)
-        if motions is not None:
-            limits.append(RangeLimit(point, *motions))
-    return tuple(limits)
+    points = planar_tangency_points(problem, level, span)
+    headings, times = (np.array([getattr(point, name) for point in points])
+                       for name in ("heading", "time"))  # fmt: skip
+    joints = np.reshape([point.joints for point in points], (-1, problem.model.dof))
+    kept = _keep_level(problem, headings, joints, times, span, level)
+    return tuple(
+        RangeLimit(point, *(_motion_from(problem, point, end) for end in span))
+        for point, keeps in zip(points, kept, strict=True) if keeps
+    )  # fmt: skip
 
 
 def _level(problem: Problem) -> float:
@@ -179,24 +100,42 @@ def _level(problem: Problem) -> float:
     return margin.threshold or _SMALLEST_LEVEL * largest_magnitude(problem.model, margin.measure)
 
 
-def _feasible_motions(
-    problem: Problem, heading: float, joints: Array, start: float, span: Span, level: float
-) -> tuple[Motion, Motion] | None:
-    """Motions from a state to both ends of a span; None where |S| falls below a level."""
-    motions = []
-    for end in span:
-        try:
-            motion = integrate_motion(
-                problem, heading_quaternion(heading), joints, start=start, end=end,
-                tolerance=_TOLERANCE,
-            )  # fmt: skip
-        except IntegrationError:
-            return None
-        approach = closest_approach(motion, problem.margin.measure)
-        if not (motion.completed and keeps_threshold(approach.value, level)):
-            return None
-        motions.append(motion)
-    return motions[0], motions[1]
+@lru_cache(maxsize=2)
+def _integrator(problem: Problem) -> EnsembleIntegrator:
+    """The integrator of a problem, which all its spans have in common."""
+    from freefloat.ensemble.ensemble import EnsembleIntegrator  # compiled kernels import slowly
+
+    return EnsembleIntegrator(problem, tolerance=_TOLERANCE)
+
+
+def _keep_level(
+    problem: Problem, headings: Array, joints: Array, starts: Array, span: Span, level: float
+) -> npt.NDArray[np.bool_]:
+    """Which motions through states keep |S| above a level from one end of a span to the other.
+
+    Args:
+        problem: Robot, path, momentum and measure.
+        headings: Of the states [rad], shape (K,).
+        joints: Of the states [rad], shape (K, n).
+        starts: Times of the states [s], shape (K,).
+        span: First and last time of the motions [s].
+        level: Required magnitude of S.
+    """
+    count = len(headings)
+    if not count:
+        return np.zeros(0, dtype=bool)
+    motions = _integrator(problem).integrate(
+        np.tile(heading_quaternion(headings), (2, 1)), np.tile(joints, (2, 1)),
+        starts=np.tile(starts, 2), ends=np.repeat(span, count),
+    )  # fmt: skip
+    return np.asarray(motions.keeps(level).reshape(2, count).all(axis=0))
+
+
+def _motion_from(problem: Problem, point: PlanarTangencyPoint, end: float) -> Motion:
+    attitude = heading_quaternion(point.heading)
+    return integrate_motion(
+        problem, attitude, point.joints, start=point.time, end=end, tolerance=_TOLERANCE
+    )
 
 
 def heading_ranges(
@@ -218,7 +157,7 @@ def heading_ranges(
     Returns:
         One entry for each arm branch.
     """
-    level, domain = _level(problem), domain or SearchDomain()
+    domain = domain or SearchDomain()
     edges: list[tuple[float, int | None, RangeLimitCause]]
     edges = [(heading, None, RangeLimitCause.REACH) for heading in reach_limits(problem, at)]
     if not domain.whole:
@@ -229,23 +168,38 @@ def heading_ranges(
         heading, joints = limit.heading_at(at)
         edges.append((heading, _branch_of(problem, heading, joints, at), RangeLimitCause.MARGIN))
 
-    def is_feasible(arc: HeadingRange, index: int) -> bool:
-        heading = arc.middle
-        attitude = heading_quaternion(heading)
-        return bool(domain.contains(attitude)) and any(
-            branch.index == index
-            and _feasible_motions(problem, heading, branch.joints, at, span, level) is not None
-            for branch in problem.branches(attitude, at)
-        )
-
-    entries = []
-    for index, label in enumerate(("elbow+", "elbow-")):
-        arcs = list(arcs_between(sorted(
+    arcs = [
+        list(arcs_between(sorted(
             (heading, cause) for heading, branch, cause in edges if branch in (index, None)
-        )))  # fmt: skip
-        feasible = [is_feasible(arc, index) for arc in arcs]
-        entries.append(branch_ranges(index, label, arcs, feasible))
-    return tuple(entries)
+        ))) for index in range(len(_LABELS))
+    ]  # fmt: skip
+    feasible = _feasible_arcs(problem, arcs, span, at, domain)
+    return tuple(
+        branch_ranges(index, label, arcs[index], feasible[index])
+        for index, label in enumerate(_LABELS)
+    )
+
+
+def _feasible_arcs(
+    problem: Problem, arcs: list[list[HeadingRange]], span: Span, at: float, domain: SearchDomain
+) -> list[list[bool]]:
+    """Whether the motions from the middles of arcs are feasible, by arm branch."""
+    feasible = [[False] * len(row) for row in arcs]
+    starts = [
+        (index, number, arc.middle, branch.joints)
+        for index, row in enumerate(arcs)
+        for number, arc in enumerate(row)
+        if domain.contains(heading_quaternion(arc.middle))
+        for branch in problem.branches(heading_quaternion(arc.middle), at)
+        if branch.index == index
+    ]
+    headings = np.array([heading for *_, heading, _ in starts])
+    joints = np.reshape([q for *_, q in starts], (-1, problem.model.dof))
+    times = np.full(len(starts), at)
+    kept = _keep_level(problem, headings, joints, times, span, _level(problem))
+    for (index, number, *_), keeps in zip(starts, kept, strict=True):
+        feasible[index][number] = bool(keeps)
+    return feasible
 
 
 def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:
@@ -265,35 +219,3 @@ def reach_limits(problem: Problem, at: float) -> Iterator[float]:
         if abs(cosine) < 1.0:
             middle, half = np.angle(point) - np.angle(a), np.arccos(cosine)
             yield from (float((middle - half) % tau), float((middle + half) % tau))
-
-
-def arcs_between(ends: Sequence[tuple[float, RangeLimitCause]]) -> Iterator[HeadingRange]:
-    """Arcs round the circle between headings in order, each with the cause of a limit there."""
-    if not ends:
-        yield HeadingRange(0.0, tau, ())
-        return
-    for (low, first), (high, second) in zip(ends, [*ends[1:], ends[0]], strict=True):
-        width = (high - low) % tau if len(ends) > 1 else tau
-        if width > _EQUAL:
-            yield HeadingRange(low, low + width, (first, second))
-
-
-def branch_ranges(
-    index: int, label: str, arcs: list[HeadingRange], feasible: list[bool]
-) -> BranchRanges:
-    """Ranges of an arm branch: neighbouring feasible arcs are joined, also across zero."""
-    if all(feasible):
-        return BranchRanges(index, label, (HeadingRange(0.0, tau, ()),), ())
-    first = feasible.index(False)
-    pairs = list(zip(feasible, arcs, strict=True))
-    ranges = []
-    for inside, group in groupby(pairs[first:] + pairs[:first], key=lambda pair: pair[0]):
-        parts = [arc for _, arc in group]
-        if inside:
-            low = parts[0].low % tau
-            width = sum(arc.width for arc in parts)
-            causes = parts[0].causes[0], parts[-1].causes[1]
-            ranges.append(HeadingRange(low, low + width, causes))
-    ranges.sort(key=lambda part: part.low)
-    limits = sorted(edge % tau for part in ranges for edge in (part.low, part.high))
-    return BranchRanges(index, label, tuple(ranges), tuple(limits))

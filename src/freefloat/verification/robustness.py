@@ -11,10 +11,10 @@ import numpy as np
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.integration import integrate_motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.heading_arcs import BranchRanges
 from freefloat.planning.heading_map import evaluator_for
 from freefloat.planning.plan import Plan
 from freefloat.planning.planar_planner import heading_depth
-from freefloat.planning.planar_ranges import BranchRanges
 from freefloat.planning.simulation import SimulatedBranch
 from freefloat.planning.tolerance import Tolerance
 from freefloat.so3 import (

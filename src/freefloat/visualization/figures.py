@@ -15,9 +15,9 @@ from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.attitude_map import AttitudeMap
+from freefloat.planning.heading_arcs import BranchRanges
 from freefloat.planning.heading_map import HeadingMap, evaluator_for, sample_headings
 from freefloat.planning.plan import Plan
-from freefloat.planning.planar_ranges import BranchRanges
 from freefloat.planning.simulation import Simulation, simulate
 from freefloat.so3 import heading_of, heading_quaternion
 from freefloat.visualization.figure_style import Figures, styled

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from freefloat.ik.branches import branch_name
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.problem import Problem
+from freefloat.planning.heading_arcs import BranchRanges
 from freefloat.planning.heading_map import HeadingMap
-from freefloat.planning.planar_ranges import BranchRanges
 from freefloat.so3 import Array
 from freefloat.visualization.figure_style import (
     BLACK,

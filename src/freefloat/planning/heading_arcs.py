@@ -1,0 +1,135 @@
+"""Ranges of heading: arcs of the circle, each with the causes of its ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import groupby
+from math import tau
+from typing import Any
+
+import numpy as np
+
+_EQUAL = 1e-9
+"""Headings closer than this are the same limit [rad]."""
+
+
+class RangeLimitCause(StrEnum):
+    """Cause of the end of a range."""
+
+    MARGIN = "margin"
+    REACH = "reach"
+    SEARCH = "search"
+
+
+@dataclass(frozen=True)
+class HeadingRange:
+    """A range of feasible headings.
+
+    Attributes:
+        low: First heading [rad], in [0, 2 pi).
+        high: Last heading [rad], above ``low``; beyond 2 pi where the range passes zero.
+        causes: Why it ends at ``low`` and at ``high``; empty for the full circle.
+    """
+
+    low: float
+    high: float
+    causes: tuple[RangeLimitCause, ...]
+
+    @property
+    def width(self) -> float:
+        """Width of the range [rad]."""
+        return self.high - self.low
+
+    @property
+    def middle(self) -> float:
+        """The heading deepest inside [rad], in [0, 2 pi)."""
+        return (self.low + self.width / 2.0) % tau
+
+    def depth(self, heading: float) -> float:
+        """Distance of a heading inside from the nearer end, negative outside [rad]."""
+        if not self.causes:
+            return np.pi
+        inside = (heading - self.low) % tau
+        return max(min(inside, self.width - inside), inside - tau)
+
+
+@dataclass(frozen=True)
+class BranchRanges:
+    """The feasible ranges of one arm branch at some time.
+
+    Attributes:
+        branch: Number of the arm branch at that time.
+        label: Its name.
+        ranges: In order of their first heading.
+        limits: Headings at which feasibility changes [rad]; even in number (Appendix C).
+    """
+
+    branch: int
+    label: str
+    ranges: tuple[HeadingRange, ...]
+    limits: tuple[float, ...]
+
+    def depth(self, heading: float) -> float:
+        """Distance of a heading from the nearer end of its range, negative outside [rad]."""
+        return max((part.depth(heading) for part in self.ranges), default=-np.pi)
+
+    @property
+    def degrees(self) -> list[list[float]]:
+        """The ranges in degrees from 0 to 360, those across zero split in two."""
+        parts = []
+        for entry in self.ranges:
+            low, high = np.degrees([entry.low, entry.high]).tolist()
+            parts += [[low, high]] if high <= 360.0 else [[0.0, high - 360.0], [low, 360.0]]
+        return sorted(parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document, angles in degrees."""
+        return {
+            "branch": self.branch,
+            "label": self.label,
+            "ranges": self.degrees,
+            "limits": [float(np.degrees(limit)) for limit in self.limits],
+        }
+
+
+def covered_angle(ranges: Iterable[BranchRanges]) -> float:
+    """Angle of all headings in a range of any arm branch [rad]."""
+    angle, covered = 0.0, 0.0
+    for low, high in sorted(span for entry in ranges for span in entry.degrees):
+        angle += max(0.0, high - max(low, covered))
+        covered = max(covered, high)
+    return float(np.radians(angle))
+
+
+def arcs_between(ends: Sequence[tuple[float, RangeLimitCause]]) -> Iterator[HeadingRange]:
+    """Arcs round the circle between headings in order, each with the cause of a limit there."""
+    if not ends:
+        yield HeadingRange(0.0, tau, ())
+        return
+    for (low, first), (high, second) in zip(ends, [*ends[1:], ends[0]], strict=True):
+        width = (high - low) % tau if len(ends) > 1 else tau
+        if width > _EQUAL:
+            yield HeadingRange(low, low + width, (first, second))
+
+
+def branch_ranges(
+    index: int, label: str, arcs: list[HeadingRange], feasible: list[bool]
+) -> BranchRanges:
+    """Ranges of an arm branch: neighbouring feasible arcs are joined, also across zero."""
+    if all(feasible):
+        return BranchRanges(index, label, (HeadingRange(0.0, tau, ()),), ())
+    first = feasible.index(False)
+    pairs = list(zip(feasible, arcs, strict=True))
+    ranges = []
+    for inside, group in groupby(pairs[first:] + pairs[:first], key=lambda pair: pair[0]):
+        parts = [arc for _, arc in group]
+        if inside:
+            low = parts[0].low % tau
+            width = sum(arc.width for arc in parts)
+            causes = parts[0].causes[0], parts[-1].causes[1]
+            ranges.append(HeadingRange(low, low + width, causes))
+    ranges.sort(key=lambda part: part.low)
+    limits = sorted(edge % tau for part in ranges for edge in (part.low, part.high))
+    return BranchRanges(index, label, tuple(ranges), tuple(limits))
