@@ -24,7 +24,7 @@ from tests.motions import bundled
 def computed_once():
     """Range limits are computed once for all plans of a problem."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("find_range_limits", "heading_ranges"):
+        for name in ("limits_of_spans", "heading_ranges"):
             patch.setattr(planar_planner, name, cache(getattr(planar_planner, name)))
         yield
 

@@ -24,7 +24,6 @@ from freefloat.paths.curves import Curve, Segmented, segments_within, significan
 from freefloat.so3 import (
     Array,
     attitude_axes,
-    axes_rotation,
     cross,
     frozen,
     rotation_vector_between,
@@ -191,9 +190,14 @@ class DirectedOrientation(OrientationLaw):
     def rotation(self, s: float) -> Array:
         """See :class:`OrientationLaw`."""
         direction = self._direction(s)[0] * (-1.0 if self.axis.startswith("-") else 1.0)
-        return axes_rotation(
-            "orientation", (self.axis[-1], direction), (self.second, self.reference)
-        )
+        first = direction / math.sqrt(direction @ direction)
+        second = self.reference - (self.reference @ first) * first
+        second /= math.sqrt(second @ second)
+        i, j = "xyz".index(self.axis[-1]), "xyz".index(self.second)
+        columns = np.empty((3, 3))
+        columns[:, i], columns[:, j] = first, second
+        columns[:, 3 - i - j] = cross(first, second) * (1.0 if (j - i) % 3 == 1 else -1.0)
+        return columns
 
     def rate(self, s: float) -> Array:
         """See :class:`OrientationLaw`.

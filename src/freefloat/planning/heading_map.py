@@ -15,10 +15,12 @@ from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
 from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.plan import FEWEST_SAMPLES, Search
-from freefloat.so3 import Array, frozen, heading_quaternion
+from freefloat.so3 import Array, IntArray, frozen, heading_quaternion
 
 _TOLERANCE = 1e-9
 """Tolerance of motions of planar tasks: limits of ranges are then exact to 1e-7 rad."""
+_TRIED = 24
+"""Headings tried in each range when the largest margin is searched for."""
 _PARTS, _TOP = 8, 4
 """Finer steps around the best headings of a search, and how many of these are refined together."""
 _FINEST = 1e-7
@@ -185,20 +187,32 @@ def sample_headings(
     )
 
 
-def best_heading(
-    evaluator: FeasibilityEvaluator, headings: Array, branch: int | None
-) -> tuple[float, float]:
-    """The largest margin between the first and the last of some headings, and its heading [rad].
+def best_headings(
+    evaluator: FeasibilityEvaluator, ranges: list[tuple[float, float]], branches: IntArray
+) -> tuple[Array, Array]:
+    """The largest margin in each of some ranges of heading, and its heading [rad], shape (R,).
 
-    The headings (K,) are evenly spread and in order; without a number all arm branches count.
+    All ranges are searched at once, on ever finer grids around their best headings.
+
+    Args:
+        evaluator: Of the problem.
+        ranges: First and last headings [rad].
+        branches: Number of the arm branch of each range; a redundant arm's best branch counts.
     """
-    low, high = headings[[0, -1]]
-    spacing, steps = headings[1] - low, np.linspace(-1.0, 1.0, _PARTS + 1)
-    margins = evaluator.margins(heading_quaternion(headings), branch)
-    while spacing > _FINEST:
-        top = headings[np.argsort(-margins)[:_TOP]]
-        headings = np.unique(np.clip(top[:, None] + spacing * steps, low, high))
-        margins = evaluator.margins(heading_quaternion(headings), branch)
+    grids = [np.linspace(low, high, _TRIED) for low, high in ranges]
+    spacing, steps = np.ptp(ranges, axis=1) / (_TRIED - 1), np.linspace(-1.0, 1.0, _PARTS + 1)
+    while True:
+        sizes = [len(grid) for grid in grids]
+        numbers = None if evaluator.problem.redundant else np.repeat(branches, sizes)
+        values = evaluator.margins(heading_quaternion(np.concatenate(grids)), numbers)
+        margins = np.split(values, np.cumsum(sizes)[:-1])
+        if spacing.max() <= _FINEST:
+            break
+        for k, (low, high) in enumerate(ranges):
+            top = grids[k][np.argsort(-margins[k])[:_TOP]]
+            grids[k] = np.unique(np.clip(top[:, None] + spacing[k] * steps, low, high))
         spacing *= 2.0 / _PARTS
-    best = int(np.argmax(margins))
-    return float(margins[best]), float(headings[best])
+    best = [int(np.argmax(row)) for row in margins]
+    pick = zip(margins, grids, best, strict=True)
+    largest, headings = zip(*((row[i], grid[i]) for row, grid, i in pick), strict=True)
+    return np.array(largest), np.array(headings)

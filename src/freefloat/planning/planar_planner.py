@@ -31,10 +31,10 @@ from freefloat.planning.heading_arcs import (
     arcs_between,
     branch_ranges,
 )
-from freefloat.planning.heading_map import best_heading
+from freefloat.planning.heading_map import best_headings
 from freefloat.planning.pattern_search import Flags
 from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
-from freefloat.planning.planar_ranges import find_range_limits, heading_ranges, reach_limits
+from freefloat.planning.planar_ranges import heading_ranges, limits_of_spans, reach_limits
 from freefloat.planning.search import bisect
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
 from freefloat.so3 import Array, heading_of, heading_quaternion, wrapped
@@ -46,8 +46,6 @@ _NEAR_REACH = 1e-6
 """Distance from the limits of the reach at which headings are added [rad]."""
 _END = 1e-6
 """Distance of a heading from the limit of the domain that is its cause [rad]."""
-_TRIED = 24
-"""Headings tried in each range when the largest margin is searched for."""
 _ROUNDS = 8
 """Bisections of the interval of a range limit."""
 
@@ -99,22 +97,24 @@ def _exact_ranges(
     problem: Problem, domain: SearchDomain
 ) -> tuple[tuple[BranchRanges, ...], tuple[Segment, ...]]:
     """Ranges at the start in a domain; with stops also segment by segment, of all headings."""
-    whole = (0.0, problem.path.duration)
-    limits = find_range_limits(problem, whole)
-    rests = [0.0, *(stop.t for stop in problem.path.timing.stops), problem.path.duration]
-    segments = []
+    duration = problem.path.duration
+    rests = [0.0, *(stop.t for stop in problem.path.timing.stops), duration]
+    spans = list(pairwise(rests))
+    onward = [(start, duration) for start in rests[:-1]]
+    limits = limits_of_spans(problem, (*spans, *onward))
+    ranges = heading_ranges(problem, limits[onward[0]], onward[0], 0.0, domain)
+    if len(spans) == 1:
+        return ranges, ()
     every = replace(problem, start_joints=None)
-    for span in pairwise(rests) if len(rests) > 2 else ():
-        alone = find_range_limits(problem, span)
-        onward = (span[0], problem.path.duration)
-        joined = alone if onward == span else find_range_limits(problem, onward)
-        segments.append(Segment(
-            span, alone,
-            heading_ranges(every, alone, span, span[0]),
-            heading_ranges(every, alone, span, span[1]),
-            heading_ranges(every, joined, onward, span[1]),
-        ))  # fmt: skip
-    return heading_ranges(problem, limits, whole, 0.0, domain), tuple(segments)
+    segments = (
+        Segment(
+            span, limits[span],
+            heading_ranges(every, limits[span], span, span[0]),
+            heading_ranges(every, limits[span], span, span[1]),
+            heading_ranges(every, limits[rest], rest, span[1]),
+        ) for span, rest in zip(spans, onward, strict=True)
+    )  # fmt: skip
+    return ranges, tuple(segments)
 
 
 def _integrate(problem: Problem, heading: float, branch: int) -> SimulatedBranch:
@@ -133,14 +133,11 @@ def _choose(evaluator: FeasibilityEvaluator, search: Search, pairs: list[_Pair])
         return part.middle, branch, reason
     if search.objective is Objective.NEAREST and search.from_attitude is not None:
         return _nearest(heading_of(search.from_attitude), search.spare, pairs)
-    choices = []
-    for branch, part in pairs:
-        headings = np.linspace(*_inner_ends(part), _TRIED)
-        number = None if evaluator.problem.redundant else branch
-        margin, heading = best_heading(evaluator, headings, number)
-        choices.append((margin, heading % tau, branch))
-    _, heading, branch = max(choices, key=lambda choice: choice[0])
-    return heading, branch, "the largest margin"
+    branches = [branch for branch, _ in pairs]
+    ends = [_inner_ends(part) for _, part in pairs]
+    margins, headings = best_headings(evaluator, ends, np.array(branches))
+    best = int(np.argmax(margins))
+    return float(headings[best]) % tau, branches[best], "the largest margin"
 
 
 def _nearest(present: float, spare: float, pairs: list[_Pair]) -> _Choice:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
+from itertools import compress
 from math import tau
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from freefloat.dynamics.joint_space import largest_magnitude
 from freefloat.motion.integration import integrate_motion
@@ -42,6 +42,8 @@ _NEAR = 1e-4
 _LABELS = "elbow+", "elbow-"
 
 Span = tuple[float, float]
+_Planned = tuple[float, Array, float, float]
+"""Heading [rad] and joints (n,) from which a motion is integrated, its first and last time [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,7 @@ class RangeLimit:
     def heading_at(self, time: float) -> tuple[float, Array]:
         """Heading [rad] in [0, 2 pi) and joints (n,) of the motion at a time [s]."""
         motion = self.backward if time <= self.tangency.time else self.forward
-        state = motion.sample([time])[0]
+        state = motion.final if time == motion.final.time else motion.sample([time])[0]
         return heading_of(state.attitude), state.joints
 
     def to_dict(self, span: Span) -> dict[str, Any]:
@@ -82,16 +84,35 @@ def find_range_limits(problem: Problem, span: Span) -> tuple[RangeLimit, ...]:
 
     S of the planar problem is ``system`` and depends on two joint angles.
     """
+    return limits_of_spans(problem, (span,))[span]
+
+
+def limits_of_spans(
+    problem: Problem, spans: tuple[Span, ...]
+) -> dict[Span, tuple[RangeLimit, ...]]:
+    """The limits of :func:`find_range_limits` for several spans, which share their motions."""
     level = _level(problem)
-    points = planar_tangency_points(problem, level, span)
-    headings, times = (np.array([getattr(point, name) for point in points])
-                       for name in ("heading", "time"))  # fmt: skip
-    joints = np.reshape([point.joints for point in points], (-1, problem.model.dof))
-    kept = _keep_level(problem, headings, joints, times, span, level)
-    return tuple(
-        RangeLimit(point, *(_motion_from(problem, point, end) for end in span))
-        for point, keeps in zip(points, kept, strict=True) if keeps
-    )  # fmt: skip
+    points = {span: planar_tangency_points(problem, level, span) for span in spans}
+    pairs = list(dict.fromkeys(
+        (point, end) for span, on_span in points.items() for point in on_span for end in span
+    ))  # fmt: skip
+    motions = [(point.heading, point.joints, point.time, end) for point, end in pairs]
+    kept = set(compress(pairs, _keep_level(problem, motions, level)))
+
+    @cache
+    def motion_to(point: PlanarTangencyPoint, end: float) -> Motion:
+        attitude = heading_quaternion(point.heading)
+        return integrate_motion(
+            problem, attitude, point.joints, start=point.time, end=end, tolerance=_TOLERANCE
+        )
+
+    return {
+        span: tuple(
+            RangeLimit(point, *(motion_to(point, end) for end in span))
+            for point in on_span if all((point, end) in kept for end in span)
+        )
+        for span, on_span in points.items()
+    }  # fmt: skip
 
 
 def _level(problem: Problem) -> float:
@@ -108,34 +129,15 @@ def _integrator(problem: Problem) -> EnsembleIntegrator:
     return EnsembleIntegrator(problem, tolerance=_TOLERANCE)
 
 
-def _keep_level(
-    problem: Problem, headings: Array, joints: Array, starts: Array, span: Span, level: float
-) -> npt.NDArray[np.bool_]:
-    """Which motions through states keep |S| above a level from one end of a span to the other.
-
-    Args:
-        problem: Robot, path, momentum and measure.
-        headings: Of the states [rad], shape (K,).
-        joints: Of the states [rad], shape (K, n).
-        starts: Times of the states [s], shape (K,).
-        span: First and last time of the motions [s].
-        level: Required magnitude of S.
-    """
-    count = len(headings)
-    if not count:
-        return np.zeros(0, dtype=bool)
-    motions = _integrator(problem).integrate(
-        np.tile(heading_quaternion(headings), (2, 1)), np.tile(joints, (2, 1)),
-        starts=np.tile(starts, 2), ends=np.repeat(span, count),
-    )  # fmt: skip
-    return np.asarray(motions.keeps(level).reshape(2, count).all(axis=0))
-
-
-def _motion_from(problem: Problem, point: PlanarTangencyPoint, end: float) -> Motion:
-    attitude = heading_quaternion(point.heading)
-    return integrate_motion(
-        problem, attitude, point.joints, start=point.time, end=end, tolerance=_TOLERANCE
+def _keep_level(problem: Problem, motions: list[_Planned], level: float) -> list[bool]:
+    """Which motions complete and keep |S| above a level."""
+    if not motions:
+        return []
+    headings, joints, starts, ends = map(np.array, zip(*motions, strict=True))
+    results = _integrator(problem).integrate(
+        heading_quaternion(headings), joints, starts=starts, ends=ends
     )
+    return [bool(keeps) for keeps in results.keeps(level)]
 
 
 def heading_ranges(
@@ -184,22 +186,20 @@ def _feasible_arcs(
     problem: Problem, arcs: list[list[HeadingRange]], span: Span, at: float, domain: SearchDomain
 ) -> list[list[bool]]:
     """Whether the motions from the middles of arcs are feasible, by arm branch."""
-    feasible = [[False] * len(row) for row in arcs]
-    starts = [
-        (index, number, arc.middle, branch.joints)
-        for index, row in enumerate(arcs)
-        for number, arc in enumerate(row)
-        if domain.contains(heading_quaternion(arc.middle))
-        for branch in problem.branches(heading_quaternion(arc.middle), at)
-        if branch.index == index
-    ]
-    headings = np.array([heading for *_, heading, _ in starts])
-    joints = np.reshape([q for *_, q in starts], (-1, problem.model.dof))
-    times = np.full(len(starts), at)
-    kept = _keep_level(problem, headings, joints, times, span, _level(problem))
-    for (index, number, *_), keeps in zip(starts, kept, strict=True):
-        feasible[index][number] = bool(keeps)
-    return feasible
+    places, motions = [], []
+    for index, row in enumerate(arcs):
+        for number, arc in enumerate(row):
+            attitude = heading_quaternion(arc.middle)
+            if not domain.contains(attitude):
+                continue
+            for branch in problem.branches(attitude, at):
+                if branch.index == index:
+                    places.append((index, number))
+                    motions += [(arc.middle, branch.joints, at, end) for end in span]
+    kept = _keep_level(problem, motions, _level(problem))
+    both = map(all, zip(kept[::2], kept[1::2], strict=True))
+    feasible = set(compress(places, both))
+    return [[(index, k) in feasible for k in range(len(row))] for index, row in enumerate(arcs)]
 
 
 def _branch_of(problem: Problem, heading: float, joints: Array, at: float) -> int | None:

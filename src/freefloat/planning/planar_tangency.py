@@ -8,11 +8,11 @@ form a curve over (margin curve, time), and (27), dS/dt = 0, selects from it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, lru_cache
-from itertools import pairwise, product
+from itertools import pairwise
 from operator import attrgetter
 from typing import NamedTuple, TypeVar
 
@@ -86,8 +86,8 @@ def planar_tangency_points(
     candidates = _candidates(problem, level)
     first, last = span
     inside = [point for point in candidates.tangent if first < point.time < last]
-    ends = ((TangencyKind.START, first), (TangencyKind.END, last))
-    return distinct([*inside, *_at_ends(candidates, ends)], _same)
+    start = _at_end(candidates, TangencyKind.START, first)
+    return distinct([*inside, *start, *_at_end(candidates, TangencyKind.END, last)], _same)
 
 
 class _PathState(NamedTuple):
@@ -216,18 +216,21 @@ def _instants(ends: tuple[float, ...]) -> Array:
     return np.unique(np.concatenate([*inner, edges]))
 
 
-def _at_ends(
-    candidates: _Candidates, ends: Iterable[tuple[TangencyKind, float]]
-) -> Iterator[PlanarTangencyPoint]:
+@lru_cache(maxsize=16)
+def _at_end(
+    candidates: _Candidates, kind: TangencyKind, t: float
+) -> tuple[PlanarTangencyPoint, ...]:
     """Case II: margin curves crossed with the distance curve of an end of a span."""
-    for (kind, t), curve in product(ends, candidates.curves):
-        path = candidates.path_at(t)
+    path = candidates.path_at(t)
+    points = []
+    for curve in candidates.curves:
         off = curve.radii - abs(complex(path.position))
         for i in np.flatnonzero(off[:-1] * off[1:] <= 0.0):
             start = (curve.joints[i] + curve.joints[i + 1]) / 2.0
             solution = root(candidates.errors, start, args=(path, curve.level), tol=1e-14)
             if np.abs(solution.fun).max() < _EXACT:
-                yield candidates.point(kind, solution.x, t, curve.level)
+                points.append(candidates.point(kind, solution.x, t, curve.level))
+    return tuple(points)
 
 
 def _along_path(candidates: _Candidates, curve: MarginCurve) -> Iterator[PlanarTangencyPoint]:
