@@ -14,24 +14,23 @@ from enum import Enum
 from functools import partial
 from itertools import product
 from string import ascii_lowercase
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from freefloat.concurrency import available_cores, run_chunks
-from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ik.analytic import solve_elbow_and_wrist, solve_planar_elbow
 from freefloat.ik.chain import Chain
+from freefloat.ik.configurations import isolated_configurations, spread_configurations
 from freefloat.ik.numbering import MAX_BRANCHES, numbered_branches
 from freefloat.ik.parallel_axes import solve_parallel_axes
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray, Pose, frozen, low_discrepancy
+from freefloat.so3 import Array, Pose, frozen
 
 if TYPE_CHECKING:
-    from freefloat.ik.compiled_chain import Chain as CompiledChain
+    pass
 
 _STARTS = 512
 _SLICE = 1024
@@ -202,65 +201,15 @@ def search_arm_branches(
     threads: int | None = None,
 ) -> BranchSets:
     """:func:`many_arm_branches` by Newton's method, also for arms with a closed form."""
-    if model.dof > len(task.rows):
-        return _redundant_branches(model, positions, rotations, task, threads)
-    lower, upper = joint_box(model)
-    starts = lower + (upper - lower) * low_discrepancy(_STARTS, model.dof)
-    return newton_branches(model, positions, rotations, task, starts, threads)
-
-
-def newton_branches(
-    model: FreeFloatingModel,
-    positions: npt.ArrayLike,
-    rotations: npt.ArrayLike,
-    task: Task,
-    starts: Array,
-    threads: int | None = None,
-) -> BranchSets:
-    """The branches that Newton's method reaches from starts (S, n), well-spread ones if redundant.
-
-    Other arguments are as for :func:`search_arm_branches`.
-    """
-    from freefloat.ik.numeric import solve_numerically
-
-    rows, poses = np.array(task.rows), _poses(positions, rotations)
-    q = np.empty((len(poses[0]), MAX_BRANCHES, model.dof))
-    _on_threads(solve_numerically, (arm_chain(model), rows, starts), (*poses, q), threads)
-    joints, names = numbered_branches(Chain.of(model), rows, q.transpose(2, 1, 0))
+    p, R = _poses(positions, rotations)
+    rows = np.array(task.rows)
+    configurations = spread_configurations if model.dof > len(rows) else isolated_configurations
+    q = np.concatenate(
+        _in_slices(partial(configurations, model, task, most=MAX_BRANCHES), p, R), axis=2
+    )
+    joints, names = numbered_branches(Chain.of(model), rows, q)
     signs = model.dof == len(rows) == 6 and not model.prismatic.any()
     return BranchSets(joints, names, _SIGNS if signs else _NUMBERS)
-
-
-def _redundant_branches(
-    model: FreeFloatingModel,
-    positions: npt.ArrayLike,
-    rotations: npt.ArrayLike,
-    task: Task,
-    threads: int | None,
-) -> BranchSets:
-    from freefloat.ik.configurations import spread_configurations
-
-    p, R = _poses(positions, rotations)
-
-    def solve(starts: Array, index: IntArray) -> Array:
-        return newton_branches(model, p[index], R[index], task, starts, threads).joints
-
-    joints = spread_configurations(model, len(p), solve, MAX_BRANCHES)
-    names = np.where(np.isfinite(joints).all(axis=2), np.arange(MAX_BRANCHES), -1)
-    return BranchSets(joints, names, _NUMBERS)
-
-
-def arm_chain(model: FreeFloatingModel) -> CompiledChain:
-    """The arm in the form of the compiled kernels."""
-    from freefloat.ik.compiled_chain import Chain
-
-    virtual = VirtualManipulator.of(model)
-    arrays: tuple[npt.NDArray[Any], ...] = (
-        virtual.links, virtual.rotations, virtual.axes, virtual.prismatic, virtual.strokes,
-        virtual.tool, *model.joint_ranges,
-    )  # fmt: skip
-    # writable copies in C order, for which the kernels are compiled
-    return Chain(*(np.array(array, order="C") for array in arrays))
 
 
 def _poses(positions: npt.ArrayLike, rotations: npt.ArrayLike) -> tuple[Array, Array]:
@@ -273,20 +222,3 @@ def _in_slices(solve: Callable[[Array, Array], _Solved], p: Array, R: Array) -> 
     slices = [slice(first, first + _SLICE) for first in range(0, max(1, len(p)), _SLICE)]
     p, R = (np.ascontiguousarray(np.moveaxis(values, 0, -1)) for values in (p, R))
     return [solve(p[..., chosen], R[..., chosen]) for chosen in slices]
-
-
-def _on_threads(
-    kernel: Callable[..., None],
-    fixed: tuple[Any, ...],
-    sliced: tuple[npt.NDArray[Any], ...],
-    threads: int | None,
-) -> None:
-    """Run a kernel, which releases the global lock, on slices of the poses in parallel."""
-    workers = threads or available_cores()
-    count = len(sliced[0])
-    size = max(_THREAD_SLICE, -(-count // (4 * workers)))
-
-    def run(first: int) -> None:
-        kernel(*fixed, *(array[first : first + size] for array in sliced))
-
-    run_chunks(run, range(0, count, size), workers)

@@ -20,11 +20,11 @@ CONVERGED = 1e-9
 """Largest residual of a solution [m, rad]."""
 SAME = 1e-5
 """Largest joint difference of equal solutions [rad, m]."""
-_EXACT = 1e-13
+EXACT = 1e-13
 """Residual at which the iteration stops [m, rad]."""
 _DAMPING = 0.1
 _MIN_DAMPING = 1e-13
-_ROUNDING = 2e-15
+_ROUNDING = 8.0
 """Rounding error of a pivot relative to the trace: with less damping one could vanish."""
 
 
@@ -86,7 +86,7 @@ class Chain:
         The z axes are the joint axes; at zero joints, in the frame before. The last rotation is the
         end-effector's.
         """
-        frames = [np.eye(3), *map(_axis_frame, self.axes.T), self.rotation]
+        frames = [np.eye(3), *map(axis_frame, self.axes.T), self.rotation]
         rotations = [_rounded(before.T @ after).T.tolist() for before, after in pairwise(frames)]
         links = np.diff(self.points, append=self.position[:, None]).T
         pairs = zip(frames[1:-1], links, strict=True)
@@ -155,7 +155,7 @@ class Chain:
             angular = rotation_vector(rotation, rotations[..., pose])
             error = np.concatenate([linear, angular])[rows]
             residual[branch, pose] = size = np.sqrt((error * error).sum(axis=0))
-            far = size > _EXACT
+            far = size > EXACT
             if step == steps or not far.any():
                 break
             branch, pose = branch[far], pose[far]
@@ -189,17 +189,15 @@ def damped_step(J: Array, error: Array) -> Array:
     Returns:
         Steps of at most one radian or metre per joint, shape (n, N).
     """
-    J = J.transpose(2, 0, 1)
-    A = J @ J.swapaxes(1, 2)
-    rounding = _ROUNDING * np.trace(A, axis1=1, axis2=2)
+    A = np.stack([(row * J).sum(axis=1) for row in J])
+    rounding = _ROUNDING * np.finfo(J.dtype).eps * np.trace(A)
     square = np.minimum(1.0, (error * error).sum(axis=0))
-    damping = _DAMPING * square + np.maximum(_MIN_DAMPING, rounding)
-    A += damping[:, None, None] * np.eye(len(error))
-    step = (np.linalg.solve(A, error.T[..., None]).swapaxes(1, 2) @ J)[:, 0].T
+    A[np.diag_indices(len(A))] += _DAMPING * square + np.maximum(_MIN_DAMPING, rounding)
+    step = (J * _cholesky_solved(A, error)[:, None]).sum(axis=0)
     return np.asarray(step / np.maximum(1.0, np.abs(step).max(axis=0)))
 
 
-def _axis_frame(axis: Array) -> Array:
+def axis_frame(axis: Array) -> Array:
     """A rotation (3, 3) whose third column is a unit vector (3,)."""
     x = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
     x /= np.linalg.norm(x)
@@ -220,3 +218,18 @@ def _combination(vectors: list[Array], factors: list[float]) -> Array:
 def _stacked(vectors: list[Array], q: Array) -> Array:
     """Vectors (3, N) or (3, 1), for joint values (n, N), along a second axis."""
     return np.stack([np.broadcast_to(v, (3, q.shape[1])) for v in vectors], axis=1)
+
+
+def _cholesky_solved(A: Array, b: Array) -> Array:
+    """Solutions x (m, N) of ``A x = b`` with positive definite matrices (m, m, N)."""
+    L, x = A.copy(), b.copy()
+    for k in range(len(L)):
+        L[k:, k] /= np.sqrt(L[k, k])
+        x[k] /= L[k, k]
+        x[k + 1 :] -= L[k + 1 :, k] * x[k]
+        for j in range(k + 1, len(L)):
+            L[j:, j] -= L[j:, k] * L[j, k]
+    for k in reversed(range(len(L))):
+        x[k] /= L[k, k]
+        x[:k] -= L[k, :k] * x[k]
+    return x

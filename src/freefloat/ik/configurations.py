@@ -1,108 +1,212 @@
-"""Choice among the infinitely many configurations of a redundant arm at a pose."""
+"""Configurations of arms without closed form: all of a square arm, a choice of a redundant one's.
+
+Newton's method starts from configurations whose end-effector poses are close, see
+:class:`PoseTable`. Arrays of joint values have shape (n, B, K), NaN where there are fewer than B
+configurations at one of K poses; positions have shape (3, K), rotations (3, 3, K).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from math import tau
 
 import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.joint_space import joint_box
-from freefloat.ik.chain import SAME
+from freefloat.dynamics.momentum import Task
+from freefloat.ik.chain import SAME, Chain
+from freefloat.ik.numeric import APPROACH, approached, many_solutions, newton, refined_solutions
+from freefloat.ik.pose_table import PoseTable, sampled_box
+from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, low_discrepancy
 
-_STARTS = 64
-"""Joint values from which Newton's method starts at every pose."""
+_TRIALS = (slice(2), slice(2, 12))
+"""Starts, the closest first, one of which comes near to a pose that is within reach."""
+_PASSES = ((48, 20), (128, 32))
+"""Numbers of closest configurations, and of well-spread starts among them, for redundant arms."""
 _ROUNDS = 16
 """Attempts to move configurations into the joint ranges."""
 _INSET = 0.05
 """Fraction of the ranges, at both ends, that these attempts avoid."""
+_STARTS = (96, 512)
+_SEARCHED = 256
+"""Numbers of starts of square arms, the greater ones where fewer do not suffice."""
+_ALIKE = 1e-3
+"""Largest joint difference of starts that are taken to lead to the same solution [rad, m]."""
+_HITS = 3
+"""The search ends when each solution was found this often and their number is even."""
 
-Solve = Callable[[Array, IntArray], Array]
-"""From starts (S, n) and indices of poses (K,) to configurations that Newton's method reaches from
-them, shape (K, B, n), NaN where there are fewer than B."""
+BoolArray = npt.NDArray[np.bool_]
 
 
-def spread_configurations(model: FreeFloatingModel, poses: int, solve: Solve, most: int) -> Array:
-    """A reproducible, well-spread set of configurations at each of many poses.
+def isolated_configurations(
+    model: FreeFloatingModel, task: Task, positions: Array, rotations: Array, most: int
+) -> Array:
+    """All configurations of a square arm that are found from many starts, in (-pi, pi].
+
+    Generic solutions come in pairs, which merge at singularities, and each is reached from many
+    starts.
+    """
+    chain, rows = Chain.of(model), np.array(task.rows)
+    found = np.full((model.dof, most, positions.shape[1]), np.nan)
+    lower, upper = joint_box(model)
+    starts = (lower + (upper - lower) * low_discrepancy(_STARTS[-1], model.dof)).T
+    pending = np.arange(positions.shape[1])
+    q = np.empty((model.dof, 0, len(pending)))
+    for count in _STARTS:
+        target = positions[:, pending], rotations[..., pending]
+        following = np.repeat(starts[:, q.shape[1] : count, None], len(pending), axis=2)
+        q = np.concatenate([q, approached(chain, rows, *target, following)], axis=1)
+        rough, times_reached = _distinct(chain, q, np.ones(q.shape[1:]), 2 * most, _ALIKE)
+        refined = refined_solutions(chain, rows, *target, rough)
+        refined = np.where(chain.prismatic[:, None, None], refined, wrapped(refined))
+        found[..., pending], hits = _distinct(chain, refined, times_reached, most, SAME)
+        number = (hits > 0).sum(axis=0)
+        often = ((hits == 0) | (hits >= _HITS)).all(axis=0)
+        more = (number < most) & ~(often & (number % 2 == 0))
+        pending, q = pending[more], q[..., more]
+    return found
+
+
+def spread_configurations(
+    model: FreeFloatingModel, task: Task, positions: Array, rotations: Array, most: int
+) -> Array:
+    """A reproducible, well-spread set of configurations of a redundant arm at each of many poses.
 
     At poses where any are found inside the joint ranges, they all are.
 
     Args:
         model: Robot.
-        poses: Number of poses K.
-        solve: The inverse kinematics at these poses, which keeps all that it reaches from up to
-            ``most`` starts.
+        task: Part of the poses that is prescribed.
+        positions: End-effector positions.
+        rotations: End-effector rotations.
         most: Largest number of configurations at a pose.
 
     Returns:
-        Joint values, NaN where there are fewer than ``most``, shape (K, most, n).
+        Joint values, inside the ranges where possible, else in (-pi, pi].
     """
-    lower, upper = _box(model)
-    starts = lower + (upper - lower) * low_discrepancy(_STARTS, model.dof)
-    groups = np.split(starts, _STARTS // most)
-    joints = np.concatenate([solve(group, np.arange(poses)) for group in groups], axis=1)
-    exist = np.isfinite(joints).all(axis=2)
-    inside = _excess(model, joints) == 0.0
-    for pose in np.flatnonzero(exist.any(axis=1) & ~inside.any(axis=1)).tolist():
-        moved = joints[pose]
-        for _ in range(_ROUNDS):
-            moved = _moved_inside(model, moved, pose, solve, most)
-            if (now_inside := _excess(model, moved) == 0.0).any():
-                joints[pose, :most], inside[pose, :most] = moved, now_inside
-                break
-    usable = np.where(inside.any(axis=1, keepdims=True), inside, exist)
-    return _well_spread(model, joints, usable, most)
+    chain = Chain.of(model)
+    q = np.full((model.dof, most, positions.shape[1]), np.nan)
+    unlimited = np.array_equal(sampled_box(model), joint_box(model))
+    for inside in (True,) if unlimited else (True, False):
+        table = PoseTable.of(model, task, inside=inside)
+        lacking = np.isnan(q[0]).any(axis=0) & (inside | (_excess(chain, q) > 0.0).all(axis=0))
+        pending = np.flatnonzero(lacking)
+        pending = pending[_within_reach(table, positions[:, pending], rotations[..., pending])]
+        for candidates, starts in _PASSES:
+            target = positions[:, pending], rotations[..., pending]
+            new = _spread_from(table, *target, candidates, starts)
+            together = np.concatenate([q[..., pending], new], axis=1)
+            q[..., pending] = _usable(chain, together, most)
+            pending = pending[np.isnan(q[0, -1, pending])]
+    _move_inside(model, task, positions, rotations, q)
+    return _usable(chain, q, most)
 
 
-def _box(model: FreeFloatingModel) -> tuple[Array, Array]:
-    """Ends of the joint ranges (n,), of those of wide ones a full revolution's."""
-    (first, last), (lower, upper) = model.joint_ranges, joint_box(model)
-    narrow = last - first < upper - lower
-    return np.where(narrow, first, lower), np.where(narrow, last, upper)
+def _usable(chain: Chain, q: Array, most: int) -> Array:
+    """At most that many well-spread configurations, those inside the ranges if there are any."""
+    inside = _excess(chain, q) == 0.0
+    return _well_spread(chain, np.where(inside | ~inside.any(axis=0), q, np.nan), most)
 
 
-def _excess(model: FreeFloatingModel, joints: Array) -> Array:
-    """Largest distance of joint values (..., n) from their ranges, infinite for NaN, (...)."""
-    lower, upper = model.joint_ranges
-    excess = np.maximum(np.maximum(lower - joints, joints - upper), 0.0).max(axis=-1)
-    return np.asarray(np.where(np.isnan(excess), np.inf, excess))
+def _within_reach(table: PoseTable, positions: Array, rotations: Array) -> IntArray:
+    """Indices of the poses to which some configurations of a table lead."""
+    rows, reached = np.array(table.task.rows), np.zeros(positions.shape[1], dtype=bool)
+    starts = table.nearest(positions, rotations, _TRIALS[-1].stop)
+    for trial in _TRIALS:
+        (others,) = np.nonzero(~reached)
+        target = positions[:, others], rotations[..., others]
+        _, residual = newton(table.chain, rows, *target, starts[:, trial, others], APPROACH)
+        reached[others] = (residual <= APPROACH.residual).any(axis=0)
+    return np.flatnonzero(reached)
 
 
-def _moved_inside(
-    model: FreeFloatingModel, joints: Array, pose: int, solve: Solve, most: int
+def _spread_from(
+    table: PoseTable, positions: Array, rotations: Array, candidates: int, count: int
 ) -> Array:
-    """Configurations (B, n) reached from others (K, n), their joints moved inside the ranges."""
-    lower, upper = _box(model)
+    """Configurations reached from well-spread ones of the closest candidates in a table."""
+    chain, rows = table.chain, np.array(table.task.rows)
+    q = table.nearest(positions, rotations, candidates)
+    inside = _excess(chain, chain.into_range(q)) == 0.0
+    q = np.where(inside | (inside.sum(axis=0) < count), q, np.nan)
+    starts = _well_spread(chain, q, count)
+    return chain.into_range(many_solutions(chain, rows, positions, rotations, starts))
+
+
+def _excess(chain: Chain, q: Array) -> Array:
+    """Largest distance of joint values from their ranges, infinite for NaN, shape (B, K)."""
+    lower, upper = chain.lower[:, None, None], chain.upper[:, None, None]
+    excess = np.maximum(np.maximum(lower - q, q - upper), 0.0).max(axis=0)
+    return np.where(np.isnan(excess), np.inf, excess)
+
+
+def _move_inside(
+    model: FreeFloatingModel, task: Task, positions: Array, rotations: Array, q: Array
+) -> None:
+    """Move configurations into the joint ranges at poses where none is inside, where possible."""
+    chain, rows = Chain.of(model), np.array(task.rows)
+    lower, upper = (ends[:, None, None] for ends in sampled_box(model))
     inset = _INSET * (upper - lower)
-    excess = _excess(model, joints)
-    nearest = np.argsort(excess)[:most]
-    q = joints[nearest[np.isfinite(excess[nearest])]]
-    first, last = model.joint_ranges
-    starts = np.where((q < first) | (q > last), np.clip(q, lower + inset, upper - inset), q)
-    return np.asarray(solve(starts, np.array([pose]))[0])
+    (pending,) = np.nonzero(np.isfinite(q[0]).any(axis=0) & (_excess(chain, q) > 0.0).all(axis=0))
+    moved = q[..., pending]
+    for _ in range(_ROUNDS):
+        if not len(pending):
+            break
+        outside = (moved < chain.lower[:, None, None]) | (moved > chain.upper[:, None, None])
+        starts = np.where(outside, np.clip(moved, lower + inset, upper - inset), moved)
+        target = positions[:, pending], rotations[..., pending]
+        moved = chain.into_range(many_solutions(chain, rows, *target, starts))
+        done = (_excess(chain, moved) == 0.0).any(axis=0)
+        q[..., pending[done]] = moved[..., done]
+        pending, moved = pending[~done], moved[..., ~done]
 
 
-def _well_spread(
-    model: FreeFloatingModel, joints: Array, usable: npt.NDArray[np.bool_], most: int
-) -> Array:
-    """At most that many usable configurations (K, B, n) by farthest-point sampling, (K, most, n).
+def _well_spread(chain: Chain, q: Array, most: int) -> Array:
+    """At most that many configurations by farthest-point sampling.
 
     The first one is the lexicographically first, to six decimals.
     """
-    chosen = np.full((len(joints), most, model.dof), np.nan)
-    (active,) = np.nonzero(usable.any(axis=1))
-    q = np.where(usable[active, :, None], joints[active], np.inf)
-    order = np.lexsort(np.rint(1e6 * q).transpose(2, 0, 1)[::-1], axis=-1)
-    q = np.take_along_axis(q, order[:, :, None], axis=1)
-    distance = np.where(np.isfinite(q).all(axis=2), np.inf, -np.inf)
-    rows, farthest = np.arange(len(q)), np.zeros(len(q), dtype=int)
-    for column in range(most):
-        new = distance[rows, farthest] >= SAME
-        centre = q[rows, farthest]
-        chosen[active[new], column] = centre[new]
-        with np.errstate(invalid="ignore"):  # of infinities
-            distance = np.fmin(distance, model.joint_distance(q, centre[:, None]))
-        farthest = np.argmax(distance, axis=1)
+    order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
+    q = np.take_along_axis(q, order[None], axis=1)
+    chosen = np.full((len(q), most, q.shape[2]), np.nan)
+    rough = q.astype(np.float32)
+    distance = np.where(np.isfinite(rough[0]), np.float32(np.inf), -np.inf)
+    poses, farthest = np.arange(q.shape[2]), np.zeros(q.shape[2], dtype=int)
+    for column in range(min(most, q.shape[1])):
+        new = distance[farthest, poses] >= SAME
+        if not new.any():
+            break
+        chosen[:, column, new] = q[:, farthest[new], poses[new]]
+        centre = rough[:, farthest, poses][:, None]
+        distance = np.fmin(distance, _joint_distance(chain, rough, centre))
+        farthest = np.argmax(distance, axis=0)
     return chosen
+
+
+def _distinct(
+    chain: Chain, q: Array, hits: Array, most: int, tolerance: float
+) -> tuple[Array, Array]:
+    """At most that many different configurations, and the sums of their hits, shape (most, K)."""
+    different = np.full((len(q), most, q.shape[2]), np.nan)
+    total = np.zeros(different.shape[1:])
+    others, poses = np.isfinite(q[0]), np.arange(q.shape[2])
+    for column in range(most):
+        first = np.argmax(others, axis=0)
+        new = others[first, poses]
+        if not new.any():
+            break
+        different[:, column, new] = q[:, first[new], poses[new]]
+        same = others & (_joint_distance(chain, q, different[:, column, None]) <= tolerance)
+        total[column] = np.where(same, hits, 0.0).sum(axis=0)
+        others &= ~same
+    return different, total
+
+
+def _joint_distance(chain: Chain, first: Array, second: Array) -> Array:
+    """Largest differences (B, K) of joint values, modulo 2 pi for revolute joints."""
+    difference = first - second
+    revolutions = np.rint(difference * first.dtype.type(1.0 / tau))
+    revolutions[chain.prismatic] = 0.0
+    difference -= first.dtype.type(tau) * revolutions
+    return np.asarray(np.abs(difference).max(axis=0))

@@ -8,14 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.momentum import Task
-from freefloat.ik.branches import (
-    ArmBranch,
-    BranchSets,
-    arm_chain,
-    many_arm_branches,
-    newton_branches,
-)
+from freefloat.ik.branches import ArmBranch, BranchSets, many_arm_branches
+from freefloat.ik.chain import Chain
 from freefloat.ik.numbering import MAX_BRANCHES
+from freefloat.ik.numeric import solutions
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen
 
@@ -27,14 +23,8 @@ def newton_configuration(
 
     For redundant arms, whose configurations at a pose form a continuum.
     """
-    from freefloat.ik import numeric as kernels
-
-    chain = arm_chain(model)
-    position, rotation = (np.array(values) for values in (target.position, target.rotation))
-    q = np.array(joints, dtype=float)
-    if kernels.solve_nearby(chain, np.array(task.rows), position, rotation, q):
-        return ArmBranch(MAX_BRANCHES, "given", frozen(q))
-    return None
+    q = _newton_solutions(model, target.position[None], target.rotation[None], task, joints)[0]
+    return ArmBranch(MAX_BRANCHES, "given", frozen(q)) if np.isfinite(q).all() else None
 
 
 def closest_branches(
@@ -71,9 +61,8 @@ def closest_branches(
         chosen = np.where(closest[..., None], shifted, np.nan)
         return BranchSets(chosen, np.where(closest, sets.names, -1), sets.labels)
     p, R = np.reshape(positions, (-1, 3)), np.reshape(rotations, (-1, 3, 3))
-    nearby = newton_branches(model, p, R, task, joints[None], threads).joints[:, 0]
     lower, upper = model.joint_ranges
-    nearby, _ = _distances(model, nearby, joints)
+    nearby, _ = _distances(model, _newton_solutions(model, p, R, task, joints), joints)
     (others,) = np.nonzero(~((nearby >= lower) & (nearby <= upper)).all(axis=1))
     spread = many_arm_branches(model, p[others], R[others], task, threads).joints
     candidates = np.concatenate([spread, nearby[others, None]], axis=1)
@@ -83,6 +72,15 @@ def closest_branches(
     nearby[others] = shifted[np.arange(len(others)), np.argmin(distance, axis=1)]
     names = np.where(np.isfinite(nearby).all(axis=1), 0, -1)
     return BranchSets(nearby[:, None], names[:, None], ("closest",))
+
+
+def _newton_solutions(
+    model: FreeFloatingModel, positions: Array, rotations: Array, task: Task, joints: Array
+) -> Array:
+    """The configurations (K, n) to which Newton's method converges from joints (n,), else NaN."""
+    starts = np.tile(np.reshape(joints, (-1, 1, 1)), (1, 1, len(positions)))
+    target = positions.T, rotations.transpose(1, 2, 0)
+    return solutions(Chain.of(model), np.array(task.rows), *target, starts)[:, 0].T
 
 
 def _distances(model: FreeFloatingModel, q: Array, joints: Array) -> tuple[Array, Array]:

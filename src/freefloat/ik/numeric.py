@@ -1,102 +1,113 @@
-"""Numerical inverse kinematics in compiled code: Newton's method from many starts."""
+"""Newton's method from many starts at many poses at once.
+
+Most steps are computed in single precision, which takes a third of the time; a few in double
+precision follow.
+"""
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from freefloat.dynamics.kernels.compilation import compiled
-from freefloat.ik.compiled_chain import (
-    CONVERGED,
-    SAME,
-    Chain,
-    Scratch,
-    joint_distance,
-    newton,
-    scratch_for,
-    sort,
-    store,
-)
-from freefloat.ik.compiled_vectors import Vector, row
+from freefloat.ik.chain import CONVERGED, EXACT, Chain, damped_step
+from freefloat.ik.vectors import rotation_vector
 from freefloat.so3 import Array, IntArray
 
-_STEPS = 60
-_MIN_STARTS = 96
-_HITS = 3
-"""The search ends when each solution was found this often and their number is even."""
+_GAIN = 0.9
+_BATCH = 4096
+"""Number of configurations that fit into the processor's cache."""
 
 
-@compiled
-def search(
-    chain: Chain, rows: IntArray, position: Vector, rotation: Array, starts: Array,
-    solutions: Array, scratch: Scratch,
-) -> int:  # fmt: skip
-    """Write all solutions reached from starts (S, n), sorted, into ``solutions``.
+class Effort(NamedTuple):
+    """When Newton's method ends.
 
-    Generic solutions come in pairs, which merge at singularities, and each is reached from many
-    starts. Returns the number of solutions.
+    Attributes:
+        precision: Floating-point type.
+        residual: Where it is small enough [m, rad].
+        steps: Largest number of steps.
+        patience: Steps that may fail to reduce the minimum residual by the factor ``_GAIN``.
     """
-    hits = np.zeros(len(solutions), np.int64)
-    count, q = 0, np.empty(starts.shape[1])
-    for tried in range(len(starts)):
-        enough = count == 0 or (count % 2 == 0 and hits[:count].min() >= _HITS)
-        if count == len(solutions) or (tried >= _MIN_STARTS and enough):
-            break
-        q[:] = starts[tried]
-        if newton(chain, rows, position, rotation, q, scratch, _STEPS) < CONVERGED:
-            known = 0
-            while known < count and joint_distance(chain, q, solutions[known]) > SAME:
-                known += 1
-            hits[known] += 1
-            if known == count:
-                store(chain, q, solutions[count])
-                count += 1
-    sort(solutions[:count])
-    return count
+
+    precision: type[np.floating[Any]]
+    residual: float
+    steps: int
+    patience: int
 
 
-@compiled
-def spread(
-    chain: Chain, rows: IntArray, position: Vector, rotation: Array, starts: Array,
-    solutions: Array, scratch: Scratch,
-) -> int:  # fmt: skip
-    """Like :func:`search` for redundant arms, but by farthest-point sampling of the solutions."""
-    reached, count = starts.copy(), 0
-    for start in starts:
-        q = reached[count]
-        q[:] = start
-        if newton(chain, rows, position, rotation, q, scratch, _STEPS) < CONVERGED:
-            store(chain, q, q)
-            count += 1
-    sort(reached[:count])
-    distance, farthest = np.full(count, np.inf), 0
-    for chosen in range(min(len(solutions), count)):
-        if distance[farthest] < SAME:
-            return chosen
-        solutions[chosen] = reached[farthest]
-        for k in range(count):
-            distance[k] = min(distance[k], joint_distance(chain, reached[k], solutions[chosen]))
-        farthest = int(np.argmax(distance))
-    return min(len(solutions), count)
+APPROACH = Effort(np.float32, 1e-2, 30, 3)
+"""Decides whether a start leads to a solution."""
+_ROUGH = APPROACH._replace(residual=1e-4)
+_FINE = Effort(np.float64, EXACT, 20, 4)
+_FULL = Effort(np.float64, EXACT, 60, 6)
 
 
-@compiled
-def solve_numerically(
-    chain: Chain, rows: IntArray, starts: Array, positions: Array, rotations: Array, joints: Array
-) -> None:
-    """Branches (K, B, n) of any arm from starts (S, n), of a redundant arm a well-spread set."""
-    n, m = len(chain.axes), len(rows)
-    scratch = scratch_for(n, m)
-    joints[:] = np.nan
-    for t in range(len(positions)):
-        position, rotation = row(positions, t), rotations[t]
-        if n > m:
-            spread(chain, rows, position, rotation, starts, joints[t], scratch)
-        else:
-            search(chain, rows, position, rotation, starts, joints[t], scratch)
+def solutions(chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array) -> Array:
+    """Joint values to which Newton's method converges from few starts, NaN where it does not.
+
+    Args:
+        chain: Arm.
+        rows: The task's components of the twist, shape (m,).
+        positions: End-effector positions, shape (3, K).
+        rotations: End-effector rotations, shape (3, 3, K).
+        q: Starts, NaN for missing ones, shape (n, B, K).
+
+    Returns:
+        Joint values, shape (n, B, K).
+    """
+    q, residual = newton(chain, rows, positions, rotations, q, _FULL)
+    return np.where(residual < CONVERGED, q, np.nan)
 
 
-@compiled
-def solve_nearby(chain: Chain, rows: IntArray, position: Array, rotation: Array, q: Array) -> bool:
-    """Update joint values (n,) by Newton's method; return whether it converges to the pose."""
-    scratch, target = scratch_for(len(q), len(rows)), (position[0], position[1], position[2])
-    return newton(chain, rows, target, rotation, q, scratch, _STEPS) < CONVERGED
+def many_solutions(
+    chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array
+) -> Array:
+    """:func:`solutions` from many starts, of which some may be given up early."""
+    q = approached(chain, rows, positions, rotations, q)
+    return refined_solutions(chain, rows, positions, rotations, q)
+
+
+def approached(chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array) -> Array:
+    """:func:`many_solutions` to the accuracy of single precision."""
+    q, residual = newton(chain, rows, positions, rotations, q, _ROUGH)
+    return np.where(residual < APPROACH.residual, q, np.nan)
+
+
+def refined_solutions(
+    chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array
+) -> Array:
+    """:func:`many_solutions` from their approximations."""
+    q, residual = newton(chain, rows, positions, rotations, q, _FINE)
+    return np.where(residual < CONVERGED, q, np.nan)
+
+
+def newton(
+    chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array, effort: Effort
+) -> tuple[Array, Array]:
+    """Joint values (n, B, K) after damped Newton steps, and their residuals [m, rad], (B, K).
+
+    Residuals of missing ones are infinite. Arguments are as for :func:`solutions`.
+    """
+    shape = q.shape
+    positions, rotations = (v.astype(effort.precision) for v in (positions, rotations))
+    q = q.reshape(len(q), -1).astype(effort.precision)
+    waiting = np.flatnonzero(np.isfinite(q).all(axis=0))
+    residual = np.full(q.shape[1], np.inf, dtype=q.dtype)
+    lowest, steps, stalled = residual.copy(), *np.zeros((2, len(residual)), dtype=int)
+    active, waiting = np.split(waiting, [_BATCH])
+    while len(active):
+        at, pose = chain.kinematics(q[:, active]), active % shape[2]
+        angular = rotation_vector(at.rotation, rotations[..., pose])
+        error = np.concatenate([positions[:, pose] - at.position, angular])[rows]
+        residual[active] = size = np.sqrt((error * error).sum(axis=0))
+        stalled[active] = np.where(size < _GAIN * lowest[active], 0, stalled[active] + 1)
+        lowest[active] = np.minimum(size, lowest[active])
+        far = (size > effort.residual) & (stalled[active] <= effort.patience)
+        far &= steps[active] < effort.steps
+        step = damped_step(chain.jacobian(at)[rows], error)
+        following, waiting = np.split(waiting, [_BATCH - np.count_nonzero(far)])
+        active = active[far]
+        q[:, active] += step[:, far]
+        steps[active] += 1
+        active = np.concatenate([active, following])
+    return q.reshape(shape).astype(float), residual.reshape(shape[1:])

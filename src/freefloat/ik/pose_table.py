@@ -1,0 +1,152 @@
+"""Configurations of an arm by end-effector pose, from which Newton's method starts.
+
+A revolute first joint rotates the end-effector about an axis that is fixed to the spacecraft, a
+revolute last joint about one that is fixed to the end-effector. Both angles follow from the other
+joints, so that only those are sampled, and poses are compared in the frame that is rotated about
+the first axis until the end-effector lies in its x-z plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from freefloat.dynamics.joint_space import joint_box
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ik.analytic import angle_onto
+from freefloat.ik.chain import Chain, axis_frame
+from freefloat.ik.vectors import product, times, wrapped
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, low_discrepancy
+
+_SAMPLES = 32768
+_PROBES = 512
+"""Configurations whose distance from the samples tells how densely these cover what is reached."""
+_NEARBY, _CAUTION = 0.05, 2.0
+"""Poses are out of reach whose distance exceeds both this and the largest of all probes, times this
+factor."""
+
+
+class _Features(NamedTuple):
+    """End-effector poses as they are compared.
+
+    Attributes:
+        values: Shape (F, K).
+        angle: Rotation about the first axis from the frame of comparison [rad], shape (K,).
+        axis: The last axis in that frame, shape (3, K).
+        across: A direction normal to that axis that the last joint rotates, shape (3, K).
+    """
+
+    values: Array
+    angle: Array
+    axis: Array
+    across: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTable:
+    """Configurations of an arm, evenly distributed in a box of joint values.
+
+    Attributes:
+        chain: Arm.
+        task: Part of the poses that is prescribed.
+        length: Distance that counts as much as one radian [m].
+        joints: Configurations, zero for joints whose angle follows from a pose, shape (n, M).
+        features: Their end-effector poses.
+        tree: Search tree of the features.
+        spacing: Largest distance of poses that are reached from those in the table.
+    """
+
+    chain: Chain
+    task: Task
+    length: float
+    joints: Array
+    features: _Features
+    tree: cKDTree
+    spacing: float
+
+    @classmethod
+    @lru_cache(maxsize=16)
+    def of(cls, model: FreeFloatingModel, task: Task, *, inside: bool) -> PoseTable:
+        """The configurations inside the joint ranges, or those of all revolutions."""
+        chain, length = Chain.of(model), VirtualManipulator.of(model).reach
+        lower, upper = sampled_box(model) if inside else joint_box(model)
+        probes = np.random.default_rng(0).random((_PROBES, model.dof))
+        points = np.concatenate([low_discrepancy(_SAMPLES, model.dof), probes])
+        joints = (lower + (upper - lower) * points).T
+        if not model.prismatic[0]:
+            joints[0] = 0.0
+        if _last_follows(chain, task):
+            joints[-1] = 0.0
+        features = _features(chain, task, length, *chain.pose(joints))
+        tree = cKDTree(features.values[:, :_SAMPLES].T)
+        distance, _ = tree.query(features.values[:, _SAMPLES:].T)
+        spacing = max(_NEARBY, _CAUTION * float(distance.max()))
+        return cls(chain, task, length, joints, features, tree, spacing)
+
+    def nearest(self, positions: Array, rotations: Array, count: int) -> Array:
+        """The configurations with the poses closest to K others.
+
+        Args:
+            positions: End-effector positions, shape (3, K).
+            rotations: End-effector rotations, shape (3, 3, K).
+            count: Number of configurations for each pose.
+
+        Returns:
+            Joint values, the closest first, revolute joints in (-pi, pi], NaN for poses that are
+            out of reach, shape (n, count, K).
+        """
+        wanted = _features(self.chain, self.task, self.length, positions, rotations)
+        distance, index = self.tree.query(np.nan_to_num(wanted.values.T, nan=np.inf), k=count)
+        index = index.T
+        q = self.joints[:, index]
+        if not self.chain.prismatic[0]:
+            q[0] = wanted.angle - self.features.angle[index]
+        if _last_follows(self.chain, self.task):
+            across = self.features.across[:, index]
+            q[-1] = angle_onto(wanted.axis[:, None], across, wanted.across[:, None])
+        q[..., distance[:, 0] > self.spacing] = np.nan
+        return np.where(self.chain.prismatic[:, None, None], q, wrapped(q))
+
+
+def sampled_box(model: FreeFloatingModel) -> tuple[Array, Array]:
+    """Ends of the joint ranges (n,), of those of wide ones a full revolution's."""
+    (first, last), (lower, upper) = model.joint_ranges, joint_box(model)
+    narrow = last - first < upper - lower
+    return np.where(narrow, first, lower), np.where(narrow, last, upper)
+
+
+def _last_follows(chain: Chain, task: Task) -> bool:
+    """Whether the last joint's angle follows from a pose and the other joints."""
+    return task.prescribes_orientation and not bool(chain.prismatic[-1])
+
+
+def _features(
+    chain: Chain, task: Task, length: float, positions: Array, rotations: Array
+) -> _Features:
+    """End-effector positions (3, K) and rotations (3, 3, K) in the frame of comparison."""
+    change = product(rotations, chain.rotation.T[..., None])
+    last = _last_follows(chain, task)
+    if last:
+        positions = positions - times(change, (chain.position - chain.points[:, -1])[:, None])
+    axis, across = (times(change, v[:, None]) for v in axis_frame(chain.axes[:, -1])[:, [2, 0]].T)
+    frame = axis_frame(chain.axes[:, 0])
+    p, axis, across = (frame.T @ v for v in (positions - chain.points[:, :1], axis, across))
+    angle = np.zeros(p.shape[1])
+    if not chain.prismatic[0]:
+        angle = np.arctan2(p[1], p[0])
+        c, s = np.cos(angle), np.sin(angle)
+        p, axis, across = (
+            np.stack([c * x + s * y, c * y - s * x, z]) for x, y, z in (p, axis, across)
+        )
+    values = [p / length]
+    if task.prescribes_orientation:
+        values += [axis] if last else [axis, across]
+    if task.planar:
+        values = [v[:2] for v in values[: 1 if last else None]]
+    return _Features(np.concatenate(values), angle, axis, across)
