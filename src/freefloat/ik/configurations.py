@@ -8,6 +8,7 @@ configurations at one of K poses; positions have shape (3, K), rotations (3, 3, 
 from __future__ import annotations
 
 from math import tau
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -37,7 +38,7 @@ _ALIKE = 1e-3
 _HITS = 3
 """The search ends when each solution was found this often and their number is even."""
 
-BoolArray = npt.NDArray[np.bool_]
+Floats = npt.NDArray[np.floating[Any]]
 
 
 def isolated_configurations(
@@ -203,7 +204,7 @@ def _distinct(
     return different, total
 
 
-def _joint_distance(chain: Chain, first: Array, second: Array) -> Array:
+def _joint_distance(chain: Chain, first: Floats, second: Floats) -> Floats:
     """Largest differences (B, K) of joint values, modulo 2 pi for revolute joints."""
     difference = first - second
     revolutions = np.rint(difference * first.dtype.type(1.0 / tau))
