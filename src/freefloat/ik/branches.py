@@ -14,7 +14,7 @@ from enum import Enum
 from functools import partial
 from itertools import product
 from string import ascii_lowercase
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -29,14 +29,8 @@ from freefloat.ik.parallel_axes import solve_parallel_axes
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, Pose, frozen
 
-if TYPE_CHECKING:
-    pass
-
-_STARTS = 512
 _SLICE = 1024
-"""Number of poses that are solved in closed form at once."""
-_THREAD_SLICE = 16
-"""Minimum number of poses per task of a thread."""
+"""Number of poses that are solved at once."""
 _Solved = TypeVar("_Solved")
 
 
@@ -213,12 +207,12 @@ def search_arm_branches(
 
 
 def _poses(positions: npt.ArrayLike, rotations: npt.ArrayLike) -> tuple[Array, Array]:
-    p, R = (np.array(values, dtype=float, order="C") for values in (positions, rotations))
+    p, R = (np.asarray(values, dtype=float) for values in (positions, rotations))
     return p.reshape(-1, 3), R.reshape(-1, 3, 3)
 
 
 def _in_slices(solve: Callable[[Array, Array], _Solved], p: Array, R: Array) -> list[_Solved]:
-    """What a closed form gives for slices of K poses that fit into the processor's cache."""
+    """What a solver gives for slices of K poses whose arrays fit into the processor's cache."""
     slices = [slice(first, first + _SLICE) for first in range(0, max(1, len(p)), _SLICE)]
     p, R = (np.ascontiguousarray(np.moveaxis(values, 0, -1)) for values in (p, R))
     return [solve(p[..., chosen], R[..., chosen]) for chosen in slices]

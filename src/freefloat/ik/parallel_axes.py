@@ -27,8 +27,10 @@ from freefloat.so3 import Array, IntArray
 _POLISHING_STEPS = 8
 _FLAT = 1e-6
 """Relative size below which ellipses and links count as degenerate."""
-_CLOSE = 1e-4
-"""Distance from a double root below which the closed form is ill-conditioned."""
+_OFF_CIRCLE = 1e-4
+"""Distance from the unit circle of roots that may lie on it: double roots have half the digits."""
+_DOUBLE = 1e-8
+"""One minus the cosine of the angle between two roots below which they are ill-conditioned."""
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -55,9 +57,9 @@ def circle_angles(N: Array, m: Array) -> tuple[Array, BoolArray]:
     companions[:, [1, 2, 3], [0, 1, 2]] = 1.0
     companions[well, 0] = -(others[:, well] / leading[well]).T
     z = np.linalg.eigvals(companions).T
-    angles = np.where(well & (np.abs(np.abs(z) - 1.0) < _CLOSE), np.angle(z), np.nan)
+    angles = np.where(well & (np.abs(np.abs(z) - 1.0) < _OFF_CIRCLE), np.angle(z), np.nan)
     i, j = np.triu_indices(4, 1)
-    well &= ~(np.cos(angles[i] - angles[j]) > 1.0 - _CLOSE).any(axis=0)
+    well &= ~(np.cos(angles[i] - angles[j]) > 1.0 - _DOUBLE).any(axis=0)
     return angles, well
 
 
@@ -119,7 +121,7 @@ def remaining_joints(
     lengths, longest = norm(upper) * norm(fore), np.maximum(dot(upper, upper), dot(fore, fore))
     cosine = reach_term(upper, fore, v)
     ill = norm(cross(h2, direction)) < _FLAT
-    ill |= (lengths < _FLAT * longest) | (np.abs(np.abs(cosine) / lengths - 1.0) < _CLOSE)
+    ill |= (lengths < _FLAT * longest) | (np.abs(np.abs(cosine) / lengths - 1.0) < _DOUBLE)
     q3 = angle_to_height(h3, fore, upper, cosine, SIGNS[:, None])
     q2 = angle_onto(h2, upper + rotated(fore, h3, q3), v)
     q4 = dot(h4, h2) * (total - q2 - dot(h3, h2) * q3)
