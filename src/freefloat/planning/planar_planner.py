@@ -105,7 +105,7 @@ def _exact_ranges(
     ranges = heading_ranges(problem, limits[onward[0]], onward[0], 0.0, domain)
     if len(spans) == 1:
         return ranges, ()
-    every = replace(problem, start_joints=None)
+    every = problem if problem.start_joints is None else replace(problem, start_joints=None)
     segments = (
         Segment(
             span, limits[span],
@@ -187,25 +187,26 @@ def searched_ranges(
     else:
         existing = np.flatnonzero(results.exist.any(axis=0)).tolist()
         labels = {index: str(index) for index in existing}
+    indices = np.array(list(labels))
+    opens = np.roll(feasible[:, indices], -1, axis=0)
+    columns, changes = np.nonzero((feasible[:, indices] != opens).T)
+    ends = attitudes[changes], np.roll(attitudes, -1, axis=0)[changes]
+    outward = ~opens[changes, columns, None]
+    within, beyond = np.where(outward, ends, ends[::-1])
+
+    def inside(attitudes: Array) -> Flags:
+        each = np.repeat(indices[columns], len(attitudes) // len(columns))
+        keeps = evaluator.keeps(attitudes, None if problem.redundant else each)
+        return np.asarray(keeps & domain.contains(attitudes))
+
+    limits = bisect(inside, within, beyond, _ROUNDS) if len(columns) else within
     entries = []
-    for index, label in labels.items():
-        number = None if problem.redundant else index
-
-        def inside(attitudes: Array, number: int | None = number) -> Flags:
-            return np.asarray(evaluator.keeps(attitudes, number) & domain.contains(attitudes))
-
-        opens = np.roll(feasible[:, index], -1)
-        (changes,) = np.nonzero(feasible[:, index] != opens)
-        if not len(changes):
-            arcs = [*arcs_between(())]
-            entries.append(branch_ranges(index, label, arcs, [bool(opens.all())]))
-            continue
-        ends = attitudes[changes], np.roll(attitudes, -1, axis=0)[changes]
-        outward = ~opens[changes, None]
-        within, beyond = np.where(outward, ends, ends[::-1])
-        crossings = map(heading_of, bisect(inside, within, beyond, _ROUNDS))
-        arcs = [*arcs_between([(heading, _cause(heading, domain)) for heading in crossings])]
-        entries.append(branch_ranges(index, label, arcs, opens[changes].tolist()))
+    for column, (index, label) in enumerate(labels.items()):
+        on_branch = columns == column
+        headings = map(heading_of, limits[on_branch])
+        arcs = [*arcs_between([(heading, _cause(heading, domain)) for heading in headings])]
+        opening = opens[changes[on_branch], column].tolist() or [bool(opens[:, column].all())]
+        entries.append(branch_ranges(index, label, arcs, opening))
     return tuple(entries)
 
 
