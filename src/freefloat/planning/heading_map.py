@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from freefloat.concurrency import Progress
 from freefloat.ensemble.ensemble import STEP_TOLERANCE
@@ -22,7 +23,7 @@ _TOLERANCE = 1e-9
 _TRIED = 24
 """Headings tried in each range when the largest margin is searched for."""
 _PARTS, _TOP = 8, 4
-"""Finer steps around the best headings of a search, and how many of these are refined together."""
+"""Finer steps around the peaks of a search, and how many of these are refined together."""
 _FINEST = 1e-7
 """Accuracy of the heading of the largest margin [rad]."""
 
@@ -192,7 +193,7 @@ def best_headings(
 ) -> tuple[Array, Array]:
     """The largest margin in each of some ranges of heading, and its heading [rad], shape (R,).
 
-    All ranges are searched at once, on ever finer grids around their best headings.
+    All ranges are searched at once, on ever finer grids around the peaks of their margins.
 
     Args:
         evaluator: Of the problem.
@@ -209,10 +210,17 @@ def best_headings(
         if spacing.max() <= _FINEST:
             break
         for k, (low, high) in enumerate(ranges):
-            top = grids[k][np.argsort(-margins[k])[:_TOP]]
+            top = grids[k][_peaks(margins[k])[:_TOP]]
             grids[k] = np.unique(np.clip(top[:, None] + spacing[k] * steps, low, high))
         spacing *= 2.0 / _PARTS
     best = [int(np.argmax(row)) for row in margins]
     pick = zip(margins, grids, best, strict=True)
     largest, headings = zip(*((row[i], grid[i]) for row, grid, i in pick), strict=True)
     return np.array(largest), np.array(headings)
+
+
+def _peaks(values: Array) -> IntArray:
+    """Indices of values that no neighbour exceeds, the highest first."""
+    before, _, after = sliding_window_view(np.pad(values, 1, constant_values=-np.inf), len(values))
+    (peaks,) = np.nonzero((values >= before) & (values >= after))
+    return np.asarray(peaks[np.argsort(-values[peaks])])
