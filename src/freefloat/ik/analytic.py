@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.ik.chain import CONVERGED, Chain
+from freefloat.ik.chain import CONVERGED, EXACT, Chain
+from freefloat.ik.numeric import Effort, newton
 from freefloat.ik.vectors import cross, dot, norm, product, rotated, times
 from freefloat.so3 import Array, IntArray
 
-_POLISHING_STEPS = 4
-"""Newton steps: the closed forms lose half the digits near singularities of wrist or elbow."""
+_POLISHING = Effort(np.float64, EXACT, steps=4, patience=4)
+"""By Newton's method: closed forms lose half the digits near singularities of wrist or elbow."""
 _NEARLY_SQUARE = 1e-6
 """Cosine below which axes count as perpendicular, also when written with rounded angles."""
 SIGNS = np.array([1.0, -1.0])
@@ -164,5 +165,5 @@ def _within_ranges(
     chain: Chain, rows: IntArray, positions: Array, rotations: Array, q: Array
 ) -> Array:
     """Closed forms (n, B, K), refined and shifted into the joint ranges; NaN if that fails."""
-    q, residual = chain.refined(rows, positions, rotations, q, _POLISHING_STEPS)
+    q, residual = newton(chain, rows, positions, rotations, q, _POLISHING)
     return np.where(residual < CONVERGED, chain.into_range(q), np.nan)

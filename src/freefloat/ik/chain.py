@@ -1,4 +1,4 @@
-"""Kinematics of a serial chain in many configurations at once, and Newton's method."""
+"""Kinematics of a serial chain in many configurations at once, and steps of Newton's method."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.vectors import cross, rotation_vector, wrapped
+from freefloat.ik.vectors import cross, wrapped
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array, IntArray
+from freefloat.so3 import Array
 
 CONVERGED = 1e-9
 """Largest residual of a solution [m, rad]."""
@@ -131,37 +131,6 @@ class Chain:
         J[:3, self.prismatic] = (self.strokes[:, None] * at.axes)[:, self.prismatic]
         J[3:, self.prismatic] = 0.0
         return J
-
-    def refined(
-        self, rows: IntArray, positions: Array, rotations: Array, q: Array, steps: int
-    ) -> tuple[Array, Array]:
-        """Refine joint values by damped Newton steps.
-
-        Args:
-            rows: The task's components of the twist, shape (m,).
-            positions: Required end-effector positions [m], shape (3, K).
-            rotations: Required end-effector rotations, shape (3, 3, K).
-            q: Joint values of B branches, NaN where one does not exist, shape (n, B, K).
-            steps: Largest number of steps.
-
-        Returns:
-            Joint values and their residuals [m, rad], NaN for missing branches, shape (B, K).
-        """
-        q, residual = q.copy(), np.full(q.shape[1:], np.nan)
-        branch, pose = np.nonzero(np.isfinite(q).all(axis=0))
-        for step in range(steps + 1):
-            position, rotation = self.pose(q[:, branch, pose])
-            linear = positions[:, pose] - position
-            angular = rotation_vector(rotation, rotations[..., pose])
-            error = np.concatenate([linear, angular])[rows]
-            residual[branch, pose] = size = np.sqrt((error * error).sum(axis=0))
-            far = size > EXACT
-            if step == steps or not far.any():
-                break
-            branch, pose = branch[far], pose[far]
-            J = self.jacobian(self.kinematics(q[:, branch, pose]))[rows]
-            q[:, branch, pose] += damped_step(J, error[:, far])
-        return q, residual
 
     def into_range(self, q: Array) -> Array:
         """Revolute joints (n, ...) shifted by full rotations into their range, near zero."""

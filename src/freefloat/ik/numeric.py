@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from freefloat.ik.chain import CONVERGED, EXACT, Chain, damped_step
+from freefloat.ik.chain import CONVERGED, EXACT, Chain, Kinematics, damped_step
 from freefloat.ik.vectors import rotation_vector
 from freefloat.so3 import Array, IntArray
 
@@ -104,10 +104,12 @@ def newton(
         lowest[active] = np.minimum(size, lowest[active])
         far = (size > effort.residual) & (stalled[active] <= effort.patience)
         far &= steps[active] < effort.steps
-        step = damped_step(chain.jacobian(at)[rows], error)
-        following, waiting = np.split(waiting, [_BATCH - np.count_nonzero(far)])
         active = active[far]
-        q[:, active] += step[:, far]
+        if 2 * len(active) < len(far):  # else copies take longer than superfluous steps
+            at, error, far = Kinematics(*(v[..., far] for v in at)), error[:, far], far[far]
+        if len(active):
+            q[:, active] += damped_step(chain.jacobian(at)[rows], error)[:, far]
         steps[active] += 1
+        following, waiting = np.split(waiting, [_BATCH - len(active)])
         active = np.concatenate([active, following])
     return q.reshape(shape).astype(float), residual.reshape(shape[1:])

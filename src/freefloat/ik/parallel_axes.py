@@ -20,11 +20,12 @@ from freefloat.ik.analytic import (
     reach_term,
     required_rotation,
 )
-from freefloat.ik.chain import CONVERGED, SAME, Chain
+from freefloat.ik.chain import CONVERGED, EXACT, SAME, Chain
+from freefloat.ik.numeric import Effort, newton
 from freefloat.ik.vectors import cross, dot, norm, rotated, times, wrapped
 from freefloat.so3 import Array, IntArray
 
-_POLISHING_STEPS = 8
+_POLISHING = Effort(np.float64, EXACT, steps=8, patience=8)
 _FLAT = 1e-6
 """Relative size below which ellipses and links count as degenerate."""
 _OFF_CIRCLE = 1e-4
@@ -149,7 +150,7 @@ def solve_parallel_axes(
     )
     q = q.reshape(6, 8, -1)
     missing = np.isnan(q).any(axis=0)
-    q, residual = chain.refined(rows, positions, rotations, q, _POLISHING_STEPS)
+    q, residual = newton(chain, rows, positions, rotations, q, _POLISHING)
     i, j = np.triu_indices(8, 1)
     equal = np.abs(wrapped(q[:, i] - q[:, j])).max(axis=0) < SAME
     well &= ~ill.any(axis=(0, 1)) & (missing | (residual < CONVERGED)).all(axis=0)
