@@ -23,7 +23,7 @@ FINE = 1e-8
 
 def states(problem: Problem, attitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Every arm branch at every attitude: attitudes (K, 4) and joints (K, n)."""
-    sets = problem.many_branches(np.atleast_2d(attitudes), threads=1)
+    sets = problem.many_branches(np.atleast_2d(attitudes))
     where, _ = np.nonzero(sets.exist)
     return np.atleast_2d(attitudes)[where], sets.joints[sets.exist]
 

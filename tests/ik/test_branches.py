@@ -214,9 +214,7 @@ def test_numbered_branches_of_a_planar_arm_move_little() -> None:
     rotations = Rotation.from_rotvec(
         np.linspace(0.0, 2.0 * np.pi, 91)[:, None] * [0.0, 0.0, 1.0]
     ).as_matrix()
-    branches = many_arm_branches(
-        model, rotations @ [1.2, 0.3, 0.0], rotations, Task.PLANAR_POSE, threads=1
-    )
+    branches = many_arm_branches(model, rotations @ [1.2, 0.3, 0.0], rotations, Task.PLANAR_POSE)
     assert (branches.exist.sum(axis=1) == 2).all()
     steps = model.joint_distance(branches.joints[1:, :2], branches.joints[:-1, :2])
     assert steps.max() < 0.2

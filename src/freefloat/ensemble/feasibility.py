@@ -93,7 +93,7 @@ class FeasibilityEvaluator:
 
     def require_memory(self, samples: int) -> None:
         """Raise an InputError if motions from so many attitudes need too much memory."""
-        _, branches, n = self.problem.many_branches(attitude_grid(1), threads=1).joints.shape
+        _, branches, n = self.problem.many_branches(attitude_grid(1)).joints.shape
         require_memory(
             "samples", samples, _ATTITUDE_SIZE + branches * (_MOTION_SIZE + _JOINT_SIZE * n)
         )
@@ -117,7 +117,7 @@ class FeasibilityEvaluator:
             stop_at_margin: Stop motions that violate the margin.
             progress: Called with the fraction done, in [0, 1].
         """
-        branches = self.problem.many_branches(attitudes, threads=self.integrator.threads)
+        branches = self.problem.many_branches(attitudes)
         joints, exist = branches.joints, branches.exist
         columns = np.arange(joints.shape[1])
         columns = columns if branch is None else columns[branch : branch + 1]
@@ -178,7 +178,7 @@ class FeasibilityEvaluator:
         """Results of the motions of all arm branches, shape (K, B), or of a branch each, (K, 1)."""
         if not isinstance(branch, np.ndarray):
             return self.evaluate(attitudes, branch, stop_at_margin=stop_at_margin).motions
-        branches = self.problem.many_branches(attitudes, threads=self.integrator.threads)
+        branches = self.problem.many_branches(attitudes)
         chosen = np.arange(len(attitudes)), branch
         joints, exist = branches.joints[chosen], branches.exist[chosen]
         result = self.integrator.integrate(

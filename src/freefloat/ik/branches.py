@@ -138,7 +138,7 @@ def arm_branches(model: FreeFloatingModel, target: Pose, task: Task) -> tuple[Ar
     Returns:
         The branches; none where the pose is out of reach. Joint ranges are not enforced.
     """
-    return many_arm_branches(model, target.position[None], target.rotation[None], task, 1)[0]
+    return many_arm_branches(model, target.position[None], target.rotation[None], task)[0]
 
 
 def many_arm_branches(
@@ -146,7 +146,6 @@ def many_arm_branches(
     positions: npt.ArrayLike,
     rotations: npt.ArrayLike,
     task: Task,
-    threads: int | None = None,
 ) -> BranchSets:
     """All arm branches at each of K end-effector poses.
 
@@ -156,14 +155,13 @@ def many_arm_branches(
             shape (K, 3).
         rotations: Rotations from the end-effector frame into the spacecraft frame, (K, 3, 3).
         task: Part of the poses that is prescribed.
-        threads: Number of threads, by default one per core. Results do not depend on it.
 
     Returns:
         The branches at each pose, as in :func:`arm_branches`.
     """
     form = closed_form(model, task)
     if form is None:
-        return search_arm_branches(model, positions, rotations, task, threads)
+        return search_arm_branches(model, positions, rotations, task)
     arm = Chain.of(model), np.array(task.rows)
     p, R = _poses(positions, rotations)
     if form is ClosedForm.PARALLEL_AXES:
@@ -174,7 +172,7 @@ def many_arm_branches(
         joints, names = numbered_branches(*arm, q)
         (others,) = np.nonzero(~well_conditioned)
         if len(others):
-            searched = search_arm_branches(model, p[others], R[others], task, threads)
+            searched = search_arm_branches(model, p[others], R[others], task)
             joints[others], names[others] = searched.joints, searched.names
         return BranchSets(joints, names, _SIGNS)
     if form is ClosedForm.ELBOW_AND_WRIST:
@@ -192,7 +190,6 @@ def search_arm_branches(
     positions: npt.ArrayLike,
     rotations: npt.ArrayLike,
     task: Task,
-    threads: int | None = None,
 ) -> BranchSets:
     """:func:`many_arm_branches` by Newton's method, also for arms with a closed form."""
     p, R = _poses(positions, rotations)

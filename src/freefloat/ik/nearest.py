@@ -33,7 +33,6 @@ def closest_branches(
     rotations: npt.ArrayLike,
     task: Task,
     joints: Array,
-    threads: int | None = None,
 ) -> BranchSets:
     """Of the arm branches at each of K poses the one closest to joint values (n,).
 
@@ -48,13 +47,12 @@ def closest_branches(
         rotations: Likewise, shape (K, 3, 3).
         task: Part of the poses that is prescribed.
         joints: Joint values [rad or m].
-        threads: Number of threads, by default one per core.
 
     Returns:
         The branches, at most one at each pose; that of a redundant arm is in column 0.
     """
     if model.dof <= len(task.rows):
-        sets = many_arm_branches(model, positions, rotations, task, threads)
+        sets = many_arm_branches(model, positions, rotations, task)
         shifted, distance = _distances(model, sets.joints, joints)
         closest = distance == distance.min(axis=1, keepdims=True)
         closest &= sets.exist & (np.cumsum(closest, axis=1) == 1)  # the first of equals
@@ -64,7 +62,7 @@ def closest_branches(
     lower, upper = model.joint_ranges
     nearby, _ = _distances(model, _newton_solutions(model, p, R, task, joints), joints)
     (others,) = np.nonzero(~((nearby >= lower) & (nearby <= upper)).all(axis=1))
-    spread = many_arm_branches(model, p[others], R[others], task, threads).joints
+    spread = many_arm_branches(model, p[others], R[others], task).joints
     candidates = np.concatenate([spread, nearby[others, None]], axis=1)
     shifted, distance = _distances(model, candidates, joints)
     inside = np.asarray(((shifted >= lower) & (shifted <= upper)).all(axis=2))

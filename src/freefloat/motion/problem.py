@@ -227,21 +227,19 @@ class Problem:
         """
         attitude = unit_quaternion("attitude", attitude)
         if self.start_joints is not None:
-            return self.many_branches(attitude[None], t, 1)[0]
+            return self.many_branches(attitude[None], t)[0]
         R0 = rotation_matrix(attitude)
         return arm_branches(self.model, self.path.pose(t).seen_from(R0), self.task)
 
-    def many_branches(
-        self, attitudes: Array, t: float = 0.0, threads: int | None = None
-    ) -> BranchSets:
-        """The same for many attitudes (K, 4), on several threads."""
+    def many_branches(self, attitudes: Array, t: float = 0.0) -> BranchSets:
+        """The same for many attitudes (K, 4)."""
         pose, R0 = self.path.pose(t), Rotation.from_quat(attitudes).as_matrix()
         positions = np.einsum("kji,j->ki", R0, pose.position)
         rotations = np.einsum("kji,jl->kil", R0, pose.rotation)
         target = self.model, positions, rotations, self.task
         if self.start_joints is None or t != 0.0:
-            return many_arm_branches(*target, threads)
-        return closest_branches(*target, self.start_joints, threads)
+            return many_arm_branches(*target)
+        return closest_branches(*target, self.start_joints)
 
     def closest_start(self, attitude: npt.ArrayLike) -> Array | None:
         """Joints (n,) at the start closest to ``start_joints``; None without, or out of reach."""

@@ -83,7 +83,7 @@ def branch_changes(problem: Problem) -> list[float]:
     """Headings [rad] at which another arm branch becomes the closest to the present joints."""
 
     def closest(headings: npt.NDArray[np.floating]) -> IntArray:
-        exist = problem.many_branches(heading_quaternion(headings), threads=1).exist
+        exist = problem.many_branches(heading_quaternion(headings)).exist
         return np.where(exist.any(axis=1), np.argmax(exist, axis=1), -1)
 
     width = 2.0 * np.pi / _HEADINGS
