@@ -190,7 +190,8 @@ def nearest_feasible(
     """The feasible attitudes nearest to another one, by arm branch, the nearest first.
 
     They lie inside the feasible set by as little as compiled motions can resolve. Among them is
-    each branch's nearest sample of the map.
+    each branch's nearest sample of the map; where the attitude itself is certain to be feasible
+    along any branch, no nearer ones than these are searched for along others.
     """
     threshold, domain = samples.problem.margin.threshold, samples.search.domain
     certain = threshold * (1.0 + _CERTAIN)
@@ -198,16 +199,19 @@ def nearest_feasible(
     attitudes = samples.attitudes[order]
     candidates: list[NearAttitude] = []
     starts: list[Candidate] = []
+    certainly = False
     for branch, margins in samples.branch_margins():
         at_target = evaluator.margins(target[None], branch) * domain.contains(target)
         if keeps_threshold(at_target, threshold)[0]:
             candidates.append(NearAttitude(target, branch, 0.0))
-        if not keeps_threshold(at_target, certain)[0]:
+        if keeps_threshold(at_target, certain)[0]:
+            certainly = True
+        else:
             known = attitudes[keeps_threshold(margins[order], certain)][:_NEAREST]
             starts += [Candidate(attitude, branch) for attitude in known]
             sample = attitudes[keeps_threshold(margins[order], threshold)][:1]
             candidates += [_near(attitude, branch, target) for attitude in sample]
-    found = _nearest(evaluator, samples, target, starts) if starts else []
+    found = _nearest(evaluator, samples, target, starts) if starts and not certainly else []
     return sorted(found + candidates, key=lambda candidate: candidate.deviation)
 
 

@@ -34,7 +34,7 @@ _FACTORS = 1.02, 1.06
 """Radii of the balls tried, in units of the spare angle: reported radii are slightly smaller."""
 _STEPS = 8
 """Clouds on the way to the target, at most."""
-_CLOUD = 1536
+_CLOUD = 1024
 """Attitudes of a cloud."""
 _RADIUS = 4.0
 """Radius of a cloud, in units of the ball's."""
@@ -45,6 +45,8 @@ _ROUNDS = 20
 _SEPARATION = 1.06
 """Angle between a centre and attitudes outside, in units of the ball's radius: those known do not
 lie exactly on the boundary."""
+_FEW, _OTHERS = 64, 3
+"""Directions in which centres are tried first, and how many beside the nearest."""
 _SHELL = 384
 """Attitudes tried on the sphere of a ball."""
 _INSIDE = 128
@@ -103,7 +105,7 @@ def _nearest_centre(
                 break
         if best is None:
             return None
-        radius = robust_radius(evaluator, best, branch, spacing)
+        radius = robust_radius(evaluator, best, branch, min(spacing, 2.0 * factor * spare))
         if radius >= spare:
             return NearAttitude(best, branch, float(angle_between(best, target)), radius)
     return None
@@ -114,25 +116,46 @@ def _centre_nearby(
 ) -> Array | None:
     """The centre nearest to the target, near a place, of a ball inside the feasible set.
 
-    The nearest centre that keeps away from the attitudes found outside is examined; what is outside
-    in its ball limits the next one.
+    The nearest centres that keep away from the attitudes found outside are tried in a few
+    directions, the nearest of them in many; what is outside in their balls limits the next ones.
     """
     size, reduction = min(_RADIUS * radius, np.pi), evaluator.sample_reduction
     cloud = attitudes_within(place, size, _CLOUD // reduction)
     outside = cloud[~evaluator.regular(cloud, branch)]
     apart = partial(_apart, place=place, reach=size - radius, angle=_SEPARATION * radius)
     centres = np.vstack([target, attitudes_within(place, size - radius, _CENTRES, 1)])
-    for _ in range(_ROUNDS):
+    centres = centres[np.argsort(angle_between(centres, target))]
+    for number in range(1, _ROUNDS + 1):
         centres = centres[apart(centres, outside=outside)]
         if not len(centres):
             return None
-        centre = _refined(centres, partial(apart, outside=outside), target, radius)
+        centre = _refined(centres[0], partial(apart, outside=outside), target, radius)
+        directions = even_directions(_FEW * number)[-_FEW:]
+        tried = np.vstack([centre, _separate(centres, centre, radius / 2.0)])
+        ball = rotated(
+            np.repeat(tried, _FEW, axis=0), radius * np.tile(directions, (len(tried), 1))
+        )
+        failed = ~evaluator.regular(ball, branch)
+        outside = np.vstack([outside, ball[failed]])
+        if failed[:_FEW].any():
+            continue
         ball = _ball(centre, radius, reduction)
-        failed = ball[~evaluator.regular(ball, branch)]
-        if not len(failed):
+        failed = ~evaluator.regular(ball, branch)
+        if not failed.any():
             return centre
-        outside = np.vstack([outside, failed])
+        outside = np.vstack([outside, ball[failed]])
     return None
+
+
+def _separate(centres: Array, first: Array, angle: float) -> Array:
+    """Some centres, of (K, 4) in order, not within an angle of the first or each other, (C, 4)."""
+    chosen: list[Array] = []
+    while len(chosen) < _OTHERS:
+        centres = centres[angle_between(centres, chosen[-1] if chosen else first) > angle]
+        if not len(centres):
+            break
+        chosen.append(centres[0])
+    return np.reshape(chosen, (-1, 4))
 
 
 def _apart(attitudes: Array, *, place: Array, reach: float, outside: Array, angle: float) -> Flags:
@@ -142,15 +165,14 @@ def _apart(attitudes: Array, *, place: Array, reach: float, outside: Array, angl
     return np.asarray(near & (cosines <= np.cos(angle / 2.0)))
 
 
-def _refined(centres: Array, apart: Inside, target: Array, radius: float) -> Array:
-    """The nearest attitude to a target, of those apart, near the nearest of some centres."""
+def _refined(centre: Array, apart: Inside, target: Array, radius: float) -> Array:
+    """The attitude nearest to a target, of those apart, near a centre."""
 
     def merit(attitudes: Array, _: IntArray) -> Array:
         return np.where(apart(attitudes), -angle_between(attitudes, target), -np.inf)
 
-    deviations = angle_between(centres, target)
-    best = [int(np.argmin(deviations))]
-    first = Searches(centres[best], -deviations[best], np.zeros(1, np.int64))
+    deviation = angle_between(centre[None], target)
+    first = Searches(centre[None], -deviation, np.zeros(1, np.int64))
     return np.asarray(pattern_search(Clouds(), merit, first, radius / 4.0, _FINEST).points[0])
 
 

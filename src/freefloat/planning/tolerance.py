@@ -24,7 +24,7 @@ _PARTS, _EQUAL = np.arange(1, 8) / 8.0, 1e-9
 """Parts of the last interval tried in the worst directions, and what makes them equal."""
 _SEARCHES, _CONE = 4, 0.3
 """Searches for a smaller deviation, and the angle of the directions that each begins with [rad]."""
-_SECTIONS, _ROUNDS = 16, 4
+_SECTIONS, _ROUNDS = 40, 3
 """Parts of an interval of durations, one of which is divided again, and how often."""
 _LONGEST = 10.0
 """Largest ratio of durations, longer or shorter than planned, that is tried."""
