@@ -1,9 +1,9 @@
 """The attitude deepest inside the feasible set of a branch: the centre of the largest ball.
 
 Attitudes known outside, at first those of a map, limit every ball. The largest balls that they
-leave are probed inside their spheres, several at once; what is found outside limits the next ones.
-Of balls that are nearly as large as any could be, and of the best in the end, the closest attitude
-outside is searched for.
+leave are probed, several at once; what is found outside limits the next ones. For a ball that is
+nearly as large as any could be the closest attitude outside is searched for, and many attitudes
+confirm it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from freefloat.planning.attitude_map import AttitudeMap, Ball, BoundaryPoint
 from freefloat.planning.domain import SearchDomain
 from freefloat.planning.pattern_search import Clouds, Searches, pattern_search, spread
 from freefloat.planning.regions import depths, nearest_among
-from freefloat.planning.robustness import Surroundings, confirmed
+from freefloat.planning.robustness import CAUTION, Surroundings, confirmed, outside_within
 from freefloat.so3 import (
     Array,
     IntArray,
@@ -26,7 +26,7 @@ from freefloat.so3 import (
     rotation_vector_to,
 )
 
-_ROUNDS = 12
+_ROUNDS = 16
 """Rounds of probes, at most."""
 _BALLS = 4
 """Balls that are probed or measured together."""
@@ -34,13 +34,13 @@ _DIRECTIONS = 32
 """Directions in which a ball is probed."""
 _SIZES = 0.99, 0.95, 0.9, 0.82, 0.7, 0.5, 0.25, 0.1
 """Distances from the centre at which it is, in units of the radius."""
-_SEARCHES, _NEARBY = 4, 1.3
+_SEARCHES, _NEARBY = 3, 1.3
 """Searches for the attitude outside closest to a centre, and the distance of the attitudes that
 they begin from, in units of the radius."""
-_CONE, _QUICK = 0.3, 5
+_CONE, _QUICK = 0.3, 4
 """Angle of the first directions of these searches [rad], and their rounds."""
-_NEARLY, _SETTLED = 0.95, 0.98
-"""Fractions of the largest possible radius with which a ball is measured, and is enough."""
+_SETTLED = 0.98
+"""Fraction of the largest possible radius that is enough."""
 _CENTRES = 8000
 """Centres considered."""
 _FINEST = 2e-3
@@ -145,6 +145,17 @@ class _Search:
             self._add(around, balls, closest, numbers)
         return self.updated(balls)
 
+    def confirmed(self, ball: Ball) -> Ball | None:
+        """The ball, slightly smaller, if nothing in it is outside; else that limits the next."""
+        radius = CAUTION * ball.radius
+        around = Surroundings.of(self._evaluator, [ball])
+        outside = outside_within(around, radius, self._probes)
+        if not len(outside):
+            return Ball(ball.attitude, ball.branch, radius)
+        self._add(around, [ball], outside, np.zeros(len(outside), np.int64))
+        self.measured(self.updated([ball]))
+        return None
+
     def _add(
         self, around: Surroundings, balls: list[Ball], vectors: Array, numbers: IntArray
     ) -> None:
@@ -177,21 +188,20 @@ def deepest(
     if not probed:
         return None
     search = _Search(evaluator, limits)
-    measured = search.measured(search.updated(probed))
+    probed += search.probed(search.updated(probed))
     for _ in range(_ROUNDS // evaluator.sample_reduction):
-        candidates, radius = search.candidates(), _largest(measured)[0].radius
-        if radius > _SETTLED * candidates[0].radius:
-            break
-        balls = search.probed(candidates)
-        probed += balls
-        if balls[0].radius > max(radius, _NEARLY * candidates[0].radius):
-            measured += search.measured(balls[:1])
-    else:
-        measured += search.measured(search.updated(probed))
-    (best,) = _largest(search.updated(measured), 1)
+        candidates, best = search.candidates(), search.updated(probed)[0]
+        enough = _SETTLED * candidates[0].radius
+        if best.radius < enough:
+            probed += search.probed(candidates)
+            continue
+        (best,) = search.measured([best])
+        if best.radius > enough and (ball := search.confirmed(best)) is not None:
+            return ball
+    best = search.measured(search.updated(probed))[0]
     return confirmed(evaluator, best) if best.radius > 0.0 else None
 
 
-def _largest(balls: list[Ball], count: int = _BALLS) -> list[Ball]:
+def _largest(balls: list[Ball]) -> list[Ball]:
     """The largest balls, the largest first."""
-    return sorted(balls, key=lambda ball: -ball.radius)[:count]
+    return sorted(balls, key=lambda ball: -ball.radius)[:_BALLS]

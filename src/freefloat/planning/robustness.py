@@ -49,7 +49,7 @@ _DESCENTS, _SWEEPS = 6, 4
 """Searches for worse attitudes on the sphere, and their rounds."""
 _SWEEP, _FINEST_SWEEP = 0.15, 2e-3
 """Angles of the first and the smallest cones of these searches [rad]."""
-_CAUTION = 0.99
+CAUTION = 0.99
 """Fraction of its radius that is reported."""
 _BEYOND = 1.003
 """Radius of the sphere that confirms a ball, relative to the ball's."""
@@ -124,28 +124,18 @@ def confirmed(evaluator: FeasibilityEvaluator, ball: Ball) -> Ball:
     """The ball, made smaller where attitudes in it or on a sphere just beyond it are outside."""
     centre, branch = ball.attitude, ball.branch
     around = Surroundings.of(evaluator, [ball])
-    radius = _CAUTION * ball.radius
+    radius = CAUTION * ball.radius
     seed = 1
     while radius > _SMALLEST:
-        outside = _outside_within(around, radius, seed)
+        outside = outside_within(around, radius, seed)
         if not len(outside):
             return Ball(centre, branch, radius)
-        radius = _CAUTION * _closest(around, outside, _CONE / 2.0)
+        radius = CAUTION * _closest(around, outside, _CONE / 2.0)
         seed += 1
     return Ball(centre, branch, 0.0)
 
 
-def _closest(around: Surroundings, outside: Array, angle: float) -> float:
-    """Distance from the only attitude to the closest one outside, from vectors (K, 3) [rad]."""
-    lengths = np.linalg.norm(outside, axis=1)
-    if lengths.min() < _SMALLEST:
-        return 0.0
-    first = spread(outside, _SEARCHES)
-    found = around.closest(first, np.zeros(len(first), np.int64), angle)
-    return float(np.linalg.norm(found, axis=1).min())
-
-
-def _outside_within(around: Surroundings, radius: float, seed: int) -> Array:
+def outside_within(around: Surroundings, radius: float, seed: int) -> Array:
     """Rotation vectors to attitudes outside: in a ball, or at worst on its sphere, shape (K, 3).
 
     Where attitudes spread in the ball and on the sphere are all inside, the worst of the sphere are
@@ -169,6 +159,16 @@ def _outside_within(around: Surroundings, radius: float, seed: int) -> Array:
         first, _SWEEP, _FINEST_SWEEP, _SWEEPS,
     )  # fmt: skip
     return np.asarray(last.points[~keeps_threshold(-last.merits, 1.0)])
+
+
+def _closest(around: Surroundings, outside: Array, angle: float) -> float:
+    """Distance from the only attitude to the closest one outside, from vectors (K, 3) [rad]."""
+    lengths = np.linalg.norm(outside, axis=1)
+    if lengths.min() < _SMALLEST:
+        return 0.0
+    first = spread(outside, _SEARCHES)
+    found = around.closest(first, np.zeros(len(first), np.int64), angle)
+    return float(np.linalg.norm(found, axis=1).min())
 
 
 def _ball(centre: Array, radius: float, count: int, seed: int = 0) -> Array:

@@ -199,19 +199,21 @@ def nearest_feasible(
     attitudes = samples.attitudes[order]
     candidates: list[NearAttitude] = []
     starts: list[Candidate] = []
-    certainly = False
-    for branch, margins in samples.branch_margins():
-        at_target = evaluator.margins(target[None], branch) * domain.contains(target)
-        if keeps_threshold(at_target, threshold)[0]:
-            candidates.append(NearAttitude(target, branch, 0.0))
-        if keeps_threshold(at_target, certain)[0]:
-            certainly = True
-        else:
+    here = [NearAttitude(target, branch, 0.0) for branch, _ in samples.branch_margins()]
+    at_target = evaluator.margins(np.tile(target, (len(here), 1)), branch_numbers(here))
+    at_target = at_target * domain.contains(target)
+    certainly = keeps_threshold(at_target, certain)
+    for (branch, margins), near, value, sure in zip(
+        samples.branch_margins(), here, at_target, certainly, strict=True
+    ):
+        if keeps_threshold(value, threshold):
+            candidates.append(near)
+        if not sure:
             known = attitudes[keeps_threshold(margins[order], certain)][:_NEAREST]
             starts += [Candidate(attitude, branch) for attitude in known]
             sample = attitudes[keeps_threshold(margins[order], threshold)][:1]
             candidates += [_near(attitude, branch, target) for attitude in sample]
-    found = _nearest(evaluator, samples, target, starts) if starts and not certainly else []
+    found = _nearest(evaluator, samples, target, starts) if starts and not certainly.any() else []
     return sorted(found + candidates, key=lambda candidate: candidate.deviation)
 
 
