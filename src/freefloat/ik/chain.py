@@ -158,7 +158,9 @@ def damped_step(J: Array, error: Array) -> Array:
     Returns:
         Steps of at most one radian or metre per joint, shape (n, N).
     """
-    A = np.stack([(row * J).sum(axis=1) for row in J])
+    A = np.zeros((len(J), *error.shape), dtype=J.dtype)
+    for i, row in enumerate(J):
+        A[i, : i + 1] = (row * J[: i + 1]).sum(axis=1)
     rounding = _ROUNDING * np.finfo(J.dtype).eps * np.trace(A)
     square = np.minimum(1.0, (error * error).sum(axis=0))
     A[np.diag_indices(len(A))] += _DAMPING * square + np.maximum(_MIN_DAMPING, rounding)
@@ -186,11 +188,14 @@ def _combination(vectors: list[Array], factors: list[float]) -> Array:
 
 def _stacked(vectors: list[Array], q: Array) -> Array:
     """Vectors (3, N) or (3, 1), for joint values (n, N), along a second axis."""
-    return np.stack([np.broadcast_to(v, (3, q.shape[1])) for v in vectors], axis=1)
+    stack = np.empty((3, len(vectors), q.shape[1]), dtype=q.dtype)
+    for i, vector in enumerate(vectors):
+        stack[:, i] = vector
+    return stack
 
 
 def _cholesky_solved(A: Array, b: Array) -> Array:
-    """Solutions x (m, N) of ``A x = b`` with positive definite matrices (m, m, N)."""
+    """Solutions x (m, N) of ``A x = b`` with lower triangles of positive definite matrices."""
     L, x = A.copy(), b.copy()
     for k in range(len(L)):
         L[k:, k] /= np.sqrt(L[k, k])

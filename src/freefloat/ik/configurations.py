@@ -26,6 +26,8 @@ _TRIALS = (slice(2), slice(2, 12))
 """Starts, the closest first, one of which comes near to a pose that is within reach."""
 _PASSES = ((48, 20), (128, 32))
 """Numbers of closest configurations, and of well-spread starts among them, for redundant arms."""
+_SPARE = 2
+"""Configurations that are refined beyond the number wanted."""
 _ROUNDS = 16
 """Attempts to move configurations into the joint ranges."""
 _INSET = 0.05
@@ -87,20 +89,21 @@ def spread_configurations(
     Returns:
         Joint values, inside the ranges where possible, else in (-pi, pi].
     """
-    chain = Chain.of(model)
-    q = np.full((model.dof, most, positions.shape[1]), np.nan)
+    chain, rows = Chain.of(model), np.array(task.rows)
+    q = np.full((model.dof, most + _SPARE, positions.shape[1]), np.nan)
     unlimited = np.array_equal(sampled_box(model), joint_box(model))
     for inside in (True,) if unlimited else (True, False):
         table = PoseTable.of(model, task, inside=inside)
-        lacking = np.isnan(q[0]).any(axis=0) & (inside | (_excess(chain, q) > 0.0).all(axis=0))
-        pending = np.flatnonzero(lacking)
+        few = np.isnan(q[0, most - 1]) & (inside | (_excess(chain, q) > 0.0).all(axis=0))
+        (pending,) = np.nonzero(few)
         pending = pending[_within_reach(table, positions[:, pending], rotations[..., pending])]
         for candidates, starts in _PASSES:
             target = positions[:, pending], rotations[..., pending]
-            new = _spread_from(table, *target, candidates, starts)
+            new = _approached_from(table, *target, candidates, starts)
             together = np.concatenate([q[..., pending], new], axis=1)
-            q[..., pending] = _usable(chain, together, most)
-            pending = pending[np.isnan(q[0, -1, pending])]
+            q[..., pending] = _usable(chain, together, q.shape[1])
+            pending = pending[np.isnan(q[0, most - 1, pending])]
+    q = chain.into_range(refined_solutions(chain, rows, positions, rotations, q))
     _move_inside(model, task, positions, rotations, q)
     return _usable(chain, q, most)
 
@@ -123,16 +126,16 @@ def _within_reach(table: PoseTable, positions: Array, rotations: Array) -> IntAr
     return np.flatnonzero(reached)
 
 
-def _spread_from(
+def _approached_from(
     table: PoseTable, positions: Array, rotations: Array, candidates: int, count: int
 ) -> Array:
-    """Configurations reached from well-spread ones of the closest candidates in a table."""
+    """Approximate configurations reached from well-spread ones of a table's closest candidates."""
     chain, rows = table.chain, np.array(table.task.rows)
     q = table.nearest(positions, rotations, candidates)
     inside = _excess(chain, chain.into_range(q)) == 0.0
     q = np.where(inside | (inside.sum(axis=0) < count), q, np.nan)
     starts = _well_spread(chain, q, count)
-    return chain.into_range(many_solutions(chain, rows, positions, rotations, starts))
+    return chain.into_range(approached(chain, rows, positions, rotations, starts))
 
 
 def _excess(chain: Chain, q: Array) -> Array:

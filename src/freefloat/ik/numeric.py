@@ -35,10 +35,10 @@ class Effort(NamedTuple):
     patience: int
 
 
-APPROACH = Effort(np.float32, 1e-2, 30, 3)
+APPROACH = Effort(np.float32, 1e-2, 14, 1)
 """Decides whether a start leads to a solution."""
-_ROUGH = APPROACH._replace(residual=1e-4)
-_FINE = Effort(np.float64, EXACT, 20, 4)
+_ROUGH = Effort(np.float32, 1e-4, 14, 2)
+_FINE = Effort(np.float64, EXACT, 12, 3)
 _FULL = Effort(np.float64, EXACT, 60, 6)
 
 
