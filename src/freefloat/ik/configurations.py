@@ -22,7 +22,7 @@ from freefloat.ik.vectors import wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, IntArray, low_discrepancy
 
-_TRIALS = (slice(2), slice(2, 12))
+_TRIALS = (slice(2), slice(2, 8))
 """Starts, the closest first, one of which comes near to a pose that is within reach."""
 _PASSES = ((48, 20), (128, 32))
 """Numbers of closest configurations, and of well-spread starts among them, for redundant arms."""
@@ -58,7 +58,7 @@ def isolated_configurations(
     pending = np.arange(positions.shape[1])
     q = np.empty((model.dof, 0, len(pending)))
     for count in _STARTS:
-        target = positions[:, pending], rotations[..., pending]
+        target = _taken(positions, rotations, pending)
         following = np.repeat(starts[:, q.shape[1] : count, None], len(pending), axis=2)
         q = np.concatenate([q, approached(chain, rows, *target, following)], axis=1)
         rough, times_reached = _distinct(chain, q, np.ones(q.shape[1:]), 2 * most, _ALIKE)
@@ -96,16 +96,22 @@ def spread_configurations(
         table = PoseTable.of(model, task, inside=inside)
         few = np.isnan(q[0, most - 1]) & (inside | (_excess(chain, q) > 0.0).all(axis=0))
         (pending,) = np.nonzero(few)
-        pending = pending[_within_reach(table, positions[:, pending], rotations[..., pending])]
+        pending = pending[_within_reach(table, *_taken(positions, rotations, pending))]
         for candidates, starts in _PASSES:
-            target = positions[:, pending], rotations[..., pending]
+            target = _taken(positions, rotations, pending)
             new = _approached_from(table, *target, candidates, starts)
-            together = np.concatenate([q[..., pending], new], axis=1)
+            together = np.concatenate([q.take(pending, axis=2), new], axis=1)
             q[..., pending] = _usable(chain, together, q.shape[1])
             pending = pending[np.isnan(q[0, most - 1, pending])]
     q = chain.into_range(refined_solutions(chain, rows, positions, rotations, q))
     _move_inside(model, task, positions, rotations, q)
-    return _usable(chain, q, most)
+    order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
+    return _usable(chain, np.take_along_axis(q, order[None], axis=1), most)
+
+
+def _taken(positions: Array, rotations: Array, index: IntArray) -> tuple[Array, Array]:
+    """The poses with some indices; unlike those of indexing with arrays, results are contiguous."""
+    return positions.take(index, axis=1), rotations.take(index, axis=2)
 
 
 def _usable(chain: Chain, q: Array, most: int) -> Array:
@@ -120,8 +126,10 @@ def _within_reach(table: PoseTable, positions: Array, rotations: Array) -> IntAr
     starts = table.nearest(positions, rotations, _TRIALS[-1].stop)
     for trial in _TRIALS:
         (others,) = np.nonzero(~reached)
-        target = positions[:, others], rotations[..., others]
-        _, residual = newton(table.chain, rows, *target, starts[:, trial, others], APPROACH)
+        target = _taken(positions, rotations, others)
+        _, residual = newton(
+            table.chain, rows, *target, starts[:, trial].take(others, axis=2), APPROACH
+        )
         reached[others] = (residual <= APPROACH.residual).any(axis=0)
     return np.flatnonzero(reached)
 
@@ -153,13 +161,13 @@ def _move_inside(
     lower, upper = (ends[:, None, None] for ends in sampled_box(model))
     inset = _INSET * (upper - lower)
     (pending,) = np.nonzero(np.isfinite(q[0]).any(axis=0) & (_excess(chain, q) > 0.0).all(axis=0))
-    moved = q[..., pending]
+    moved = q.take(pending, axis=2)
     for _ in range(_ROUNDS):
         if not len(pending):
             break
         outside = (moved < chain.lower[:, None, None]) | (moved > chain.upper[:, None, None])
         starts = np.where(outside, np.clip(moved, lower + inset, upper - inset), moved)
-        target = positions[:, pending], rotations[..., pending]
+        target = _taken(positions, rotations, pending)
         moved = chain.into_range(many_solutions(chain, rows, *target, starts))
         done = (_excess(chain, moved) == 0.0).any(axis=0)
         q[..., pending[done]] = moved[..., done]
@@ -167,22 +175,17 @@ def _move_inside(
 
 
 def _well_spread(chain: Chain, q: Array, most: int) -> Array:
-    """At most that many configurations by farthest-point sampling.
-
-    The first one is the lexicographically first, to six decimals.
-    """
-    order = np.lexsort(np.rint(1e6 * q[::-1]), axis=0)
-    q = np.take_along_axis(q, order[None], axis=1)
+    """At most that many configurations by farthest-point sampling from the first one."""
     chosen = np.full((len(q), most, q.shape[2]), np.nan)
     rough = q.astype(np.float32)
     distance = np.where(np.isfinite(rough[0]), np.float32(np.inf), -np.inf)
-    poses, farthest = np.arange(q.shape[2]), np.zeros(q.shape[2], dtype=int)
+    poses, farthest = np.arange(q.shape[2]), np.argmax(distance, axis=0)
     for column in range(min(most, q.shape[1])):
         new = distance[farthest, poses] >= SAME
         if not new.any():
             break
         chosen[:, column, new] = q[:, farthest[new], poses[new]]
-        centre = rough[:, farthest, poses][:, None]
+        centre = np.take_along_axis(rough, farthest[None, None], axis=1)
         distance = np.fmin(distance, _joint_distance(chain, rough, centre))
         farthest = np.argmax(distance, axis=0)
     return chosen

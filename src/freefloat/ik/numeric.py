@@ -38,7 +38,7 @@ class Effort(NamedTuple):
 APPROACH = Effort(np.float32, 1e-2, 14, 1)
 """Decides whether a start leads to a solution."""
 _ROUGH = Effort(np.float32, 1e-4, 14, 2)
-_FINE = Effort(np.float64, EXACT, 12, 3)
+_FINE = Effort(np.float64, EXACT, 20, 4)
 _FULL = Effort(np.float64, EXACT, 60, 6)
 
 
@@ -96,9 +96,9 @@ def newton(
     lowest, steps, stalled = residual.copy(), *np.zeros((2, len(residual)), dtype=int)
     active, waiting = np.split(waiting, [_BATCH])
     while len(active):
-        at, pose = chain.kinematics(q[:, active]), active % shape[2]
-        angular = rotation_vector(at.rotation, rotations[..., pose])
-        error = np.concatenate([positions[:, pose] - at.position, angular])[rows]
+        at, pose = chain.kinematics(q.take(active, axis=1)), active % shape[2]
+        angular = rotation_vector(at.rotation, rotations.take(pose, axis=2))
+        error = np.concatenate([positions.take(pose, axis=1) - at.position, angular])[rows]
         residual[active] = size = np.sqrt((error * error).sum(axis=0))
         stalled[active] = np.where(size < _GAIN * lowest[active], 0, stalled[active] + 1)
         lowest[active] = np.minimum(size, lowest[active])

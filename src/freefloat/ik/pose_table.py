@@ -18,9 +18,8 @@ from scipy.spatial import cKDTree
 from freefloat.dynamics.joint_space import joint_box
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ik.analytic import angle_onto
 from freefloat.ik.chain import Chain, axis_frame
-from freefloat.ik.vectors import product, times, wrapped
+from freefloat.ik.vectors import cross, dot, product, times, wrapped
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array, low_discrepancy
 
@@ -59,7 +58,7 @@ class PoseTable:
         joints: Configurations, zero for joints whose angle follows from a pose, shape (n, M).
         features: Their end-effector poses.
         tree: Search tree of the features.
-        spacing: Largest distance of poses that are reached from those in the table.
+        spacing: Poses that are reached are closer to some in the table.
     """
 
     chain: Chain
@@ -98,20 +97,23 @@ class PoseTable:
             count: Number of configurations for each pose.
 
         Returns:
-            Joint values, the closest first, revolute joints in (-pi, pi], NaN for poses that are
-            out of reach, shape (n, count, K).
+            Joint values, the closest first, NaN where there are fewer at most ``spacing`` away,
+            shape (n, count, K).
         """
         wanted = _features(self.chain, self.task, self.length, positions, rotations)
-        distance, index = self.tree.query(np.nan_to_num(wanted.values.T, nan=np.inf), k=count)
-        index = index.T
-        q = self.joints[:, index]
+        distance, index = self.tree.query(
+            np.nan_to_num(wanted.values.T, nan=np.inf), k=count, distance_upper_bound=self.spacing
+        )
+        index = np.minimum(index.T, _SAMPLES - 1)
+        q = self.joints.take(index, axis=1)
         if not self.chain.prismatic[0]:
-            q[0] = wanted.angle - self.features.angle[index]
+            q[0] = wrapped(wanted.angle - self.features.angle[index])
         if _last_follows(self.chain, self.task):
-            across = self.features.across[:, index]
-            q[-1] = angle_onto(wanted.axis[:, None], across, wanted.across[:, None])
-        q[..., distance[:, 0] > self.spacing] = np.nan
-        return np.where(self.chain.prismatic[:, None, None], q, wrapped(q))
+            start, end = self.features.across.take(index, axis=1), wanted.across
+            quarter = cross(end, wanted.axis)[:, None]
+            q[-1] = np.arctan2(dot(start, quarter), dot(start, end[:, None]))
+        q[:, np.isinf(distance.T)] = np.nan
+        return q
 
 
 def sampled_box(model: FreeFloatingModel) -> tuple[Array, Array]:
