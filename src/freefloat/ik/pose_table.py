@@ -105,7 +105,7 @@ class PoseTable:
             np.nan_to_num(wanted.values.T, nan=np.inf), k=count, distance_upper_bound=self.spacing
         )
         index = np.minimum(index.T, _SAMPLES - 1)
-        q = self.joints.take(index, axis=1)
+        q: Array = self.joints.take(index, axis=1)
         if not self.chain.prismatic[0]:
             q[0] = wrapped(wanted.angle - self.features.angle[index])
         if _last_follows(self.chain, self.task):
