@@ -1,0 +1,135 @@
+"""States of planar arms on their path with S = S0, and how fast S changes there."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.motion.problem import Problem
+from freefloat.so3 import Array
+from freefloat.workspace.planar import Complex, PlanarArm, margin_curves, point_3, two_angles
+
+_TIMES = 400
+"""Instants of each segment between stops at which candidates are computed."""
+_NEAR_REST = np.geomspace(1e-6, 1.0 / _TIMES, 40)
+"""Fractions of a segment next to a stop: there momentum counts for more than the path."""
+
+
+class PathState(NamedTuple):
+    """Point 3 and the last link at instants of the path, in complex numbers.
+
+    Attributes:
+        position: Of point 3 [m], shape (...).
+        velocity: Of point 3 [m/s], shape (...).
+        last: Angle of the end-effector [rad], shape (...).
+        last_rate: Its rate [rad/s], shape (...).
+    """
+
+    position: Complex
+    velocity: Complex
+    last: Array
+    last_rate: Array
+
+
+class PlanarCandidates:
+    """States with S = S0 on the path, and how fast S changes there.
+
+    Attributes:
+        arm: The arm.
+        curves: Its margin curves.
+        duration: Of the path [s].
+        timing: Of the path.
+        times: Instants at which candidates are looked at [s], dense near rests, shape (T,).
+        path: The path at those instants.
+    """
+
+    def __init__(self, problem: Problem, level: float) -> None:
+        self.arm = PlanarArm.of(problem.model)
+        self.curves = margin_curves(self.arm, level, -level)
+        self.duration = problem.path.duration
+        self._problem = problem
+        self.timing = problem.path.timing
+        self._virtual = VirtualManipulator.of(problem.model)
+        self._momentum = float(problem.momentum[2])
+        self.times = _instants(self.timing.ends)
+        path = self.path_at(self.times)
+        self.path = path._replace(last=np.unwrap(path.last))
+
+    def path_at(self, t: npt.ArrayLike) -> PathState:
+        """The path at times [s], shape (...).
+
+        Without momentum the speed on the path does not matter to where S is smallest, and at rest
+        would hide it: then rates are per unit of s.
+        """
+        times, path = np.clip(t, 0.0, self.duration), self._problem.path.path
+        s = [self.timing.s(time) for time in times.ravel().tolist()]
+        speed = self._speed(times.ravel()) if self._momentum else np.ones(len(s))
+        tangents = np.array([path.tangent(value) for value in s])
+        position = _flat(np.array([path.curve(value) for value in s]))
+        velocity = _flat(tangents)
+        angle, rate = np.zeros((2, len(s)))
+        if self._problem.task.prescribes_orientation:
+            rotations = np.array([path.orientation.rotation(value) for value in s])
+            link = _flat(rotations @ self._virtual.last_link)
+            angle, rate = np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0]), tangents[:, 5]
+            position, velocity = position - link, velocity - 1j * rate * link
+        values = position, velocity * speed, angle, rate * speed
+        return PathState._make(np.reshape(value, times.shape) for value in values)
+
+    def _speed(self, t: Array) -> Array:
+        return np.array([self.timing.s(time, 1) for time in t.tolist()])
+
+    def path_between(self, index: Array) -> PathState:
+        """The sampled path at fractional indices into :attr:`times`, linear between."""
+        count = np.arange(len(self.times))
+        return PathState._make(np.interp(index, count, values) for values in self.path)
+
+    def angles(self, q: Array, path: PathState) -> Array:
+        """Absolute angles of the arm with point 3 in its direction, joints (..., 2)."""
+        heading = np.angle(path.position) - np.angle(point_3(self.arm, q))
+        angles = heading[..., None] + two_angles(self.arm, q)[..., :3]
+        if len(self.arm.links) == 3:
+            return np.asarray(angles)
+        last = np.broadcast_to(path.last - self.arm.tool_angle, heading.shape)
+        return np.concatenate([angles, last[..., None]], axis=-1)
+
+    def rates(self, q: Array, path: PathState) -> Array:
+        """Absolute rates of the links by (24)."""
+        angles = self.angles(q, path)
+        return self.arm.rates(angles, self._momentum, path.velocity, path.last_rate)
+
+    def slope(self, q: Array, path: PathState) -> Array:
+        """Rate dS/dt along the motion through a candidate: (23) to (27), without a division."""
+        return self.arm.determinant_rate(self.angles(q, path), self.rates(q, path))
+
+    def curvatures(self, q: Array, t: Array) -> Array:
+        """How :meth:`slope` changes along motions (K,): positive at minima of S."""
+        step = 1e-5 * self.duration
+        rates = self.arm.signs * np.diff(self.rates(q, self.path_at(t)))
+        pace = 1.0 if self._momentum else self._speed(t)[:, None]
+        along = rates[:, :2] * pace * step
+        after = self.slope(q + along, self.path_at(t + step))
+        return np.asarray(after - self.slope(q - along, self.path_at(t - step)))
+
+    def errors(self, q: Array, path: PathState, level: Array | float) -> Array:
+        """Deviations from S = S0, relative, and from the distance (28) [m], shape (..., 2)."""
+        S = self.arm.determinant(two_angles(self.arm, q))
+        distance = np.abs(point_3(self.arm, q)) - np.abs(path.position)
+        return np.stack([(S - level) / np.abs(level), distance], axis=-1)
+
+
+def _instants(ends: tuple[float, ...]) -> Array:
+    """Times of a path, even between the ends of segments of the time law, dense near those."""
+    edges = [0.0, *ends]
+    fractions = np.concatenate([_NEAR_REST, np.linspace(0, 1, _TIMES + 1)[1:-1], 1.0 - _NEAR_REST])
+    inner = [a + (b - a) * fractions for a, b in pairwise(edges)]
+    return np.unique(np.concatenate([*inner, edges]))
+
+
+def _flat(vectors: Array) -> Complex:
+    """The complex numbers of the first two components of vectors, shape (K,)."""
+    return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])
