@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from itertools import pairwise
 from math import tau
 from typing import NamedTuple
@@ -160,7 +160,8 @@ def damped_step(J: Array, error: Array) -> Array:
     """
     A = np.zeros((len(J), *error.shape), dtype=J.dtype)
     for i, row in enumerate(J):
-        A[i, : i + 1] = (row * J[: i + 1]).sum(axis=1)
+        # one joint after the other: the rounding of sum() depends on the number of configurations
+        A[i, : i + 1] = reduce(np.add, (row * J[: i + 1]).swapaxes(0, 1))
     rounding = _ROUNDING * np.finfo(J.dtype).eps * np.trace(A)
     square = np.minimum(1.0, (error * error).sum(axis=0))
     A[np.diag_indices(len(A))] += _DAMPING * square + np.maximum(_MIN_DAMPING, rounding)

@@ -24,7 +24,7 @@ from freefloat.so3 import Array, IntArray, low_discrepancy
 
 _TRIALS = (slice(2), slice(2, 8))
 """Starts, the closest first, one of which comes near to a pose that is within reach."""
-_PASSES = ((48, 20), (128, 32))
+_PASSES = ((48, 20), (160, 48))
 """Numbers of closest configurations, and of well-spread starts among them, for redundant arms."""
 _SPARE = 2
 """Configurations that are refined beyond the number wanted."""
