@@ -202,15 +202,13 @@ class DirectedOrientation(OrientationLaw):
     def rate(self, s: float) -> Array:
         """See :class:`OrientationLaw`.
 
-        With the unit direction a and its derivative a', c along a x reference: the rate a x a'
-        that carries a, and a rotation about a that keeps reference in the plane of the two axes.
+        It is the rate w that carries the direction d, and a rotation about d that keeps reference
+        in the plane of the two axes.
         """
-        direction, change = self._direction(s)
-        length = math.sqrt(direction @ direction)
-        a = direction / length
-        a1 = (change - (a @ change) * a) / length
-        c = cross(a, self.reference)
-        return cross(a, a1) - (self.reference @ a) * (a1 @ c) / (c @ c) * a
+        d, change = self._direction(s)
+        w = cross(d, change) / (d @ d)
+        c = cross(d, self.reference)
+        return w + (self.reference @ d) * (self.reference @ w) / (c @ c) * d
 
     @cached_property
     def breaks(self) -> Array:
