@@ -6,26 +6,28 @@ tolerance and takes about a hundredth of its time; results are summaries, withou
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 from freefloat.concurrency import Progress, available_cores, run_chunks
-from freefloat.dynamics.kernels.equation import LEVEL, METRIC, MIDDLE, WEIGHT
-from freefloat.dynamics.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
-from freefloat.dynamics.kernels.right_side import Robot, robot_facts, robot_rows
-from freefloat.dynamics.measures import NAMES, plane_axes
+from freefloat.dynamics.measures import NAMES
 from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
-from freefloat.ensemble.kernels.integration import (
-    COMPLETED,
-    UNREACHED,
-    integrate_many,
-    make_buffers,
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.kernels import integration as kernels
+from freefloat.ensemble.kernels.equation import Robot
+from freefloat.ensemble.kernels.flow import Course
+from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
+from freefloat.ensemble.kernels.null_space import (
+    ENERGY,
+    MIDDLE_OF_RANGE,
+    SIGMA,
+    WEIGHTED,
+    NullSpace,
 )
-from freefloat.ensemble.kernels.steps import TABLEAU
+from freefloat.ensemble.kernels.steps import TABLEAU, Measure
+from freefloat.ensemble.link_frames import link_frames
 from freefloat.errors import whole_number
 from freefloat.motion.margin import keeps_threshold
 from freefloat.motion.problem import Problem
@@ -34,13 +36,15 @@ from freefloat.so3 import Array, IntArray
 
 STEP_TOLERANCE = 1e-6
 """Relative and absolute tolerance of integration steps, by default."""
-_CELLS = 512
-"""Number of cubics that approximate the path's tangent."""
-_THIRDS = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
-_THROUGH_THIRDS = np.linalg.inv(np.vander(_THIRDS, increasing=True))
-"""Maps values at the thirds of [0, 1] to the cubic's coefficients, lowest power first."""
-_CHUNK = 128
-"""Number of motions between two reports of progress or checks for an interruption."""
+_CELLS, _TANGENT_ERROR = (1, 32, 256), 1e-11
+"""Numbers of cubics that approximate the path's tangent, and their relative error."""
+_NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
+_THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
+"""Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
+_ANGLES, _NEGLIGIBLE = 12, 1e-13
+"""Values of a joint for the measure ``arm``; relative size of coefficients that are rounding."""
+_CHUNK = 256
+"""Largest number of motions between two reports of progress or checks for an interruption."""
 
 
 class EnsembleResult(NamedTuple):
@@ -115,7 +119,7 @@ class EnsembleIntegrator:
         """
         self.threads = whole_number("threads", available_cores() if threads is None else threads, 1)
         self.problem, self.tolerance = problem, tolerance
-        self._robot = _robot(problem)
+        self._arrays = _kernel_problem(problem)
 
     def integrate(
         self,
@@ -149,77 +153,115 @@ class EnsembleIntegrator:
         def copied(array: Array) -> Array:  # the kernels are compiled for writable arrays
             return np.array(array, dtype=float, order="C")
 
-        inputs = (
+        motions = kernels.Motions(
             copied(attitudes), copied(joints), copied(np.broadcast_to(momenta, (K, 3))),
             copied(starts), copied(ends), float(stop_below),
         )  # fmt: skip
+        chunk = min(_CHUNK, max(-(-K // self.threads), 8))
 
         def integrate_chunk(first: int) -> None:
-            integrate_many(
-                TABLEAU, self._robot, *inputs, self.tolerance, first, min(first + _CHUNK, K),
-                make_buffers(n, len(self._robot.rows)), result,
+            kernels.integrate_many(
+                self._arrays, motions, first, min(first + chunk, K), self.tolerance,
+                kernels.make_workspace(n, self._arrays.robot.m), result,
             )  # fmt: skip
 
-        run_chunks(integrate_chunk, range(0, K, _CHUNK), self.threads, progress)
+        run_chunks(integrate_chunk, range(0, K, chunk), self.threads, progress)
         for array in result:
             array.setflags(write=False)
         return result
 
 
-def _robot(problem: Problem) -> Robot:
+def _kernel_problem(problem: Problem) -> kernels.Problem:
     """The arrays that the kernels read of a problem."""
     model, task = problem.model, problem.task
-    path = problem.path
+    frames = link_frames(model)
+    robot = Robot(
+        frames.bodies, frames.base, frames.tool, np.array(task.rows, dtype=float), model.dof,
+        len(task.rows), task.planar, model.total_mass,
+    )  # fmt: skip
     name = problem.margin.measure.name
-    facts = robot_facts(model, task)
-    bodies = robot_rows(model)
-    if name == "arm":
-        facts[LEVEL:METRIC] = plane_axes(model, task).ravel()
+    polynomial = _polynomial(problem) if name == "arm" else np.zeros((0, 4))
+    reach = VirtualManipulator.of(model).reach
+    measure = Measure(NAMES.index(name), reach, len(polynomial), polynomial)
+    return kernels.Problem(robot, _course(problem), measure, _null_space(problem), TABLEAU)
+
+
+def _null_space(problem: Problem) -> NullSpace | None:
     redundancy = problem.redundancy
-    if redundancy is not None and not redundancy.minimum_norm:
-        bodies[1:, WEIGHT] = joint_weights(model, redundancy)
-        bodies[1:, MIDDLE] = range_centres(model)
-        metric = ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED
-        toward = {Toward.NONE: 0, Toward.MANIPULABILITY: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
-        facts[METRIC:] = metric, toward[redundancy.toward], redundancy.gain, redundancy.bound
+    if redundancy is None or redundancy.minimum_norm:
+        return None
+    centres = range_centres(problem.model)
+    toward = {Toward.NONE: 0, Toward.MANIPULABILITY: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
+    return NullSpace(
+        ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED, toward[redundancy.toward],
+        float(redundancy.gain), float(redundancy.bound),
+        np.array(joint_weights(problem.model, redundancy), dtype=float),
+        np.nan_to_num(centres), np.isfinite(centres).astype(float),
+    )  # fmt: skip
+
+
+def _polynomial(problem: Problem) -> Array:
+    """The measure ``arm`` as a trigonometric polynomial of the second and third joints.
+
+    Returns:
+        Rows k, l, a, b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3).
+    """
+    measure, angles = problem.margin.measure, 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
+    values = np.array([
+        [measure(np.array([0.0, q2, q3, 0.0, np.pi / 2.0, 0.0])) for q3 in angles] for q2 in angles
+    ])  # fmt: skip
+    coefficients = np.fft.fft2(values) / _ANGLES**2
+    coefficients[np.abs(coefficients) < _NEGLIGIBLE * np.abs(coefficients).max()] = 0.0
+    terms = []
+    for i, j in zip(*np.nonzero(coefficients), strict=True):
+        k, l = (int(index - _ANGLES * (2 * index > _ANGLES)) for index in (i, j))
+        if (k, l) >= (0, 0):  # the others are the conjugates of these
+            factor = 1.0 if (k, l) == (0, 0) else 2.0
+            terms.append([k, l, *(factor * part for part in _parts(coefficients[i, j]))])
+    return np.array(terms)
+
+
+def _parts(coefficient: complex) -> tuple[float, float]:
+    return coefficient.real, -coefficient.imag
+
+
+def _course(problem: Problem) -> Course:
+    """Path and timing as arrays."""
+    path = problem.path
     ends = np.append(path.breaks, path.duration)
-    middles = [(low + high) / 2.0 for low, high in pairwise([0.0, *ends.tolist()])]
-    segments = [path.timing.segments[path.timing.segment_at(t)] for t in middles]
-    law = np.zeros((len(segments), 2, max(len(segment.orders[0]) for segment in segments)))
-    for number, segment in enumerate(segments):
-        for order in (0, 1):
-            coefficients = segment.orders[order]
-            law[number, order, law.shape[2] - len(coefficients) :] = coefficients
-    return Robot(
-        bodies=bodies,
-        facts=facts,
-        rows=np.array(task.rows, dtype=np.int64),
-        measure=NAMES.index(name),
-        ends=ends,
-        origins=np.array([segment.origin for segment in segments]),
-        spans=np.array([segment.span for segment in segments]),
-        law=law,
-        tangents=_tangents(path.path),
-        duration=path.duration,
+    starts = np.append(0.0, ends[:-1])
+    segments = [
+        path.timing.segments[path.timing.segment_at(t)] for t in ((starts + ends) / 2.0).tolist()
+    ]
+    degree = max(len(segment.orders[0]) for segment in segments) - 1
+    rows, cells = [], []
+    for segment, start, end in zip(segments, starts.tolist(), ends.tolist(), strict=True):
+        low, high = segment(start, 0), segment(end, 0)
+        pieces = _tangents(path.path, low, high)
+        density = len(pieces) / (high - low)
+        law = [[0.0] * (degree + 1 - len(order)) + list(order) for order in segment.orders[:2]]
+        rows.append([end, segment.origin, 1.0 / segment.span, low, density,
+                     sum(map(len, cells)), len(pieces), *law[0], *law[1]])  # fmt: skip
+        cells.append(pieces)
+    stacked = np.concatenate(cells)
+    return Course(
+        path.duration, np.array(rows), len(rows), degree, stacked, len(stacked) == 1
     )
 
 
-def _tangents(path: EndEffectorPath) -> Array:
-    """A path's tangent as cubics in s, see :class:`freefloat.dynamics.kernels.right_side.Robot`.
+def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:
+    """A path's tangent between two values of s as cubics of the fraction of equal intervals.
 
-    The cubics interpolate the tangent at the ends of equal intervals; where the path's derivatives
-    jump, at four points of each interval between the jumps.
+    Returns:
+        Coefficients, highest power first, shape (cells, 6, 4).
     """
-    if not len(path.breaks):
-        s = np.linspace(0.0, 1.0, _CELLS + 1)
-        cubics = CubicSpline(s, [path.tangent(float(value)) for value in s]).c
-        return np.ascontiguousarray(cubics.transpose(1, 2, 0))
-    cells = []
-    for low, high in pairwise([0.0, *path.breaks.tolist(), 1.0]):
-        tangent = path.tangent_within(low, high)
-        edges = np.linspace(low, high, int(np.ceil(_CELLS * (high - low))) + 1)
-        for start, width in zip(edges.tolist(), np.diff(edges).tolist(), strict=False):
-            values = [tangent(start + third * width) for third in _THIRDS]
-            cubic = _THROUGH_THIRDS @ np.array(values) / width ** np.arange(4.0)[:, None]
-            cells.append(np.vstack([cubic[::-1].T, [start, 0.0, 0.0, 0.0]]))
-    return np.array(cells)
+    tangent = path.tangent_within(low, high)
+    for number in _CELLS:
+        width = (high - low) / number
+        nodes = low + width * (np.arange(number)[:, None] + _NODES)
+        values = np.array([tangent(s) for s in nodes.ravel().tolist()]).reshape(number, 5, 6)
+        cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]
+        error = values[:, 4] - cubics @ (0.5 ** np.arange(3, -1, -1))
+        if np.abs(error).max() <= _TANGENT_ERROR * np.abs(values).max():
+            break
+    return np.ascontiguousarray(cubics)

@@ -12,6 +12,7 @@ from numba import njit
 from numba.extending import intrinsic
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+_INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _PACKAGE = Path(__file__).parents[2]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -33,11 +34,21 @@ def compiled(function: _Function) -> _Function:
     return cast(_Function, kernel)
 
 
+def inner(function: _Function) -> _Function:
+    """Compile a function that compiled functions alone call, as part of these."""
+    return cast(_Function, njit(**_OPTIONS, **_INNER)(function))
+
+
+def inlined(function: _Function) -> _Function:
+    """Compile a small function into the functions that call it."""
+    return cast(_Function, njit(**_OPTIONS, **_INNER, forceinline=True)(function))
+
+
 @cache
 def _digest(folder: Path) -> str:
     """Digest of the sources below a folder that contain kernels."""
     texts = [path.read_bytes() for path in sorted(folder.rglob("*.py"))]
-    return sha256(b"".join(text for text in texts if b"@compiled" in text)).hexdigest()
+    return sha256(b"".join(text for text in texts if b"@compiled" in text or b"@in" in text)).hexdigest()
 
 
 def _unowned(_: Any, array: Any) -> Any:

@@ -1,0 +1,265 @@
+"""Equation (4) for motions in lock step: joint rates and spacecraft rate for a twist and a momentum.
+
+A joint's rate moves the bodies between spacecraft and joint against those beyond it. With the bodies
+beyond the joint at rest, a unit rate gives them the linear momentum -P and the angular momentum -L
+about the system's centre of mass; in terms of (1), L = D a - Dq for a revolute joint with axis a. The
+whole system then translates and rotates as a rigid body such that its momentum is zero, with the
+velocity P / M of the centre of mass and the angular velocity y = inverse(D) L. So column j of S* in
+(7) is (P / M + y x r, y), where r is the end-effector's position from the centre of mass.
+
+All vectors are in the spacecraft frame. Link frames follow Denavit and Hartenberg in the form of
+Craig: frame k has its z axis on joint k; from frame k - 1 it is reached by rotating about x and moving
+along x, then about and along z. ``bodies`` has a row for the spacecraft and one for each joint.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from freefloat.dynamics.kernels.compilation import inlined, inner
+from freefloat.ensemble.kernels.lanes import (
+    components,
+    cross,
+    product,
+    rolled,
+    sine_cosine,
+    vector,
+)
+from freefloat.ensemble.kernels.reflections import factorize, solve_least_norm
+from freefloat.ensemble.kernels.tables import get_vector, set_vector
+
+COSINE, SINE, ALONG_X, ANGLE, ALONG_Z, PRISMATIC = 0, 1, 2, 3, 4, 5
+MASS, MOMENT, DIAGONAL, PRODUCTS, BODY_COLUMNS = 6, 7, 10, 13, 16
+AXIS, POINT, LINEAR, ANGULAR, TURN, JOINT_COLUMNS = 0, 3, 6, 9, 12, 15
+
+
+class Robot(NamedTuple):
+    """Data of a robot."""
+
+    bodies: object
+    base: object  # frame 0 in the spacecraft frame: x, y, z axes and origin, rows of shape (4, 3)
+    tool: object  # end-effector position in frame n, (3,)
+    rows: object  # of the task, (m,)
+    n: int
+    m: int
+    planar: bool
+    mass: float
+
+
+class Inertia(NamedTuple):
+    """A symmetric matrix: its diagonal, and the elements yz, zx, xy."""
+
+    diagonal: object
+    products: object
+
+
+@inlined
+def times(I, v):
+    """Product of an inertia and a vector."""
+    x, y, z = components(v)
+    yz, zx, xy = components(I.products)
+    return product(I.diagonal, v) + vector(xy * y + zx * z, xy * x + yz * z, zx * x + yz * y)
+
+
+@inlined
+def of_point(m, x):
+    """Inertia of a mass at a point, about the origin."""
+    mx = x * m
+    a, b, c = components(product(mx, x))
+    return Inertia(vector(b + c, c + a, a + b), -product(rolled(mx), rolled(rolled(x))))
+
+
+@inlined
+def plus(a, b):
+    """Sum of two inertias."""
+    return Inertia(a.diagonal + b.diagonal, a.products + b.products)
+
+
+@inlined
+def minus(a, b):
+    """Difference of two inertias."""
+    return Inertia(a.diagonal - b.diagonal, a.products - b.products)
+
+
+@inlined
+def in_axes(I, ex, ey, ez):
+    """R I R^T, R = (ex, ey, ez)."""
+    ix, iy, iz = components(I.diagonal)
+    yz, zx, xy = components(I.products)
+    x = ex * ix + ey * xy + ez * zx
+    y = ex * xy + ey * iy + ez * yz
+    z = ex * zx + ey * yz + ez * iz
+    return Inertia(
+        product(x, ex) + product(y, ey) + product(z, ez),
+        product(rolled(x), rolled(rolled(ex))) + product(rolled(y), rolled(rolled(ey)))
+        + product(rolled(z), rolled(rolled(ez))),
+    )  # fmt: skip
+
+
+@inlined
+def screwed(M, u, I, s, c, d):
+    """First moment and inertia in a frame rotated about z and displaced along z.
+
+    Args:
+        M: Mass.
+        u: First moment.
+        I: Inertia about the origin.
+        s: Sine of the rotation.
+        c: Its cosine.
+        d: Displacement.
+    """
+    x, y, z = components(u)
+    xx, yy, zz = components(I.diagonal)
+    yz, zx, xy = components(I.products)
+    x, y = c * x + s * y, c * y - s * x
+    zx, yz = c * zx + s * yz, c * yz - s * zx
+    k = s * (xx - yy) - (c + c) * xy
+    steiner = d * (z + z - M * d)
+    xx, yy, xy = xx - s * k - steiner, yy + s * k - steiner, -(c * k + xy)
+    return vector(x, y, z - M * d), Inertia(
+        vector(xx, yy, zz), vector(yz + d * y, zx + d * x, xy)
+    )
+
+
+@inlined
+def inverse(I):
+    """Inverse and determinant of an inertia."""
+    xx, yy, zz = components(I.diagonal)
+    yz, zx, xy = components(I.products)
+    cxx, cxy, cxz = yy * zz - yz * yz, zx * yz - xy * zz, xy * yz - zx * yy
+    determinant = xx * cxx + xy * cxy + zx * cxz
+    scale = 1.0 / determinant
+    return Inertia(
+        vector(cxx, xx * zz - zx * zx, xx * yy - xy * xy) * scale,
+        vector(xy * zx - xx * yz, cxz, cxy) * scale,
+    ), determinant
+
+
+@inlined
+def place_bodies(robot, q, w):
+    """Write axis, point, P and L about the spacecraft's origin of each joint into ``w``.
+
+    ``M``, ``u`` and ``I`` are mass, first moment and inertia of the bodies between spacecraft and
+    joint, in the frame (``ex``, ``ey``, ``ez``) at ``p``, about its origin.
+
+    Returns:
+        End-effector position, and first moment and inertia of all bodies, in the spacecraft frame.
+    """
+    bodies = robot.bodies
+    ex, ey = get_vector(robot.base, 0, 0), get_vector(robot.base, 1, 0)
+    ez, p = get_vector(robot.base, 2, 0), get_vector(robot.base, 3, 0)
+    M = bodies[0, MASS]
+    u = get_vector(bodies, 0, MOMENT)
+    I = Inertia(get_vector(bodies, 0, DIAGONAL), get_vector(bodies, 0, PRODUCTS))
+    for k in range(1, robot.n + 1):
+        s, c, d = bodies[k, SINE], bodies[k, COSINE], bodies[k, ALONG_X]
+        p = p + ex * d
+        ey, ez = ey * c + ez * s, ez * c - ey * s
+        u, I = screwed(M, rolled(u), Inertia(rolled(I.diagonal), rolled(I.products)), s, c, d)
+        u = rolled(rolled(u))
+        I = Inertia(rolled(rolled(I.diagonal)), rolled(rolled(I.products)))
+        angle, d = bodies[k, ANGLE] + 0.0 * q[k - 1], bodies[k, ALONG_Z] + 0.0 * q[k - 1]
+        x, y, z = components(u)
+        if bodies[k, PRISMATIC] != 0.0:
+            d = d + q[k - 1]
+            P, L = ez * M, ex * y - ey * x
+        else:
+            angle = angle + q[k - 1]
+            yz, zx, xy = components(I.products)
+            zz = components(I.diagonal)[2]
+            P, L = ey * x - ex * y, ex * zx + ey * yz + ez * zz
+        set_vector(w, k - 1, AXIS, ez)
+        set_vector(w, k - 1, POINT, p)
+        set_vector(w, k - 1, LINEAR, P)
+        set_vector(w, k - 1, ANGULAR, L + cross(p, P))
+        s, c = sine_cosine(angle)
+        p = p + ez * d
+        ex, ey = ex * c + ey * s, ey * c - ex * s
+        u, I = screwed(M, u, I, s, c, d)
+        M += bodies[k, MASS]
+        u = u + get_vector(bodies, k, MOMENT)
+        own = Inertia(get_vector(bodies, k, DIAGONAL), get_vector(bodies, k, PRODUCTS))
+        I = plus(I, own)
+    x, y, z = components(u)
+    u = ex * x + ey * y + ez * z
+    I = in_axes(I, ex, ey, ez)
+    x, y, z = robot.tool[0], robot.tool[1], robot.tool[2]
+    return p + ex * x + ey * y + ez * z, u, I, p
+
+
+@inlined
+def form_jacobian(robot, q, work):
+    """Write the columns of S* of (7) into the rows of ``work.S``, momenta into ``work.momenta``.
+
+    Returns:
+        End-effector position from the centre of mass, inverse and determinant of D; for planar tasks
+        its zz element.
+    """
+    w, S, share = work.momenta, work.S, 1.0 / robot.mass
+    tip, u, I, p = place_bodies(robot, q, w)
+    u = u * share
+    c = p + u
+    r = tip - c
+    set_vector(work.centre, 0, 0, c)
+    D = minus(I, of_point(robot.mass, u))
+    inverse_D, det_D = inverse(D)
+    if robot.planar:
+        det_D = components(D.diagonal)[2]
+    for j in range(robot.n):
+        P = get_vector(w, j, LINEAR)
+        L = get_vector(w, j, ANGULAR) - cross(c, P)
+        y = times(inverse_D, L)
+        set_vector(S, j, 0, P * share + cross(y, r))
+        set_vector(S, j, 3, y)
+        if robot.bodies[j + 1, PRISMATIC] == 0.0:
+            y = y - get_vector(w, j, AXIS)
+        set_vector(w, j, TURN, y)
+    if robot.m < 6:
+        for j in range(robot.n):
+            for i in range(robot.m):
+                S[j, i] = S[j, int(robot.rows[i])]
+    return r, inverse_D, det_D
+
+
+@inner
+def determinants(robot, q, work):
+    """Det S* (6), or sqrt(det(S* S*^T)), and det D at joint values."""
+    _, _, det_D = form_jacobian(robot, q, work)
+    return factorize(robot.m, robot.n, work.S, work.scales), det_D
+
+
+@inlined
+def solve_rates(robot, q, v, omega, h, work):
+    """Solve (4) at joint values ``q``; of redundant arms, for the rates of least Euclidean norm.
+
+    Args:
+        robot: Data of the robot.
+        q: Joint values.
+        v: End-effector velocity.
+        omega: Its angular velocity.
+        h: Angular momentum about the centre of mass.
+        work: Workspace; receives the joint rates.
+
+    Returns:
+        The spacecraft's angular velocity for resting joints, det S* and det D as
+        :func:`determinants`.
+    """
+    r, inverse_D, det_D = form_jacobian(robot, q, work)
+    drift = times(inverse_D, h)
+    twist = (*components(v - cross(drift, r)), *components(omega - drift))
+    b = work.b
+    for i in range(6):
+        b[i] = twist[i]
+    for i in range(robot.m):
+        b[i] = b[int(robot.rows[i])]
+    determinant = factorize(robot.m, robot.n, work.S, work.scales)
+    solve_least_norm(robot.m, robot.n, work.S, work.scales, b, work.rates)
+    return drift, determinant, det_D
+
+
+@inlined
+def spacecraft_rate(robot, drift, work):
+    """The spacecraft's angular velocity for the joint rates in ``work``."""
+    for j in range(robot.n):
+        drift = drift + get_vector(work.momenta, j, TURN) * work.rates[j]
+    return drift

@@ -1,0 +1,85 @@
+"""Singularity measures of motions in lock step, with their signs."""
+
+from __future__ import annotations
+
+from freefloat.dynamics.kernels.compilation import inlined, inner
+from freefloat.ensemble.kernels.equation import PRISMATIC, form_jacobian
+from freefloat.ensemble.kernels.lanes import any_of, magnitude, minimum, select, sine_cosine, sqrt
+from freefloat.ensemble.kernels.reflections import factorize
+
+GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3
+"""Codes of the measures, in the order of ``freefloat.dynamics.measures.NAMES``."""
+_SWEEPS = 12
+_ORTHOGONAL = 1e-14
+
+
+@inner
+def measure_at(robot, measure, q, work):
+    """The measure at joint values."""
+    if measure.code == ARM:
+        return polynomial(measure, q)
+    _, _, det_D = form_jacobian(robot, q, work)
+    if measure.code == SIGMA:
+        return smallest_singular_value(robot, measure, work.S)
+    determinant = factorize(robot.m, robot.n, work.S, work.scales)
+    return of_determinants(measure, determinant, det_D)
+
+
+@inlined
+def of_determinants(measure, determinant, det_D):
+    """The measure ``gjm`` or ``system`` where det S* and det D are known."""
+    if measure.code == GJM:
+        return determinant
+    return determinant * det_D
+
+
+@inlined
+def polynomial(measure, q):
+    """The measure ``arm``, the sum of a cos(k q2 + l q3) + b sin(k q2 + l q3) of rows k, l, a, b."""
+    total = 0.0 * q[1]
+    for i in range(measure.terms):
+        s, c = sine_cosine(q[1] * measure.polynomial[i, 0] + q[2] * measure.polynomial[i, 1])
+        total += c * measure.polynomial[i, 2] + s * measure.polynomial[i, 3]
+    return total
+
+
+@inner
+def smallest_singular_value(robot, measure, S):
+    """The smallest singular value of S*, lengths in units of the reach; overwrites ``S``.
+
+    By Jacobi rotations of pairs of rows of S* until all are orthogonal (Hestenes 1958).
+    """
+    m, n = robot.m, robot.n
+    for j in range(n):
+        factor = measure.reach if robot.bodies[j + 1, PRISMATIC] != 0.0 else 1.0
+        for i in range(m):
+            S[j, i] = S[j, i] * (factor / measure.reach if robot.rows[i] < 3.0 else factor)
+    for _ in range(_SWEEPS):
+        largest = 0.0 * S[0, 0]
+        for i in range(m):
+            for k in range(i + 1, m):
+                ii, ik, kk = 0.0 * S[0, 0], 0.0 * S[0, 0], 0.0 * S[0, 0]
+                for j in range(n):
+                    ii += S[j, i] * S[j, i]
+                    ik += S[j, i] * S[j, k]
+                    kk += S[j, k] * S[j, k]
+                aligned = ik * ik > _ORTHOGONAL * _ORTHOGONAL * ii * kk
+                largest = select(aligned, 1.0, largest)
+                zeta = (kk - ii) / select(aligned, ik + ik, 1.0)
+                size = 1.0 / (magnitude(zeta) + sqrt(1.0 + zeta * zeta))
+                t = select(aligned, select(zeta < 0.0, -size, size), 0.0)
+                c = 1.0 / sqrt(1.0 + t * t)
+                s = c * t
+                for j in range(n):
+                    x, y = S[j, i], S[j, k]
+                    S[j, i] = c * x - s * y
+                    S[j, k] = s * x + c * y
+        if not any_of(largest > 0.0):
+            break
+    least = 0.0 * S[0, 0]
+    for i in range(m):
+        square = 0.0 * S[0, 0]
+        for j in range(n):
+            square += S[j, i] * S[j, i]
+        least = square if i == 0 else minimum(least, square)
+    return sqrt(least)

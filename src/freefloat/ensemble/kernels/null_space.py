@@ -1,0 +1,176 @@
+"""Null-space motion of redundant arms in lock step, see :mod:`freefloat.dynamics.resolved_rates`.
+
+With a basis N of the null space of S*, the null-space rates are z = N c with
+
+    (N^T W N) c = -N^T W u   and   (N^T W N) c = N^T g,
+
+where u are the rates of least Euclidean norm, W is the metric and g the gradient of the objective. So
+z neither moves the end-effector nor changes the momentum, and W may be singular.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from freefloat.dynamics.kernels.compilation import inlined, inner
+from freefloat.ensemble.kernels.equation import (
+    ANGULAR,
+    AXIS,
+    LINEAR,
+    POINT,
+    PRISMATIC,
+    TURN,
+    determinants,
+)
+from freefloat.ensemble.kernels.lanes import cross, dot, select, sqrt
+from freefloat.ensemble.kernels.reflections import reflect
+from freefloat.ensemble.kernels.tables import below, get_vector
+
+WEIGHTED, ENERGY = 1, 2
+"""Codes of the metrics."""
+SIGMA, MIDDLE_OF_RANGE = 1, 2
+"""Codes of the objectives; 0 for none."""
+_STEP = 1e-4
+"""Step of the joint values for differences of the manipulability [rad, m]."""
+
+
+class NullSpace(NamedTuple):
+    """Settings of the null-space motion."""
+
+    metric: int
+    toward: int
+    gain: float
+    bound: float
+    weights: object  # (n,)
+    middles: object  # of the joint ranges, (n,)
+    ranges: object  # 1 where a joint has a range, otherwise 0, (n,)
+
+
+@inner
+def gradient(robot, null_space, q, work):
+    """Write the gradient of the objective at joint values into ``work.gradient``."""
+    g = work.gradient
+    for k in range(robot.n):
+        here = q[k]
+        if null_space.toward == MIDDLE_OF_RANGE:
+            g[k] = (null_space.middles[k] - here) * null_space.ranges[k]
+            continue
+        q[k] = here + _STEP
+        above, _ = determinants(robot, q, work)
+        q[k] = here - _STEP
+        under, _ = determinants(robot, q, work)
+        q[k] = here
+        total = above + under
+        g[k] = select(total > 0.0, (above - under) / (_STEP * total), 0.0 * total)
+
+
+@inner
+def add_null_space_motion(robot, null_space, speed, work):
+    """Add the null-space motion to the rates of least norm in ``work.rates``.
+
+    Args:
+        robot: Data of the robot.
+        null_space: Settings.
+        speed: Path speed ds/dt.
+        work: Workspace, with the factors of S* and, if there is an objective, its gradient.
+    """
+    n, r, W = robot.n, robot.n - robot.m, work.metric
+    _basis(robot, work)
+    if null_space.metric == ENERGY:
+        _kinetic_energy(robot, work)
+    else:
+        for i in range(n):
+            for j in range(n):
+                W[i * n + j] = null_space.weights[i] if i == j else 0.0
+    for c in range(r):
+        N = below(work.basis, c * n, 1)
+        for i in range(n):
+            total = 0.0 * speed
+            for j in range(n):
+                total += W[i * n + j] * N[j]
+            work.column[i] = total
+        for d in range(r):
+            work.normal[c * r + d] = _product(n, below(work.basis, d * n, 1), work.column)
+        work.right[2 * c] = -_product(n, work.rates, work.column)
+        work.right[2 * c + 1] = 0.0
+        if null_space.toward != 0:
+            work.right[2 * c + 1] = _product(n, N, work.gradient) * null_space.gain
+    _solve(r, work.normal, work.right)
+    square = 0.0 * speed
+    for i in range(n):
+        toward = 0.0 * speed
+        for c in range(r):
+            toward += work.basis[c * n + i] * work.right[2 * c + 1]
+        square += toward * toward
+    pace = speed / sqrt(1.0 + square * (1.0 / null_space.bound**2))
+    for i in range(n):
+        for c in range(r):
+            along = work.right[2 * c] + pace * work.right[2 * c + 1]
+            work.rates[i] = work.rates[i] + work.basis[c * n + i] * along
+
+
+@inlined
+def _product(n, a, b):
+    """Scalar product of two columns."""
+    total = a[0] * b[0]
+    for i in range(1, n):
+        total += a[i] * b[i]
+    return total
+
+
+@inner
+def _basis(robot, work):
+    """Write an orthonormal basis of the null space of S* into ``work.basis``, vector by vector."""
+    for c in range(robot.n - robot.m):
+        N = below(work.basis, c * robot.n, 1)
+        for i in range(robot.n):
+            N[i] = 1.0 if i == robot.m + c else 0.0
+        reflect(robot.m, robot.n, work.S, work.scales, N)
+
+
+@inner
+def _solve(r, A, b):
+    """Solve A x = b with a symmetric positive definite A and two right-hand sides, by L D L^T."""
+    for k in range(r):
+        inverse = 1.0 / A[k * r + k]
+        for i in range(k + 1, r):
+            factor = A[i * r + k] * inverse
+            for j in range(k + 1, r):
+                A[i * r + j] = A[i * r + j] - factor * A[k * r + j]
+            b[2 * i] = b[2 * i] - factor * b[2 * k]
+            b[2 * i + 1] = b[2 * i + 1] - factor * b[2 * k + 1]
+    for k in range(r - 1, -1, -1):
+        for side in range(2):
+            total = b[2 * k + side]
+            for j in range(k + 1, r):
+                total -= A[k * r + j] * b[2 * j + side]
+            b[2 * k + side] = total / A[k * r + k]
+
+
+@inner
+def _kinetic_energy(robot, work):
+    """Write the generalized inertia of the joint rates, divided by its mean diagonal element.
+
+    Its quadratic form is twice the kinetic energy of the system without momentum. Element (i, j), i
+    beyond j, is the product of the spacecraft's motion due to joint i and the momentum -P, -L that
+    joint j gives to the bodies before it.
+    """
+    n, w, W = robot.n, work.momenta, work.metric
+    centre = get_vector(work.centre, 0, 0)
+    trace = 0.0 * work.rates[0]
+    for i in range(n):
+        a, P = get_vector(w, i, AXIS), get_vector(w, i, LINEAR)
+        if robot.bodies[i + 1, PRISMATIC] != 0.0:
+            velocity = P * (1.0 / robot.mass) - a
+        else:
+            velocity = P * (1.0 / robot.mass) + cross(a, get_vector(w, i, POINT) - centre)
+        turn = get_vector(w, i, TURN)
+        for j in range(i + 1):
+            P = get_vector(w, j, LINEAR)
+            L = get_vector(w, j, ANGULAR) - cross(centre, P)
+            W[i * n + j] = -(dot(velocity, P) + dot(turn, L))
+            W[j * n + i] = W[i * n + j]
+        trace += W[i * n + i]
+    scale = n / trace
+    for i in range(n * n):
+        W[i] = W[i] * scale

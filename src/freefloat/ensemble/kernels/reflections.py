@@ -1,0 +1,73 @@
+"""Householder reflections of S^T = Q R for motions in lock step: determinant, least norm, null space.
+
+S has m rows and n >= m columns. They need no pivoting, serve square and redundant arms alike, and give
+the sign of the determinant.
+"""
+
+from __future__ import annotations
+
+from freefloat.dynamics.kernels.compilation import inlined, inner
+from freefloat.ensemble.kernels.lanes import magnitude, select, sqrt
+
+
+@inlined
+def factorize(m, n, A, scales):
+    """Replace S^T by R above the diagonal and the reflections' normals on and below it.
+
+    Args:
+        m: Number of rows of S.
+        n: Number of its columns.
+        A: S^T, shape (n, m).
+        scales: Receives minus two over the normals' squares, shape (m,).
+
+    Returns:
+        det S, or sqrt(det(S S^T)) of a redundant arm.
+    """
+    determinant = 0.0 * A[0, 0] + 1.0
+    for k in range(m):
+        square = A[k, k] * A[k, k]
+        for i in range(k + 1, n):
+            square += A[i, k] * A[i, k]
+        norm = sqrt(square)
+        r = select(A[k, k] > 0.0, -norm, norm)
+        determinant *= -r
+        pivot = A[k, k] - r
+        A[k, k] = pivot
+        scale = 1.0 / (pivot * r)
+        scales[k] = scale
+        for j in range(k + 1, m):
+            along = pivot * A[k, j]
+            for i in range(k + 1, n):
+                along += A[i, k] * A[i, j]
+            along *= scale
+            A[k, j] = A[k, j] + along * pivot
+            for i in range(k + 1, n):
+                A[i, j] = A[i, j] + along * A[i, k]
+    if m < n:
+        return magnitude(determinant)
+    return determinant
+
+
+@inner
+def reflect(m, n, A, scales, x):
+    """Replace x by Q x."""
+    for k in range(m - 1, -1, -1):
+        along = 0.0 * x[k]
+        for i in range(k, n):
+            along += A[i, k] * x[i]
+        along *= scales[k]
+        for i in range(k, n):
+            x[i] = x[i] + along * A[i, k]
+
+
+@inlined
+def solve_least_norm(m, n, A, scales, b, x):
+    """Write the solution of least norm of S x = b into ``x``, shape (n,)."""
+    for k in range(m):
+        total = b[k]
+        for j in range(k):
+            total -= A[j, k] * x[j]
+        x[k] = total * A[k, k] * scales[k]  # over R's diagonal element, one over pivot * scale
+    for i in range(m, n):
+        x[i] = 0.0
+    reflect(m, n, A, scales, x)
