@@ -15,18 +15,18 @@ from freefloat.concurrency import Progress, available_cores, run_chunks
 from freefloat.dynamics.measures import NAMES
 from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.ensemble.kernels import integration as kernels
-from freefloat.ensemble.kernels.equation import Robot
-from freefloat.ensemble.kernels.flow import Course
-from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
-from freefloat.ensemble.kernels.null_space import (
-    ENERGY,
-    MIDDLE_OF_RANGE,
-    SIGMA,
-    WEIGHTED,
+from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED, integrate_many
+from freefloat.ensemble.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
+from freefloat.ensemble.kernels.records import (
+    Course,
+    Measure,
+    Motions,
     NullSpace,
+    Robot,
+    make_workspace,
 )
-from freefloat.ensemble.kernels.steps import TABLEAU, Measure
+from freefloat.ensemble.kernels.records import Problem as KernelProblem
+from freefloat.ensemble.kernels.steps import TABLEAU
 from freefloat.ensemble.link_frames import link_frames
 from freefloat.errors import whole_number
 from freefloat.motion.margin import keeps_threshold
@@ -153,16 +153,16 @@ class EnsembleIntegrator:
         def copied(array: Array) -> Array:  # the kernels are compiled for writable arrays
             return np.array(array, dtype=float, order="C")
 
-        motions = kernels.Motions(
+        motions = Motions(
             copied(attitudes), copied(joints), copied(np.broadcast_to(momenta, (K, 3))),
             copied(starts), copied(ends), float(stop_below),
         )  # fmt: skip
         chunk = min(_CHUNK, max(-(-K // self.threads), 8))
 
         def integrate_chunk(first: int) -> None:
-            kernels.integrate_many(
+            integrate_many(
                 self._arrays, motions, first, min(first + chunk, K), self.tolerance,
-                kernels.make_workspace(n, self._arrays.robot.m), result,
+                make_workspace(n, self._arrays.robot.m), result,
             )  # fmt: skip
 
         run_chunks(integrate_chunk, range(0, K, chunk), self.threads, progress)
@@ -171,7 +171,7 @@ class EnsembleIntegrator:
         return result
 
 
-def _kernel_problem(problem: Problem) -> kernels.Problem:
+def _kernel_problem(problem: Problem) -> KernelProblem:
     """The arrays that the kernels read of a problem."""
     model, task = problem.model, problem.task
     frames = link_frames(model)
@@ -183,7 +183,7 @@ def _kernel_problem(problem: Problem) -> kernels.Problem:
     polynomial = _polynomial(problem) if name == "arm" else np.zeros((0, 4))
     reach = VirtualManipulator.of(model).reach
     measure = Measure(NAMES.index(name), reach, len(polynomial), polynomial)
-    return kernels.Problem(robot, _course(problem), measure, _null_space(problem), TABLEAU)
+    return KernelProblem(robot, _course(problem), measure, _null_space(problem), TABLEAU)
 
 
 def _null_space(problem: Problem) -> NullSpace | None:
@@ -214,15 +214,11 @@ def _polynomial(problem: Problem) -> Array:
     coefficients[np.abs(coefficients) < _NEGLIGIBLE * np.abs(coefficients).max()] = 0.0
     terms = []
     for i, j in zip(*np.nonzero(coefficients), strict=True):
-        k, l = (int(index - _ANGLES * (2 * index > _ANGLES)) for index in (i, j))
-        if (k, l) >= (0, 0):  # the others are the conjugates of these
-            factor = 1.0 if (k, l) == (0, 0) else 2.0
-            terms.append([k, l, *(factor * part for part in _parts(coefficients[i, j]))])
+        pair = tuple(int(index - _ANGLES * (2 * index > _ANGLES)) for index in (i, j))
+        if pair >= (0, 0):  # the others are the conjugates of these
+            coefficient = (1.0 if pair == (0, 0) else 2.0) * coefficients[i, j]
+            terms.append([*pair, coefficient.real, -coefficient.imag])
     return np.array(terms)
-
-
-def _parts(coefficient: complex) -> tuple[float, float]:
-    return coefficient.real, -coefficient.imag
 
 
 def _course(problem: Problem) -> Course:
@@ -234,19 +230,19 @@ def _course(problem: Problem) -> Course:
         path.timing.segments[path.timing.segment_at(t)] for t in ((starts + ends) / 2.0).tolist()
     ]
     degree = max(len(segment.orders[0]) for segment in segments) - 1
-    rows, cells = [], []
+    rows: list[list[float]] = []
+    cells: list[Array] = []
     for segment, start, end in zip(segments, starts.tolist(), ends.tolist(), strict=True):
         low, high = segment(start, 0), segment(end, 0)
         pieces = _tangents(path.path, low, high)
         density = len(pieces) / (high - low)
         law = [[0.0] * (degree + 1 - len(order)) + list(order) for order in segment.orders[:2]]
-        rows.append([end, segment.origin, 1.0 / segment.span, low, density,
-                     sum(map(len, cells)), len(pieces), *law[0], *law[1]])  # fmt: skip
+        counts = (float(sum(len(entry) for entry in cells)), float(len(pieces)))
+        place = (end, segment.origin, 1.0 / segment.span, low, density)
+        rows.append([*place, *counts, *law[0], *law[1]])
         cells.append(pieces)
     stacked = np.concatenate(cells)
-    return Course(
-        path.duration, np.array(rows), len(rows), degree, stacked, len(stacked) == 1
-    )
+    return Course(path.duration, np.array(rows), len(rows), degree, stacked, len(stacked) == 1)
 
 
 def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:

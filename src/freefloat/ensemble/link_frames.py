@@ -21,9 +21,9 @@ class LinkFrames(NamedTuple):
     Attributes:
         base: Frame 0 in the spacecraft frame: x, y and z axes and origin, rows of shape (4, 3).
         bodies: A row for the spacecraft and each joint: cosine and sine of the rotation about x and
-            the displacement along it from frame k - 1; angle about and displacement along z of frame
-            k at joint value zero; 1 for a prismatic joint; mass, first moment and inertia xx yy zz yz
-            zx xy about the origin of the frame, shape (1 + n, 16).
+            displacement along it from frame k - 1, angle about z and displacement along it to frame
+            k at joint value zero; 1 for a prismatic joint; mass, first moment and inertia xx yy zz
+            yz zx xy of the body about the frame's origin, shape (1 + n, 16).
         tool: End-effector position in frame n [m], shape (3,).
     """
 

@@ -48,7 +48,8 @@ def inlined(function: _Function) -> _Function:
 def _digest(folder: Path) -> str:
     """Digest of the sources below a folder that contain kernels."""
     texts = [path.read_bytes() for path in sorted(folder.rglob("*.py"))]
-    return sha256(b"".join(text for text in texts if b"@compiled" in text or b"@in" in text)).hexdigest()
+    kernels = [text for text in texts if b"compilation import" in text or b"numba" in text]
+    return sha256(b"".join(kernels)).hexdigest()
 
 
 def _unowned(_: Any, array: Any) -> Any:

@@ -1,15 +1,14 @@
-"""Equation (4) for motions in lock step: joint rates and spacecraft rate for a twist and a momentum.
+"""Equation (4) for motions in lock step: joint and spacecraft rates for a twist and a momentum.
 
-A joint's rate moves the bodies between spacecraft and joint against those beyond it. With the bodies
-beyond the joint at rest, a unit rate gives them the linear momentum -P and the angular momentum -L
-about the system's centre of mass; in terms of (1), L = D a - Dq for a revolute joint with axis a. The
-whole system then translates and rotates as a rigid body such that its momentum is zero, with the
-velocity P / M of the centre of mass and the angular velocity y = inverse(D) L. So column j of S* in
-(7) is (P / M + y x r, y), where r is the end-effector's position from the centre of mass.
+A joint moves the bodies on the spacecraft's side of it against those beyond. With the latter at
+rest, a unit rate gives the former the linear momentum -P and the angular momentum -L about the
+system's centre of mass. For a revolute joint with axis a, L = D a - Dq with D and Dq of (1). Zero
+momentum then requires that the system moves as one rigid body, too: its centre of mass with the
+velocity P / M, and with the angular velocity y = inverse(D) L. So column j of S* in (7) is
+(P / M + y x r, y), where r is the end-effector's position from the centre of mass, and the
+spacecraft turns with y - a.
 
-All vectors are in the spacecraft frame. Link frames follow Denavit and Hartenberg in the form of
-Craig: frame k has its z axis on joint k; from frame k - 1 it is reached by rotating about x and moving
-along x, then about and along z. ``bodies`` has a row for the spacecraft and one for each joint.
+All vectors are in the spacecraft frame.
 """
 
 from __future__ import annotations
@@ -17,44 +16,36 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from freefloat.dynamics.kernels.compilation import inlined, inner
-from freefloat.ensemble.kernels.lanes import (
+from freefloat.ensemble.kernels.lanes import Float, sine_cosine
+from freefloat.ensemble.kernels.records import Robot, Workspace
+from freefloat.ensemble.kernels.reflections import factorize, solve_least_norm
+from freefloat.ensemble.kernels.tables import Table, get_vector, set_vector
+from freefloat.ensemble.kernels.vectors import (
+    Vector,
     components,
     cross,
     product,
     rolled,
-    sine_cosine,
     vector,
 )
-from freefloat.ensemble.kernels.reflections import factorize, solve_least_norm
-from freefloat.ensemble.kernels.tables import get_vector, set_vector
 
-COSINE, SINE, ALONG_X, ANGLE, ALONG_Z, PRISMATIC = 0, 1, 2, 3, 4, 5
-MASS, MOMENT, DIAGONAL, PRODUCTS, BODY_COLUMNS = 6, 7, 10, 13, 16
-AXIS, POINT, LINEAR, ANGULAR, TURN, JOINT_COLUMNS = 0, 3, 6, 9, 12, 15
-
-
-class Robot(NamedTuple):
-    """Data of a robot."""
-
-    bodies: object
-    base: object  # frame 0 in the spacecraft frame: x, y, z axes and origin, rows of shape (4, 3)
-    tool: object  # end-effector position in frame n, (3,)
-    rows: object  # of the task, (m,)
-    n: int
-    m: int
-    planar: bool
-    mass: float
+COSINE, SINE, ALONG_X, ANGLE, ALONG_Z, PRISMATIC, MASS, MOMENT, DIAGONAL, PRODUCTS = (
+    0, 1, 2, 3, 4, 5, 6, 7, 10, 13)  # fmt: skip
+"""Columns of ``Robot.bodies``, see :class:`freefloat.ensemble.link_frames.LinkFrames`."""
+AXIS, POINT, LINEAR, ANGULAR, TURN = 0, 3, 6, 9, 12
+"""Columns of ``Workspace.momenta``: axis of a joint and a point on it; P, and L about the origin of
+the spacecraft frame; the spacecraft's angular velocity per joint rate."""
 
 
 class Inertia(NamedTuple):
     """A symmetric matrix: its diagonal, and the elements yz, zx, xy."""
 
-    diagonal: object
-    products: object
+    diagonal: Vector
+    products: Vector
 
 
 @inlined
-def times(I, v):
+def times(I: Inertia, v: Vector) -> Vector:
     """Product of an inertia and a vector."""
     x, y, z = components(v)
     yz, zx, xy = components(I.products)
@@ -62,7 +53,7 @@ def times(I, v):
 
 
 @inlined
-def of_point(m, x):
+def of_point(m: float, x: Vector) -> Inertia:
     """Inertia of a mass at a point, about the origin."""
     mx = x * m
     a, b, c = components(product(mx, x))
@@ -70,19 +61,19 @@ def of_point(m, x):
 
 
 @inlined
-def plus(a, b):
+def plus(a: Inertia, b: Inertia) -> Inertia:
     """Sum of two inertias."""
     return Inertia(a.diagonal + b.diagonal, a.products + b.products)
 
 
 @inlined
-def minus(a, b):
+def minus(a: Inertia, b: Inertia) -> Inertia:
     """Difference of two inertias."""
     return Inertia(a.diagonal - b.diagonal, a.products - b.products)
 
 
 @inlined
-def in_axes(I, ex, ey, ez):
+def in_axes(I: Inertia, ex: Vector, ey: Vector, ez: Vector) -> Inertia:
     """R I R^T, R = (ex, ey, ez)."""
     ix, iy, iz = components(I.diagonal)
     yz, zx, xy = components(I.products)
@@ -97,7 +88,9 @@ def in_axes(I, ex, ey, ez):
 
 
 @inlined
-def screwed(M, u, I, s, c, d):
+def screwed(
+    M: float, u: Vector, I: Inertia, s: Float, c: Float, d: Float
+) -> tuple[Vector, Inertia]:
     """First moment and inertia in a frame rotated about z and displaced along z.
 
     Args:
@@ -116,13 +109,11 @@ def screwed(M, u, I, s, c, d):
     k = s * (xx - yy) - (c + c) * xy
     steiner = d * (z + z - M * d)
     xx, yy, xy = xx - s * k - steiner, yy + s * k - steiner, -(c * k + xy)
-    return vector(x, y, z - M * d), Inertia(
-        vector(xx, yy, zz), vector(yz + d * y, zx + d * x, xy)
-    )
+    return vector(x, y, z - M * d), Inertia(vector(xx, yy, zz), vector(yz + d * y, zx + d * x, xy))
 
 
 @inlined
-def inverse(I):
+def inverse(I: Inertia) -> tuple[Inertia, Float]:
     """Inverse and determinant of an inertia."""
     xx, yy, zz = components(I.diagonal)
     yz, zx, xy = components(I.products)
@@ -136,14 +127,15 @@ def inverse(I):
 
 
 @inlined
-def place_bodies(robot, q, w):
+def place_bodies(robot: Robot, q: Table, w: Table) -> tuple[Vector, Vector, Inertia, Vector]:
     """Write axis, point, P and L about the spacecraft's origin of each joint into ``w``.
 
     ``M``, ``u`` and ``I`` are mass, first moment and inertia of the bodies between spacecraft and
     joint, in the frame (``ex``, ``ey``, ``ez``) at ``p``, about its origin.
 
     Returns:
-        End-effector position, and first moment and inertia of all bodies, in the spacecraft frame.
+        End-effector position, first moment and inertia of all bodies, and the point to which these
+        refer.
     """
     bodies = robot.bodies
     ex, ey = get_vector(robot.base, 0, 0), get_vector(robot.base, 1, 0)
@@ -165,8 +157,8 @@ def place_bodies(robot, q, w):
             P, L = ez * M, ex * y - ey * x
         else:
             angle = angle + q[k - 1]
-            yz, zx, xy = components(I.products)
-            zz = components(I.diagonal)[2]
+            yz, zx, _ = components(I.products)
+            _, _, zz = components(I.diagonal)
             P, L = ey * x - ex * y, ex * zx + ey * yz + ez * zz
         set_vector(w, k - 1, AXIS, ez)
         set_vector(w, k - 1, POINT, p)
@@ -188,12 +180,12 @@ def place_bodies(robot, q, w):
 
 
 @inlined
-def form_jacobian(robot, q, work):
+def form_jacobian(robot: Robot, q: Table, work: Workspace) -> tuple[Vector, Inertia, Float]:
     """Write the columns of S* of (7) into the rows of ``work.S``, momenta into ``work.momenta``.
 
     Returns:
-        End-effector position from the centre of mass, inverse and determinant of D; for planar tasks
-        its zz element.
+        End-effector position from the centre of mass, inverse and determinant of D; for planar
+        tasks the latter is its zz element.
     """
     w, S, share = work.momenta, work.S, 1.0 / robot.mass
     tip, u, I, p = place_bodies(robot, q, w)
@@ -222,14 +214,16 @@ def form_jacobian(robot, q, work):
 
 
 @inner
-def determinants(robot, q, work):
+def determinants(robot: Robot, q: Table, work: Workspace) -> tuple[Float, Float]:
     """Det S* (6), or sqrt(det(S* S*^T)), and det D at joint values."""
     _, _, det_D = form_jacobian(robot, q, work)
     return factorize(robot.m, robot.n, work.S, work.scales), det_D
 
 
 @inlined
-def solve_rates(robot, q, v, omega, h, work):
+def solve_rates(
+    robot: Robot, q: Table, v: Vector, omega: Vector, h: Vector, work: Workspace
+) -> tuple[Vector, Float, Float]:
     """Solve (4) at joint values ``q``; of redundant arms, for the rates of least Euclidean norm.
 
     Args:
@@ -258,7 +252,7 @@ def solve_rates(robot, q, v, omega, h, work):
 
 
 @inlined
-def spacecraft_rate(robot, drift, work):
+def spacecraft_rate(robot: Robot, drift: Vector, work: Workspace) -> Vector:
     """The spacecraft's angular velocity for the joint rates in ``work``."""
     for j in range(robot.n):
         drift = drift + get_vector(work.momenta, j, TURN) * work.rates[j]

@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from freefloat.dynamics.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.equation import PRISMATIC, form_jacobian
-from freefloat.ensemble.kernels.lanes import any_of, magnitude, minimum, select, sine_cosine, sqrt
+from freefloat.ensemble.kernels.lanes import (
+    Float,
+    any_of,
+    magnitude,
+    minimum,
+    select,
+    sine_cosine,
+    sqrt,
+)
+from freefloat.ensemble.kernels.records import Measure, Robot, Workspace
 from freefloat.ensemble.kernels.reflections import factorize
+from freefloat.ensemble.kernels.tables import Table
 
 GJM, SYSTEM, ARM, SIGMA = 0, 1, 2, 3
 """Codes of the measures, in the order of ``freefloat.dynamics.measures.NAMES``."""
@@ -14,7 +24,7 @@ _ORTHOGONAL = 1e-14
 
 
 @inner
-def measure_at(robot, measure, q, work):
+def measure_at(robot: Robot, measure: Measure, q: Table, work: Workspace) -> Float:
     """The measure at joint values."""
     if measure.code == ARM:
         return polynomial(measure, q)
@@ -26,7 +36,7 @@ def measure_at(robot, measure, q, work):
 
 
 @inlined
-def of_determinants(measure, determinant, det_D):
+def of_determinants(measure: Measure, determinant: Float, det_D: Float) -> Float:
     """The measure ``gjm`` or ``system`` where det S* and det D are known."""
     if measure.code == GJM:
         return determinant
@@ -34,8 +44,8 @@ def of_determinants(measure, determinant, det_D):
 
 
 @inlined
-def polynomial(measure, q):
-    """The measure ``arm``, the sum of a cos(k q2 + l q3) + b sin(k q2 + l q3) of rows k, l, a, b."""
+def polynomial(measure: Measure, q: Table) -> Float:
+    """The measure ``arm``: the sum of a cos(k q2 + l q3) + b sin(k q2 + l q3), rows k, l, a, b."""
     total = 0.0 * q[1]
     for i in range(measure.terms):
         s, c = sine_cosine(q[1] * measure.polynomial[i, 0] + q[2] * measure.polynomial[i, 1])
@@ -44,7 +54,7 @@ def polynomial(measure, q):
 
 
 @inner
-def smallest_singular_value(robot, measure, S):
+def smallest_singular_value(robot: Robot, measure: Measure, S: Table) -> Float:
     """The smallest singular value of S*, lengths in units of the reach; overwrites ``S``.
 
     By Jacobi rotations of pairs of rows of S* until all are orthogonal (Hestenes 1958).

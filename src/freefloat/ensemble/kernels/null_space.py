@@ -4,13 +4,11 @@ With a basis N of the null space of S*, the null-space rates are z = N c with
 
     (N^T W N) c = -N^T W u   and   (N^T W N) c = N^T g,
 
-where u are the rates of least Euclidean norm, W is the metric and g the gradient of the objective. So
-z neither moves the end-effector nor changes the momentum, and W may be singular.
+where u are the rates of least Euclidean norm, W is the metric and g the gradient of the objective.
+So z neither moves the end-effector nor changes the momentum, and W may be singular.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 from freefloat.dynamics.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.equation import (
@@ -22,9 +20,11 @@ from freefloat.ensemble.kernels.equation import (
     TURN,
     determinants,
 )
-from freefloat.ensemble.kernels.lanes import cross, dot, select, sqrt
+from freefloat.ensemble.kernels.lanes import Float, select, sqrt
+from freefloat.ensemble.kernels.records import NullSpace, Robot, Workspace
 from freefloat.ensemble.kernels.reflections import reflect
-from freefloat.ensemble.kernels.tables import below, get_vector
+from freefloat.ensemble.kernels.tables import Table, below, get_vector
+from freefloat.ensemble.kernels.vectors import cross, dot
 
 WEIGHTED, ENERGY = 1, 2
 """Codes of the metrics."""
@@ -34,20 +34,8 @@ _STEP = 1e-4
 """Step of the joint values for differences of the manipulability [rad, m]."""
 
 
-class NullSpace(NamedTuple):
-    """Settings of the null-space motion."""
-
-    metric: int
-    toward: int
-    gain: float
-    bound: float
-    weights: object  # (n,)
-    middles: object  # of the joint ranges, (n,)
-    ranges: object  # 1 where a joint has a range, otherwise 0, (n,)
-
-
 @inner
-def gradient(robot, null_space, q, work):
+def gradient(robot: Robot, null_space: NullSpace, q: Table, work: Workspace) -> None:
     """Write the gradient of the objective at joint values into ``work.gradient``."""
     g = work.gradient
     for k in range(robot.n):
@@ -65,7 +53,9 @@ def gradient(robot, null_space, q, work):
 
 
 @inner
-def add_null_space_motion(robot, null_space, speed, work):
+def add_null_space_motion(
+    robot: Robot, null_space: NullSpace, speed: Float, work: Workspace
+) -> None:
     """Add the null-space motion to the rates of least norm in ``work.rates``.
 
     Args:
@@ -110,7 +100,7 @@ def add_null_space_motion(robot, null_space, speed, work):
 
 
 @inlined
-def _product(n, a, b):
+def _product(n: int, a: Table, b: Table) -> Float:
     """Scalar product of two columns."""
     total = a[0] * b[0]
     for i in range(1, n):
@@ -119,7 +109,7 @@ def _product(n, a, b):
 
 
 @inner
-def _basis(robot, work):
+def _basis(robot: Robot, work: Workspace) -> None:
     """Write an orthonormal basis of the null space of S* into ``work.basis``, vector by vector."""
     for c in range(robot.n - robot.m):
         N = below(work.basis, c * robot.n, 1)
@@ -129,7 +119,7 @@ def _basis(robot, work):
 
 
 @inner
-def _solve(r, A, b):
+def _solve(r: int, A: Table, b: Table) -> None:
     """Solve A x = b with a symmetric positive definite A and two right-hand sides, by L D L^T."""
     for k in range(r):
         inverse = 1.0 / A[k * r + k]
@@ -148,7 +138,7 @@ def _solve(r, A, b):
 
 
 @inner
-def _kinetic_energy(robot, work):
+def _kinetic_energy(robot: Robot, work: Workspace) -> None:
     """Write the generalized inertia of the joint rates, divided by its mean diagonal element.
 
     Its quadratic form is twice the kinetic energy of the system without momentum. Element (i, j), i

@@ -1,17 +1,18 @@
-"""Householder reflections of S^T = Q R for motions in lock step: determinant, least norm, null space.
+"""Householder reflections, S^T = Q R, for motions in lock step: determinants and least norms.
 
-S has m rows and n >= m columns. They need no pivoting, serve square and redundant arms alike, and give
-the sign of the determinant.
+S has m rows and n >= m columns. Reflections need no pivoting, serve square and redundant arms, and
+give the sign of the determinant.
 """
 
 from __future__ import annotations
 
 from freefloat.dynamics.kernels.compilation import inlined, inner
-from freefloat.ensemble.kernels.lanes import magnitude, select, sqrt
+from freefloat.ensemble.kernels.lanes import Float, magnitude, select, sqrt
+from freefloat.ensemble.kernels.tables import Table
 
 
 @inlined
-def factorize(m, n, A, scales):
+def factorize(m: int, n: int, A: Table, scales: Table) -> Float:
     """Replace S^T by R above the diagonal and the reflections' normals on and below it.
 
     Args:
@@ -49,7 +50,7 @@ def factorize(m, n, A, scales):
 
 
 @inner
-def reflect(m, n, A, scales, x):
+def reflect(m: int, n: int, A: Table, scales: Table, x: Table) -> None:
     """Replace x by Q x."""
     for k in range(m - 1, -1, -1):
         along = 0.0 * x[k]
@@ -61,7 +62,7 @@ def reflect(m, n, A, scales, x):
 
 
 @inlined
-def solve_least_norm(m, n, A, scales, b, x):
+def solve_least_norm(m: int, n: int, A: Table, scales: Table, b: Table, x: Table) -> None:
     """Write the solution of least norm of S x = b into ``x``, shape (n,)."""
     for k in range(m):
         total = b[k]

@@ -1,90 +1,115 @@
-"""Steps of the Dormand-Prince method for motions in lock step, and minima of the measure within them.
+"""Steps of the Dormand-Prince method for motions in lock step.
 
-Each motion has its own time, step and error. The independent variable sigma evens the steps out: with
-rates f by time in units of the duration, dt / dsigma = (c + |f|^2)^(-1/4). The last part of a segment
-goes by time, to end where the segment ends. A motion begins with a step of length zero, which evaluates
-its first rates.
+Each motion has its own time, step and error. The independent variable sigma evens the steps out:
+dt / dsigma = (c + |f|^2)^(-1/4), where f are the rates by time in units of the duration. The last
+part of a segment goes by time, to end where the segment ends. A motion begins with a step of length
+zero, which evaluates its first rates. A step across a singularity finds a determinant of the other
+sign, is rejected and shortened until it is negligible.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import RK45
 
 from freefloat.dynamics.kernels.compilation import inlined, inner
+from freefloat.dynamics.redundancy import SINGULAR_SPEED
 from freefloat.ensemble.kernels.flow import flow
 from freefloat.ensemble.kernels.lanes import (
+    Float,
+    Mask,
     any_of,
+    bits,
     magnitude,
     maximum,
     minimum,
     select,
     sqrt,
 )
-from freefloat.ensemble.kernels.measures import ARM, SIGMA, measure_at, of_determinants
+from freefloat.ensemble.kernels.measures import ARM, measure_at, of_determinants
+from freefloat.ensemble.kernels.minima import note_minimum
+from freefloat.ensemble.kernels.records import (
+    BY_TIME,
+    FRESH,
+    HIGHEST,
+    LARGEST,
+    LAST_ERROR,
+    LEG,
+    LOWEST,
+    POSITIVE,
+    SIGN,
+    SMALLEST,
+    SPEED,
+    STEP,
+    TOLERANCE,
+    VALUE,
+    Problem,
+    Workspace,
+)
+from freefloat.ensemble.kernels.tables import Table, below
 
-(
-    SEGMENT, LEG, FORWARD, STEP, BY_TIME, FRESH, TOLERANCE, LAST_ERROR, POSITIVE, SIGN, VALUE,
-    LOWEST, LOWEST_AT, HIGHEST, SMALLEST, LARGEST, SPEED, MOTION_ROWS,
-) = range(18)  # fmt: skip
-"""Rows of ``now``: the state of a motion beside attitude, joints and time."""
-TABLEAU = np.zeros((14, 7))
-"""Rows 0 to 5: stages, with their times in the last column; 6: the step; 7: its error; 8 to 11: the
-interpolant's coefficients by power of the fraction of the step."""
-TABLEAU[:6, :5], TABLEAU[:6, 6], TABLEAU[6, :6], TABLEAU[7] = RK45.A, RK45.C, RK45.B, RK45.E
-TABLEAU[8:12] = RK45.P.T
-_EVENNESS = 20.0
-_FIRST_STEP = 0.02
+TABLEAU = np.zeros((12, 7))
+"""Rows 0 to 5: stages; 6: the step; 7: its error; 8 to 11: the interpolant's coefficients by power
+of the fraction of the step."""
+TABLEAU[:6, :5], TABLEAU[6, :6], TABLEAU[7], TABLEAU[8:] = RK45.A, RK45.B, RK45.E, RK45.P.T
 _LAST_PART = 0.7
-"""A step by sigma that would go further than this part of what remains of a segment goes by time."""
-_SKEWED, _DEPTH_FACTOR = 0.02, 3.0
-"""A minimum inside a step may be deeper than that of a parabola: by this part of the value, and by this
-multiple of the parabola's depth."""
+"""A step by sigma over more than this part of what remains of a segment goes by time instead."""
+_SHORTEST_STEP, _SINGULAR_STEP = 1e-11, 1e-7
+"""Lengths of negligible steps, and of those across a singularity, in units of the duration."""
 
 
-class Measure(NamedTuple):
-    """The singularity measure of a problem."""
+@inner
+def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
+    """Attempt one step of each motion.
 
-    code: int
-    reach: float
-    terms: int
-    polynomial: object  # of the measure ``arm``
+    Returns:
+        Bits of the motions that arrived at the end of their segment, and of those that ended at a
+        singularity.
+    """
+    robot, measure, status, n = problem.robot, problem.measure, work.status, problem.robot.n
+    fresh = status[FRESH] > 0.0
+    dt, whole = step_length(n, work)
+    determinant, det_D, regular = make_stages(problem, dt, work)
+    error = error_of(problem, dt, work)
+    accepted = (regular & (error < 1.0)) | fresh
+    if measure.code < ARM:
+        value = of_determinants(measure, determinant, det_D)
+    else:
+        value = measure_at(robot, measure, below(work.at, 4, 1), work)
+    size = magnitude(determinant)
+    if any_of(fresh):
+        begin_motions(fresh, determinant, value, work)
+    value *= status[SIGN]
+    note_minimum(problem, dt, value, accepted, work)
+    status[VALUE] = select(accepted, value, status[VALUE])
+    status[HIGHEST] = select(accepted, maximum(status[HIGHEST], value), status[HIGHEST])
+    status[SMALLEST] = select(accepted, minimum(status[SMALLEST], size), status[SMALLEST])
+    status[LARGEST] = select(accepted, maximum(status[LARGEST], size), status[LARGEST])
+    advance(problem, accepted, whole, work)
+    control_step(fresh, accepted, regular, dt, error, status)
+    shortest = select(regular, _SHORTEST_STEP, _SINGULAR_STEP)
+    ended = ~accepted & (status[STEP] * magnitude(work.K[4 + n, 0]) < shortest)
+    ended = ended | (accepted & (status[LOWEST] <= 0.0)) | (fresh & ~(size > 0.0))
+    if robot.m < n:
+        ended = ended | (accepted & (status[SPEED] > SINGULAR_SPEED))
+    return bits(accepted & whole), bits(ended)
 
 
 @inlined
-def derivatives(problem, y, work, stage):
-    """Write a stage's derivatives by sigma; return det S* and det D."""
-    K, now, n = work.K, work.now, problem.robot.n
-    determinant, det_D = flow(problem.robot, problem.course, problem.null_space, y, work, stage)
-    total = 0.0 * determinant + _EVENNESS
-    for j in range(4 + n):
-        total += K[j, stage] * K[j, stage]
-    pace = select(now[BY_TIME] > 0.0, 1.0, 1.0 / sqrt(sqrt(total))) * now[FORWARD]
-    for j in range(4 + n):
-        K[j, stage] = K[j, stage] * pace
-    K[4 + n, stage] = pace
-    return determinant, det_D
-
-
-@inlined
-def step_length(n, work):
-    """The length of the next step by sigma or by time, and whether it ends the segment."""
-    now, K = work.now, work.K
-    remaining = magnitude(now[LEG] - work.y[4 + n])
+def step_length(n: int, work: Workspace) -> tuple[Float, Mask]:
+    """The length of the next step, by sigma or by time, and whether it ends the segment."""
+    status, K = work.status, work.K
+    remaining = magnitude(status[LEG] - work.y[4 + n])
     pace = magnitude(K[4 + n, 0])
-    fresh = now[FRESH] > 0.0
-    by_time = now[BY_TIME] > 0.0
-    change = ~fresh & ~by_time & (now[STEP] * pace > _LAST_PART * remaining)
+    fresh, by_time = status[FRESH] > 0.0, status[BY_TIME] > 0.0
+    change = ~fresh & ~by_time & (status[STEP] * pace > _LAST_PART * remaining)
     if any_of(change):
-        scale = select(change, 1.0 / pace, 1.0)
         for j in range(5 + n):
-            K[j, 0] = K[j, 0] * scale
-        now[STEP] = select(change, now[STEP] * pace, now[STEP])
+            K[j, 0] = select(change, K[j, 0] / pace, K[j, 0])
+        status[STEP] = select(change, status[STEP] * pace, status[STEP])
         by_time = by_time | change
-        now[BY_TIME] = select(by_time, 1.0, 0.0)
-    step = now[STEP]
+        status[BY_TIME] = select(by_time, 1.0, 0.0)
+    step = status[STEP]
     whole = by_time & (step >= remaining) & ~fresh
     step = select(by_time & (step > 0.5 * remaining), 0.5 * remaining, step)
     step = select(whole, remaining, step)
@@ -92,108 +117,84 @@ def step_length(n, work):
 
 
 @inlined
-def make_stages(problem, dt, work):
+def make_stages(problem: Problem, dt: Float, work: Workspace) -> tuple[Float, Float, Mask]:
     """Compute the stages of a step but the first, and its end in ``work.at``.
 
     Returns:
         det S* and det D at the end, and where det S* keeps its sign.
     """
-    tableau, K, y, at, states = problem.tableau, work.K, work.y, work.at, 5 + problem.robot.n
-    determinant, det_D = dt, dt
-    regular = dt == dt
+    robot, tableau, K, y, at = problem.robot, problem.tableau, work.K, work.y, work.at
+    determinant, det_D, regular = dt, dt, dt >= 0.0
     for s in range(1, 7):
-        for j in range(states):
+        for j in range(5 + robot.n):
             total = K[j, 0] * tableau[s, 0]
             for i in range(1, s):
                 total += K[j, i] * tableau[s, i]
             at[j] = y[j] + dt * total
-        determinant, det_D = derivatives(problem, at, work, s)
-        regular = regular & (determinant * work.now[POSITIVE] > 0.0)
+        determinant, det_D = flow(robot, problem.course, problem.null_space, at, work, s)
+        regular = regular & (determinant * work.status[POSITIVE] > 0.0)
     return determinant, det_D, regular
 
 
 @inlined
-def error_of(problem, dt, work):
+def error_of(problem: Problem, dt: Float, work: Workspace) -> Float:
     """Errors of a step relative to the tolerances, in SciPy's norm."""
-    tableau, K, y, at, n = problem.tableau, work.K, work.y, work.at, problem.robot.n
+    tableau, K, y, at, count = problem.tableau, work.K, work.y, work.at, 4 + problem.robot.n
     error = 0.0 * dt
-    for j in range(4 + n):
-        total = 0.0 * dt
-        for s in range(7):
+    for j in range(count):
+        total = K[j, 0] * tableau[7, 0]
+        for s in range(1, 7):
             total += K[j, s] * tableau[7, s]
-        total = total / (1.0 + maximum(magnitude(y[j]), magnitude(at[j])))
+        total /= 1.0 + maximum(magnitude(y[j]), magnitude(at[j]))
         error += total * total
-    return dt * sqrt(error * (1.0 / (4.0 + n))) / work.now[TOLERANCE]
+    return dt * sqrt(error / count) / work.status[TOLERANCE]
 
 
 @inlined
-def inside(problem, dt, x, work):
-    """Write joint values and time at a fraction of the step into ``work.probe``."""
-    tableau, K, y, n = problem.tableau, work.K, work.y, problem.robot.n
-    for s in range(7):
-        power = tableau[8, s] + x * (tableau[9, s] + x * (tableau[10, s] + x * tableau[11, s]))
-        work.weights[s] = power * x * dt
-    for j in range(n + 1):
-        total = y[4 + j]
-        for s in range(7):
-            total += work.weights[s] * K[4 + j, s]
-        work.probe[j] = total
+def begin_motions(fresh: Mask, determinant: Float, value: Float, work: Workspace) -> None:
+    """Write the first values of motions."""
+    status, sign = work.status, select(value < 0.0, -1.0, 1.0)
+    status[SIGN] = select(fresh, sign, status[SIGN])
+    status[POSITIVE] = select(fresh, select(determinant > 0.0, 1.0, -1.0), status[POSITIVE])
+    for row in (VALUE, LOWEST, HIGHEST):
+        status[row] = select(fresh, value * sign, status[row])
+    for row in (SMALLEST, LARGEST):
+        status[row] = select(fresh, magnitude(determinant), status[row])
 
 
 @inlined
-def value_inside(problem, dt, x, work):
-    """The measure at a fraction of the step, with the sign of the motion's first value."""
-    inside(problem, dt, x, work)
-    return work.now[SIGN] * measure_at(problem.robot, problem.measure, work.probe, work)
+def advance(problem: Problem, accepted: Mask, whole: Mask, work: Workspace) -> None:
+    """Go on from the ends of accepted steps."""
+    y, at, K, status, extent = work.y, work.at, work.K, work.status, work.extent
+    n, T = problem.robot.n, 4 + problem.robot.n
+    pace = magnitude(K[T, 6])
+    speed = 0.0 * pace
+    for j in range(n):
+        rate, q = magnitude(K[4 + j, 6]) / pace, at[4 + j]
+        speed = maximum(rate, speed)
+        lowest, highest = minimum(extent[3 * j + 1], q), maximum(extent[3 * j + 2], q)
+        extent[3 * j] = select(accepted, maximum(extent[3 * j], rate), extent[3 * j])
+        extent[3 * j + 1] = select(accepted, lowest, extent[3 * j + 1])
+        extent[3 * j + 2] = select(accepted, highest, extent[3 * j + 2])
+    status[SPEED] = speed
+    norm = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2] + at[3] * at[3])
+    for j in range(4):
+        at[j] = at[j] / norm
+    at[T] = select(whole, status[LEG], at[T])
+    for j in range(5 + n):
+        y[j] = select(accepted, at[j], y[j])
+        K[j, 0] = select(accepted, K[j, 6], K[j, 0])
 
 
 @inlined
-def note_minimum(problem, dt, after, accepted, work):
-    """Update the lowest value by the end of a step, and by a minimum inside."""
-    now, T = work.now, 4 + problem.robot.n
-    lower = accepted & (after < now[LOWEST])
-    now[LOWEST] = select(lower, after, now[LOWEST])
-    now[LOWEST_AT] = select(lower, work.at[T], now[LOWEST_AT])
-    before = now[VALUE]
-    middle = value_inside(problem, dt, 0.0 * dt + 0.5, work)
-    # parabola through beginning, middle and end
-    curvature = 2.0 * (before + after - 2.0 * middle)
-    slope = 4.0 * middle - 3.0 * before - after
-    place = -0.5 * slope / curvature
-    vertex = before + 0.5 * slope * place
-    low = minimum(before, minimum(middle, after))
-    deepest = low - maximum(_DEPTH_FACTOR * (low - vertex), _SKEWED * low)
-    dips = (curvature > 0.0) & (place > -0.1) & (place < 1.1) & (deepest < now[LOWEST])
-    dips = accepted & ((dips) | (middle < now[LOWEST]))
-    if any_of(dips):
-        found, place = local_minimum(problem, dt, before, middle, after, work)
-        lower = dips & (found < now[LOWEST])
-        inside(problem, dt, place, work)
-        now[LOWEST] = select(lower, found, now[LOWEST])
-        now[LOWEST_AT] = select(lower, work.probe[problem.robot.n], now[LOWEST_AT])
-
-
-@inlined
-def local_minimum(problem, dt, before, middle, after, work):
-    """The lowest value of the measure inside a step and its place, by successive parabolas."""
-    a, fa, b, fb, c, fc = 0.0 * dt, before, 0.0 * dt + 0.5, middle, 0.0 * dt + 1.0, after
-    for _ in range(6):
-        p, r = (b - a) * (fb - fc), (b - c) * (fb - fa)
-        x = b - 0.5 * ((b - a) * p - (b - c) * r) / (p - r)
-        least_move = 0.02 * (c - a)
-        longer = select(c - b > b - a, c - b, a - b)
-        near = ~(magnitude(x - b) > least_move)
-        x = select(near, b + select(magnitude(x - b) > 0.0, 0.1 * longer, 0.02 * longer), x)
-        x = minimum(maximum(x, a + 0.05 * (b - a)), c - 0.05 * (c - b))
-        fx = value_inside(problem, dt, x, work)
-        lower, beyond = fx < fb, x > b
-        a, fa = (
-            select(beyond, select(lower, b, a), select(lower, a, x)),
-            select(beyond, select(lower, fb, fa), select(lower, fa, fx)),
-        )
-        c, fc = (
-            select(beyond, select(lower, c, x), select(lower, b, c)),
-            select(beyond, select(lower, fc, fx), select(lower, fb, fc)),
-        )
-        b, fb = select(lower, x, b), select(lower, fx, fb)
-    return fb, b
+def control_step(
+    fresh: Mask, accepted: Mask, regular: Mask, dt: Float, error: Float, status: Table
+) -> None:
+    """Choose the next step: proportional-integral control, see Hairer and Wanner (1996), IV.2."""
+    error = maximum(select(error < 1e30, error, 1e30), 1e-10)
+    eighth = sqrt(sqrt(sqrt(error)))
+    grow = minimum(0.9 * sqrt(sqrt(sqrt(sqrt(status[LAST_ERROR])))) / eighth, 10.0)
+    shrink = select(regular, maximum(0.9 / (eighth * eighth), 0.2), 0.4)
+    status[STEP] = select(fresh, status[STEP], dt * select(accepted, grow, shrink))
+    status[LAST_ERROR] = select(accepted & ~fresh, error, status[LAST_ERROR])
+    status[FRESH] = 0.0

@@ -8,25 +8,26 @@ Indices are not checked, and whoever calls a kernel keeps the array of the table
 from __future__ import annotations
 
 import operator
-from typing import Any
+from typing import Any, TypeAlias
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
+from numba.extending import lower_builtin, models, register_model, type_callable
 
 from freefloat.ensemble.kernels.lanes import (
-    _INTS,
-    _LANES,
+    DOUBLE,
+    INTEGER,
+    LANES,
+    SHORT,
     WIDTH,
-    Lanes,
     LanesType,
-    Vector,
-    _components,
-    _splat,
-    _vector,
+    builtin,
+    lanes_type,
 )
+from freefloat.ensemble.kernels.vectors import pack, unpack, vector_type
 
-_DOUBLE, _INT, _SHORT = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
+Table: TypeAlias = Any
+"""In annotations of kernels: a table."""
 
 
 class TableType(types.Type):
@@ -40,11 +41,11 @@ class TableType(types.Type):
 @register_model(TableType)
 class _Model(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _DOUBLE.as_pointer())
+        super().__init__(manager, kind, DOUBLE.as_pointer())
 
 
 def _view(dtype: Any) -> Any:
-    @intrinsic(prefer_literal=True)
+    @builtin(prefer_literal=True)
     def view(typing: Any, array: Any, columns: Any) -> Any:
         if not isinstance(columns, types.IntegerLiteral):
             return None
@@ -57,11 +58,11 @@ def _view(dtype: Any) -> Any:
     return view
 
 
-floats, lanes = _view(types.float64), _view(Lanes)
+floats, lanes = _view(types.float64), _view(lanes_type)
 """In a kernel: an array as a table with a literal number of columns."""
 
 
-@intrinsic(prefer_literal=True)
+@builtin(prefer_literal=True)
 def below(typing: Any, table: Any, row: Any, columns: Any) -> Any:
     """The table that begins at a row of another one, with a literal number of columns."""
     if not isinstance(columns, types.IntegerLiteral):
@@ -69,38 +70,38 @@ def below(typing: Any, table: Any, row: Any, columns: Any) -> Any:
 
     def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         row = context.cast(builder, values[1], signature.args[1], types.int64)
-        return _address(builder, signature.args[0], values[0], row, _INT(0))
+        return _address(builder, signature.args[0], values[0], row, INTEGER(0))
 
     return TableType(columns.literal_value, table.dtype)(table, row, columns), lower
 
 
 def _address(builder: Any, table: TableType, start: Any, row: Any, column: Any) -> Any:
-    place = builder.add(builder.mul(row, _INT(table.columns)), column)
-    if table.dtype == Lanes:
-        place = builder.mul(place, _INT(WIDTH))
-    return builder.gep(start, [place], inbounds=True, source_etype=_DOUBLE)
+    place = builder.add(builder.mul(row, INTEGER(table.columns)), column)
+    if table.dtype == lanes_type:
+        place = builder.mul(place, INTEGER(WIDTH))
+    return builder.gep(start, [place], inbounds=True, source_etype=DOUBLE)
 
 
 def _indices(context: Any, builder: Any, kind: Any, value: Any) -> list[Any]:
-    if isinstance(kind, types.BaseTuple):
+    if hasattr(kind, "types"):
         return [
             context.cast(builder, builder.extract_value(value, i), entry, types.int64)
-            for i, entry in enumerate(kind)
+            for i, entry in enumerate(kind.types)
         ]
-    return [context.cast(builder, value, kind, types.int64), _INT(0)]
+    return [context.cast(builder, value, kind, types.int64), INTEGER(0)]
 
 
 def _load(builder: Any, table: TableType, pointer: Any) -> Any:
-    if table.dtype != Lanes:
-        return builder.load(pointer, typ=_DOUBLE)
-    value = builder.load(builder.bitcast(pointer, _LANES.as_pointer()), typ=_LANES)
+    if table.dtype != lanes_type:
+        return builder.load(pointer, typ=DOUBLE)
+    value = builder.load(builder.bitcast(pointer, LANES.as_pointer()), typ=LANES)
     value.align = 8
     return value
 
 
 def _store(builder: Any, table: TableType, pointer: Any, value: Any) -> None:
-    if table.dtype == Lanes:
-        pointer = builder.bitcast(pointer, _LANES.as_pointer())
+    if table.dtype == lanes_type:
+        pointer = builder.bitcast(pointer, LANES.as_pointer())
     builder.store(value, pointer).align = 8
 
 
@@ -134,7 +135,7 @@ for _index in (types.BaseTuple, types.Integer):
         lower_builtin(operator.setitem, TableType, _index, _value)(_set)
 
 
-@intrinsic
+@builtin
 def get_vector(typing: Any, table: Any, row: Any, column: Any) -> Any:
     """The vector in three columns of a table, the same for all motions in a table of floats."""
 
@@ -144,15 +145,15 @@ def get_vector(typing: Any, table: Any, row: Any, column: Any) -> Any:
         )
         found = []
         for i in range(3):
-            pointer = _address(builder, table, values[0], row, builder.add(column, _INT(i)))
+            pointer = _address(builder, table, values[0], row, builder.add(column, INTEGER(i)))
             value = _load(builder, table, pointer)
-            found.append(context.cast(builder, value, table.dtype, Lanes))
-        return _vector(builder, found)
+            found.append(context.cast(builder, value, table.dtype, lanes_type))
+        return pack(builder, found)
 
-    return Vector(table, row, column), lower
+    return vector_type(table, row, column), lower
 
 
-@intrinsic
+@builtin
 def set_vector(typing: Any, table: Any, row: Any, column: Any, value: Any) -> Any:
     """Write a vector to three columns of a table of ``Lanes``."""
 
@@ -160,41 +161,41 @@ def set_vector(typing: Any, table: Any, row: Any, column: Any, value: Any) -> An
         row, column = (
             context.cast(builder, values[k], signature.args[k], types.int64) for k in (1, 2)
         )
-        for i, component in enumerate(_components(builder, values[3])):
-            pointer = _address(builder, table, values[0], row, builder.add(column, _INT(i)))
+        for i, component in enumerate(unpack(builder, values[3])):
+            pointer = _address(builder, table, values[0], row, builder.add(column, INTEGER(i)))
             _store(builder, table, pointer, component)
         return context.get_dummy_value()
 
     return types.none(table, row, column, value), lower
 
 
-@intrinsic
+@builtin
 def pick(typing: Any, table: Any, index: Any) -> Any:
     """The elements of a table of floats, read as one row, at an index for each motion."""
 
     def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        indices = builder.fptosi(values[1], ir.VectorType(_INT, WIDTH))
-        result = ir.Constant(_LANES, ir.Undefined)
+        indices = builder.fptosi(values[1], ir.VectorType(INTEGER, WIDTH))
+        result = ir.Constant(LANES, ir.Undefined)
         for i in range(WIDTH):
-            place = builder.extract_element(indices, _SHORT(i))
-            pointer = builder.gep(values[0], [place], inbounds=True, source_etype=_DOUBLE)
-            result = builder.insert_element(result, builder.load(pointer, typ=_DOUBLE), _SHORT(i))
+            place = builder.extract_element(indices, SHORT(i))
+            pointer = builder.gep(values[0], [place], inbounds=True, source_etype=DOUBLE)
+            result = builder.insert_element(result, builder.load(pointer, typ=DOUBLE), SHORT(i))
         return result
 
-    return Lanes(table, Lanes), lower
+    return lanes_type(table, lanes_type), lower
 
 
-@intrinsic
+@builtin
 def get_lane(typing: Any, table: Any, row: Any, lane: Any) -> Any:
     """The number of one of the motions in the first column of a table of ``Lanes``."""
 
     def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.load(_lane(context, builder, signature, values), typ=_DOUBLE)
+        return builder.load(_lane(context, builder, signature, values), typ=DOUBLE)
 
     return types.float64(table, row, lane), lower
 
 
-@intrinsic
+@builtin
 def set_lane(typing: Any, table: Any, row: Any, lane: Any, value: Any) -> Any:
     """Write the number of one of the motions to the first column of a table of ``Lanes``."""
 
@@ -208,5 +209,5 @@ def set_lane(typing: Any, table: Any, row: Any, lane: Any, value: Any) -> Any:
 
 def _lane(context: Any, builder: Any, signature: Any, values: Any) -> Any:
     row, lane = (context.cast(builder, values[k], signature.args[k], types.int64) for k in (1, 2))
-    start = _address(builder, signature.args[0], values[0], row, _INT(0))
-    return builder.gep(start, [lane], inbounds=True, source_etype=_DOUBLE)
+    start = _address(builder, signature.args[0], values[0], row, INTEGER(0))
+    return builder.gep(start, [lane], inbounds=True, source_etype=DOUBLE)

@@ -1,0 +1,98 @@
+"""Minima of the measure inside the steps of motions in lock step."""
+
+from __future__ import annotations
+
+from freefloat.dynamics.kernels.compilation import inlined
+from freefloat.ensemble.kernels.lanes import (
+    Float,
+    Mask,
+    any_of,
+    magnitude,
+    maximum,
+    minimum,
+    select,
+)
+from freefloat.ensemble.kernels.measures import measure_at
+from freefloat.ensemble.kernels.records import LOWEST, LOWEST_AT, SIGN, VALUE, Problem, Workspace
+
+_DEPTH_FACTOR = 3.0
+"""Assumed ratio of the depth of a minimum inside a step to that of a parabola."""
+_SKEWED = 0.02
+"""Assumed minimum depth, relative to the value: where the measure falls steeply and rises slowly,
+the depth of the parabola is far too small."""
+_PROBES = 4
+
+
+@inlined
+def inside(problem: Problem, dt: Float, x: Float, work: Workspace) -> None:
+    """Write joint values and time at a fraction of the step into ``work.probe``."""
+    tableau, K, y = problem.tableau, work.K, work.y
+    for s in range(7):
+        power = tableau[8, s] + x * (tableau[9, s] + x * (tableau[10, s] + x * tableau[11, s]))
+        work.weights[s] = power * x * dt
+    for j in range(problem.robot.n + 1):
+        total = y[4 + j]
+        for s in range(7):
+            total += work.weights[s] * K[4 + j, s]
+        work.probe[j] = total
+
+
+@inlined
+def value_inside(problem: Problem, dt: Float, x: Float, work: Workspace) -> Float:
+    """The measure at a fraction of the step, with the sign of the motion's first value."""
+    inside(problem, dt, x, work)
+    return work.status[SIGN] * measure_at(problem.robot, problem.measure, work.probe, work)
+
+
+@inlined
+def note_minimum(
+    problem: Problem, dt: Float, after: Float, accepted: Mask, work: Workspace
+) -> None:
+    """Update the minimum by the value at the end of a step, and by a minimum inside.
+
+    The parabola through the values at the beginning, middle and end tells whether to look for one.
+    """
+    status, last = work.status, problem.robot.n
+    lower = accepted & (after < status[LOWEST])
+    status[LOWEST] = select(lower, after, status[LOWEST])
+    status[LOWEST_AT] = select(lower, work.at[4 + last], status[LOWEST_AT])
+    before, middle = status[VALUE], value_inside(problem, dt, 0.0 * dt + 0.5, work)
+    curvature = 2.0 * (before + after - 2.0 * middle)
+    slope = 4.0 * middle - 3.0 * before - after
+    place = -0.5 * slope / curvature
+    low = minimum(before, minimum(middle, after))
+    depth = maximum(_DEPTH_FACTOR * (low - before - 0.5 * slope * place), _SKEWED * low)
+    dips = (curvature > 0.0) & (place > -0.1) & (place < 1.1) & (low - depth < status[LOWEST])
+    dips = accepted & (dips | (middle < status[LOWEST]))
+    if any_of(dips):
+        found, place = local_minimum(problem, dt, before, middle, after, work)
+        lower = dips & (found < status[LOWEST])
+        inside(problem, dt, place, work)
+        status[LOWEST] = select(lower, found, status[LOWEST])
+        status[LOWEST_AT] = select(lower, work.probe[last], status[LOWEST_AT])
+
+
+@inlined
+def local_minimum(
+    problem: Problem, dt: Float, before: Float, middle: Float, after: Float, work: Workspace
+) -> tuple[Float, Float]:
+    """The lowest value of the measure inside a step and its place, by successive parabolas."""
+    a, fa, b, fb, c, fc = 0.0 * dt, before, 0.0 * dt + 0.5, middle, 0.0 * dt + 1.0, after
+    for _ in range(_PROBES):
+        p, r = (b - a) * (fb - fc), (b - c) * (fb - fa)
+        x = b - 0.5 * ((b - a) * p - (b - c) * r) / (p - r)
+        longer = select(c - b > b - a, c - b, a - b)
+        distance = magnitude(x - b)
+        aside = b + select(distance > 0.0, 0.1 * longer, 0.02 * longer)
+        x = select(distance > 0.02 * (c - a), x, aside)
+        x = minimum(maximum(x, a + 0.05 * (b - a)), c - 0.05 * (c - b))
+        fx = value_inside(problem, dt, x, work)
+        lower, beyond = fx < fb, x > b
+        ahead, behind = lower & beyond, lower & ~beyond
+        a, fa = select(ahead, b, a), select(ahead, fb, fa)
+        c, fc = select(behind, b, c), select(behind, fb, fc)
+        ahead, behind = ~lower & beyond, ~lower & ~beyond
+        c, fc = select(ahead, x, c), select(ahead, fx, fc)
+        a, fa = select(behind, x, a), select(behind, fx, fa)
+        b, fb = select(lower, x, b), select(lower, fx, fb)
+    return fb, b

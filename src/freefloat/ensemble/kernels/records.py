@@ -1,0 +1,166 @@
+"""Records that the kernels read and write: arrays for their caller, tables in the kernels."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from freefloat.dynamics.kernels.compilation import inner
+from freefloat.ensemble.kernels.lanes import WIDTH
+from freefloat.ensemble.kernels.tables import Table, floats, lanes
+from freefloat.so3 import Array
+
+BODY_COLUMNS, JOINT_COLUMNS = 16, 15
+"""Numbers of columns of ``Robot.bodies`` and ``Workspace.momenta``."""
+(
+    SEGMENT, LEG, FORWARD, STEP, BY_TIME, FRESH, TOLERANCE, LAST_ERROR, POSITIVE, SIGN, VALUE,
+    LOWEST, LOWEST_AT, HIGHEST, SMALLEST, LARGEST, SPEED, STATUS_ROWS,
+) = range(18)  # fmt: skip
+"""Rows of ``Workspace.status``: segment and the time at which the motion leaves it; direction and
+length of the next step, whether it goes by time, whether it is the first; tolerance, and error of
+the last step; signs of det S* and of the measure at the beginning; measure at the last step, its
+minimum and the time of it, its maximum; smallest and largest magnitude of det S*; largest rate."""
+
+
+class Robot(NamedTuple):
+    """A robot and its task, see :class:`freefloat.ensemble.link_frames.LinkFrames`."""
+
+    bodies: Table
+    base: Table
+    tool: Table
+    rows: Table  # of the end-effector twist that the task prescribes, (m,)
+    n: int
+    m: int
+    planar: bool
+    mass: float
+
+
+class Course(NamedTuple):
+    """The end-effector's path and its timing."""
+
+    duration: float
+    segments: Table  # of the time law, one after the other, see freefloat.ensemble.kernels.flow
+    number: int
+    degree: int  # of the time law
+    cells: Table  # the tangent by s: six cubics of each cell, highest power first
+    single_cell: bool
+
+
+class Measure(NamedTuple):
+    """A singularity measure."""
+
+    code: int
+    reach: float
+    terms: int
+    polynomial: Table  # see freefloat.ensemble.kernels.measures
+
+
+class NullSpace(NamedTuple):
+    """Settings of the null-space motion of a redundant arm."""
+
+    metric: int
+    toward: int
+    gain: float
+    bound: float
+    weights: Table  # of the joints, (n,)
+    middles: Table  # of the joint ranges, (n,)
+    ranges: Table  # 1 where a joint has a range, otherwise 0, (n,)
+
+
+class Problem(NamedTuple):
+    """Data common to all motions of a problem."""
+
+    robot: Robot
+    course: Course
+    measure: Measure
+    null_space: NullSpace | None  # None for the joint rates of least Euclidean norm
+    tableau: Table
+
+
+class Motions(NamedTuple):
+    """Initial states and ends of motions, see ``EnsembleIntegrator.integrate``."""
+
+    attitudes: Array
+    joints: Array
+    momenta: Array
+    starts: Array
+    goals: Array
+    stop_below: float
+
+
+class Workspace(NamedTuple):
+    """Workspace of one thread."""
+
+    y: Table  # attitude, joints and time in units of the duration, (5 + n,)
+    at: Table  # the same at the end of a step
+    K: Table  # derivatives of the stages, (5 + n, 7)
+    probe: Table  # joints and time inside a step
+    weights: Table  # of the interpolant
+    status: Table
+    h: Table  # angular momentum
+    extent: Table  # of each joint, the largest rate, smallest and largest value
+    momenta: Table  # see freefloat.ensemble.kernels.equation
+    centre: Table  # of mass
+    S: Table  # columns of S* in rows, then its factors, (n, 6)
+    scales: Table
+    b: Table
+    rates: Table
+    metric: Table  # this and the following are for redundant arms
+    basis: Table
+    normal: Table
+    right: Table
+    column: Table
+    gradient: Table
+
+
+def make_workspace(n: int, m: int) -> Workspace:
+    """Workspace for a robot of n joints and a task of m rows."""
+    r = n - m
+    shapes = (
+        (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (3,), (3 * n,),
+        (n, JOINT_COLUMNS), (3,), (n, 6), (6,), (6,), (n,), (n * n,), (n * r,), (r * r,), (2 * r,),
+        (n,), (n,),
+    )  # fmt: skip
+    return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
+
+
+@inner
+def workspace_in_tables(work: Workspace) -> Workspace:
+    """A workspace's arrays as tables."""
+    return Workspace(
+        lanes(work.y, 1), lanes(work.at, 1), lanes(work.K, 7), lanes(work.probe, 1),
+        lanes(work.weights, 1), lanes(work.status, 1), lanes(work.h, 1), lanes(work.extent, 1),
+        lanes(work.momenta, JOINT_COLUMNS), lanes(work.centre, 3), lanes(work.S, 6),
+        lanes(work.scales, 1), lanes(work.b, 1), lanes(work.rates, 1), lanes(work.metric, 1),
+        lanes(work.basis, 1), lanes(work.normal, 1), lanes(work.right, 1), lanes(work.column, 1),
+        lanes(work.gradient, 1),
+    )  # fmt: skip
+
+
+@inner
+def problem_in_tables(problem: Problem) -> Problem:
+    """A problem's arrays as tables."""
+    robot, course, measure = problem.robot, problem.course, problem.measure
+    return Problem(
+        Robot(
+            floats(robot.bodies, BODY_COLUMNS), floats(robot.base, 3), floats(robot.tool, 1),
+            floats(robot.rows, 1), robot.n, robot.m, robot.planar, robot.mass,
+        ),
+        Course(
+            course.duration, floats(course.segments, 1), course.number, course.degree,
+            floats(course.cells, 1), course.single_cell,
+        ),
+        Measure(measure.code, measure.reach, measure.terms, floats(measure.polynomial, 4)),
+        _settings_in_tables(problem.null_space), floats(problem.tableau, 7),
+    )  # fmt: skip
+
+
+@inner
+def _settings_in_tables(null_space: Any) -> Any:
+    if null_space is None:
+        return None
+    return NullSpace(
+        null_space.metric, null_space.toward, null_space.gain, null_space.bound,
+        floats(null_space.weights, 1), floats(null_space.middles, 1), floats(null_space.ranges, 1),
+    )  # fmt: skip
