@@ -16,6 +16,7 @@ from freefloat.dynamics.measures import NAMES
 from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED, integrate_many
+from freefloat.ensemble.kernels.lanes import WIDTH
 from freefloat.ensemble.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
 from freefloat.ensemble.kernels.records import (
     Course,
@@ -43,7 +44,7 @@ _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 """Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
 _ANGLES, _NEGLIGIBLE = 12, 1e-13
 """Values of a joint for the measure ``arm``; relative size of coefficients that are rounding."""
-_CHUNK = 256
+_CHUNK = 1024
 """Largest number of motions between two reports of progress or checks for an interruption."""
 
 
@@ -157,7 +158,7 @@ class EnsembleIntegrator:
             copied(attitudes), copied(joints), copied(np.broadcast_to(momenta, (K, 3))),
             copied(starts), copied(ends), float(stop_below),
         )  # fmt: skip
-        chunk = min(_CHUNK, max(-(-K // self.threads), 8))
+        chunk = min(_CHUNK, max(-(-K // (4 * self.threads)), 4 * WIDTH))
 
         def integrate_chunk(first: int) -> None:
             integrate_many(

@@ -22,8 +22,8 @@ END, ORIGIN, FREQUENCY, FIRST_S, DENSITY, FIRST_CELL, CELLS, LAW = 0, 1, 2, 3, 4
 """Columns of a segment; its law are the coefficients of s, then those of its derivative."""
 
 
-EVENNESS = 20.0
-"""The constant c of dt / dsigma = (c + |f|^2)^(-1/4), see freefloat.ensemble.kernels.steps."""
+TIME_WEIGHT = 20.0
+"""The constant c of the arc length, see :mod:`freefloat.ensemble.kernels.steps`."""
 
 
 @inlined
@@ -119,7 +119,7 @@ def flow(
         rate = work.rates[j] * course.duration
         square += rate * rate
         K[4 + j, stage] = rate
-    pace = select(status[BY_TIME] > 0.0, 1.0, 1.0 / sqrt(sqrt(EVENNESS + square)))
+    pace = select(status[BY_TIME] > 0.0, 1.0, 1.0 / sqrt(TIME_WEIGHT + square))
     pace *= status[FORWARD]
     for j in range(n):
         K[4 + j, stage] = K[4 + j, stage] * pace

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from freefloat.dynamics.kernels.compilation import compiled, inner
-from freefloat.ensemble.kernels.flow import END, EVENNESS, LAW
+from freefloat.ensemble.kernels.flow import END, LAW, TIME_WEIGHT
 from freefloat.ensemble.kernels.lanes import WIDTH, bits
 from freefloat.ensemble.kernels.records import (
     BY_TIME,
@@ -150,7 +151,7 @@ def enter_segment(problem: Problem, segment: int, goal: float, lane: int, work: 
 
 @inner
 def go_on(problem: Problem, goal: float, arrived: bool, lane: int, work: Workspace) -> int:
-    """Let a motion go on by sigma, in the next segment if it arrived at the end of one.
+    """Let a motion go on by arc length, in the next segment if it arrived at the end of one.
 
     Returns:
         The ending of a motion that has reached its goal.
@@ -161,10 +162,10 @@ def go_on(problem: Problem, goal: float, arrived: bool, lane: int, work: Workspa
             return COMPLETED
         segment = get_lane(status, SEGMENT, lane) + get_lane(status, FORWARD, lane)
         enter_segment(problem, int(segment), goal, lane, work)
-    total = EVENNESS
+    total = TIME_WEIGHT
     for j in range(4 + problem.robot.n):
         total += get_lane(K, j, lane) ** 2
-    pace = total**-0.25
+    pace = 1.0 / math.sqrt(total)
     for j in range(5 + problem.robot.n):
         set_lane(K, j, lane, get_lane(K, j, lane) * pace)
     set_lane(status, STEP, lane, get_lane(status, STEP, lane) / pace)
