@@ -1,9 +1,9 @@
 """Steps of the Dormand-Prince method for motions in lock step.
 
-Each motion has its own time, step and error. The independent variable is the arc length sigma of the
-motion, which evens the steps out: dsigma / dt = sqrt(c + |f|^2), where f are the rates of attitude
-and joints, and times are in units of the duration. The last part of a segment goes by time, to end
-where the segment ends. A motion begins with a step of length
+Each motion has its own time, step and error. The independent variable is the arc length sigma of
+the motion, which evens the steps out: dsigma / dt = sqrt(c + |f|^2), where f are the rates of
+attitude and joints, and times are in units of the duration. The last part of a segment goes by
+time, to end where the segment ends. A motion begins with a step of length
 zero, which evaluates its first rates. A step across a singularity finds a determinant of the other
 sign, is rejected and shortened until it is negligible.
 """
@@ -54,7 +54,7 @@ TABLEAU = np.zeros((12, 7))
 of the fraction of the step."""
 TABLEAU[:6, :5], TABLEAU[6, :6], TABLEAU[7], TABLEAU[8:] = RK45.A, RK45.B, RK45.E, RK45.P.T
 _LAST_PART = 0.7
-"""A step by arc length over more than this part of what remains of a segment goes by time instead."""
+"""A step by arc length over more than this part of what remains of a segment goes by time."""
 _SHORTEST_STEP, _SINGULAR_STEP = 1e-11, 1e-7
 """Lengths of negligible steps, and of those across a singularity, in units of the duration."""
 
