@@ -15,7 +15,7 @@ from scipy.integrate import RK45
 
 from freefloat.dynamics.kernels.compilation import inlined, inner
 from freefloat.dynamics.redundancy import SINGULAR_SPEED
-from freefloat.ensemble.kernels.flow import flow
+from freefloat.ensemble.kernels.flow import TIME_WEIGHT, flow
 from freefloat.ensemble.kernels.lanes import (
     Float,
     Mask,
@@ -139,16 +139,22 @@ def make_stages(problem: Problem, dt: Float, work: Workspace) -> tuple[Float, Fl
 
 @inlined
 def error_of(problem: Problem, dt: Float, work: Workspace) -> Float:
-    """Errors of a step relative to the tolerances, in SciPy's norm."""
-    tableau, K, y, at, count = problem.tableau, work.K, work.y, work.at, 4 + problem.robot.n
-    error = 0.0 * dt
-    for j in range(count):
-        total = K[j, 0] * tableau[7, 0]
+    """Errors of a step relative to the tolerances, in SciPy's norm.
+
+    Time counts as in the arc length: an error of the time is one of the end-effector's position.
+    """
+    tableau, K, y, at, T = problem.tableau, work.K, work.y, work.at, 4 + problem.robot.n
+    square = 0.0 * dt
+    for j in range(T + 1):
+        error = K[j, 0] * tableau[7, 0]
         for s in range(1, 7):
-            total += K[j, s] * tableau[7, s]
-        total /= 1.0 + maximum(magnitude(y[j]), magnitude(at[j]))
-        error += total * total
-    return dt * sqrt(error / count) / work.status[TOLERANCE]
+            error += K[j, s] * tableau[7, s]
+        if j < T:
+            error /= 1.0 + maximum(magnitude(y[j]), magnitude(at[j]))
+            square += error * error
+        else:
+            square += error * error * TIME_WEIGHT
+    return dt * sqrt(square / T) / work.status[TOLERANCE]
 
 
 @inlined
