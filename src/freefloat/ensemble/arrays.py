@@ -1,0 +1,117 @@
+"""A problem as the arrays that the ensemble's kernels read."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from freefloat.dynamics.measures import NAMES
+from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
+from freefloat.ensemble.kernels.records import Course, Measure, NullSpace, Robot
+from freefloat.ensemble.kernels.records import Problem as KernelProblem
+from freefloat.ensemble.kernels.steps import TABLEAU
+from freefloat.ensemble.link_frames import link_frames
+from freefloat.motion.problem import Problem
+from freefloat.paths.path import EndEffectorPath
+from freefloat.so3 import Array
+
+_CELLS, _TANGENT_ERROR = (1, 32, 256), 1e-11
+"""Numbers of cubics that approximate the path's tangent, and their relative error."""
+_NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
+_THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
+"""Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
+_ANGLES, _NEGLIGIBLE = 12, 1e-13
+"""Values of a joint for the measure ``arm``; relative size of coefficients that are rounding."""
+
+
+def kernel_problem(problem: Problem) -> KernelProblem:
+    """The arrays that the kernels read of a problem."""
+    model, task = problem.model, problem.task
+    frames = link_frames(model)
+    robot = Robot(
+        frames.bodies, frames.base, frames.tool, np.array(task.rows, dtype=float), model.dof,
+        len(task.rows), task.planar, model.total_mass,
+    )  # fmt: skip
+    name = problem.margin.measure.name
+    polynomial = _polynomial(problem) if name == "arm" else np.zeros((0, 4))
+    reach = VirtualManipulator.of(model).reach
+    measure = Measure(NAMES.index(name), reach, len(polynomial), polynomial)
+    return KernelProblem(robot, _course(problem), measure, _null_space(problem), TABLEAU)
+
+
+def _null_space(problem: Problem) -> NullSpace | None:
+    redundancy = problem.redundancy
+    if redundancy is None or redundancy.minimum_norm:
+        return None
+    centres = range_centres(problem.model)
+    toward = {Toward.NONE: 0, Toward.MANIPULABILITY: SIGMA, Toward.MIDDLE: MIDDLE_OF_RANGE}
+    return NullSpace(
+        ENERGY if redundancy.metric is Metric.ENERGY else WEIGHTED, toward[redundancy.toward],
+        float(redundancy.gain), float(redundancy.bound),
+        np.array(joint_weights(problem.model, redundancy), dtype=float),
+        np.nan_to_num(centres), np.isfinite(centres).astype(float),
+    )  # fmt: skip
+
+
+def _polynomial(problem: Problem) -> Array:
+    """The measure ``arm`` as a trigonometric polynomial of the second and third joints.
+
+    Returns:
+        Rows k, l, a, b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3).
+    """
+    measure, angles = problem.margin.measure, 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
+    values = np.array([
+        [measure(np.array([0.0, q2, q3, 0.0, np.pi / 2.0, 0.0])) for q3 in angles] for q2 in angles
+    ])  # fmt: skip
+    coefficients = np.fft.fft2(values) / _ANGLES**2
+    coefficients[np.abs(coefficients) < _NEGLIGIBLE * np.abs(coefficients).max()] = 0.0
+    terms = []
+    for i, j in zip(*np.nonzero(coefficients), strict=True):
+        pair = tuple(int(index - _ANGLES * (2 * index > _ANGLES)) for index in (i, j))
+        if pair >= (0, 0):  # the others are the conjugates of these
+            coefficient = (1.0 if pair == (0, 0) else 2.0) * coefficients[i, j]
+            terms.append([*pair, coefficient.real, -coefficient.imag])
+    return np.array(terms)
+
+
+def _course(problem: Problem) -> Course:
+    """Path and timing as arrays."""
+    path = problem.path
+    ends = np.append(path.breaks, path.duration)
+    starts = np.append(0.0, ends[:-1])
+    segments = [
+        path.timing.segments[path.timing.segment_at(t)] for t in ((starts + ends) / 2.0).tolist()
+    ]
+    degree = max(len(segment.orders[0]) for segment in segments) - 1
+    rows: list[list[float]] = []
+    cells: list[Array] = []
+    for segment, start, end in zip(segments, starts.tolist(), ends.tolist(), strict=True):
+        low, high = segment(start, 0), segment(end, 0)
+        pieces = _tangents(path.path, low, high)
+        density = len(pieces) / (high - low)
+        law = [[0.0] * (degree + 1 - len(order)) + list(order) for order in segment.orders[:2]]
+        counts = (float(sum(len(entry) for entry in cells)), float(len(pieces)))
+        place = (end, segment.origin, 1.0 / segment.span, low, density)
+        rows.append([*place, *counts, *law[0], *law[1]])
+        cells.append(pieces)
+    stacked = np.concatenate(cells)
+    return Course(path.duration, np.array(rows), len(rows), degree, stacked, len(stacked) == 1)
+
+
+def _tangents(path: EndEffectorPath, low: float, high: float) -> Array:
+    """A path's tangent between two values of s as cubics of the fraction of equal intervals.
+
+    Returns:
+        Coefficients, highest power first, shape (cells, 6, 4).
+    """
+    tangent = path.tangent_within(low, high)
+    for number in _CELLS:
+        width = (high - low) / number
+        nodes = low + width * (np.arange(number)[:, None] + _NODES)
+        values = np.array([tangent(s) for s in nodes.ravel().tolist()]).reshape(number, 5, 6)
+        cubics = np.einsum("pk,nki->nip", _THROUGH_NODES, values[:, :4])[..., ::-1]
+        error = values[:, 4] - cubics @ (0.5 ** np.arange(3, -1, -1))
+        if np.abs(error).max() <= _TANGENT_ERROR * np.abs(values).max():
+            break
+    return np.ascontiguousarray(cubics)
