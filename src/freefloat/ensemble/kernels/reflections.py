@@ -7,8 +7,10 @@ give the sign of the determinant.
 from __future__ import annotations
 
 from freefloat.dynamics.kernels.compilation import inlined, inner
-from freefloat.ensemble.kernels.lanes import Float, magnitude, select, sqrt
+from freefloat.ensemble.kernels.lanes import Float, Mask, magnitude, maximum, minimum, select, sqrt
 from freefloat.ensemble.kernels.tables import Table
+
+_ROUNDING = 1e-13
 
 
 @inlined
@@ -72,3 +74,14 @@ def solve_least_norm(m: int, n: int, A: Table, scales: Table, b: Table, x: Table
     for i in range(m, n):
         x[i] = 0.0
     reflect(m, n, A, scales, x)
+
+
+@inlined
+def is_singular(m: int, A: Table, scales: Table) -> Mask:
+    """Whether S is singular but for rounding, from its factors."""
+    smallest = magnitude(A[0, 0] * scales[0])  # one over R's diagonal element
+    largest = smallest
+    for k in range(1, m):
+        size = magnitude(A[k, k] * scales[k])
+        smallest, largest = minimum(smallest, size), maximum(largest, size)
+    return ~(smallest > _ROUNDING * largest)

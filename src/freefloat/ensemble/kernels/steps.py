@@ -47,6 +47,7 @@ from freefloat.ensemble.kernels.records import (
     Problem,
     Workspace,
 )
+from freefloat.ensemble.kernels.reflections import is_singular
 from freefloat.ensemble.kernels.tables import Table, below
 
 TABLEAU = np.zeros((12, 7))
@@ -73,6 +74,7 @@ def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
     determinant, det_D, regular = make_stages(problem, dt, work)
     error = error_of(problem, dt, work)
     accepted = (regular & (error < 1.0)) | fresh
+    ended = fresh & is_singular(robot.m, work.S, work.scales)
     if measure.code < ARM:
         value = of_determinants(measure, determinant, det_D)
     else:
@@ -89,8 +91,8 @@ def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
     advance(problem, accepted, whole, work)
     control_step(fresh, accepted, regular, dt, error, status)
     shortest = select(regular, _SHORTEST_STEP, _SINGULAR_STEP)
-    ended = ~accepted & (status[STEP] * magnitude(work.K[4 + n, 0]) < shortest)
-    ended = ended | (accepted & (status[LOWEST] <= 0.0)) | (fresh & ~(size > 0.0))
+    ended = ended | (~accepted & (status[STEP] * magnitude(work.K[4 + n, 0]) < shortest))
+    ended = ended | (accepted & (status[LOWEST] <= 0.0))
     if robot.m < n:
         ended = ended | (accepted & (status[SPEED] > SINGULAR_SPEED))
     return bits(accepted & whole), bits(ended)
