@@ -39,7 +39,7 @@ HEADLINES = (
     "one motion of Example 2, tolerance 1e-8",
     "all headings of Example 1 without stop, exactly",
     "map of Example 2, 4,096 attitudes, 32,768 motions",
-    "one motion of an ensemble",
+    "one motion of an ensemble, Example 2",
 )
 """The rows that README shows, the first of each name."""
 

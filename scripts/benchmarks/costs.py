@@ -1,13 +1,24 @@
-"""What it costs to start, and the memory of a map."""
+"""What commands cost, the first time and later, and the memory of a map."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import yaml
+
 from benchmarks.result import Result, race
+
+MODELS = Path(__file__).resolve().parents[2] / "models"
+PROGRAM = str(Path(sys.executable).with_name("freefloat"))
+NOW = [0.1, -0.5, 0.2, 0.8367]
+SIMULATE = ("simulate", "spatial_6dof/line", "--attitude", "0.46", "0.0935", "0.7352", "-0.489")
+SIMULATE_PLANAR = ("simulate", "planar_3dof/parabola", "--heading", "120")
+PLAN, PLAN_PLANAR = ("plan", "spatial_6dof/line"), ("plan", "planar_3dof/parabola")
 
 _MAP = """
 import resource, time
@@ -31,19 +42,25 @@ def large_map(quick: bool) -> list[Result]:
     ).stdout.split()  # fmt: skip
     seconds, before, after, motions = map(float, output)
     remark = f"{motions:,.0f} motions; {after - before:.0f} MiB of memory beside {before:.0f}"
-    return [Result(f"map of Example 2, {samples:,} attitudes", seconds, limit=40.0, remark=remark)]
+    return [Result(f"map of Example 2, {samples:,} attitudes", seconds, limit=4.0, remark=remark)]
+
+
+def run(*command: str, **environment: str) -> Callable[[], object]:
+    """A command in a process of its own; an infeasible result is one, too."""
+
+    def call() -> None:
+        done = subprocess.run(command, capture_output=True, env={**os.environ, **environment})
+        if done.returncode not in (0, 1):
+            raise RuntimeError(done.stderr.decode())
+
+    return call
 
 
 def start_up(quick: bool) -> list[Result]:
-    def run(*command: str) -> Callable[[], object]:
-        return lambda: subprocess.run(command, check=True, capture_output=True)
-
-    program = str(Path(sys.executable).with_name("freefloat"))
-    simulation = (program, "simulate", "spatial_6dof/line", "--attitude", "0.46", "0.0935")
     helped, imported, simulated = race(
-        run(program, "--help"),
+        run(PROGRAM, "--help"),
         run(sys.executable, "-c", "import freefloat"),
-        run(*simulation, "0.7352", "-0.489"),
+        run(PROGRAM, *SIMULATE),
         rounds=1 if quick else 5,
     )
     return [
@@ -53,5 +70,36 @@ def start_up(quick: bool) -> list[Result]:
     ]
 
 
+def commands(quick: bool) -> list[Result]:
+    """From process start to exit, kernels compiled."""
+    document = yaml.safe_load((MODELS / "spatial_6dof" / "line.yaml").read_text("utf-8"))
+    document["robot"]["urdf"] = "spatial_6dof"
+    with tempfile.TemporaryDirectory() as folder:
+        cases = [(PLAN, 2.5), (PLAN_PLANAR, 2.0),
+                 (("map", "spatial_6dof/line", "--samples", "4096"), 4.0)]  # fmt: skip
+        for objective in ("nearest", "robust"):
+            file = Path(folder) / f"{objective}.yaml"
+            search = {"objective": objective, "from_attitude": NOW}
+            file.write_text(yaml.safe_dump({**document, "search": search}), "utf-8")
+            cases.append((("plan", str(file)), 4.0))
+        seconds = race(*(run(PROGRAM, *command) for command, _ in cases), rounds=1 if quick else 3)
+    return [
+        Result(f"`freefloat {command[0]} {Path(command[1]).name}`", taken, limit=limit)
+        for (command, limit), taken in zip(cases, seconds, strict=True)
+    ]
+
+
+def first_use() -> list[Result]:
+    """The same on a computer on which nothing is compiled yet."""
+    results = []
+    for command, limit in ((SIMULATE, 4.0), (SIMULATE_PLANAR, 4.0), (PLAN, 15.0),
+                           (PLAN_PLANAR, 15.0)):  # fmt: skip
+        with tempfile.TemporaryDirectory() as folder:
+            (seconds,) = race(run(PROGRAM, *command, NUMBA_CACHE_DIR=folder), rounds=1)
+        name = f"`freefloat {command[0]} {command[1]}`, first use"
+        results.append(Result(name, seconds, limit=limit))
+    return results
+
+
 def cost_results(quick: bool) -> list[Result]:
-    return [*large_map(quick), *start_up(quick)]
+    return [*large_map(quick), *start_up(quick), *commands(quick), *([] if quick else first_use())]
