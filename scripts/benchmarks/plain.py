@@ -40,11 +40,23 @@ class PlainMotion:
 
     def rates(self, t: float, y: np.ndarray) -> np.ndarray:
         twist = self.path.twist(t)[self.rows]
-        v = np.linalg.solve(self.matrix(y), np.concatenate([np.zeros(3), self.momentum, twist]))
+        A, n = self.matrix(y), len(y) - 4
+        demand = np.concatenate([np.zeros(3), self.momentum, twist])
+        if A.shape[0] == A.shape[1]:
+            v = np.linalg.solve(A, demand)
+        else:
+            S, X = self.reduced(A)
+            joints = np.linalg.pinv(S) @ (twist - A[6:, :6] @ X[:, n:] @ demand[:6])
+            v = np.append(X[:, n:] @ demand[:6] - X[:, :n] @ joints, joints)
         x, w = y[:3], y[3]
         omega = v[3:6]
         quaternion = 0.5 * np.append(w * omega + np.cross(x, omega), -x @ omega)
         return np.concatenate([quaternion, v[6:]])
+
+    def reduced(self, A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Generalized Jacobian, and base twist per joint rate and per momentum."""
+        X = np.linalg.solve(A[:6, :6], np.hstack([A[:6, 6:], np.eye(6)]))
+        return A[6:, 6:] - A[6:, :6] @ X[:, :-6], X
 
     def final(self, attitude: np.ndarray, joints: np.ndarray, tolerance: float) -> np.ndarray:
         """The last state of one motion, by scipy's best method for smooth problems."""
@@ -63,7 +75,11 @@ class PlainMotion:
         """
 
         def singular(t: float, y: np.ndarray) -> float:
-            return float(np.linalg.det(self.matrix(y)))
+            A = self.matrix(y)
+            if A.shape[0] == A.shape[1]:
+                return float(np.linalg.det(A))
+            S, _ = self.reduced(A)
+            return float(np.sqrt(np.linalg.det(S @ S.T)))
 
         singular.terminal = True
         solution = solve_ivp(
