@@ -25,15 +25,7 @@ patch = subprocess, fork, _exit
 sigterm = true
 """
 """Every process that a test starts writes a file of its own."""
-OF_KERNELS = [
-    f"tests/{name}.py"
-    for name in (
-        "dynamics/test_kernel_equation",
-        "motion/test_arc_flow",
-        "dynamics/test_kernel_null_space",
-        "ensemble/test_ensemble",
-    )
-]
+OF_KERNELS = ["tests/motion/test_arc_flow.py"]
 QUICK = ("kernels", "arc_flow", "every_branch_of", "stretched", "determinant",
          "straight_wrist",
          "violations_precede")  # fmt: skip

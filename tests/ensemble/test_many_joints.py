@@ -3,20 +3,19 @@
 The minimum is two joints, for a planar position.
 """
 
-import sys
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
-from numba.core.dispatcher import Dispatcher
 
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Metric, Redundancy, Toward
 from freefloat.ensemble import ensemble
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels import integration
-from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR, make_buffers
+from freefloat.ensemble.kernels.integration import COMPLETED, MARGIN, SINGULAR
+from freefloat.ensemble.kernels.records import make_workspace
 from freefloat.errors import InputError
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.integration import integrate_motion
@@ -26,6 +25,7 @@ from freefloat.paths.timing import Timing
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import angle_between
 from tests.ensembles import both, states
+from tests.lock_step import plain_kernels
 from tests.motions import from_here
 from tests.redundant import choices, redundant
 from tests.robots import planar_robot
@@ -143,18 +143,6 @@ def test_endings_beyond_the_reach(structure, task):
     assert stopped.minimum[0] < level
 
 
-@pytest.fixture
-def interpreted(monkeypatch):
-    """All kernels as Python functions, in which NumPy checks every index."""
-    for module in [value for name, value in sys.modules.items() if name.startswith("freefloat.")]:
-        for name, value in list(vars(module).items()):
-            if isinstance(value, Dispatcher):
-                monkeypatch.setattr(module, name, value.py_func)
-    monkeypatch.setattr(integration, "unowned", lambda array: array)
-    with np.errstate(all="ignore"):
-        yield monkeypatch
-
-
 def begin(problem, start):
     """The first steps of a motion."""
     integrator = EnsembleIntegrator(problem, 1, tolerance=1e-3)
@@ -170,19 +158,40 @@ def begin(problem, start):
         *((*arm, [None, Redundancy(Metric.ENERGY, Toward.MIDDLE)]) for arm in TEN + THIRTY),
     ],
 )
-def test_kernels_stay_within_their_arrays(interpreted, structure, task, redundancies):
+def test_kernels_stay_within_their_tables(structure, task, redundancies):
     for redundancy in redundancies:
         start = redundant(structure, task, redundancy, 1)
         for name in ("gjm", "sigma") if redundancy is None else ("gjm",):
-            assert begin(with_measure(start.problem, name), start).evaluations[0] > 6
+            with plain_kernels():
+                assert begin(with_measure(start.problem, name), start).evaluations[0] > 6
 
 
-def test_buffers_of_too_few_joints_raise(interpreted):
+def test_a_workspace_of_too_few_joints_raises():
     start = redundant(*TEN[-1], None, 1)
-
-    def buffers_for_nine_joints(n, m):
-        return make_buffers(n, m)._replace(vectors=np.zeros((4, 9)))
-
-    interpreted.setattr(ensemble, "make_buffers", buffers_for_nine_joints)
-    with pytest.raises(IndexError):
+    with (
+        plain_kernels(),
+        mock.patch.object(ensemble, "make_workspace", lambda n, m: make_workspace(9, m)),
+        pytest.raises(IndexError),
+    ):
         begin(start.problem, start)
+
+
+@pytest.mark.parametrize(
+    ("structure", "task", "number"),
+    [("2", Task.PLANAR_POSITION, None), ("RPR", Task.POSITION, None),
+     ("RRRRRR", Task.POSE, None), ("4", Task.PLANAR_POSE, 4), ("RPRR", Task.POSITION, 1)],
+)  # fmt: skip
+def test_plain_and_compiled_kernels_agree(structure, task, number):
+    """Square, prismatic, planar and redundant arms, over the whole path."""
+    redundancy = None if number is None else choices(structure, task, 1)[number]
+    start = redundant(structure, task, redundancy, 1)
+    integrator = EnsembleIntegrator(start.problem, 1)
+    state = start.attitude[None], start.joints[None]
+    compiled = integrator.integrate(*state)
+    with plain_kernels():
+        plain = integrator.integrate(*state)
+    assert compiled.endings[0] == plain.endings[0]
+    for name in ("ended_at", "minimum", "attitudes", "joints", "rates", "determinant_ratios"):
+        np.testing.assert_allclose(
+            getattr(plain, name), getattr(compiled, name), rtol=1e-9, atol=1e-9, err_msg=name
+        )

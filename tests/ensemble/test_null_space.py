@@ -5,49 +5,50 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freefloat.dynamics.kernels.right_side import flow
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.ensemble import EnsembleIntegrator
-from freefloat.ensemble.kernels.integration import COMPLETED, make_buffers
+from freefloat.ensemble.kernels import flow as flow_kernels
+from freefloat.ensemble.kernels.integration import COMPLETED
+from freefloat.ensemble.kernels.lanes import WIDTH
+from freefloat.ensemble.kernels.records import BY_TIME, FORWARD, SEGMENT
 from freefloat.so3 import angle_between
 from tests.ensembles import both
+from tests.lock_step import Kernels, plain_kernels
 from tests.redundant import ARMS, choices, redundant
 
 EVERYTHING = [(*arm, k) for arm in ARMS for k in range(9)]
-
-
-def compiled_rates(problem, attitude, joints, t):
-    """Joint rates and quaternion rate of the spacecraft, both per second."""
-    robot, n = EnsembleIntegrator(problem, 1)._robot, problem.model.dof
-    buffers, T = make_buffers(n, len(problem.task.rows)), problem.path.duration
-    q, rates, demand = buffers.vectors[0, :n], buffers.vectors[1, :n], buffers.vectors[3]
-    out, y = np.zeros(4 + n), np.concatenate([attitude, joints])
-    segment = int(np.searchsorted(robot.ends, t))
-    determinant = flow(
-        robot.bodies, robot.facts, robot.rows, robot.origins, robot.spans, robot.law,
-        robot.tangents, T, segment, problem.momentum, t / T, y, out,
-        buffers.w, buffers.S, buffers.L, q, rates, demand,
-    )  # fmt: skip
-    return out[4:] / T, out[:4] / T, determinant
 
 
 @pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING)
 def test_rates_agree_with_pinocchio(structure, task, number):
     """At random states, to rounding or, toward sigma, to the error of differences."""
     start = redundant(structure, task, choices(structure, task, 7)[number], 7)
-    problem, rng = start.problem, np.random.default_rng(number)
-    for t in (3.0, 12.0):
-        joints = start.joints + rng.uniform(-0.5, 0.5, len(start.joints))
-        twist, speed = problem.path.twist_and_speed(t)
-        omega, expected = problem.resolved_rate_solver().rates(start.attitude, joints, twist, speed)
-        rates, change, determinant = compiled_rates(problem, start.attitude, joints, t)
+    problem, rng, T = start.problem, np.random.default_rng(number), start.problem.path.duration
+    n, times = problem.model.dof, np.repeat([3.0, 12.0], WIDTH // 2)
+    joints = start.joints + rng.uniform(-0.5, 0.5, (WIDTH, n))
+    with plain_kernels():
+        kernels = Kernels(problem)
+        work, course = kernels.work, kernels.problem.course
+        work.h.array[:] = problem.momentum[:, None]
+        work.status[BY_TIME], work.status[FORWARD] = 1.0, 1.0
+        work.status[SEGMENT] = np.searchsorted([*problem.path.breaks], times)
+        y = kernels.column(np.column_stack(
+            [np.tile(start.attitude, (WIDTH, 1)), joints, times / T]
+        ))  # fmt: skip
+        determinant, _ = flow_kernels.flow(
+            kernels.robot, course, kernels.problem.null_space, y, work, 0
+        )
+    derivatives = work.K.array.reshape(-1, 7, WIDTH)[:, 0].T / T
+    solver, a, w = problem.resolved_rate_solver(), start.attitude[:3], start.attitude[3]
+    for k, t in enumerate(times.tolist()):
+        omega, expected = solver.rates(start.attitude, joints[k], *problem.path.twist_and_speed(t))
         scale = np.abs(expected).max()
         exact = 1e-6 if problem.redundancy.toward == "sigma" else 1e-9
+        change, rates = derivatives[k, :4], derivatives[k, 4 : 4 + n]
         np.testing.assert_allclose(rates, expected, rtol=0, atol=exact * scale)
-        a, w = start.attitude[:3], start.attitude[3]
         turning = 2.0 * (w * change[:3] - change[3] * a - np.cross(a, change[:3]))
         np.testing.assert_allclose(turning, omega, rtol=0, atol=exact * max(scale, 1.0))
-        assert determinant == pytest.approx(problem.margin.measure(joints), rel=1e-9)
+        assert determinant[k] == pytest.approx(problem.margin.measure(joints[k]), rel=1e-9)
 
 
 @pytest.mark.slow

@@ -1,0 +1,197 @@
+"""The ensemble's kernels as plain Python on NumPy arrays, in which every index is checked.
+
+``plain_kernels`` replaces the compiled functions by their sources, and the functions that give
+instructions by NumPy: a float of each motion is an array (WIDTH,), a vector one of (3, WIDTH).
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from functools import reduce
+from operator import or_
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
+
+import freefloat.ensemble
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.kernels import equation, measures, records
+from freefloat.ensemble.kernels.lanes import WIDTH
+from freefloat.motion.margin import Margin
+from freefloat.motion.problem import Problem
+from freefloat.paths.curves import PolynomialCurve
+from freefloat.paths.orientation import FixedOrientation
+from freefloat.paths.path import EndEffectorPath
+from freefloat.paths.timing import TimedPath, Timing
+from freefloat.robot.model import FreeFloatingModel
+
+
+class Lanes(np.ndarray):
+    """Numbers, vectors or truth values of the motions, which ``+=`` does not change in place."""
+
+    __iadd__, __isub__ = np.ndarray.__add__, np.ndarray.__sub__
+    __imul__, __itruediv__ = np.ndarray.__mul__, np.ndarray.__truediv__
+
+
+def as_lanes(value: Any) -> Lanes:
+    """A number, or one for each motion, as ``Lanes``."""
+    return np.array(np.broadcast_to(value, WIDTH), dtype=float).view(Lanes)
+
+
+class Table:
+    """Rows of columns; an index outside raises IndexError."""
+
+    def __init__(self, array: np.ndarray, columns: int) -> None:
+        """Of a flat array, of which each element may be ``Lanes``."""
+        assert len(array) % columns == 0
+        self.array, self.columns = array, columns
+
+    def place(self, index: Any) -> int:
+        """The place of an element in the flat array."""
+        row, column = index if isinstance(index, tuple) else (index, 0)
+        if not (0 <= column < self.columns and 0 <= row < len(self.array) // self.columns):
+            raise IndexError(f"{index} in a table of {len(self.array)} with {self.columns} columns")
+        return int(row) * self.columns + int(column)
+
+    def __getitem__(self, index: Any) -> Any:
+        value = self.array[self.place(index)]
+        return value.copy().view(Lanes) if self.array.ndim == 2 else float(value)
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        self.array[self.place(index)] = value
+
+
+# --- what the compiled functions of lanes.py, vectors.py and tables.py give ------------------------
+
+
+def _quadrant(turns: Lanes) -> tuple[Lanes, ...]:
+    k = turns.astype(np.int64)
+    return k & 1 != 0, k & 2 != 0, (k + 1) & 2 != 0
+
+
+def vector(x: Any, y: Any, z: Any) -> Lanes:
+    return np.array([as_lanes(x), as_lanes(y), as_lanes(z)]).view(Lanes)
+
+
+def cross(a: Lanes, b: Lanes) -> Lanes:
+    return np.cross(a, b, axis=0).view(Lanes)
+
+
+def get_vector(table: Table, row: int, column: int) -> Lanes:
+    return vector(*(table[row, column + i] for i in range(3)))
+
+
+def set_vector(table: Table, row: int, column: int, value: Lanes) -> None:
+    for i in range(3):
+        table[row, column + i] = value[i]
+
+
+def pick(table: Table, indices: Lanes) -> Lanes:
+    return as_lanes([table.array[table.place((int(i) // table.columns, int(i) % table.columns))]
+                     for i in indices])  # fmt: skip
+
+
+def set_lane(table: Table, row: int, lane: int, value: float) -> None:
+    assert 0 <= lane < WIDTH
+    table.array[table.place(row), lane] = value
+
+
+NUMPY = {
+    "sqrt": np.sqrt,
+    "magnitude": np.abs,
+    "nearest": np.rint,
+    "floor": np.floor,
+    "maximum": lambda a, b: np.where(a > b, a, b).view(Lanes),
+    "minimum": lambda a, b: np.where(a < b, a, b).view(Lanes),
+    "select": lambda mask, a, b: as_lanes(np.where(mask, a, b)),
+    "bits": lambda mask: reduce(or_, (int(bit) << i for i, bit in enumerate(mask))),
+    "_quadrant": _quadrant,
+    "vector": vector,
+    "product": np.multiply,
+    "dot": lambda a, b: (a * b).sum(axis=0),
+    "cross": cross,
+    "rolled": lambda a: np.roll(a, -1, axis=0),
+    "components": tuple,
+    "floats": lambda array, columns: Table(array.ravel(), columns),
+    "lanes": lambda array, columns: Table(array.reshape(-1, WIDTH), columns),
+    "below": lambda table, row, columns: Table(table.array[row * table.columns :], columns),
+    "get_vector": get_vector,
+    "set_vector": set_vector,
+    "pick": pick,
+    "get_lane": lambda table, row, lane: float(table[row][lane]),
+    "set_lane": set_lane,
+}
+
+
+@contextmanager
+def plain_kernels() -> Iterator[None]:
+    """Run the kernels as plain Python, also those of ``EnsembleIntegrator.integrate``."""
+    packages = pkgutil.walk_packages(freefloat.ensemble.__path__, "freefloat.ensemble.")
+    with ExitStack() as changes, np.errstate(all="ignore"):
+        for module in [importlib.import_module(package.name) for package in packages]:
+            plain = {
+                name: NUMPY.get(name) or value.py_func
+                for name, value in vars(module).items()
+                if isinstance(value, Dispatcher | _Intrinsic)
+            }
+            if plain:
+                changes.enter_context(patch.multiple(module, **plain))
+        yield
+
+
+def measured_problem(model: FreeFloatingModel, task: Task, name: str = "gjm") -> Problem:
+    """A problem whose path does not matter."""
+    pose = VirtualManipulator.of(model).pose(np.zeros(model.dof))
+    line = PolynomialCurve.line(pose.position, pose.position + np.array([0.1, 0.0, 0.0]))
+    path = TimedPath(EndEffectorPath(line, FixedOrientation(pose.rotation)), Timing(10.0))
+    return Problem(
+        model, path, task, np.zeros(3), Margin(singularity_measure(model, task, name), 0.0)
+    )
+
+
+class Kernels:
+    """The kernels for a problem, as plain Python, with their tables."""
+
+    def __init__(self, problem: Problem) -> None:
+        arrays = EnsembleIntegrator(problem, 1)._arrays
+        self.work = records.workspace_in_tables(
+            records.make_workspace(arrays.robot.n, arrays.robot.m)
+        )
+        self.problem = records.problem_in_tables(arrays)
+        self.robot = self.problem.robot
+
+    @staticmethod
+    def column(rows: np.ndarray) -> Table:
+        """Rows of numbers, one row for each motion, as a table with one column."""
+        return Table(np.array(rows, dtype=float).T.copy(), 1)
+
+    def jacobian(self, joints: np.ndarray) -> tuple[Lanes, Any, Lanes]:
+        """End-effector position from the centre of mass, inverse and determinant of D."""
+        return equation.form_jacobian(self.robot, self.column(joints), self.work)
+
+    def determinant(self, joints: np.ndarray) -> Lanes:
+        """Det S*."""
+        return equation.determinants(self.robot, self.column(joints), self.work)[0]
+
+    def measure(self, joints: np.ndarray) -> Lanes:
+        """The measure."""
+        return measures.measure_at(self.robot, self.problem.measure, self.column(joints), self.work)
+
+    def rates(
+        self, joints: np.ndarray, v: np.ndarray, omega: np.ndarray, h: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, Lanes]:
+        """The spacecraft's angular velocities and joint rates, rows by motion, and det S*."""
+        drift, determinant, _ = equation.solve_rates(
+            self.robot, self.column(joints), *(vector(*rows.T) for rows in (v, omega, h)), self.work
+        )
+        turn = equation.spacecraft_rate(self.robot, drift, self.work)
+        return np.asarray(turn).T, self.work.rates.array.T.copy(), determinant
