@@ -70,7 +70,7 @@ class Table:
         self.array[self.place(index)] = value
 
 
-# --- what the compiled functions of lanes.py, vectors.py and tables.py give ------------------------
+# --- what the compiled functions of lanes.py, vectors.py and tables.py give -----------------------
 
 
 def _quadrant(turns: Lanes) -> tuple[Lanes, ...]:
@@ -136,10 +136,10 @@ NUMPY = {
 def plain_kernels() -> Iterator[None]:
     """Run the kernels as plain Python, also those of ``EnsembleIntegrator.integrate``."""
     packages = pkgutil.walk_packages(freefloat.ensemble.__path__, "freefloat.ensemble.")
-    with ExitStack() as changes, np.errstate(all="ignore"):
+    with ExitStack() as changes:
         for module in [importlib.import_module(package.name) for package in packages]:
             plain = {
-                name: NUMPY.get(name) or value.py_func
+                name: NUMPY.get(name) or np.errstate(all="ignore")(value.py_func)
                 for name, value in vars(module).items()
                 if isinstance(value, Dispatcher | _Intrinsic)
             }
