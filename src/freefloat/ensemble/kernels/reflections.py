@@ -7,7 +7,7 @@ give the sign of the determinant.
 from __future__ import annotations
 
 from freefloat.dynamics.kernels.compilation import inlined, inner
-from freefloat.ensemble.kernels.lanes import Float, Mask, magnitude, maximum, minimum, select, sqrt
+from freefloat.ensemble.kernels.lanes import Float, Mask, magnitude, maximum, select, sqrt
 from freefloat.ensemble.kernels.tables import Table
 
 _ROUNDING = 1e-13
@@ -36,7 +36,8 @@ def factorize(m: int, n: int, A: Table, scales: Table) -> Float:
         determinant *= -r
         pivot = A[k, k] - r
         A[k, k] = pivot
-        scale = 1.0 / (pivot * r)
+        square = pivot * r
+        scale = select(square < 0.0, 1.0 / square, 0.0)  # none for a row of zeros
         scales[k] = scale
         for j in range(k + 1, m):
             along = pivot * A[k, j]
@@ -79,9 +80,14 @@ def solve_least_norm(m: int, n: int, A: Table, scales: Table, b: Table, x: Table
 @inlined
 def is_singular(m: int, A: Table, scales: Table) -> Mask:
     """Whether S is singular but for rounding, from its factors."""
-    smallest = magnitude(A[0, 0] * scales[0])  # one over R's diagonal element
-    largest = smallest
+    largest = magnitude(A[0, 0])
     for k in range(1, m):
-        size = magnitude(A[k, k] * scales[k])
-        smallest, largest = minimum(smallest, size), maximum(largest, size)
-    return ~(smallest > _ROUNDING * largest)
+        for j in range(k + 1):
+            largest = maximum(largest, magnitude(A[j, k]))
+    regular = largest > 0.0
+    for k in range(m):
+        size = magnitude(
+            A[k, k] * scales[k]
+        )  # one over R's diagonal element, zero where it is zero
+        regular = regular & (size > 0.0) & (size * _ROUNDING * largest < 1.0)
+    return ~regular
