@@ -1,8 +1,9 @@
 """Configurations of arms without closed form: all of a square arm, a choice of a redundant one's.
 
-Newton's method starts from configurations whose end-effector poses are close, see
-:class:`PoseTable`. Arrays of joint values have shape (n, B, K), NaN where there are fewer than B
-configurations at one of K poses; positions have shape (3, K), rotations (3, 3, K).
+Newton's method starts from evenly distributed configurations, for redundant arms from those whose
+end-effector poses are close, see :class:`PoseTable`. Arrays of joint values have shape (n, B, K),
+NaN where there are fewer than B configurations at one of K poses; positions have shape (3, K),
+rotations (3, 3, K).
 """
 
 from __future__ import annotations
@@ -33,7 +34,6 @@ _ROUNDS = 16
 _INSET = 0.05
 """Fraction of the ranges, at both ends, that these attempts avoid."""
 _STARTS = (96, 512)
-_SEARCHED = 256
 """Numbers of starts of square arms, the greater ones where fewer do not suffice."""
 _ALIKE = 1e-3
 """Largest joint difference of starts that are taken to lead to the same solution [rad, m]."""
