@@ -1,9 +1,8 @@
 """Which lines of ``src`` the tests run, kernels included: ``python scripts/measure_coverage.py``.
 
-Coverage does not see compiled code. So some of the kernels' tests run a second time, with the
-kernels as plain Python. Processes that tests start are measured, too. Needs ``pip install
-'coverage>=7.10'`` and about twenty minutes; a few tests fail, those of computing times and those
-that need compiled code.
+Coverage does not see compiled code; the tests of the kernels run them as plain Python, too.
+Processes that tests start are measured. Needs ``pip install 'coverage>=7.10'`` and about twenty
+minutes; a few tests fail, those of computing times.
 """
 
 from __future__ import annotations
@@ -25,18 +24,6 @@ patch = subprocess, fork, _exit
 sigterm = true
 """
 """Every process that a test starts writes a file of its own."""
-OF_KERNELS = ["tests/motion/test_arc_flow.py"]
-QUICK = ("kernels", "arc_flow", "every_branch_of", "stretched", "determinant",
-         "straight_wrist",
-         "violations_precede")  # fmt: skip
-"""Parts of the names of tests that do not take minutes without a compiler."""
-PLAIN = """\
-import sys
-import freefloat.dynamics.kernels.compilation as compiled
-compiled.compiled = compiled.unowned = lambda function: function
-import pytest
-sys.exit(pytest.main(sys.argv[1:]))
-"""
 
 
 def main() -> int:
@@ -46,15 +33,12 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "settings").write_text(SETTINGS.format(root=ROOT, folder=folder))
-        (folder / "plain.py").write_text(PLAIN)
 
         def coverage(*words: str) -> int:
             command = [sys.executable, "-m", "coverage", words[0], f"--rcfile={folder}/settings"]
             return subprocess.run([*command, *words[1:]], cwd=ROOT, check=False).returncode
 
         coverage("run", "-m", "pytest", "-q", "--numprocesses", "auto", "--dist", "loadfile")
-        quiet = ("-q", "-W", "ignore::RuntimeWarning")  # of divisions by zero
-        coverage("run", str(folder / "plain.py"), *quiet, *OF_KERNELS, "-k", " or ".join(QUICK))
         coverage("combine", "-q")
         return coverage(
             "report", "--skip-covered", "--show-missing", f"--fail-under={options.minimum}"

@@ -37,7 +37,7 @@ def one_motion(quick: bool) -> list[Result]:
     return [
         Result(
             "one motion of Example 2, tolerance 1e-8", seconds,
-            "plain loop: Pinocchio, numpy, `solve_ivp`", baseline, wanted=3.0,
+            "plain loop: Pinocchio, numpy, `solve_ivp`", baseline, wanted=2.0,
             remark=f"final error {errors[0]:.0e}, of the plain loop {errors[1]:.0e}",
         )
     ]  # fmt: skip

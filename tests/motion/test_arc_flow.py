@@ -1,4 +1,4 @@
-"""The compiled flow of a single motion compared with equation (4) as Pinocchio solves it."""
+"""The tangent of the curve of a single motion."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import freefloat as ff
-from freefloat.dynamics.momentum import generalized_determinant
-from freefloat.motion.arc_flow import arc_flow
+from freefloat.motion.arc_flow import ArcFlow
 from freefloat.motion.problem import Problem
 from freefloat.so3 import attitude_grid, heading_quaternion
 
@@ -30,7 +29,7 @@ def forward(problem: Problem) -> np.ndarray:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_the_tangent_solves_the_drift_equation(name: str, rng: np.random.Generator) -> None:
     problem = ff.load_scenario(name).problem()
-    flow = arc_flow(problem)
+    flow = ArcFlow(problem)
     grid = attitude_grid(20, seed=3)
     if problem.task.planar:
         grid = heading_quaternion(rng.uniform(0.0, 6.0, 20))
@@ -48,7 +47,7 @@ def test_the_tangent_solves_the_drift_equation(name: str, rng: np.random.Generat
 
 def test_the_tangent_keeps_to_the_side_of_the_last_one(rng: np.random.Generator) -> None:
     problem = ff.load_scenario("spatial_6dof/line").problem()
-    flow = arc_flow(problem)
+    flow = ArcFlow(problem)
     y = np.concatenate([[5.0, 0.0, 0.0, 0.0, 1.0], rng.uniform(0.5, 1.0, 6)])
     leg = problem.path.leg(0.0, problem.path.duration)
     ahead = flow(y, leg, forward(problem))
@@ -57,17 +56,7 @@ def test_the_tangent_keeps_to_the_side_of_the_last_one(rng: np.random.Generator)
 
 def test_where_there_are_no_rates_time_stands_still() -> None:
     problem = ff.load_scenario("spatial_6dof/line").problem()
-    flow = arc_flow(problem)
+    flow = ArcFlow(problem)
     y = np.array([5.0, 0.0, 0.0, 0.0, 1.0, np.nan, 1.0, 1.0, 1.0, 1.0, 1.0])
     tangent = flow(y, problem.path.leg(0.0, problem.path.duration), forward(problem))
     assert (tangent == 0.0).all()
-
-
-def test_the_determinant_is_that_of_the_generalized_jacobian(rng: np.random.Generator) -> None:
-    for name in SCENARIOS:
-        problem = ff.load_scenario(name).problem()
-        determinant = arc_flow(problem).determinant
-        assert determinant is not None
-        for joints in rng.uniform(-3.0, 3.0, (20, problem.model.dof)):
-            expected = generalized_determinant(problem.model, joints, problem.task)
-            assert determinant(joints) == pytest.approx(expected, rel=1e-9, abs=1e-12)

@@ -219,7 +219,9 @@ def generalized_determinant(
     """
     A_G, J = _maps(model, joints)
     M = np.vstack([A_G, J[task.rows]])
-    return determinant(M) / float(model.total_mass**3 * np.linalg.det(M[3:6, 3:6]))
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = A_G[3:, 3:6].tolist()  # D
+    det_D = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    return determinant(M) / float(model.total_mass**3 * det_D)
 
 
 def _maps(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ joints) stays smooth; the singularity is the point of its largest time.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -14,9 +15,9 @@ import numpy.typing as npt
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from freefloat.dynamics.momentum import generalized_jacobian
+from freefloat.dynamics.momentum import generalized_determinant, generalized_jacobian
 from freefloat.errors import InputError, IntegrationError, finite_number
-from freefloat.motion.arc_flow import ArcFlow, arc_flow
+from freefloat.motion.arc_flow import ArcFlow
 from freefloat.motion.extrema import first_crossing
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import NODES, path_errors
@@ -76,11 +77,11 @@ def integrate_motion(
     tolerance = finite_number("tolerance", tolerance, accepted, _FINEST, _ROUGHEST)
     end = problem.path.duration if end is None else end
     first = _first_node(problem, attitude, joints, start, end)
-    flow = arc_flow(problem)
-    rows, ending = _integrate(problem, flow, first, end, tolerance)
+    rows, ending = _integrate(problem, ArcFlow(problem), first, end, tolerance)
     motion = Motion(problem, ending, rows[:, 0], rows[:, 1:5], rows[:, 5:])
-    if flow.determinant is not None:
-        motion = _cut(motion, flow.determinant, 0.0, Ending.SINGULAR)
+    if not problem.redundant:  # det S* has a sign
+        determinant = partial(generalized_determinant, problem.model, task=problem.task)
+        motion = _cut(motion, determinant, 0.0, Ending.SINGULAR)
     if stop_at_margin and problem.margin.threshold:
         motion = _cut(motion, problem.margin.measure, problem.margin.threshold, Ending.MARGIN)
     return motion

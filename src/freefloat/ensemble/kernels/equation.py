@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from freefloat.dynamics.kernels.compilation import inlined, inner
+from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.lanes import Float, sine_cosine
 from freefloat.ensemble.kernels.records import Robot, Workspace
 from freefloat.ensemble.kernels.reflections import factorize, solve_least_norm

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from freefloat.dynamics.kernels.compilation import inlined
+from freefloat.ensemble.kernels.compilation import inlined
 from freefloat.ensemble.kernels.equation import solve_rates, spacecraft_rate
 from freefloat.ensemble.kernels.lanes import Float, floor, maximum, minimum, select, sqrt
 from freefloat.ensemble.kernels.null_space import add_null_space_motion, gradient

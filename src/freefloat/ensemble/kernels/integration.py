@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from freefloat.dynamics.kernels.compilation import compiled, inner
+from freefloat.ensemble.kernels.compilation import compiled, inner
 from freefloat.ensemble.kernels.flow import END, LAW, TIME_WEIGHT
 from freefloat.ensemble.kernels.lanes import WIDTH, bits
 from freefloat.ensemble.kernels.records import (

@@ -24,7 +24,7 @@ from numba.extending import (
     type_callable,
 )
 
-from freefloat.dynamics.kernels.compilation import inlined
+from freefloat.ensemble.kernels.compilation import inlined
 
 Float: TypeAlias = Any
 """In annotations of kernels: a float of each motion."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from freefloat.dynamics.kernels.compilation import inlined
+from freefloat.ensemble.kernels.compilation import inlined
 from freefloat.ensemble.kernels.lanes import (
     Float,
     Mask,

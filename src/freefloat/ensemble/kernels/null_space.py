@@ -10,7 +10,7 @@ So z neither moves the end-effector nor changes the momentum, and W may be singu
 
 from __future__ import annotations
 
-from freefloat.dynamics.kernels.compilation import inlined, inner
+from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.equation import (
     ANGULAR,
     AXIS,

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from freefloat.dynamics.kernels.compilation import inner
+from freefloat.ensemble.kernels.compilation import inner
 from freefloat.ensemble.kernels.lanes import WIDTH
 from freefloat.ensemble.kernels.tables import Table, floats, lanes
 from freefloat.so3 import Array

@@ -6,7 +6,7 @@ give the sign of the determinant.
 
 from __future__ import annotations
 
-from freefloat.dynamics.kernels.compilation import inlined, inner
+from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.lanes import Float, Mask, magnitude, maximum, select, sqrt
 from freefloat.ensemble.kernels.tables import Table
 

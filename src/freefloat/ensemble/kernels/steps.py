@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import RK45
 
-from freefloat.dynamics.kernels.compilation import inlined, inner
 from freefloat.dynamics.redundancy import SINGULAR_SPEED
+from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.flow import TIME_WEIGHT, flow
 from freefloat.ensemble.kernels.lanes import (
     Float,
