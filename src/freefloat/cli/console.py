@@ -86,7 +86,7 @@ class Console:
         hidden = self.quiet or not sys.stderr.isatty()
         with Progress(console=RichConsole(stderr=True), transient=True, disable=hidden) as bar:
             task = bar.add_task(description, total=None)
-            compiling = f"{description}: compiling kernels (about 20 s, once per machine)"
+            compiling = f"{description}: compiling kernels (about 10 s, once per machine)"
             notice = Timer(_PATIENCE, bar.update, (task,), {"description": compiling})
             notice.daemon = True
 
