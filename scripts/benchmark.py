@@ -17,6 +17,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.bound import bound_results
 from benchmarks.costs import cost_results
 from benchmarks.jacobians import jacobian_results
 from benchmarks.motions import motion_results
@@ -31,6 +32,7 @@ GROUPS: dict[str, Callable[[bool], list[Result]]] = {
     "motions": motion_results,
     "scaling": scaling_results,
     "costs": cost_results,
+    "bound": bound_results,
 }
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
-from numba.extending import intrinsic
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 _INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -50,19 +49,3 @@ def _digest(folder: Path) -> str:
     texts = [path.read_bytes() for path in sorted(folder.rglob("*.py"))]
     kernels = [text for text in texts if b"compilation import" in text or b"numba" in text]
     return sha256(b"".join(kernels)).hexdigest()
-
-
-def _unowned(_: Any, array: Any) -> Any:
-    """Code for the same array without an owner."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        view = context.make_array(signature.return_type)(context, builder, arguments[0])
-        view.meminfo = view.meminfo.type(None)
-        return view._getvalue()
-
-    return array(array), generate
-
-
-unowned: Any = intrinsic(_unowned)
-"""In a kernel: the same array without an owner, whose references are not counted. Counting takes
-longer than the arithmetic of a small kernel. The caller of the kernel must keep the array alive."""
