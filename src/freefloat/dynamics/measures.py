@@ -94,7 +94,8 @@ def singularity_measure(
         factors = unit_factors(model, task)
         return SingularityMeasure(name, words, "1", partial(_sigma, model, task, factors))
     if name == "arm":
-        function = partial(_in_plane_determinant, model, plane_axes(model, task))
+        factor = partial(_in_plane_determinant, model, plane_axes(model, task))
+        function = partial(_sum_of_terms, trigonometric_terms(factor))
         words = "determinant of the in-plane block of (39): h, v normal and in the arm's plane"
         return SingularityMeasure(name, words, "m^4 kg", function)
     raise InputError("measure", f"{name!r} was given", ", ".join(NAMES))
@@ -138,6 +139,8 @@ _WRIST = (0.0, np.pi / 2, 0.0)
 """Wrist angles for evaluating (37), which does not depend on them: far from singular."""
 _IN_PLANE, _OUT_OF_PLANE = [0, 4, 5], [1, 2, 3]
 _TOLERANCE = 1e-6
+_ANGLES, _ROUNDING = 12, 1e-13
+"""Values of a joint from which the terms of the factor are found; relative size of rounding errors."""
 
 
 def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
@@ -187,6 +190,33 @@ def _in_plane_determinant(model: FreeFloatingModel, axes: Array, joints: Array) 
     """The factor S(q2, q3) (40) of det A, which by (39) does not depend on the first joint."""
     R = _shoulder_system(model, np.array([0.0, joints[1], joints[2], *_WRIST]), axes)
     return float(np.linalg.det(R[np.ix_(_IN_PLANE, _IN_PLANE)]))
+
+
+def trigonometric_terms(factor: Callable[[Array], float]) -> Array:
+    """The factor S(q2, q3) as a trigonometric polynomial, which it is exactly.
+
+    Args:
+        factor: Its values at joint values of shape (6,).
+
+    Returns:
+        Rows k, l, a, b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3), shape (M, 4).
+    """
+    angles = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
+    values = [[factor(np.array([0.0, q2, q3, *_WRIST])) for q3 in angles] for q2 in angles]
+    coefficients = np.fft.fft2(values) / _ANGLES**2
+    coefficients[np.abs(coefficients) < _ROUNDING * np.abs(coefficients).max()] = 0.0
+    terms = []
+    for i, j in zip(*np.nonzero(coefficients), strict=True):
+        pair = tuple(int(index - _ANGLES * (2 * index > _ANGLES)) for index in (i, j))
+        if pair >= (0, 0):  # the others are the conjugates of these
+            coefficient = (1.0 if pair == (0, 0) else 2.0) * coefficients[i, j]
+            terms.append([*pair, coefficient.real, -coefficient.imag])
+    return np.array(terms)
+
+
+def _sum_of_terms(terms: Array, joints: Array) -> float:
+    angles = terms[:, :2] @ joints[1:3]
+    return float(terms[:, 2] @ np.cos(angles) + terms[:, 3] @ np.sin(angles))
 
 
 def _shoulder_system(model: FreeFloatingModel, joints: Array, axes: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from freefloat.dynamics.measures import NAMES
+from freefloat.dynamics.measures import NAMES, trigonometric_terms
 from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
@@ -21,8 +21,6 @@ _CELLS, _TANGENT_ERROR = (1, 32, 256), 1e-11
 _NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
 _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 """Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
-_ANGLES, _NEGLIGIBLE = 12, 1e-13
-"""Values of a joint for the measure ``arm``; relative size of coefficients that are rounding."""
 
 
 def kernel_problem(problem: Problem) -> KernelProblem:
@@ -34,7 +32,7 @@ def kernel_problem(problem: Problem) -> KernelProblem:
         len(task.rows), task.planar, model.total_mass,
     )  # fmt: skip
     name = problem.margin.measure.name
-    polynomial = _polynomial(problem) if name == "arm" else np.zeros((0, 4))
+    polynomial = trigonometric_terms(problem.margin.measure) if name == "arm" else np.zeros((0, 4))
     reach = VirtualManipulator.of(model).reach
     measure = Measure(NAMES.index(name), reach, len(polynomial), polynomial)
     return KernelProblem(robot, _course(problem), measure, _null_space(problem), TABLEAU)
@@ -52,27 +50,6 @@ def _null_space(problem: Problem) -> NullSpace | None:
         np.array(joint_weights(problem.model, redundancy), dtype=float),
         np.nan_to_num(centres), np.isfinite(centres).astype(float),
     )  # fmt: skip
-
-
-def _polynomial(problem: Problem) -> Array:
-    """The measure ``arm`` as a trigonometric polynomial of the second and third joints.
-
-    Returns:
-        Rows k, l, a, b of the terms a cos(k q2 + l q3) + b sin(k q2 + l q3).
-    """
-    measure, angles = problem.margin.measure, 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
-    values = np.array([
-        [measure(np.array([0.0, q2, q3, 0.0, np.pi / 2.0, 0.0])) for q3 in angles] for q2 in angles
-    ])  # fmt: skip
-    coefficients = np.fft.fft2(values) / _ANGLES**2
-    coefficients[np.abs(coefficients) < _NEGLIGIBLE * np.abs(coefficients).max()] = 0.0
-    terms = []
-    for i, j in zip(*np.nonzero(coefficients), strict=True):
-        pair = tuple(int(index - _ANGLES * (2 * index > _ANGLES)) for index in (i, j))
-        if pair >= (0, 0):  # the others are the conjugates of these
-            coefficient = (1.0 if pair == (0, 0) else 2.0) * coefficients[i, j]
-            terms.append([*pair, coefficient.real, -coefficient.imag])
-    return np.array(terms)
 
 
 def _course(problem: Problem) -> Course:
