@@ -140,7 +140,7 @@ _WRIST = (0.0, np.pi / 2, 0.0)
 _IN_PLANE, _OUT_OF_PLANE = [0, 4, 5], [1, 2, 3]
 _TOLERANCE = 1e-6
 _ANGLES, _ROUNDING = 12, 1e-13
-"""Values of a joint from which the terms of the factor are found; relative size of rounding errors."""
+"""Values of a joint from which the terms are found; relative size of rounding errors."""
 
 
 def plane_axes(model: FreeFloatingModel, task: Task) -> Array:
