@@ -200,11 +200,7 @@ class DirectedOrientation(OrientationLaw):
         return columns
 
     def rate(self, s: float) -> Array:
-        """See :class:`OrientationLaw`.
-
-        It is the rate w that carries the direction d, and a rotation about d that keeps reference
-        in the plane of the two axes.
-        """
+        """The rate w that carries the direction d, and one about d: see :class:`OrientationLaw`."""
         d, change = self._direction(s)
         w = cross(d, change) / (d @ d)
         c = cross(d, self.reference)

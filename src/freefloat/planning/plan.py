@@ -28,10 +28,8 @@ if TYPE_CHECKING:  # compiled kernels take half a second to import
     from freefloat.planning.screening import ScreenedCandidate
     from freefloat.planning.tolerance import Tolerance
 
-HEADINGS = 360
-"""Default number of samples of planar tasks."""
-PLAN_ATTITUDES = 4096
-"""Default number of samples of spatial tasks."""
+HEADINGS, PLAN_ATTITUDES = 360, 4096
+"""Default numbers of samples of planar and of spatial tasks."""
 FEWEST_SAMPLES = 8
 """Smallest accepted number of samples."""
 _MOTION_KEYS = (
