@@ -10,6 +10,7 @@ import freefloat as ff
 from benchmarks.plain import PlainMotion
 from benchmarks.result import Result, race
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.integration import COMPLETED
 from freefloat.motion.motion import Motion
 from freefloat.planning.heading_arcs import BranchRanges
 from freefloat.planning.plan import Objective
@@ -111,8 +112,11 @@ def _map(
     branches = problem.many_branches(attitudes)
     where, _ = np.nonzero(branches.exist)
     starts, joints = attitudes[where], branches.joints[branches.exist]
-    evaluator.integrator.integrate(starts[:1], joints[:1])
-    picked = np.random.default_rng(0).choice(len(where), picks, replace=False)
+    result = evaluator.integrator.integrate(starts, joints)
+    possible = np.arange(len(where))
+    if problem.redundant:  # at a singularity, which changes no sign, the plain loop would not end
+        (possible,) = np.nonzero(result.endings == COMPLETED)
+    picked = np.random.default_rng(0).choice(possible, picks, replace=False)
 
     def loop() -> None:
         for k in picked:
