@@ -84,7 +84,7 @@ def ranges(quick: bool) -> list[Result]:
 MAPS = (
     ("spatial_6dof/line", "Example 2", 4096, 1500.0, 900.0),
     ("ur5_servicer/arc", "a UR5", 4096, 750.0, 450.0),
-    ("ssrms/transfer", "an arm of seven joints", 1024, 750.0, 450.0),
+    ("ssrms/transfer", "an arm of seven joints", 1024, 450.0, 450.0),
     ("planar_3dof/parabola", "Example 1", 2048, 750.0, 450.0),
 )
 """Scenarios, their names in the table, numbers of attitudes, and the ratios wanted."""
