@@ -26,23 +26,30 @@ import freefloat as ff
 problem = ff.load_scenario("spatial_6dof/line").problem()
 ff.attitude_map(problem, 64)
 before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
-result = ff.attitude_map(problem, {samples})
+result = ff.attitude_map(problem, {samples}, refine={refine})
 seconds = time.perf_counter() - start
 after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 print(seconds, before / 1024, after / 1024, result.motions)
 """
 
 
-def large_map(quick: bool) -> list[Result]:
-    """The default map of the command, in a process of its own that has done nothing else."""
-    samples = 64 if quick else 36_864
+def whole_maps(quick: bool) -> list[Result]:
+    """Maps from Python, each in a process of its own that has done nothing else."""
+    cases = [(512, False, "", 0.1), (64 if quick else 36_864, False, "", 4.0),
+             (64 if quick else 36_864, True, " and the searches between them", None)]  # fmt: skip
+    return [_whole_map(*case) for case in cases]
+
+
+def _whole_map(samples: int, refine: bool, searches: str, limit: float | None) -> Result:
     output = subprocess.run(
-        [sys.executable, "-c", _MAP.format(samples=samples)],
+        [sys.executable, "-c", _MAP.format(samples=samples, refine=refine)],
         check=True, capture_output=True, text=True,
     ).stdout.split()  # fmt: skip
     seconds, before, after, motions = map(float, output)
-    remark = f"{motions:,.0f} motions; {after - before:.0f} MiB of memory beside {before:.0f}"
-    return [Result(f"map of Example 2, {samples:,} attitudes", seconds, limit=4.0, remark=remark)]
+    return Result(
+        f"map of Example 2, {samples:,} attitudes{searches}", seconds, limit=limit,
+        remark=f"{motions:,.0f} motions; {after - before:.0f} MiB of memory beside {before:.0f}",
+    )  # fmt: skip
 
 
 def run(*command: str, **environment: str) -> Callable[[], object]:
@@ -102,4 +109,4 @@ def first_use() -> list[Result]:
 
 
 def cost_results(quick: bool) -> list[Result]:
-    return [*large_map(quick), *start_up(quick), *commands(quick), *([] if quick else first_use())]
+    return [*whole_maps(quick), *start_up(quick), *commands(quick), *([] if quick else first_use())]

@@ -51,6 +51,12 @@ def test_entries_of_a_map_are_those_of_simulations(samples: AttitudeMap) -> None
             assert samples.feasible[k, entry.branch.index] == keeps
 
 
+def test_a_map_that_is_not_refined_has_the_same_samples(samples: AttitudeMap) -> None:
+    coarse = mapping.attitude_map(samples.problem, samples.samples, refine=False)
+    np.testing.assert_array_equal(coarse.margins, samples.margins)
+    assert [coarse.best, coarse.robust, coarse.regions] == [None, None, ()]
+
+
 @pytest.mark.slow
 def test_fractions_are_those_of_random_attitudes(
     samples: AttitudeMap, evaluator: FeasibilityEvaluator

@@ -105,7 +105,8 @@ class AttitudeMap(MarginMap):
     Attributes:
         regions: Connected parts of the feasible set, the largest first.
         best: The attitude of the largest minimum margin; None where none is feasible.
-        robust: The attitude deepest inside the feasible set; None where none is.
+        robust: The attitude deepest inside the feasible set; None where none is. This and the
+            previous two are empty for a map that is not refined.
         nearest_to: The attitude that :attr:`nearest` was searched for, x, y, z, w.
         nearest: The feasible attitude nearest to it; None where none is.
         boundary: Points on the boundary by bisection; None where none were asked for.

@@ -63,6 +63,7 @@ def attitude_map(
     nearest: npt.ArrayLike | None = None,
     boundary: int = 0,
     tangency: int = 0,
+    refine: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> AttitudeMap | HeadingMap:
@@ -78,6 +79,8 @@ def attitude_map(
         nearest: Attitude to find the nearest feasible one to, quaternion x, y, z, w.
         boundary: Points on the boundary of the feasible set to find for each arm branch.
         tangency: Points on the boundary to find from tangency points (Section VI).
+        refine: Search between the samples for the largest margin and the largest ball of feasible
+            attitudes, too, and divide the feasible set into regions.
         threads: Number of cores to use; all available ones when left out.
         progress: Called with the fraction done, in [0, 1].
 
@@ -109,10 +112,29 @@ def attitude_map(
     if tangency:
         require_tangency_points(problem)
         require_memory("touch", tangency, _POINT_SIZE)
-    result = _searched_map(
-        FeasibilityEvaluator(problem, threads), _ATTITUDES if samples is None else samples, search,
-        target, boundary, tangency, progress,
+    evaluator = FeasibilityEvaluator(problem, threads)
+    sampled = sample_attitudes(
+        evaluator, _ATTITUDES if samples is None else samples, search,
+        step_of(progress, 0.0, _SAMPLING),
     )  # fmt: skip
+    points = tangent_boundary(evaluator, tangency, search) if tangency else ()
+    near = () if target is None else nearest_feasible(evaluator, sampled, target)
+    result = replace(
+        sampled,
+        nearest_to=target,
+        nearest=next(iter(near), None),
+        boundary=boundary_points(evaluator, sampled, boundary) if boundary else None,
+        tangency=points if tangency else None,
+    )
+    if refine:
+        result = replace(
+            result,
+            best=next(iter(feasible_peaks(evaluator, sampled)), None),
+            robust=deepest(evaluator, sampled, points),
+            regions=find_regions(sampled, evaluator.integrator.threads),
+        )
+    if progress is not None:
+        progress(1.0)
     return replace(result, seconds=time.perf_counter() - start)
 
 
@@ -121,34 +143,6 @@ def _require_none(**spatial: bool | int) -> None:
     for key, requested in spatial.items():
         if requested:
             raise InputError(key, "the task is planar", "a spatial task; freefloat plan has ranges")
-
-
-def _searched_map(
-    evaluator: FeasibilityEvaluator,
-    samples: int,
-    search: Search,
-    target: Array | None,
-    boundary: int,
-    tangency: int,
-    progress: Progress | None,
-) -> AttitudeMap:
-    """Samples of SO(3) and what is between them."""
-    sampled = sample_attitudes(evaluator, samples, search, step_of(progress, 0.0, _SAMPLING))
-    points = tangent_boundary(evaluator, tangency, search) if tangency else ()
-    near = () if target is None else nearest_feasible(evaluator, sampled, target)
-    result = replace(
-        sampled,
-        best=next(iter(feasible_peaks(evaluator, sampled)), None),
-        robust=deepest(evaluator, sampled, points),
-        nearest_to=target,
-        nearest=next(iter(near), None),
-        boundary=boundary_points(evaluator, sampled, boundary) if boundary else None,
-        tangency=points if tangency else None,
-        regions=find_regions(sampled),
-    )
-    if progress is not None:
-        progress(1.0)
-    return result
 
 
 def sample_attitudes(

@@ -55,7 +55,7 @@ class Region:
         }
 
 
-def nearest_among(others: Array) -> Callable[[Array], tuple[Array, IntArray]]:
+def nearest_among(others: Array, threads: int = 1) -> Callable[[Array], tuple[Array, IntArray]]:
     """A function that finds the nearest of some attitudes (M, 4).
 
     Of attitudes (K, 4) it returns the angles [rad] to the nearest, and its index, shapes (K,).
@@ -63,22 +63,22 @@ def nearest_among(others: Array) -> Callable[[Array], tuple[Array, IntArray]]:
     tree = cKDTree(np.vstack([others, -others]))
 
     def nearest(attitudes: Array) -> tuple[Array, IntArray]:
-        chords, index = tree.query(attitudes)
+        chords, index = tree.query(attitudes, workers=threads)
         return 4.0 * np.arcsin(np.minimum(chords / 2.0, 1.0)), index % len(others)
 
     return nearest
 
 
-def depths(attitudes: Array, inside: npt.NDArray[np.bool_]) -> Array:
+def depths(attitudes: Array, inside: npt.NDArray[np.bool_], threads: int = 1) -> Array:
     """Angle [rad] from each attitude inside to the nearest outside, pi if there is none; (K,)."""
     if inside.all():
         return np.full(len(attitudes), np.pi)
     angles = np.zeros(len(attitudes))
-    angles[inside], _ = nearest_among(attitudes[~inside])(attitudes[inside])
+    angles[inside], _ = nearest_among(attitudes[~inside], threads)(attitudes[inside])
     return angles
 
 
-def find_regions(samples: AttitudeMap) -> tuple[Region, ...]:
+def find_regions(samples: AttitudeMap, threads: int = 1) -> tuple[Region, ...]:
     """The connected parts of the feasible set, by arm branch, the largest first.
 
     Samples are connected when they are among each other's nearest and not farther apart than one
@@ -90,8 +90,9 @@ def find_regions(samples: AttitudeMap) -> tuple[Region, ...]:
         inside = samples.problem.margin.keeps(margins)
         if not inside.any():
             continue
-        members, depth = samples.attitudes[inside], depths(samples.attitudes, inside)[inside]
-        labels = _components(members, 1.5 * samples.spacing)
+        members = samples.attitudes[inside]
+        depth = depths(samples.attitudes, inside, threads)[inside]
+        labels = _components(members, 1.5 * samples.spacing, threads)
         for label in range(labels.max() + 1):
             (part,) = np.nonzero(labels == label)
             deepest = part[np.argmax(depth[part])]
@@ -103,11 +104,11 @@ def find_regions(samples: AttitudeMap) -> tuple[Region, ...]:
     return tuple(sorted(regions, key=lambda region: -region.fraction))
 
 
-def _components(attitudes: Array, radius: float) -> npt.NDArray[np.int32]:
+def _components(attitudes: Array, radius: float, threads: int) -> npt.NDArray[np.int32]:
     """Number of the connected part that each attitude belongs to."""
     K = len(attitudes)
     chord, other = cKDTree(np.vstack([attitudes, -attitudes])).query(
-        attitudes, k=min(_NEIGHBOURS + 1, 2 * K)
+        attitudes, k=min(_NEIGHBOURS + 1, 2 * K), workers=threads
     )
     near = chord < 2.0 * np.sin(radius / 4.0)
     first = np.broadcast_to(np.arange(K)[:, None], near.shape)[near]
