@@ -7,7 +7,7 @@ from numpy.polynomial import chebyshev
 from freefloat.dynamics.measures import singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
-from freefloat.motion.bounds import _ArmBounds, _Neighbourhood, lower_bounds
+from freefloat.motion.bounds import Intervals, _ArmBounds, _Neighbourhood, lower_bounds
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.margin import Margin
 from freefloat.motion.matrix_bounds import ScaledSystem
@@ -205,7 +205,7 @@ def test_the_second_derivative_of_the_arm_is_bounded(spatial, order):
     joints = chebyshev.chebval(NODES, c).T
     motion = Motion(spatial, Ending.COMPLETED, (NODES + 1.0) / 2.0, attitudes, joints)
     half = 1e-2
-    bound = _ArmBounds(motion, 0.0).in_panel(0)(0.0, half)["arm"]
+    (bound,) = _ArmBounds(motion).bounds(Intervals(np.array([0]), np.zeros(1), half))["arm"]
     slope = (value(chebyshev.chebval(h, c)) - value(chebyshev.chebval(-h, c))) / (2.0 * h)
     second = 2.0 / half**2 * (abs(value(chebyshev.chebval(0.0, c))) - half * abs(slope) - bound)
     assert largest <= second < 3.0 * largest

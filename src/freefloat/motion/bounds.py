@@ -19,15 +19,17 @@ the middle: det (S* V)^2 <= det (S* S*^T), and no singular value of S* V is abov
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from freefloat.motion.matrix_bounds import ScaledSystem
 from freefloat.motion.motion import Motion
-from freefloat.so3 import Array
+from freefloat.so3 import Array, IntArray
 
 METHOD = (
     "interval subdivision: slope of the system matrix at the middle of each interval, its second "
@@ -59,8 +61,30 @@ class Bounds:
     intervals: int
 
 
-IntervalBounds = Callable[[float, float], Mapping[str, float] | None]
-"""Bounds on an interval of a panel, by its middle and half; None where they are too low."""
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """Intervals of one length.
+
+    Attributes:
+        panels: The panel of each, shape (K,).
+        middles: Their middles, by the panel's parameter, shape (K,).
+        half: Half their length.
+    """
+
+    panels: IntArray
+    middles: Array
+    half: float
+
+    def halves_of(self, chosen: npt.NDArray[np.bool_]) -> Intervals:
+        """The halves of some of them."""
+        shifts = np.array([-0.5, 0.5]) * self.half
+        middles = (self.middles[chosen, None] + shifts).ravel()
+        return Intervals(np.repeat(self.panels[chosen], 2), middles, self.half / 2.0)
+
+    def values(self, coefficients: Array) -> Array:
+        """Values (K, c) of the panels' polynomials, coefficients (panels, d, c), at the middles."""
+        powers = chebyshev.chebvander(self.middles, coefficients.shape[1] - 1)
+        return np.asarray(np.einsum("kd,kdc->kc", powers, coefficients[self.panels]))
 
 
 def lower_bounds(motion: Motion, smallest: Mapping[str, float]) -> Bounds:
@@ -73,36 +97,29 @@ def lower_bounds(motion: Motion, smallest: Mapping[str, float]) -> Bounds:
     """
     parts: list[_MatrixBounds | _ArmBounds] = [_MatrixBounds(motion, smallest)]
     if "arm" in smallest:
-        parts.append(_ArmBounds(motion, smallest["arm"]))
+        parts.append(_ArmBounds(motion))
     bounds = dict(smallest)
     count = 0
-    for interval_bounds in (part.in_panel(k) for part in parts for k in range(motion.panels)):
-        todo = [(0.0, 1.0)]
-        before = count
-        while todo:
-            middle, half = todo.pop()
-            count += 1
-            if half < _SHORTEST or count > _MOST:
-                return Bounds(dict.fromkeys(smallest, 0.0), before)
-            proven = interval_bounds(middle, half)
-            if proven is None:
-                todo += [(middle - half / 2.0, half / 2.0), (middle + half / 2.0, half / 2.0)]
-            else:
-                bounds.update({name: min(bounds[name], value) for name, value in proven.items()})
+    for part in parts:
+        todo = Intervals(np.arange(motion.panels), np.zeros(motion.panels), 1.0)
+        while len(todo.panels):
+            count += len(todo.panels)
+            if todo.half < _SHORTEST or count > _MOST:
+                return Bounds(dict.fromkeys(smallest, 0.0), 0)
+            found = part.bounds(todo)
+            high = np.all([found[name] >= _FRACTION * smallest[name] for name in found], axis=0)
+            for name, values in found.items():
+                bounds[name] = float(values[high].min(initial=bounds[name]))
+            todo = todo.halves_of(~high)
     return Bounds(bounds, count)
-
-
-def _value(x: float, c: Array) -> Array:
-    """Values of polynomials with coefficients (9, c), shape (c,)."""
-    return np.asarray(chebyshev.chebval(x, c))
 
 
 class _MatrixBounds:
     """Bounds on determinants and singular values."""
 
     def __init__(self, motion: Motion, smallest: Mapping[str, float]) -> None:
-        self._motion, self._system = motion, ScaledSystem(motion)
-        self._smallest = {name: value for name, value in smallest.items() if name != "arm"}
+        self._system = ScaledSystem(motion)
+        self._names = [name for name in smallest if name != "arm"]
         base, rows = self._system.base, self._system.rows
         self._joint_units = self._system.columns[base:]
         square = len(rows) == len(self._system.columns)
@@ -110,58 +127,48 @@ class _MatrixBounds:
         columns = float(np.prod(self._joint_units)) if square else 1.0
         lengths = float(np.prod(rows[base:])) * columns
         self._units = {"gjm": lengths, "system": lengths * float(np.prod(rows[:base]))}
+        self._joints = motion.coefficients[:, :, 5:]
+        self._rates = np.asarray(chebyshev.chebder(self._joints, axis=1), dtype=float)
+        series = zip(self._rates, chebyshev.chebder(self._rates, axis=1), strict=True)
+        second = [
+            self._system.second_derivatives(
+                *(self._system.joint_speed(np.abs(c).sum(axis=0)) for c in panel)
+            )
+            for panel in series
+        ]
+        self._second_derivatives = np.array([[entry.whole, entry.D] for entry in second])
 
-    def in_panel(self, panel: int) -> IntervalBounds:
-        """Bounds on the intervals of a panel."""
-        c = self._motion.coefficients[panel, :, 5:]
-        rates = np.asarray(chebyshev.chebder(c), dtype=float)
-        w, change = (
-            self._system.joint_speed(np.abs(series).sum(axis=0))
-            for series in (rates, chebyshev.chebder(rates))
+    def bounds(self, intervals: Intervals) -> dict[str, Array]:
+        """Bounds of each measure on intervals, shape (K,); nan where nothing is known."""
+        joints, rates = (intervals.values(c) for c in (self._joints, self._rates))
+        A = np.array([self._system.matrix(q) for q in joints])
+        slopes = [self._system.slope(*state) for state in zip(joints, rates, strict=True)]
+        whole, D = self._second_derivatives[intervals.panels].T
+        about = partial(
+            _Neighbourhood.about, A, np.array(slopes), self._system.base, intervals.half, (whole, D)
         )
-        second = self._system.second_derivatives(w, change)
-        second_derivatives = second.whole, second.D
-
-        def bounds(middle: float, half: float) -> Mapping[str, float] | None:
-            joints, along = _value(middle, c), _value(middle, rates)
-            A, slope = self._system.matrix(joints), self._system.slope(joints, along)
-            return self._bounds(A, slope, half, second_derivatives)
-
-        return bounds
-
-    def _bounds(
-        self, A: Array, slope: Array, half: float, second_derivatives: tuple[float, float]
-    ) -> dict[str, float] | None:
-        bounds = {}
-        k = self._system.base
-        near = _Neighbourhood.about(A, slope, k, half, second_derivatives, self._joint_units)
-        if near is None:
-            return None
-        for name, unit in self._units.items():
-            if name in self._smallest:
-                bounds[name] = float(np.exp(near.log_determinant(by_locked=name == "gjm"))) / unit
-        if "sigma" in self._smallest:
-            other: _Neighbourhood | None = near
-            if not self._same_units:
-                ones = np.ones_like(self._joint_units)
-                other = _Neighbourhood.about(A, slope, k, half, second_derivatives, ones)
-            if other is None:
-                return None
+        near = about(self._joint_units)
+        bounds = {
+            name: np.exp(near.log_determinant(by_locked=name == "gjm")) / self._units[name]
+            for name in self._names
+            if name in self._units
+        }
+        if "sigma" in self._names:
+            other = near if self._same_units else about(np.ones_like(self._joint_units))
             bounds["sigma"] = other.smallest_singular_value()
-        high = all(value >= _FRACTION * self._smallest[name] for name, value in bounds.items())
-        return bounds if high else None
+        return bounds
 
 
 @dataclass(frozen=True, eq=False)
 class _Neighbourhood:
-    """The square matrix Â = A0 (I + X) about the middle of an interval, X being small.
+    """Square matrices Â = A0 (I + X) about the middles of intervals, X being small.
 
     Attributes:
-        inverse: Of A0.
+        inverse: Of A0, shape (..., r, r) as the trend; other arrays have the shape (...).
         trend: A0^-1 times the slope of Â.
-        half: Half the length of the interval.
+        half: Half the length of the intervals.
         second_derivative: Bound on that of Â.
-        size: Bound on the norm of X.
+        size: Bound on the norm of X, nan where it may be too large.
         base: Number of columns of the spacecraft's rate.
         log: Logarithm of the magnitude of det A0.
         locked: The same of D, its slope, and a bound on its remainder.
@@ -170,63 +177,64 @@ class _Neighbourhood:
     inverse: Array
     trend: Array
     half: float
-    second_derivative: float
-    size: float
+    second_derivative: Array
+    size: Array
     base: int
-    log: float
-    locked: tuple[float, float, float]
+    log: Array
+    locked: tuple[Array, Array, Array]
 
     @classmethod
     def about(
         cls, A: Array, slope: Array, k: int, half: float,
-        second_derivatives: tuple[float, float], joint_units: Array,
-    ) -> _Neighbourhood | None:  # fmt: skip
-        """The neighbourhood of a matrix (k + m, k + n) with a slope; None where X may be large.
+        second_derivatives: tuple[Array, Array], joint_units: Array,
+    ) -> _Neighbourhood:  # fmt: skip
+        """The neighbourhoods of matrices (..., k + m, k + n) with their slopes.
 
         ``joint_units`` are factors, shape (n,), removed from the columns of the joints for the row
         space of a redundant arm; they cancel where the matrix is square.
         """
-        second_derivative = second_derivatives[0]
-        D = A[:k, :k]
-        trend_D = np.linalg.solve(D, slope[:k, :k])
-        if A.shape[0] < A.shape[1]:
-            S = A[k:, k:] - A[k:, :k] @ np.linalg.solve(D, A[:k, k:])
-            V = np.linalg.svd(S / joint_units, full_matrices=False)[2].T
+        second_derivative = np.asarray(second_derivatives[0])
+        D = A[..., :k, :k]
+        trend_D = np.asarray(np.linalg.solve(D, slope[..., :k, :k]), dtype=float)
+        if A.shape[-2] < A.shape[-1]:
+            S = A[..., k:, k:] - A[..., k:, :k] @ np.linalg.solve(D, A[..., :k, k:])
+            V = np.linalg.svd(S / joint_units, full_matrices=False)[2].swapaxes(-1, -2)
             V = V / joint_units[:, None]
-            A, slope = (np.hstack([M[:, :k], M[:, k:] @ V]) for M in (A, slope))
-            second_derivative *= max(1.0, float(np.linalg.norm(V, 2)))
+            A, slope = (np.concatenate([M[..., :k], M[..., k:] @ V], axis=-1) for M in (A, slope))
+            second_derivative = second_derivative * np.maximum(1.0, _norm(V))
         sign, log = np.linalg.slogdet(A)
-        if sign == 0.0:
-            return None
-        inverse = np.asarray(np.linalg.inv(A), dtype=float)
-        trend = np.asarray(inverse @ slope)
-        remainder = half**2 / 2.0 * np.linalg.norm(inverse, 2) * second_derivative
-        size = half * np.linalg.norm(trend) + remainder
-        if not size < _FARTHEST:
-            return None
+        regular = (sign != 0.0)[..., None, None]
+        inverse = np.linalg.inv(np.where(regular, A, np.eye(A.shape[-1])))
+        trend = inverse @ slope
+        remainder = half**2 / 2.0 * _norm(inverse) * second_derivative
+        size = half * _frobenius(trend) + remainder
+        size = np.where((sign != 0.0) & (size < _FARTHEST), size, np.nan)
         remainder_D = (
-            half**2 / 2.0 * float(np.linalg.norm(np.linalg.inv(D))) * second_derivatives[1]
+            half**2
+            / 2.0
+            * _frobenius(np.asarray(np.linalg.inv(D), dtype=float))
+            * second_derivatives[1]
         )
-        locked = float(np.linalg.slogdet(D)[1]), float(np.trace(trend_D)), remainder_D
-        return cls(inverse, trend, half, second_derivative, float(size), k, float(log), locked)
+        locked = np.linalg.slogdet(D)[1], _trace(trend_D), remainder_D
+        return cls(inverse, trend, half, second_derivative, size, k, log, locked)
 
-    def log_determinant(self, by_locked: bool) -> float:
-        """Lower bound on log |det A|, or on log |det A / det D|.
+    def log_determinant(self, by_locked: bool) -> Array:
+        """Lower bounds on log |det A|, or on log |det A / det D|.
 
         log det (I + X) = tr X - tr X^2 / 2 + ..., and |tr X^k| <= x^k for k >= 2: the rest after
         tr X is at most -log(1 - x) - x. Of tr X, t tr (A0^-1 A') is exact, and tr (A0^-1 R) at most
         h^2 / 2 |A0^-1| b. log det D is concave over the positive definite matrices: it stays below
         its tangent plane, log det D0 + t tr (D0^-1 D') + h^2 / 2 |D0^-1| b_D.
         """
-        second = self.half**2 / 2.0 * float(np.linalg.norm(self.inverse)) * self.second_derivative
+        second = self.half**2 / 2.0 * _frobenius(self.inverse) * self.second_derivative
         rest = -np.log1p(-self.size) - self.size
-        log, drift = self.log - second - rest, float(np.trace(self.trend))
+        log, drift = self.log - second - rest, _trace(self.trend)
         if by_locked:
             log, drift = log - self.locked[0] - self.locked[2], drift - self.locked[1]
-        return float(log - self.half * abs(drift))
+        return np.asarray(log - self.half * np.abs(drift))
 
-    def smallest_singular_value(self) -> float:
-        """Lower bound on that of S*: one over the norm of its inverse.
+    def smallest_singular_value(self) -> Array:
+        """Lower bounds on those of S*: one over the norm of its inverse.
 
         That is the block of A^-1 of the joints' rows and the end-effector's columns, and
         A^-1 = A0^-1 - X A0^-1 + X^2 (I + X)^-1 A0^-1. Of the second term, t A0^-1 A' A0^-1 is exact
@@ -234,13 +242,26 @@ class _Neighbourhood:
         x^2 / (1 - x) times the norm of the end-effector's columns of A0^-1.
         """
         k, inverse = self.base, self.inverse
-        across = float(np.linalg.norm(inverse[:, k:], 2))
-        norm = float(np.linalg.norm(inverse[k:, k:], 2))
-        norm += self.half * float(np.linalg.norm((self.trend @ inverse)[k:, k:], 2))
-        through = float(np.linalg.norm(inverse[k:], 2)) * across
+        across = _norm(inverse[..., :, k:])
+        norm = _norm(inverse[..., k:, k:])
+        norm += self.half * _norm((self.trend @ inverse)[..., k:, k:])
+        through = _norm(inverse[..., k:, :]) * across
         norm += self.half**2 / 2.0 * through * self.second_derivative
         norm += self.size**2 / (1.0 - self.size) * across
-        return 1.0 / norm
+        return np.asarray(1.0 / norm)
+
+
+def _norm(matrices: Array) -> Array:
+    """Largest singular values of matrices (..., r, c)."""
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(-2, -1)))
+
+
+def _frobenius(matrices: Array) -> Array:
+    return np.asarray(np.linalg.norm(matrices, axis=(-2, -1)))
+
+
+def _trace(matrices: Array) -> Array:
+    return np.asarray(np.trace(matrices, axis1=-2, axis2=-1))
 
 
 class _ArmBounds:
@@ -250,34 +271,25 @@ class _ArmBounds:
     (|k q2'| + |m q3'|)^2 + |k q2''| + |m q3''| times its magnitude.
     """
 
-    def __init__(self, motion: Motion, smallest: float) -> None:
-        self._motion, self._smallest = motion, smallest
+    def __init__(self, motion: Motion) -> None:
         angles = 2.0 * np.pi * np.arange(_GRID) / _GRID
         value = motion.problem.margin.measure
         table = [[value(np.array([0.0, q2, q3, 0.0, 0.0, 0.0])) for q3 in angles] for q2 in angles]
-        self._terms = np.fft.fft2(np.array(table)) / _GRID**2
-        self._orders = np.fft.fftfreq(_GRID, 1.0 / _GRID)
+        orders = np.fft.fftfreq(_GRID, 1.0 / _GRID)
+        self._terms = np.fft.fft2(np.array(table)).ravel() / _GRID**2
+        self._orders = np.stack(np.meshgrid(orders, orders, indexing="ij"), axis=-1).reshape(-1, 2)
+        self._joints = motion.coefficients[:, :, 6:8]
+        self._rates = np.asarray(chebyshev.chebder(self._joints, axis=1), dtype=float)
+        largest = [np.abs(c).sum(axis=1)
+                   for c in (self._rates, chebyshev.chebder(self._rates, axis=1))]  # fmt: skip
+        first, second = (c @ np.abs(self._orders).T for c in largest)
+        self._second_derivatives = (first**2 + second) @ np.abs(self._terms)
 
-    def _series(self, x: Array, along: Array) -> tuple[float, float]:
-        """The measure and its slope at joints two and three (2,) with rates (2,)."""
-        k, m = self._orders[:, None], self._orders
-        terms = self._terms * np.exp(1j * (k * x[0] + m * x[1]))
-        return float(terms.sum().real), float(
-            (1j * (k * along[0] + m * along[1]) * terms).sum().real
-        )
-
-    def in_panel(self, panel: int) -> IntervalBounds:
-        """Bounds on the intervals of a panel."""
-        c = self._motion.coefficients[panel, :, 6:8]
-        rates = np.asarray(chebyshev.chebder(c), dtype=float)
-        w, change = (np.abs(c).sum(axis=0) for c in (rates, chebyshev.chebder(rates)))
-        k, m = np.abs(self._orders)[:, None], np.abs(self._orders)
-        first, second = k * w[0] + m * w[1], k * change[0] + m * change[1]
-        second_derivative = float((np.abs(self._terms) * (first**2 + second)).sum())
-
-        def bounds(middle: float, half: float) -> Mapping[str, float] | None:
-            value, slope = self._series(_value(middle, c), _value(middle, rates))
-            bound = abs(value) - half * abs(slope) - half**2 / 2.0 * second_derivative
-            return {"arm": bound} if bound >= _FRACTION * self._smallest else None
-
-        return bounds
+    def bounds(self, intervals: Intervals) -> dict[str, Array]:
+        """Bounds on the measure on intervals, shape (K,)."""
+        half, panels = intervals.half, intervals.panels
+        angles, rates = (intervals.values(c) @ self._orders.T for c in (self._joints, self._rates))
+        terms = self._terms * np.exp(1j * angles)
+        value, slope = terms.sum(axis=1).real, (1j * rates * terms).sum(axis=1).real
+        remainder = half**2 / 2.0 * self._second_derivatives[panels]
+        return {"arm": np.abs(value) - half * np.abs(slope) - remainder}

@@ -8,6 +8,7 @@ along the arc length, in quaternions.
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -269,9 +270,9 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
 
 def _rotated(attitude: Array, vector: Array) -> Array:
     """An attitude rotated about spacecraft axes by a rotation vector [rad]."""
-    angle = float(np.sqrt(vector @ vector))
-    p, q, r = (np.sinc(angle / (2.0 * np.pi)) / 2.0 * vector).tolist()
-    s = float(np.cos(angle / 2.0))
+    half = math.sqrt(vector @ vector) / 2.0
+    p, q, r = (vector * (math.sin(half) / half / 2.0 if half else 0.5)).tolist()
+    s = math.cos(half)
     x, y, z, w = attitude.tolist()
     return np.array([
         w * p + x * s + y * r - z * q,
