@@ -7,7 +7,7 @@ angular. Base columns belong to the base twist in the spacecraft frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 
 import numpy as np
@@ -139,31 +139,31 @@ def system_matrix(model: FreeFloatingModel, joints: npt.ArrayLike, task: Task = 
     linear momentum has eliminated the linear velocity of the spacecraft. Planar tasks keep the z
     components of the angular momentum and of the spacecraft's angular velocity only.
 
+    Args:
+        model: Robot.
+        joints: Joint values, shape (n,) or (K, n).
+        task: Part of the end-effector's motion that is prescribed.
+
     Returns:
-        Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n).
+        Shape (3 + m, 3 + n), for planar tasks (1 + m, 1 + n); (K, ...) for a stack of joints.
     """
-    A_G, J = _maps(model, joints)
-    J = J[task.rows]
-    A = np.vstack([A_G[3:, 3:], J[:, 3:] - J[:, :3] @ (A_G[:3, 3:] / model.total_mass)])
-    return A[2:, 2:] if task.planar else A
+    A_G, J = _stacked(lambda q: _maps(model, q), joints)
+    J = J[..., task.rows, :]
+    J = J[..., 3:] - J[..., :3] @ (A_G[..., :3, 3:] / model.total_mass)
+    A = np.concatenate([A_G[..., 3:, 3:], J], axis=-2)
+    return A[..., 2:, 2:] if task.planar else A
 
 
 def system_matrix_derivative(
     model: FreeFloatingModel, joints: npt.ArrayLike, rates: npt.ArrayLike, task: Task = Task.POSE
 ) -> Array:
-    """Time derivative of :func:`system_matrix` at joint rates of shape (n,)."""
-    robot, data = model.pin_model, model.scratch
+    """Time derivative of :func:`system_matrix` at joint rates of the shape of the joints."""
+    A_G, J, dA_G, dJ = _stacked(lambda q, v: _map_derivatives(model, q, v), joints, rates)
     mass = model.total_mass
-    q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
-    dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, pin.LOCAL_WORLD_ALIGNED)
-    A_G, J = (np.array(matrix) for matrix in _maps(model, joints))
-    dA_G = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
-    # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
-    dA_G[3:] -= pin.skew(A_G[:3] @ v / mass) @ A_G[:3]
-    J, dJ = J[task.rows], dJ[task.rows]
-    dJ = dJ[:, 3:] - (dJ[:, :3] @ A_G[:3, 3:] + J[:, :3] @ dA_G[:3, 3:]) / mass
-    dA = np.vstack([dA_G[3:, 3:], dJ])
-    return dA[2:, 2:] if task.planar else dA
+    J, dJ = J[..., task.rows, :], dJ[..., task.rows, :]
+    dJ = dJ[..., 3:] - (dJ[..., :3] @ A_G[..., :3, 3:] + J[..., :3] @ dA_G[..., :3, 3:]) / mass
+    dA = np.concatenate([dA_G[..., 3:, 3:], dJ], axis=-2)
+    return dA[..., 2:, 2:] if task.planar else dA
 
 
 def generalized_jacobian(
@@ -232,6 +232,30 @@ def _maps(model: FreeFloatingModel, joints: npt.ArrayLike) -> tuple[Array, Array
         model.pin_model, model.scratch, model.frame_id, pin.LOCAL_WORLD_ALIGNED
     )
     return A_G, J
+
+
+def _map_derivatives(
+    model: FreeFloatingModel, joints: Array, rates: Array
+) -> tuple[Array, Array, Array, Array]:
+    """The matrices of :func:`_maps` and their time derivatives."""
+    robot, data = model.pin_model, model.scratch
+    q, v = np.concatenate((_BASE, joints)), np.concatenate((np.zeros(6), rates))
+    dJ = pin.frameJacobianTimeVariation(robot, data, q, v, model.frame_id, pin.LOCAL_WORLD_ALIGNED)
+    A_G, J = (np.array(matrix) for matrix in _maps(model, joints))
+    dA_G = np.array(pin.computeCentroidalMapTimeVariation(robot, data, q, v))
+    # Pinocchio differentiates about a fixed point; the centre of mass moves in the spacecraft frame
+    dA_G[3:] -= pin.skew(A_G[:3] @ v / model.total_mass) @ A_G[:3]
+    return A_G, J, dA_G, dJ
+
+
+def _stacked(
+    function: Callable[..., tuple[Array, ...]], *vectors: npt.ArrayLike
+) -> tuple[Array, ...]:
+    """Matrices that are functions of vectors (n,), or stacks of them for vectors (K, n)."""
+    if np.ndim(vectors[0]) == 1:
+        return function(*vectors)
+    each = [[M.copy() for M in function(*row)] for row in zip(*vectors, strict=True)]
+    return tuple(np.array(matrices) for matrices in zip(*each, strict=True))
 
 
 def determinant(M: Array) -> float:

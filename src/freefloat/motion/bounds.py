@@ -141,11 +141,10 @@ class _MatrixBounds:
     def bounds(self, intervals: Intervals) -> dict[str, Array]:
         """Bounds of each measure on intervals, shape (K,); nan where nothing is known."""
         joints, rates = (intervals.values(c) for c in (self._joints, self._rates))
-        A = np.array([self._system.matrix(q) for q in joints])
-        slopes = [self._system.slope(*state) for state in zip(joints, rates, strict=True)]
+        A, slope = self._system.matrix(joints), self._system.slope(joints, rates)
         whole, D = self._second_derivatives[intervals.panels].T
         about = partial(
-            _Neighbourhood.about, A, np.array(slopes), self._system.base, intervals.half, (whole, D)
+            _Neighbourhood.about, A, slope, self._system.base, intervals.half, (whole, D)
         )
         near = about(self._joint_units)
         bounds = {

@@ -109,11 +109,11 @@ class ScaledSystem:
         self.columns = np.append(np.ones(self.base), columns)
 
     def matrix(self, joints: Array) -> Array:
-        """A without units, shape (base + m, base + n)."""
+        """A without units at joints (n,) or (K, n), shape (base + m, base + n) or a stack of it."""
         return self._scaled(system_matrix(self._model, joints, self._task))
 
     def slope(self, joints: Array, rates: Array) -> Array:
-        """The derivative of :meth:`matrix` while the joints (n,) move at rates (n,)."""
+        """The derivative of :meth:`matrix` while the joints move at rates of their shape."""
         return self._scaled(system_matrix_derivative(self._model, joints, rates, self._task))
 
     def _scaled(self, A: Array) -> Array:
