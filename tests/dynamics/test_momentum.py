@@ -267,6 +267,17 @@ def test_derivative_of_the_planar_system_matrix(planar_3dof: FreeFloatingModel) 
     np.testing.assert_allclose(derivative, (ahead - behind) / (2.0 * step), atol=1e-7)
 
 
+def test_system_matrices_of_many_joints(spatial_6dof: FreeFloatingModel) -> None:
+    q, rates = np.random.default_rng(8).normal(size=(2, 3, 6))
+    matrices = system_matrix(spatial_6dof, q, Task.POSITION)
+    derivatives = system_matrix_derivative(spatial_6dof, q, rates, Task.POSITION)
+    for k in range(3):
+        A = system_matrix(spatial_6dof, q[k], Task.POSITION)
+        dA = system_matrix_derivative(spatial_6dof, q[k], rates[k], Task.POSITION)
+        np.testing.assert_allclose(matrices[k], A, atol=1e-12)
+        np.testing.assert_allclose(derivatives[k], dA, atol=1e-12)
+
+
 def test_momentum_alone_rotates_the_spacecraft(spatial_6dof: FreeFloatingModel) -> None:
     """With the end-effector at rest, the momentum h rotates spacecraft and joints."""
     q, h = np.array([0.4, 0.9, 1.3, 0.2, 0.8, -0.3]), np.array([0.5, 0.3, 0.1])

@@ -240,10 +240,9 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
     path = motion.problem.path
     solver = motion.problem.resolved_rate_solver()
 
-    def rates(t: float, attitude: Array, z: Array, segment: int) -> Array:
+    def rates(attitude: Array, z: Array, twist: tuple[Array, float]) -> Array:
         """Rates of z: the rotation vector (the exponential's derivative inverted) and joints."""
-        twist, speed = path.twist_and_speed(t, segment)
-        omega, joint_rates = solver.rates(_rotated(attitude, z[:3]), z[3:], twist, speed)
+        omega, joint_rates = solver.rates(_rotated(attitude, z[:3]), z[3:], *twist)
         first = cross(z[:3], omega)
         return np.concatenate([omega + first / 2.0 + cross(z[:3], first) / 12.0, joint_rates])
 
@@ -251,16 +250,19 @@ def _integrated(motion: Motion, panels: int, parts: int) -> tuple[Array, Array]:
     for panel in range(panels):
         nodes = motion.times[DEGREE * panel : DEGREE * (panel + 1) + 1]
         segment = motion.timing_segment(panel)
+        last = path.twist_and_speed(float(nodes[0]), segment)
         for start, end in pairwise(nodes.tolist()):
             h = (end - start) / parts
             attitude = attitudes[-1]
             z = np.append(np.zeros(3), joints[-1])
             for part in range(parts):
                 t = start + part * h
-                k1 = rates(t, attitude, z, segment)
-                k2 = rates(t + h / 2.0, attitude, z + h / 2.0 * k1, segment)
-                k3 = rates(t + h / 2.0, attitude, z + h / 2.0 * k2, segment)
-                k4 = rates(t + h, attitude, z + h * k3, segment)
+                before, middle = last, path.twist_and_speed(t + h / 2.0, segment)
+                last = path.twist_and_speed(t + h, segment)
+                k1 = np.concatenate(solver.rates(attitude, z[3:], *before))
+                k2 = rates(attitude, z + h / 2.0 * k1, middle)
+                k3 = rates(attitude, z + h / 2.0 * k2, middle)
+                k4 = rates(attitude, z + h * k3, last)
                 z = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
                 attitude, z[:3] = _rotated(attitude, z[:3]), 0.0
             attitudes.append(attitude)
