@@ -21,7 +21,7 @@ from freefloat.motion.bounds import METHOD, Bounds, lower_bounds
 from freefloat.motion.extrema import closest_approach
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE, NODES, path_errors, with_slopes
-from freefloat.so3 import Array, angle_between, cross
+from freefloat.so3 import Array, IntArray, angle_between, cross
 
 _INTEGRATOR = "Munthe-Kaas Runge-Kutta of fourth order on SO(3), fixed steps in time"
 _BEFORE_SINGULAR = 2
@@ -156,34 +156,37 @@ def _worst(errors: Array, times: Array) -> Worst:
     return Worst(float(known[index]), float(times[index]))
 
 
+def _with_slopes(motion: Motion) -> tuple[IntArray, Array, Array]:
+    """Panels (K,), states (K, 5 + n) and derivatives by time at nodes where time passes."""
+    panel = np.repeat(np.arange(motion.panels), DEGREE + 1)
+    moving, states, slopes = with_slopes(motion.coefficients, panel, np.tile(NODES, motion.panels))
+    states[:, 1:5] /= np.linalg.norm(states[:, 1:5], axis=1, keepdims=True)
+    return panel[moving], states, slopes
+
+
 def _rate_errors(motion: Motion) -> Worst:
     """The largest of :attr:`Certificate.rates`."""
     path = motion.problem.path
     solver = motion.problem.resolved_rate_solver()
-    errors, times = [], []
-    fastest = 0.0
-    for panel, coefficients in enumerate(motion.coefficients):
-        segment = motion.timing_segment(panel)
-        for _, state, slope in with_slopes(coefficients, NODES):
-            attitude = state[1:5] / np.linalg.norm(state[1:5])
-            twist, speed = path.twist_and_speed(float(state[0]), segment)
-            exact = solver.rates(attitude, state[5:], twist, speed)[1]
-            fastest = max(fastest, float(np.abs(slope[5:]).max()))
-            errors.append(float(np.abs(slope[5:] - exact).max()))
-            times.append(float(state[0]))
+    segments = [motion.timing_segment(panel) for panel in range(motion.panels)]
+    panels, states, slopes = _with_slopes(motion)
+    fastest = float(np.abs(slopes[:, 5:]).max(initial=0.0))
     if not fastest:
         return Worst(0.0, float(motion.times[0]))
-    return _worst(np.array(errors) / fastest, np.array(times))
+    exact = []
+    for panel, state in zip(panels, states, strict=True):
+        twist, speed = path.twist_and_speed(float(state[0]), segments[panel])
+        exact.append(solver.rates(state[1:5], state[5:], twist, speed)[1])
+    return _worst(np.abs(slopes[:, 5:] - exact).max(axis=1) / fastest, states[:, 0])
 
 
 def _momentum_scale(motion: Motion) -> float:
     """See :attr:`Certificate.momentum_scale`."""
-    n = motion.problem.model.dof
     scale = float(np.linalg.norm(motion.problem.momentum))
-    for coefficients in motion.coefficients:
-        for _, state, slope in with_slopes(coefficients, NODES):
-            _, Dq = inertia_matrices(motion.problem.model, state[-n:])
-            scale = max(scale, float(np.linalg.norm(Dq @ slope[-n:])))
+    _, states, slopes = _with_slopes(motion)
+    for joints, rates in zip(states[:, 5:], slopes[:, 5:], strict=True):
+        _, Dq = inertia_matrices(motion.problem.model, joints)
+        scale = max(scale, float(np.linalg.norm(Dq @ rates)))
     return scale
 
 

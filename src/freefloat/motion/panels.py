@@ -17,7 +17,6 @@ from freefloat.motion.problem import Problem
 from freefloat.so3 import (
     Array,
     IntArray,
-    cross,
     frozen,
     rotation_matrix,
     rotation_vector_between,
@@ -32,28 +31,33 @@ NODES = frozen(chebyshev.chebpts2(DEGREE + 1))
 """Parameters of a panel's nodes, ends included, shape (9,)."""
 TO_COEFFICIENTS = frozen(np.linalg.inv(chebyshev.chebvander(NODES, DEGREE)))
 """Maps values at the nodes of a panel to Chebyshev coefficients, shape (9, 9)."""
+_SLOPES_AT_NODES = frozen(chebyshev.chebvander(NODES, DEGREE - 1))
+"""Maps Chebyshev coefficients of a derivative to its values at the nodes, shape (9, 8)."""
 _NEARLY_STILL = 1e-2
 """Fraction of a panel's largest pace of time below which there are no rates by time."""
 _UNRESOLVED = 1e-7
 """Changes in a panel [rad, m, fraction of duration] below which derivatives are not resolved."""
 
 
-def with_slopes(c: Array, x: Array) -> list[tuple[int, Array, Array]]:
-    """Values and derivatives by time of a panel's polynomials, except where time stands still.
+def with_slopes(c: Array, panel: IntArray, x: Array) -> tuple[IntArray, Array, Array]:
+    """Values and derivatives by time of panels' polynomials, except where time stands still.
 
     Args:
-        c: Chebyshev coefficients, those of time first, shape (9, c).
-        x: Parameters, shape (K,).
+        c: Chebyshev coefficients, those of time first, shape (panels, 9, c).
+        panel: Panels of K points.
+        x: Their parameters, shape (K,).
 
     Returns:
-        For each parameter at which time passes: its index, the values and their derivatives by
-        time, shape (c,) each.
+        Indices of the points at which time passes, shape (M,), the values there and their
+        derivatives by time, shape (M, c) each.
     """
-    slope = chebyshev.chebder(c)
-    still = _NEARLY_STILL * np.abs(chebyshev.chebval(NODES, slope[:, 0])).max()
-    values, rates = (chebyshev.chebval(x, series).T for series in (c, slope))
-    return [(int(k), values[k], rates[k] / rates[k, 0])
-            for k in np.flatnonzero(np.abs(rates[:, 0]) > still)]  # fmt: skip
+    slope = np.asarray(chebyshev.chebder(c, axis=1))
+    basis = chebyshev.chebvander(x, DEGREE)
+    still = _NEARLY_STILL * np.abs(slope[:, :, 0] @ _SLOPES_AT_NODES.T).max(axis=1)
+    values = np.einsum("kd,kdc->kc", basis, c[panel])
+    rates = np.einsum("kd,kdc->kc", basis[:, :-1], slope[panel])
+    moving = np.flatnonzero(np.abs(rates[:, 0]) > still[panel])
+    return moving, values[moving], rates[moving] / rates[moving, :1]
 
 
 def path_errors(problem: Problem, times: Array, attitudes: Array, joints: Array) -> Array:
@@ -84,26 +88,29 @@ def momentum_errors(motion: Motion, panel: IntArray, x: Array) -> Array:
     """See :meth:`Motion.momentum_errors`, by panels (K,) and their parameters (K,)."""
     states = [motion.times, motion.attitudes, motion.joints, motion.base_positions]
     values = np.column_stack(states)[motion.panel_nodes]
-    errors = np.full(len(x), np.nan)
     scale = np.ones(values.shape[2] - 3)
     scale[0] = motion.problem.path.duration
-    for k in np.unique(panel):
-        if (np.ptp(values[k, :, :-3], axis=0) / scale).max() < _UNRESOLVED:
-            continue
-        points = np.flatnonzero(panel == k)
-        for i, value, rate in with_slopes(TO_COEFFICIENTS @ values[k], x[points]):
-            errors[points[i]] = _momentum_error(motion.problem, value, rate)
+    resolved = (np.ptp(values[:, :, :-3], axis=1) / scale).max(axis=1) >= _UNRESOLVED
+    errors = np.full(len(x), np.nan)
+    points = np.flatnonzero(resolved[panel])
+    moving, values, rates = with_slopes(TO_COEFFICIENTS @ values, panel[points], x[points])
+    errors[points[moving]] = _momentum_errors(motion.problem, values, rates)
     return errors
 
 
-def _momentum_error(problem: Problem, values: Array, rates: Array) -> float:
-    """The deviation from (time, attitude, joints, base position) and their derivatives by time."""
-    size = np.linalg.norm(values[1:5])
-    attitude = values[1:5] / size
-    change = rates[1:5] / size
-    x, w = attitude[:3], attitude[3]
-    omega = 2.0 * (w * change[:3] - change[3] * x - cross(x, change[:3]))  # (8c) inverted
-    base = rotation_matrix(attitude).T @ rates[-3:]
-    v = np.concatenate([base, omega, rates[5:-3]])
-    momentum = momentum_map(problem.model, values[5:-3], attitude) @ v
-    return float(np.linalg.norm(momentum[3:] - problem.momentum))
+def _momentum_errors(problem: Problem, values: Array, rates: Array) -> Array:
+    """Deviations (K,) from (time, attitude, joints, base position) and their derivatives by time.
+
+    Both have the shape (K, 8 + n).
+    """
+    sizes = np.linalg.norm(values[:, 1:5], axis=1, keepdims=True)
+    attitudes, changes = values[:, 1:5] / sizes, rates[:, 1:5] / sizes
+    x, w = attitudes[:, :3], attitudes[:, 3:]
+    # (8c) inverted
+    omega = 2.0 * (w * changes[:, :3] - changes[:, 3:] * x - np.cross(x, changes[:, :3]))
+    base = np.einsum("kij,ki->kj", rotation_matrix(attitudes), rates[:, -3:])
+    v = np.column_stack([base, omega, rates[:, 5:-3]])
+    states = zip(values[:, 5:-3], attitudes, strict=True)
+    maps = [momentum_map(problem.model, joints, attitude)[3:] for joints, attitude in states]
+    momentum = np.einsum("kij,kj->ki", np.reshape(maps, (len(v), 3, v.shape[1])), v)
+    return np.asarray(np.linalg.norm(momentum - problem.momentum, axis=1))
