@@ -208,12 +208,8 @@ class _Neighbourhood:
         remainder = half**2 / 2.0 * _norm(inverse) * second_derivative
         size = half * _frobenius(trend) + remainder
         size = np.where((sign != 0.0) & (size < _FARTHEST), size, np.nan)
-        remainder_D = (
-            half**2
-            / 2.0
-            * _frobenius(np.asarray(np.linalg.inv(D), dtype=float))
-            * second_derivatives[1]
-        )
+        norm_D = _frobenius(np.asarray(np.linalg.inv(D), dtype=float))
+        remainder_D = half**2 / 2.0 * norm_D * second_derivatives[1]
         locked = np.linalg.slogdet(D)[1], _trace(trend_D), remainder_D
         return cls(inverse, trend, half, second_derivative, size, k, log, locked)
 
@@ -252,7 +248,7 @@ class _Neighbourhood:
 
 def _norm(matrices: Array) -> Array:
     """Largest singular values of matrices (..., r, c)."""
-    return np.asarray(np.linalg.norm(matrices, 2, axis=(-2, -1)))
+    return np.asarray(np.linalg.svd(matrices, compute_uv=False)[..., 0])
 
 
 def _frobenius(matrices: Array) -> Array:
