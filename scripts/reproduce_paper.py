@@ -120,16 +120,15 @@ def planar_ranges() -> Iterator[Line]:
         computed_tau = (point.time - start) / (end - start)
         yield Line(f"Example 1: its dimensionless time, {name}", tau, computed_tau, 6e-3)
     limits = (
-        ("at B, tangent", 318.9, FB[0], B),
-        ("at B, tangent at its end", 259.4, FB[1], B),
-        ("of FB moved to F", 298.7, FB[1], F),
-        ("of FB moved to F", 354.2, FB[0], F),
-        ("of AF at F", 335.3, AF[0], F),
-        ("of AF at F", 60.9, AF[1], F),
+        ("at B, tangent", 318.9, FB[0].end_heading),
+        ("at B, tangent at its end", 259.4, FB[1].end_heading),
+        ("of FB moved to F", 298.7, FB[1].start_heading),
+        ("of FB moved to F", 354.2, FB[0].start_heading),
+        ("of AF at F", 335.3, AF[0].end_heading),
+        ("of AF at F", 60.9, AF[1].end_heading),
     )
-    for name, printed, limit, time in limits:
-        heading = np.degrees(limit.heading_at(time)[0])
-        yield Line(f"Example 1: limit {name} in deg", printed, heading, 0.2)
+    for name, printed, heading in limits:
+        yield Line(f"Example 1: limit {name} in deg", printed, np.degrees(heading), 0.2)
     joined = plan.segments[0].joined_at_end[0].ranges[0]
     at_F = np.degrees([joined.low, joined.high])
     yield from lines("Example 1: range of both at F in deg", [60.9, 298.7], at_F, 0.2)

@@ -23,6 +23,7 @@ from freefloat.planning.planar_ranges import (
     find_range_limits,
     heading_ranges,
     reach_limits,
+    states_at,
 )
 from freefloat.so3 import heading_of, heading_quaternion
 from tests.motions import Z, along, bundled, chain
@@ -140,7 +141,7 @@ def test_documents_of_limits_have_their_headings_at_both_ends_and_their_place(pl
         assert document["tau"] == pytest.approx((point.time - 69.73) / (100.0 - 69.73))
         assert 0.0 <= document["tau"] <= 1.0
         attitude = heading_quaternion(np.radians(document["heading_at_start_deg"]))
-        joints = limit.heading_at(span[0])[1]
+        ((_, joints),) = states_at(planar, (limit,), span[0])
         motion = ff.integrate_motion(planar, attitude, joints, start=span[0], end=span[1])
         assert motion.completed
         final = np.degrees(heading_of(motion.final.attitude))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from itertools import islice
 from math import inf, tau
 from typing import Any
@@ -17,7 +16,6 @@ from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitKind, LimitResult, Limits
 from freefloat.motion.certificate import Certificate, CertifiedMinimum, Comparison, Worst
 from freefloat.motion.extrema import closest_approach
-from freefloat.motion.margin import Margin
 from freefloat.motion.motion import Ending, Motion
 from freefloat.motion.panels import DEGREE
 from freefloat.motion.problem import Problem
@@ -77,9 +75,6 @@ def write_plan(file: Any, plan: Plan, _: Document) -> None:
         group = file.create_group(f"segments/{number}")
         for key, name in _SEGMENT_RANGES.items():
             _write_causes(group, f"{key}_causes", getattr(segment, name))
-        for index, limit in enumerate(segment.limits):
-            _write_motion(group, f"{index}/backward", limit.backward)
-            _write_motion(group, f"{index}/forward", limit.forward)
     if plan.chosen is not None:
         _write_branch(file, "motion", plan.chosen)
     if plan.map is not None:
@@ -89,7 +84,7 @@ def write_plan(file: Any, plan: Plan, _: Document) -> None:
 
 
 def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
-    """Plan of a file; those of version 0.1.0 lack its map and its tangent motions."""
+    """Plan of a file; those of version 0.1.0 lack its map."""
     search = scenario.search()
     problem = search.applied_to(scenario.problem())
     tolerance = document.get("tolerance")
@@ -111,7 +106,7 @@ def read_plan(file: Any, scenario: Scenario, document: Document) -> Plan:
         reason=str(document["reason"]),
         ranges=_read_ranges(file.get("ranges", {}), document["attitude_ranges_deg"]),
         segments=tuple(
-            _segment(entry, file.get(f"segments/{number}", {}), problem)
+            _segment(entry, file.get(f"segments/{number}", {}))
             for number, entry in enumerate(document["segments"])
         ),
         chosen=None if motion is None else _read_branch(motion, problem, document["branch"]),
@@ -158,19 +153,18 @@ def _branch_ranges(document: Document, ranges: tuple[HeadingRange, ...]) -> Bran
     return BranchRanges(document["branch"], document["label"], ranges, limits)
 
 
-def _segment(document: Document, group: Any, problem: Problem) -> Segment:
-    """Segment of its document, and of the group with the motions of its range limits."""
-    limits = []
-    for index, entry in enumerate(document["touch_points"]):
-        if str(index) in group:
-            margin = Margin(problem.margin.measure, abs(entry["level"]))
-            tangent = replace(problem, margin=margin)
-            motions = (group[f"{index}/{name}"] for name in ("backward", "forward"))
-            point = PlanarTangencyPoint(
+def _segment(document: Document, group: Any) -> Segment:
+    """Segment of its document, and of the group with the causes of its ranges."""
+    limits = tuple(
+        RangeLimit(
+            PlanarTangencyPoint(
                 TangencyKind(entry["kind"]), entry["time"], entry["s"], entry["level"],
                 entry["heading"], np.array(entry["joints"]),
-            )  # fmt: skip
-            limits.append(RangeLimit(point, *(_read_motion(motion, tangent) for motion in motions)))
+            ),
+            float(np.radians(entry["heading_at_start_deg"])),
+            float(np.radians(entry["heading_at_end_deg"])),
+        ) for entry in document["touch_points"]
+    )  # fmt: skip
     ranges = {}
     for key, name in _SEGMENT_RANGES.items():
         causes = _read_causes(group, f"{key}_causes") if group else iter(())
@@ -178,7 +172,7 @@ def _segment(document: Document, group: Any, problem: Problem) -> Segment:
             _branch_ranges(entry, _with_causes(_spans(entry["ranges"]), causes))
             for entry in document[key]
         )
-    return Segment((document["from"], document["to"]), tuple(limits), **ranges)
+    return Segment((document["from"], document["to"]), limits, **ranges)
 
 
 def _spans(degrees: list[list[float]]) -> list[tuple[float, float]]:

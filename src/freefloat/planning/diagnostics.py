@@ -33,6 +33,8 @@ _TRIED = 24
 """Headings that are tried to report the best infeasible one."""
 _CERTAIN = 0.95
 """A bound known to a few percent is certain below this fraction of the margin."""
+_GRIDS = 181, 721
+"""Angles of each joint for that bound: where a coarse grid finds enough, no finer one is needed."""
 
 
 def margin_text(simulated: SimulatedBranch) -> str:
@@ -179,10 +181,11 @@ def infeasible_distance_message(problem: Problem) -> str | None:
                 f"{_point(place)} m, {abs(place):.4g} m from the centre of mass; the arm reaches "
                 f"{inner:.4g} to {outer:.4g} m{light_spacecraft_hint(problem)}"
             )
-    s, largest = most_singular_place(problem)
     threshold = problem.margin.threshold
-    if largest >= _CERTAIN * threshold:
-        return None
+    for angles in _GRIDS:
+        s, largest = most_singular_place(problem, angles)
+        if largest >= _CERTAIN * threshold:
+            return None
     return (
         f"at s = {s:.3g}, with the {point} at {_point(point_3_on_path(problem, s))} m, "
         f"no configuration has |S| above {largest:.4g}; the margin requires {threshold:.4g}"

@@ -7,8 +7,8 @@ at which the arm just reaches the path. Between neighbouring limits one motion d
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
-from functools import cache, lru_cache
+from dataclasses import asdict, dataclass
+from functools import lru_cache
 from itertools import compress
 from math import tau
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from freefloat.dynamics.joint_space import largest_magnitude
-from freefloat.motion.integration import integrate_motion
-from freefloat.motion.motion import Motion
 from freefloat.motion.problem import Problem
 from freefloat.planning.domain import SearchDomain, branch_changes
 from freefloat.planning.heading_arcs import (
@@ -32,11 +30,12 @@ from freefloat.so3 import Array, heading_of, heading_quaternion
 from freefloat.workspace.planar import PlanarArm, point_3_on_path
 
 if TYPE_CHECKING:
-    from freefloat.ensemble.ensemble import EnsembleIntegrator
+    from freefloat.ensemble.ensemble import EnsembleIntegrator, EnsembleResult
 
 _SMALLEST_LEVEL = 1e-4
 """Fraction of S_max used for a margin of zero, at which no motion can be started."""
-_TOLERANCE = 1e-9
+_TOLERANCE = 1e-11
+"""Relative and absolute tolerance of the motions to the limits."""
 _NEAR = 1e-4
 """Largest distance of joint values from those of their arm branch [rad]."""
 _LABELS = "elbow+", "elbow-"
@@ -52,19 +51,13 @@ class RangeLimit:
 
     Attributes:
         tangency: Where its |S| is smallest.
-        backward: From the tangency point to the start of the span.
-        forward: From the tangency point to the end of the span.
+        start_heading: Its heading at the start of the span [rad], in [0, 2 pi).
+        end_heading: The same at the end of the span.
     """
 
     tangency: PlanarTangencyPoint
-    backward: Motion = field(repr=False)
-    forward: Motion = field(repr=False)
-
-    def heading_at(self, time: float) -> tuple[float, Array]:
-        """Heading [rad] in [0, 2 pi) and joints (n,) of the motion at a time [s]."""
-        motion = self.backward if time <= self.tangency.time else self.forward
-        state = motion.final if time == motion.final.time else motion.sample([time])[0]
-        return heading_of(state.attitude), state.joints
+    start_heading: float
+    end_heading: float
 
     def to_dict(self, span: Span) -> dict[str, Any]:
         """The JSON document of the tangency point, with the headings at both ends of a span."""
@@ -74,8 +67,8 @@ class RangeLimit:
             "kind": str(point.kind),
             "joints": point.joints.tolist(),
             "tau": (point.time - start) / (end - start),
-            "heading_at_start_deg": float(np.degrees(self.heading_at(start)[0])),
-            "heading_at_end_deg": float(np.degrees(self.heading_at(end)[0])),
+            "heading_at_start_deg": float(np.degrees(self.start_heading)),
+            "heading_at_end_deg": float(np.degrees(self.end_heading)),
         }
 
 
@@ -96,23 +89,35 @@ def limits_of_spans(
     pairs = list(dict.fromkeys(
         (point, end) for span, on_span in points.items() for point in on_span for end in span
     ))  # fmt: skip
-    motions = [(point.heading, point.joints, point.time, end) for point, end in pairs]
-    kept = set(compress(pairs, _keep_level(problem, motions, level)))
-
-    @cache
-    def motion_to(point: PlanarTangencyPoint, end: float) -> Motion:
-        attitude = heading_quaternion(point.heading)
-        return integrate_motion(
-            problem, attitude, point.joints, start=point.time, end=end, tolerance=_TOLERANCE
+    results = _integrated(problem, [_from_tangency(point, end) for point, end in pairs])
+    headings = {
+        pair: heading_of(attitude)
+        for pair, attitude, keeps in zip(
+            pairs, results.attitudes, results.keeps(level), strict=True
         )
-
+        if keeps
+    }
     return {
-        span: tuple(
-            RangeLimit(point, *(motion_to(point, end) for end in span))
-            for point in on_span if all((point, end) in kept for end in span)
+        (start, end): tuple(
+            RangeLimit(point, headings[point, start], headings[point, end])
+            for point in on_span
+            if (point, start) in headings and (point, end) in headings
         )
-        for span, on_span in points.items()
-    }  # fmt: skip
+        for (start, end), on_span in points.items()
+    }
+
+
+def states_at(
+    problem: Problem, limits: tuple[RangeLimit, ...], at: float
+) -> list[tuple[float, Array]]:
+    """Heading [rad] in [0, 2 pi) and joints (n,) of the motions of limits at a time [s]."""
+    motions = _integrated(problem, [_from_tangency(limit.tangency, at) for limit in limits])
+    headings = [heading_of(attitude) for attitude in motions.attitudes]
+    return list(zip(headings, motions.joints, strict=True))
+
+
+def _from_tangency(point: PlanarTangencyPoint, end: float) -> _Planned:
+    return point.heading, point.joints, point.time, end
 
 
 def _level(problem: Problem) -> float:
@@ -129,15 +134,14 @@ def _integrator(problem: Problem) -> EnsembleIntegrator:
     return EnsembleIntegrator(problem, tolerance=_TOLERANCE)
 
 
-def _keep_level(problem: Problem, motions: list[_Planned], level: float) -> list[bool]:
-    """Which motions complete and keep |S| above a level."""
-    if not motions:
-        return []
-    headings, joints, starts, ends = map(np.array, zip(*motions, strict=True))
-    results = _integrator(problem).integrate(
-        heading_quaternion(headings), joints, starts=starts, ends=ends
-    )
-    return [bool(keeps) for keeps in results.keeps(level)]
+def _integrated(problem: Problem, motions: list[_Planned]) -> EnsembleResult:
+    """Results of some motions."""
+    columns = list(zip(*motions, strict=True)) or [()] * 4
+    headings, joints, starts, ends = (np.array(column, dtype=float) for column in columns)
+    return _integrator(problem).integrate(
+        heading_quaternion(headings), joints.reshape(-1, problem.model.dof),
+        starts=starts, ends=ends,
+    )  # fmt: skip
 
 
 def heading_ranges(
@@ -166,8 +170,7 @@ def heading_ranges(
         edges += [(end % tau, None, RangeLimitCause.SEARCH) for end in domain.heading_limits]
     if problem.start_joints is not None and at == 0.0:
         edges += [(heading, None, RangeLimitCause.SEARCH) for heading in branch_changes(problem)]
-    for limit in limits:
-        heading, joints = limit.heading_at(at)
+    for heading, joints in states_at(problem, limits, at):
         edges.append((heading, _branch_of(problem, heading, joints, at), RangeLimitCause.MARGIN))
 
     arcs = [
@@ -196,7 +199,7 @@ def _feasible_arcs(
                 if branch.index == index:
                     places.append((index, number))
                     motions += [(arc.middle, branch.joints, at, end) for end in span]
-    kept = _keep_level(problem, motions, _level(problem))
+    kept = _integrated(problem, motions).keeps(_level(problem)).tolist()
     both = map(all, zip(kept[::2], kept[1::2], strict=True))
     feasible = set(compress(places, both))
     return [[(index, k) in feasible for k in range(len(row))] for index, row in enumerate(arcs)]

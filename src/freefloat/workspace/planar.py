@@ -230,12 +230,13 @@ def point_3_on_path(problem: Problem, s: float) -> complex:
     return _flat(pose.position - pose.rotation @ virtual.last_link)
 
 
-def most_singular_place(problem: Problem) -> tuple[float, float]:
+def most_singular_place(problem: Problem, angles: int = _GRID) -> tuple[float, float]:
     """The s at which the largest attainable |S| is smallest, and that |S|.
 
-    Configurations form a grid of half a degree; the value is accurate to about one percent.
+    Configurations form a grid of so many angles of both joints; with the default, half a degree,
+    the value is accurate to about one percent.
     """
-    arm, axis = PlanarArm.of(problem.model), np.linspace(-np.pi, np.pi, _GRID)
+    arm, axis = PlanarArm.of(problem.model), np.linspace(-np.pi, np.pi, angles)
     S = np.abs(_determinants(arm, axis))
     squares = _on_grid(lambda q: np.abs(point_3(arm, q)) ** 2, axis)
     radii = np.sqrt(np.maximum(squares, 0.0))
