@@ -93,7 +93,6 @@ def map_(
 
     Example: freefloat map spatial_6dof/line --samples 4096 --nearest 0 0 0 1 -o map.h5
     """
-    from freefloat.io.results import save
     from freefloat.io.scenario import load_scenario
     from freefloat.planning.heading_map import HeadingMap
     from freefloat.planning.mapping import attitude_map
@@ -113,6 +112,8 @@ def map_(
     tables: Any = _heading_tables if isinstance(result, HeadingMap) else _attitude_tables
     console.tables(tables(scenario, result))
     if output is not None:
+        from freefloat.io.results import save  # HDF5 is slow to import
+
         save(result, output, loaded)
     if plots is not None:
         document["plots"] = draw(console, plots, result, threads)

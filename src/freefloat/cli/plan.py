@@ -65,7 +65,6 @@ def plan(
 
     Example: freefloat plan spatial_6dof/line --json
     """
-    from freefloat.io.results import save
     from freefloat.io.scenario import load_scenario
     from freefloat.planning.planner import plan as find_plan
 
@@ -81,6 +80,8 @@ def plan(
     document = result.to_dict()
     console.tables(_tables(scenario, result))
     if output is not None:
+        from freefloat.io.results import save  # HDF5 is slow to import
+
         save(result, output, loaded)
     if html is not None:
         document["html"] = None

@@ -76,7 +76,6 @@ def simulate(
 
     Example: freefloat simulate spatial_6dof/line --attitude 0.46008 0.09337 0.73519 -0.48898
     """
-    from freefloat.io.results import save
     from freefloat.io.scenario import load_scenario
     from freefloat.limits.limits import violated
     from freefloat.planning.simulation import simulate as simulate_branches
@@ -103,6 +102,8 @@ def simulate(
         )
     console.tables(_tables(scenario, simulation, mark))
     if output is not None:
+        from freefloat.io.results import save  # HDF5 is slow to import
+
         save(simulation, output, loaded)
     if html is not None:
         from freefloat.visualization.playback import playback
