@@ -130,7 +130,7 @@ def test_stopping_at_the_margin_changes_no_verdict(name: str, count: int) -> Non
     strict = replace(problem, margin=Margin(problem.margin.measure, level))
     evaluator = FeasibilityEvaluator(strict, 1)
     stopped = evaluator.evaluate(attitudes, stop_at_margin=True)
-    keeps = (results.motions.endings == COMPLETED) & (results.motions.minimum >= level)
+    keeps = results.motions.keeps(level)
     np.testing.assert_array_equal(stopped.motions.endings == COMPLETED, keeps)
     np.testing.assert_array_equal(stopped.margins[keeps], results.margins[keeps])
     assert (stopped.margins[~keeps] == 0.0).all()

@@ -43,7 +43,7 @@ Margins = Callable[[np.ndarray], np.ndarray]
 class Landscape:
     """An evaluator whose margins are functions of the attitude, by branch."""
 
-    sample_reduction = 1
+    sample_reduction, threads = 1, 1
 
     def __init__(self, problem: Problem, **branches: Margins) -> None:
         self.problem = problem

@@ -16,8 +16,8 @@ from freefloat.ensemble.arrays import kernel_problem
 from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED, integrate_many
 from freefloat.ensemble.kernels.lanes import WIDTH
 from freefloat.ensemble.kernels.records import Motions, make_workspace
-from freefloat.errors import whole_number
-from freefloat.motion.margin import keeps_threshold
+from freefloat.errors import InputError, finite_number, whole_number
+from freefloat.motion.margin import ROUNDING, keeps_threshold
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray
 
@@ -95,10 +95,14 @@ class EnsembleIntegrator:
         Args:
             problem: Robot, path and momentum.
             threads: Number of threads; one for each core of this process when left out.
-            tolerance: Relative and absolute tolerance of the integration steps.
+            tolerance: Relative and absolute tolerance of the integration steps, 1e-13 to 1e-2.
+
+        Raises:
+            InputError: If the number of threads or the tolerance is not accepted.
         """
         self.threads = whole_number("threads", available_cores() if threads is None else threads, 1)
-        self.problem, self.tolerance = problem, tolerance
+        self.problem = problem
+        self.tolerance = finite_number("tolerance", tolerance, "1e-13 to 1e-2", 1e-13, 1e-2)
         self._arrays = kernel_problem(problem)
 
     def integrate(
@@ -121,22 +125,25 @@ class EnsembleIntegrator:
             starts: Initial times [s], shape (K,); 0 when left out.
             ends: Final times [s], shape (K,); the duration when left out. With an end before its
                 start a motion is integrated backward.
-            stop_below: Stop motions whose measure falls below this magnitude.
+            stop_below: Stop motions that violate a margin with this threshold.
             progress: Called with the fraction done, in [0, 1].
+
+        Raises:
+            InputError: If an array has another shape, a number is not finite, or a time is not on
+                the path.
         """
-        K, n = joints.shape
+        K, n = len(joints), self.problem.model.dof
         momenta = self.problem.momentum if momenta is None else momenta
-        starts = np.zeros(K) if starts is None else starts
-        ends = np.full(K, self.problem.path.duration) if ends is None else ends
-        result = EnsembleResult.empty((K,), n)
-
-        def copied(array: Array) -> Array:  # the kernels are compiled for writable arrays
-            return np.array(array, dtype=float, order="C")
-
+        duration = self.problem.path.duration
         motions = Motions(
-            copied(attitudes), copied(joints), copied(np.broadcast_to(momenta, (K, 3))),
-            copied(starts), copied(ends), float(stop_below),
-        )  # fmt: skip
+            _checked("attitudes", attitudes, (K, 4)),
+            _checked("joints", joints, (K, n)),
+            _checked("momenta", np.broadcast_to(momenta, (K, 3)), (K, 3)),
+            _checked("starts", np.zeros(K) if starts is None else starts, (K,), duration),
+            _checked("ends", np.full(K, duration) if ends is None else ends, (K,), duration),
+            stop_below * (1.0 - ROUNDING),
+        )
+        result = EnsembleResult.empty((K,), n)
         chunk = min(_CHUNK, max(-(-K // (4 * self.threads)), 4 * WIDTH))
 
         def integrate_chunk(first: int) -> None:
@@ -149,3 +156,16 @@ class EnsembleIntegrator:
         for array in result:
             array.setflags(write=False)
         return result
+
+
+def _checked(key: str, values: Array, shape: tuple[int, ...], latest: float | None = None) -> Array:
+    """A copy for the kernels, which check nothing."""
+    array = np.array(values, dtype=float, order="C")
+    if array.shape != shape:
+        raise InputError(key, f"shape {array.shape} was given", f"shape {shape}")
+    if not np.isfinite(array).all():
+        raise InputError(key, "a number is not finite", "finite numbers")
+    if latest is not None and ((array < 0.0) | (array > latest)).any():
+        problem = f"times from {array.min():g} to {array.max():g} s were given"
+        raise InputError(key, problem, f"times from 0 to {latest:g} s")
+    return array

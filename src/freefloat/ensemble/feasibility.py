@@ -91,6 +91,11 @@ class FeasibilityEvaluator:
         self.wrist_flipped = has_wrist_flipped_branches(problem)
         self.sample_reduction = 1 if closed_form(problem.model, problem.task) else _REDUCTION
 
+    @property
+    def threads(self) -> int:
+        """Number of threads."""
+        return self.integrator.threads
+
     def require_memory(self, samples: int) -> None:
         """Raise an InputError if motions from so many attitudes need too much memory."""
         _, branches, n = self.problem.many_branches(attitude_grid(1)).joints.shape

@@ -175,7 +175,6 @@ def deepest(
     Returns:
         None where no sample is feasible and avoids all singularities.
     """
-    threads = evaluator.integrator.threads
     limits: dict[int | None, _Limits] = {}
     probed: list[Ball] = []
     for branch, _ in samples.branch_margins():
@@ -184,7 +183,7 @@ def deepest(
             tangent = [point.attitude for point in known if point.branch == branch]
             outside = np.vstack([samples.attitudes[~regular], *tangent])
             limits[branch] = _Limits(samples.search.domain, branch, outside)
-            start = int(np.argmax(depths(samples.attitudes, regular, threads)))
+            start = int(np.argmax(depths(samples.attitudes, regular, evaluator.threads)))
             probed.append(Ball(samples.attitudes[start], branch, np.pi))
     if not probed:
         return None

@@ -131,7 +131,7 @@ def attitude_map(
             result,
             best=next(iter(feasible_peaks(evaluator, sampled)), None),
             robust=deepest(evaluator, sampled, points),
-            regions=find_regions(sampled, evaluator.integrator.threads),
+            regions=find_regions(sampled, evaluator.threads),
         )
     if progress is not None:
         progress(1.0)

@@ -1,12 +1,18 @@
 """Equation (4) for motions in lock step: joint and spacecraft rates for a twist and a momentum.
 
-A joint moves the bodies on the spacecraft's side of it against those beyond. With the latter at
-rest, a unit rate gives the former the linear momentum -P and the angular momentum -L about the
-system's centre of mass. For a revolute joint with axis a, L = D a - Dq with D and Dq of (1). Zero
-momentum then requires that the system moves as one rigid body, too: its centre of mass with the
-velocity P / M, and with the angular velocity y = inverse(D) L. So column j of S* in (7) is
-(P / M + y x r, y), where r is the end-effector's position from the centre of mass, and the
-spacecraft turns with y - a.
+A of (5) is not formed: (1), solved for the spacecraft's rate, and (2) give (8b),
+
+    S* q' = C^T v_E - J11* inverse(D) R0^T h,    S* = J12* - J11* inverse(D) Dq.
+
+J11* acts on an angular velocity w of the spacecraft as (w x r, w), where r is the end-effector's
+position from the centre of mass. Columns of Dq and J12* do not appear by themselves: a joint moves
+the bodies on the spacecraft's side of it against those beyond. With the latter at rest, a unit rate
+gives the former the linear momentum -P and the angular momentum -L about the system's centre of
+mass: L = D a - Dq for a revolute joint with axis a, and L = -Dq for a prismatic one. Zero momentum
+requires that the whole system moves as one rigid body, too, its centre of mass with the velocity
+P / M, and with the angular velocity y = inverse(D) L. The end-effector then has the twist
+(P / M + y x r, y), column j of S*, and the spacecraft turns with y - a (prismatic: y), which is
+-inverse(D) Dq.
 
 All vectors are in the spacecraft frame.
 """

@@ -1,4 +1,4 @@
-"""The right-hand side of (8) for motions in lock step: rates of attitude and joints."""
+"""The right-hand sides of (8b) and (8c) for motions in lock step: rates of joints and attitude."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def flow(
     pace *= status[FORWARD]
     for j in range(n):
         K[4 + j, stage] = K[4 + j, stage] * pace
-    a, b, c = components(half * e + cross(x, half))
+    a, b, c = components(half * e + cross(x, half))  # (8c)
     K[0, stage] = a * pace
     K[1, stage] = b * pace
     K[2, stage] = c * pace

@@ -44,7 +44,12 @@ _CONTINUES = -1
 _FIRST_STEP, _FIRST_ERROR = 0.02, 1e-4
 """Length of the first step, in units of the duration, and error of the one before it."""
 _MAX_STEPS = 20_000
-_SMALL, _STRICTER, _UNDECIDED = 0.15, 0.1, 0.9
+_SMALL, _UNDECIDED, _GRAZING = 0.15, 0.9, 1e-5
+"""Fractions: of the maximum of the measure and of the margin, below and above which a minimum is
+undecided; of the largest det S*, below which a motion may pass a singularity closely."""
+_STRICTER, _STRICTEST = 0.1, 1e-4
+"""Reductions of the tolerance of motions that are integrated again, the second for those that may
+pass a singularity closely."""
 
 
 @compiled
@@ -56,17 +61,19 @@ def integrate_many(
 
     Where the minimum of the measure is small relative to its maximum along the motion, small errors
     of the motion are large relative to it: such motions are integrated again with a stricter
-    tolerance.
+    tolerance. So are those that become singular after having come so close to a singularity that
+    with exact numbers they may pass it.
     """
     problem, work = problem_in_tables(problem), workspace_in_tables(workspace)
-    queue, again = np.arange(first, beyond), np.empty(beyond - first, np.int64)
     waiting, repeated = beyond - first, 0
+    queue, factors = np.arange(first, beyond), np.ones(waiting)
+    again, stricter = np.empty(waiting, np.int64), np.empty(waiting)
     owners, steps = np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
-    for strictness in (1.0, _STRICTER):
+    for repeats in (True, False):
         following = busy = min(WIDTH, waiting)
         for lane in range(following):
             owners[lane], steps[lane] = queue[lane], 0
-            load_motion(problem, motions, queue[lane], lane, strictness * tolerance, work)
+            load_motion(problem, motions, queue[lane], lane, factors[lane] * tolerance, work)
         for lane in range(following, WIDTH):
             owners[lane] = -1
         while busy > 0:
@@ -89,17 +96,19 @@ def integrate_many(
                 if ending == _CONTINUES:
                     continue
                 store(problem, k, lane, ending, steps[lane], work, out)
-                if strictness == 1.0 and is_undecided(motions, k, lane, work, out):
-                    again[repeated] = k
+                factor = stricter_factor(motions, k, lane, work, out) if repeats else 1.0
+                if factor < 1.0:
+                    again[repeated], stricter[repeated] = k, factor
                     repeated += 1
                 owners[lane], steps[lane] = -1, 0
                 if following == waiting:
                     busy -= 1
                     continue
                 owners[lane] = queue[following]
-                load_motion(problem, motions, owners[lane], lane, strictness * tolerance, work)
+                factor = factors[following] * tolerance
+                load_motion(problem, motions, owners[lane], lane, factor, work)
                 following += 1
-        queue, waiting = again, repeated
+        queue, factors, waiting = again, stricter, repeated
 
 
 @inner
@@ -174,12 +183,17 @@ def go_on(problem: Problem, goal: float, arrived: bool, lane: int, work: Workspa
 
 
 @inner
-def is_undecided(motions: Motions, k: int, lane: int, work: Workspace, out: EnsembleResult) -> bool:
-    """Whether the minimum of a motion needs a stricter tolerance."""
-    ending, lowest = out.endings[k], out.minimum[k]
+def stricter_factor(
+    motions: Motions, k: int, lane: int, work: Workspace, out: EnsembleResult
+) -> float:
+    """Reduction of the tolerance with which a motion is integrated again; 1 where it is not."""
+    status, ending, lowest = work.status, out.endings[k], out.minimum[k]
+    if ending == SINGULAR:
+        closest = get_lane(status, SMALLEST, lane)
+        return _STRICTEST if 0.0 < closest < _GRAZING * get_lane(status, LARGEST, lane) else 1.0
     near = ending == MARGIN and lowest > _UNDECIDED * motions.stop_below
-    small = lowest < _SMALL * get_lane(work.status, HIGHEST, lane)
-    return bool((ending == COMPLETED or near) and small)
+    small = lowest < _SMALL * get_lane(status, HIGHEST, lane)
+    return _STRICTER if (ending == COMPLETED or near) and small else 1.0
 
 
 @inner

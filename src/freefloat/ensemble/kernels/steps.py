@@ -31,6 +31,7 @@ from freefloat.ensemble.kernels.measures import ARM, measure_at, of_determinants
 from freefloat.ensemble.kernels.minima import note_minimum
 from freefloat.ensemble.kernels.records import (
     BY_TIME,
+    FORWARD,
     FRESH,
     HIGHEST,
     LARGEST,
@@ -73,7 +74,8 @@ def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
     dt, whole = step_length(n, work)
     determinant, det_D, regular = make_stages(problem, dt, work)
     error = error_of(problem, dt, work)
-    accepted = (regular & (error < 1.0)) | fresh
+    early = (status[BY_TIME] > 0.0) | (status[FORWARD] * (status[LEG] - work.at[4 + n]) > 0.0)
+    accepted = (regular & early & (error < 1.0)) | fresh
     ended = fresh & is_singular(robot.m, work.S, work.scales)
     if measure.code < ARM:
         value = of_determinants(measure, determinant, det_D)
@@ -89,7 +91,7 @@ def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
     status[SMALLEST] = select(accepted, minimum(status[SMALLEST], size), status[SMALLEST])
     status[LARGEST] = select(accepted, maximum(status[LARGEST], size), status[LARGEST])
     advance(problem, accepted, whole, work)
-    control_step(fresh, accepted, regular, dt, error, status)
+    control_step(fresh, accepted, regular & early, dt, error, status)
     shortest = select(regular, _SHORTEST_STEP, _SINGULAR_STEP)
     ended = ended | (~accepted & (status[STEP] * magnitude(work.K[4 + n, 0]) < shortest))
     ended = ended | (accepted & (status[LOWEST] <= 0.0))
@@ -197,13 +199,16 @@ def advance(problem: Problem, accepted: Mask, whole: Mask, work: Workspace) -> N
 
 @inlined
 def control_step(
-    fresh: Mask, accepted: Mask, regular: Mask, dt: Float, error: Float, status: Table
+    fresh: Mask, accepted: Mask, possible: Mask, dt: Float, error: Float, status: Table
 ) -> None:
-    """Choose the next step: proportional-integral control, see Hairer and Wanner (1996), IV.2."""
+    """Choose the next step: proportional-integral control, see Hairer and Wanner (1996), IV.2.
+
+    A step that crosses a singularity or the end of a segment is not ``possible``.
+    """
     error = maximum(select(error < 1e30, error, 1e30), 1e-10)
     eighth = sqrt(sqrt(sqrt(error)))
     grow = minimum(0.9 * sqrt(sqrt(sqrt(sqrt(status[LAST_ERROR])))) / eighth, 10.0)
-    shrink = select(regular, maximum(0.9 / (eighth * eighth), 0.2), 0.4)
+    shrink = select(possible, maximum(0.9 / (eighth * eighth), 0.2), 0.4)
     status[STEP] = select(fresh, status[STEP], dt * select(accepted, grow, shrink))
     status[LAST_ERROR] = select(accepted & ~fresh, error, status[LAST_ERROR])
     status[FRESH] = 0.0
