@@ -1,4 +1,4 @@
-"""Make the pictures of README in ``scripts/pictures``.
+"""Make the pictures of README and docs in ``docs/pictures``.
 
 Usage: ``python scripts/make_pictures.py [NAME ...]``.
 """
@@ -26,7 +26,7 @@ from freefloat.workspace.regions import exact_workspace
 
 DOTS = 120
 """Dots per inch."""
-FOLDER = Path(__file__).resolve().parent / "pictures"
+FOLDER = Path(__file__).resolve().parents[1] / "docs" / "pictures"
 HEADINGS = (200.0, 140.0)
 """Figs. 7 and 6 of the paper: the first is feasible, the second becomes singular [deg]."""
 TANGENT = [0.46008, 0.09337, 0.73519, -0.48898]

@@ -47,7 +47,7 @@ _Robot = Annotated[
     ),
 ]
 _EndEffector = Annotated[
-    str | None, typer.Option(help="For a URDF with several last links: which one.")
+    str | None, typer.Option(metavar="LINK", help="For a URDF with several last links: which one.")
 ]
 _Joints = Annotated[
     str | None,

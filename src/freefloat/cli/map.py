@@ -48,7 +48,8 @@ _Samples = Annotated[
     ),
 ]
 _Seed = Annotated[
-    int | None, typer.Option(min=0, help="Rotates the grid of attitudes; default search.seed.")
+    int | None,
+    typer.Option(min=0, metavar="S", help="Rotates the grid of attitudes; default search.seed."),
 ]
 _Nearest = Annotated[
     Quaternion | None,
