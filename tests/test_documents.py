@@ -1,0 +1,68 @@
+"""README and docs: every block runs and prints what is shown, every link leads somewhere."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.documents import PAGES, ROOT, Page, assert_shown, blocks_of
+
+COPIED = ("src", "models", "scripts", "tests", "docs", "pyproject.toml", "README.md", "LICENSE")
+"""What CONTRIBUTING.md works on."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in PAGES if "\n```" in PAGES[name]])
+def test_every_block_prints_what_is_shown(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if name == "CONTRIBUTING.md":
+        for entry in COPIED:
+            copy = shutil.copytree if (ROOT / entry).is_dir() else shutil.copy2
+            copy(ROOT / entry, tmp_path / entry)
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path / "src"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    page = Page(name)
+    try:
+        for block in blocks_of(name):
+            page.run(block)
+    finally:
+        page.close()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_linked_and_named_files_exist(page: str) -> None:
+    folder = (ROOT / page).parent
+    for link in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)(?:#[\w-]+)?\)", PAGES[page]):
+        script = re.search(r"tutorials/(\d\d_\w+)\.md$", link)
+        file = ROOT / "scripts" / f"{script[1]}.py" if script else folder / link
+        assert file.exists(), link
+    for script in re.findall(r"`(scripts/\w+\.py)`", PAGES[page]):
+        assert (ROOT / script).is_file(), script
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "same"),
+    [
+        ("a  1.23 m\n", "a 1.2349 m\n", True),
+        ("a 1.23 m\n", "a 1.25 m\n", False),
+        ("4,096 motions\n", "4,097 motions\n", False),
+        ("off 3.0e-10\n", "off 1.7e-09\n", True),
+        ("a\n...\nd\n", "a\nb\nc\nd\n", True),
+        ("a\n...\n", "a\nb\n", True),
+        ("...\nb\n...\n", "a\nb\nc\n", True),
+        ("a\n...\nd\n", "a\nb\nc\n", False),
+        ("a\n", "a\nb\n", False),
+        ("a\nb\n", "a\n", False),
+    ],
+)
+def test_outputs_are_compared_to_the_digits_shown(shown: str, printed: str, same: bool) -> None:
+    if same:
+        assert_shown(shown, printed)
+    else:
+        with pytest.raises(AssertionError):
+            assert_shown(shown, printed)

@@ -1,0 +1,190 @@
+"""The reference pages: every key, command and option is documented, and exists."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from freefloat.cli.models import bundled_file
+from freefloat.io.scenario import load_scenario
+from freefloat.io.schema import ScenarioFile
+from freefloat.motion.problem import Problem
+from freefloat.studies.study import StudyFile
+from tests.commands import document
+from tests.documents import PAGES, ROOT
+
+SCENARIO = PAGES["docs/reference/scenario.md"]
+ROWS = re.findall(r"^\| `(\w+: .+?)` \|", SCENARIO, re.MULTILINE)
+"""YAML of the tables of examples."""
+
+
+@pytest.fixture
+def tables(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """``scripts/documentation/tables.py``."""
+    monkeypatch.syspath_prepend(str(ROOT / "scripts" / "documentation"))
+    import tables
+
+    return tables
+
+
+@pytest.fixture
+def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+# --- scenario and study files -------------------------------------------------------------------
+
+
+def test_every_section_of_a_file_has_its_table(tables: ModuleType) -> None:
+    pages = {"scenario": SCENARIO, "study": PAGES["docs/reference/studies.md"]}
+    for name, model in {"scenario": ScenarioFile, "study": StudyFile}.items():
+        markers = re.findall(rf"^<!-- keys: {name}(?:\.(\w+))? -->$", pages[name], re.MULTILINE)
+        keys = tables.key_names(name)
+        assert keys == list(model.model_fields)
+        rows = [
+            key for marker in filter(None, markers) for key in tables.key_names(f"{name}.{marker}")
+        ]
+        sections = re.findall(r"^\| `(\w+)` \| .*?section", tables.keys_table(name), re.MULTILINE)
+        assert sorted(markers) == sorted(["", *sections])
+        assert {row.partition(".")[0] for row in rows} == set(sections)
+
+
+def test_a_table_has_the_keys_of_nested_sections(tables: ModuleType) -> None:
+    table = tables.keys_table("scenario.path")
+    assert "| `path.line.from` | 3 numbers | required | First point [m]. |" in table
+    table = tables.keys_table("scenario.timing")
+    assert "| `timing.stops[].s` | number | required | Path parameter, in (0, 1). |" in table
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_the_yaml_of_a_table_row_makes_a_problem(row: str, in_folder: Path) -> None:
+    write_samples()
+    section = yaml.safe_load(row)
+    ((key, _),) = section.items()
+    document = yaml.safe_load(bundled_file("spatial_6dof/line").text)
+    if key in ("timing", "margin"):
+        document |= section
+    elif key in ("attitude", "frame"):
+        document["path"] |= section
+        document["search"] = {"joints": [0.3, -0.5, 1.1, 0.4, 0.9, -0.2]}
+    else:
+        kept = {} if key == "samples" else {"attitude": document["path"]["attitude"]}
+        document["path"] = section | kept
+    path = loaded(document).path.path
+    assert np.linalg.norm(path.pose(1.0).position - path.pose(0.0).position) > 1.0
+    if "fixed" in row:
+        rotation = [[0.28, -0.96, 0.0], [0.96, 0.28, 0.0], [0.0, 0.0, 1.0]]
+        np.testing.assert_allclose(path.pose(0.5).rotation, rotation, atol=1e-4)
+
+
+def test_the_samples_need_no_quaternions(in_folder: Path) -> None:
+    write_samples(columns=3)
+    document = yaml.safe_load(bundled_file("spatial_6dof/line").text)
+    line, document["path"]["samples"] = document["path"].pop("line"), "path.csv"
+    curve = loaded(document).path.path.curve
+    np.testing.assert_allclose(curve(0.5), (np.array(line["from"]) + line["to"]) / 2, atol=1e-12)
+
+
+def write_samples(columns: int = 7) -> None:
+    """Write path.csv with the first columns of the example."""
+    (samples,) = re.findall(r"```csv[^\n]*\n(.*?)```", SCENARIO, re.DOTALL)
+    rows = [",".join(row.split(",")[:columns]) for row in samples.splitlines()]
+    Path("path.csv").write_text("\n".join(rows))
+
+
+def loaded(document: dict[str, Any]) -> Problem:
+    """Problem of a scenario file with this content."""
+    file = Path("mine.yaml")
+    file.write_text(yaml.safe_dump(document, sort_keys=False))
+    return load_scenario(file).problem()
+
+
+# --- commands -----------------------------------------------------------------------------------
+
+
+def test_every_command_has_its_help_on_the_page(tables: ModuleType) -> None:
+    page = PAGES["docs/reference/commands.md"]
+    for name, command in tables.commands().items():
+        assert f"\n## {name}\n\n<!-- command: {name} -->\n" in page
+        options = [option.opts[0] for option in command.params]
+        assert set(tables.EVERYWHERE) <= set(options)
+        shown = tables.command_help(name)
+        assert all(f"`{option}" in shown for option in {*options} - {*tables.EVERYWHERE}
+                   if option.startswith("--"))  # fmt: skip
+
+
+# --- JSON documents -----------------------------------------------------------------------------
+
+
+def rows_of(section: str) -> set[str]:
+    """Keys in the tables of a section of the page on JSON documents."""
+    text = re.split(rf"^##+ {section}\n", PAGES["docs/reference/json.md"], flags=re.MULTILINE)[1]
+    text = re.split(r"^##+ ", text, flags=re.MULTILINE)[0]
+    columns = re.findall(r"^\| (`.*?) \| ", text, re.MULTILINE)
+    return {key for column in columns for key in re.findall(r"`([^`]+)`", column)}
+
+
+def keys_in(value: Any, name: str = "") -> set[str]:
+    """Keys of a JSON document as the page writes them: ``a.b``, ``a[].b``."""
+    if isinstance(value, dict) and value:
+        pairs = ((f"{name}.{key}".strip("."), entry) for key, entry in value.items())
+        return {key for pair in pairs for key in keys_in(pair[1], pair[0])}
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return {key for entry in value for key in keys_in(entry, f"{name}[]")}
+    return {name}
+
+
+def begins(key: str, start: str) -> bool:
+    return re.match(rf"{re.escape(start)}(?=[.\[]|$)", key) is not None
+
+
+def related(key: str, row: str) -> bool:
+    """Whether a row is about a key; an empty or missing object is that of its keys."""
+    return begins(key, row) or begins(row, key)
+
+
+@pytest.mark.slow
+def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
+    line, planar = "spatial_6dof/line", "planar_3dof/parabola"
+    attitude = ["--attitude", 0.1, 0.5, 0.2, -0.8367]
+    small = yaml.safe_load(bundled_file(line).text)
+    small["search"] = {"samples": 16}
+    Path("small.yaml").write_text(yaml.safe_dump(small))
+    spatial = ["--samples", 16, "--nearest", 0, 0, 0, 1, "--boundary", 1, "--touch", 1]
+    documents = {
+        "simulate": [
+            document("simulate", line, *attitude, "--branch", 2, code=1),
+            document("simulate", "planar_2dof/line", "--heading", 30),
+        ],
+        "plan": [
+            document("plan", planar, "-o", "plan.h5", "--html", "plan.html", "--plots", "plots"),
+            document("plan", "planar_2dof/line"),
+            document("plan", "small.yaml"),
+        ],
+        "map": [
+            document("map", planar, "--samples", 24),
+            document("map", line, *spatial, "--plots", "plots"),
+        ],
+        "check": [document("check", "plan.h5")],
+        "info": [document("info", line, "--joints", "0,0.1,0.2,0.3,0.4,0.5")],
+        "workspace": [document("workspace", planar)],
+    }
+    for command, found in documents.items():
+        described = rows_of(command)
+        if command == "plan":
+            described |= rows_of("simulate") - {"out_of_reach"}
+            described = {key for key in described if not key.startswith("branches")}
+        for name in ("search", "limits", "certificate"):
+            described |= rows_of(name) if name in described else set()
+        keys = {key for entry in found for key in keys_in(entry)}
+        unknown = {key for key in keys if not any(related(key, row) for row in described)}
+        assert sorted(unknown) == []
+        missing = {row for row in described if not any(related(key, row) for key in keys)}
+        assert sorted(missing) == []
