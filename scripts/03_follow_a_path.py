@@ -15,7 +15,7 @@ from freefloat.so3 import axes_rotation
 task = ff.Task.POSE  # position and orientation of the end-effector
 model = ff.FreeFloatingModel.from_urdf(find_robot("spatial_6dof", Path()))
 
-# Position [m], from the centre of mass of the system, and orientation of the end-effector.
+# The path: position [m], from the centre of mass of the system, and orientation.
 line = ff.paths.PolynomialCurve.line([1, 0, 0], [-0.5, 0.8, 0.33])
 axes = axes_rotation("attitude", ("x", [0.4683, 1.1683, -0.7]), ("z", [1.5, -0.8, -0.33]))
 path = ff.EndEffectorPath(line, ff.paths.FixedOrientation(axes))
@@ -26,6 +26,7 @@ margin = ff.Margin(ff.singularity_measure(model, task, "arm"), 5.0)
 momentum = np.array([0.5, 0.3, 0.1])  # angular momentum [N m s]
 problem = ff.Problem(model, timed, task, momentum, margin)
 
+# The motions of all arm branches from one attitude of the spacecraft (x, y, z, w):
 simulation = ff.simulate(problem, attitude=[0.1, 0.5, 0.2, -0.8367])
 for arm in simulation.branches:
     closest = arm.closest_approach
@@ -37,5 +38,10 @@ motion = simulation.chosen.motion
 print("joints at 50 s:", np.round(motion.sample([50.0])[0].joints, 4))
 print("residuals:", motion.residuals())
 
+# Joints, attitude and their rates over time; the record has more figures.
+ff.figures(simulation)["motion"].savefig("motion.png")
+print("drawn: motion.png")
+
+# Other branches meet a dynamic singularity.
 singular = next(arm for arm in simulation.branches if not arm.motion.completed)
 print(f"branch {singular.branch.index} becomes singular at {singular.motion.final.time:.4f} s")

@@ -24,6 +24,11 @@ for heading in (end - 1e-3, end + 1e-3):
     kept = problem.margin.keeps(simulated.closest_approach.value)
     print(f"from {np.degrees(heading):.4f} deg the margin is {'kept' if kept else 'not kept'}")
 
+# In joint space the singularities are curves that no motion may cross.
+ff.figures(plan)["joint_space"].savefig("joint_space.png")
+print("drawn: joint_space.png")
+
+# Of all feasible headings the plan has chosen one.
 _, _, z, w = plan.chosen.motion.initial.attitude
 print(f"chosen for {plan.reason}")
 print(f"heading: {np.degrees(2 * np.arctan2(z, w)) % 360:.4f} deg")

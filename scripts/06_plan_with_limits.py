@@ -29,6 +29,10 @@ def show(results: tuple[LimitResult, ...]) -> None:
 
 show(plan.limit_results)
 
+# The motion, from light to dark:
+ff.figures(plan)["snapshots"].savefig("snapshots.png")
+print("drawn: snapshots.png")
+
 # Any motion can be checked against any limits, such as a tenth of the joint rates:
 slow = replace(limits, joint_rate=limits.joint_rate / 10.0)
 results = ff.check_limits(plan.chosen.motion, slow)

@@ -31,8 +31,8 @@ playback = ff.playback(
 print("written:", playback.save("playback.html"))
 print(f"{', '.join(playback.titles)}; {playback.duration:g} s")
 
-# playback.show() opens the page in a browser or a notebook's cell; playback.into(visualizer) sends
-# the scene to a meshcat.Visualizer(), whose own controls play the animation.
+# `playback.show()` opens the page in a browser or a notebook's cell. `playback.into(visualizer)`
+# sends the scene to a `meshcat.Visualizer()`, whose own controls play the animation.
 
 # Numbers of a motion at any times, such as the end of the shorter one:
 end = singular.final.time

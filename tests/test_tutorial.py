@@ -23,7 +23,10 @@ ENDS = {
 """The last line of each, the number in it, and how far it may be off: where a search decides, as
 far as its samples are apart."""
 WRITTEN = {
+    "03_follow_a_path": ["motion.png"],
+    "04_planar_ranges": ["joint_space.png"],
     "05_so3_map": ["so3_map.png", "so3_map.pdf"],
+    "06_plan_with_limits": ["snapshots.png"],
     "07_playback": ["playback.html"],
     "08_study": ["study/study.sqlite", "study/cases.csv", "study/summary.png"],
 }

@@ -1,4 +1,7 @@
-"""An extension of Griffe: roles of docstrings, such as ``:class:`Plan```, as Markdown."""
+"""An extension of Griffe: docstrings as it expects them.
+
+Roles such as ``:class:`Plan``` become code, and a section ``Example`` becomes one of ``Examples``.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,14 @@ from typing import Any
 import griffe
 
 ROLE = re.compile(r":(?:attr|class|func|meth|mod):`~?([^`]+)`")
+EXAMPLE = re.compile(r"^( *)Example:$", re.MULTILINE)
 
 
-class Roles(griffe.Extension):
-    """Replaces roles by code."""
+class Docstrings(griffe.Extension):
+    """Adapts docstrings."""
 
     def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
-        """Replace the roles in the docstring of an object."""
+        """Adapt the docstring of an object."""
         if obj.docstring is not None:
-            obj.docstring.value = ROLE.sub(r"`\1`", obj.docstring.value)
+            text = ROLE.sub(r"`\1`", obj.docstring.value)
+            obj.docstring.value = EXAMPLE.sub(r"\1Examples:", text)

@@ -62,7 +62,7 @@ def _page(script: Path) -> dict[str, str | bytes]:
     with tempfile.TemporaryDirectory() as folder:
         outputs = _outputs(script, parts, Path(folder))
         for part, output in zip(parts, outputs, strict=True):
-            content += [part.text, f"```python\n{part.code}\n```"]
+            content += [part.text, part.code and f"```python\n{part.code}\n```"]
             if output.strip():
                 content.append(f"```text\n{output.rstrip()}\n```")
             for file in _shown(Path(folder), output):

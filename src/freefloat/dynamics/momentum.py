@@ -177,7 +177,7 @@ def generalized_jacobian(
         task: Task or its value, such as ``"position"``.
 
     Returns:
-        Shape (m, n): the task's rows of the end-effector twist [m/s; rad/s], in the spacecraft
+        The task's rows, shape (m, n), of the end-effector twist [m/s; rad/s], in the spacecraft
         frame, per joint rate, while the momentum is zero.
 
     Raises:

@@ -91,7 +91,7 @@ class VirtualManipulator:
             joints: Shape (K, n).
 
         Returns:
-            In the spacecraft frame: end-effector positions from the centre of mass (K, 3) and
+            In the spacecraft frame, end-effector positions from the centre of mass (K, 3) and
             rotations (K, 3, 3); joint positions (n, K, 3) and joint axes (n, K, 3).
         """
         q = np.atleast_2d(np.asarray(joints, dtype=float))
