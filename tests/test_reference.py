@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import yaml
@@ -16,7 +17,7 @@ from freefloat.io.scenario import load_scenario
 from freefloat.io.schema import ScenarioFile
 from freefloat.motion.problem import Problem
 from freefloat.studies.study import StudyFile
-from tests.commands import document
+from tests.commands import document, run
 from tests.documents import PAGES, ROOT
 
 SCENARIO = PAGES["docs/reference/scenario.md"]
@@ -185,6 +186,35 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
             described |= rows_of(name) if name in described else set()
         keys = {key for entry in found for key in keys_in(entry)}
         unknown = {key for key in keys if not any(related(key, row) for row in described)}
-        assert sorted(unknown) == []
+        assert " ".join(sorted(unknown)) == ""
         missing = {row for row in described if not any(related(key, row) for key in keys)}
         assert sorted(missing) == []
+
+
+# --- result files -------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_every_dataset_of_a_file_is_described(in_folder: Path) -> None:
+    page = PAGES["docs/reference/files.md"]
+    text = page.split("\n## Plans, motions and maps\n")[1].split("\n## ")[0]
+    cells = re.findall(r"^\|(?: ?\w* \|)? (`.*?) \| ", text, re.MULTILINE)
+    described = {name for cell in cells for name in re.findall(r"`([\w/]+)`", cell)}
+    line, planar = "spatial_6dof/line", "planar_3dof/parabola"
+    run("plan", planar, "-o", "plan.h5")
+    run("simulate", line, "--attitude", 0.1, 0.5, 0.2, -0.8367, "-o", "motion.h5")
+    run("map", planar, "--samples", 24, "-o", "headings.h5")
+    options = ["--nearest", 0, 0, 0, 1, "--boundary", 1, "--touch", 1]
+    run("map", line, "--samples", 16, *options, "-o", "attitudes.h5")
+    found = set()
+    for name in ("plan", "motion", "headings", "attitudes"):
+        with h5py.File(f"{name}.h5") as file:
+            file.visit(found.add)
+            found |= set(file.attrs)
+    names = {re.sub(r"\d+", lambda _: "K", name) for name in found}
+    names = {name.replace("segments/K", "segments/I") for name in names}
+    groups = {name.partition("/")[0] for name in described}
+    unknown = {name for name in names if name.partition("/")[0] not in described | groups}
+    assert " ".join(sorted(unknown)) == ""
+    datasets = names | {name.rpartition("/")[2] for name in names}
+    assert " ".join(sorted(described - datasets)) == ""
