@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
 
 from tests.documents import PAGES, ROOT, Page, assert_shown, blocks_of
-
-COPIED = ("src", "models", "scripts", "tests", "docs", "pyproject.toml", "README.md", "LICENSE")
-"""What CONTRIBUTING.md works on."""
 
 
 @pytest.mark.slow
@@ -20,11 +16,6 @@ COPIED = ("src", "models", "scripts", "tests", "docs", "pyproject.toml", "README
 def test_every_block_prints_what_is_shown(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if name == "CONTRIBUTING.md":
-        for entry in COPIED:
-            copy = shutil.copytree if (ROOT / entry).is_dir() else shutil.copy2
-            copy(ROOT / entry, tmp_path / entry)
-        monkeypatch.setenv("PYTHONPATH", str(tmp_path / "src"))
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     page = Page(name)
