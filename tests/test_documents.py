@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 from tests.documents import PAGES, ROOT, Page, assert_shown, blocks_of
+
+CHECKOUT = ("src", "models", "scripts", "tests", "docs", "pyproject.toml", "README.md", "LICENSE")
+"""What the commands of CONTRIBUTING.md work on: a copy of it."""
 
 
 @pytest.mark.slow
@@ -16,6 +20,11 @@ from tests.documents import PAGES, ROOT, Page, assert_shown, blocks_of
 def test_every_block_prints_what_is_shown(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if name == "CONTRIBUTING.md":
+        for entry in CHECKOUT:
+            copy = shutil.copytree if (ROOT / entry).is_dir() else shutil.copy2
+            copy(ROOT / entry, tmp_path / entry)
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path / "src"))
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     page = Page(name)
