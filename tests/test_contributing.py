@@ -1,0 +1,144 @@
+"""CONTRIBUTING: its recipes work as they stand, its commands run, its picture is current."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+TEXT = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+RECIPES = dict(re.findall(r"^### An? (.+?)\n.*?```diff\n(.*?)```", TEXT, re.MULTILINE | re.DOTALL))
+SCRIPTS = re.findall(r"^python (scripts/.+)$", TEXT, re.MULTILINE)
+USES = {
+    "path kind": """
+import freefloat as ff
+import numpy as np
+from freefloat.io.path_section import section_of
+
+helix = {"center": [0, 0, 2], "normal": [0, 0, 1], "from": [0.7, 0, 2], "angle_deg": 180, "rise": 1}
+scenario = {
+    "robot": {"urdf": "ets_vii", "end_effector": "end_effector"},
+    "task": "position",
+    "path": {"helix": helix},
+    "timing": {"duration": 60},
+}
+path = ff.load_scenario(scenario).problem().path.path
+np.testing.assert_allclose(path.curve(1.0), [-0.7, 0, 3], atol=1e-12)
+for order in (1, 2):
+    difference = (path.curve(0.4 + 1e-5, order - 1) - path.curve(0.4 - 1e-5, order - 1)) / 2e-5
+    np.testing.assert_allclose(path.curve(0.4, order), difference, atol=1e-8)
+assert section_of(path) == ({"helix": helix}, None)
+scenario["path"]["frame"], scenario["search"] = "spacecraft", {"joints": [0, 1, -1, 0, 1, 0]}
+moved = ff.load_scenario(scenario).problem().path.path
+np.testing.assert_allclose(np.ptp([moved.curve(s) - path.curve(s) for s in (0, 0.5, 1)], axis=0), 0,
+                           atol=1e-12)
+""",
+    "measure": """
+import freefloat as ff
+from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.motion.certificate import certify
+
+problem = ff.load_scenario("planar_2dof/line").problem()
+gjm, relative = (
+    ff.singularity_measure(problem.model, problem.task, name) for name in ("gjm", "relative")
+)
+reach = VirtualManipulator.of(problem.model).reach
+assert abs(relative([0.3, 1.1]) / gjm([0.3, 1.1]) * reach**2 - 1.0) < 1e-12
+problem = problem.replace(margin=ff.Margin(relative, 0.02))
+best = ff.attitude_map(problem, 36).best
+chosen = ff.simulate(problem, heading=best.heading, branch=best.branch).chosen
+assert abs(best.minimum_margin / chosen.minimum_margin - 1.0) < 1e-4
+(minimum,) = (entry for entry in certify(chosen.motion).minima if entry.measure == "relative")
+assert 0.89 < minimum.bound / minimum.value <= 1.0
+""",
+    "command": """
+import json
+import freefloat as ff
+import numpy as np
+from typer.testing import CliRunner
+from freefloat.cli.app import app
+
+simulation = ff.simulate(ff.load_scenario("planar_2dof/line").problem(), heading=0.4)
+ff.save(simulation, "motion.h5")
+shown = json.loads(CliRunner().invoke(app, ["rotation", "motion.h5", "--json"]).stdout)
+z, w = simulation.chosen.motion.final.attitude[2:]
+assert abs(shown["final_deg"] - abs(np.degrees(2 * np.arctan2(z, w) - 0.4))) < 1e-6
+assert "Example: freefloat rotation" in CliRunner().invoke(app, ["rotation", "--help"]).stdout
+""",
+    "export format": """
+import freefloat as ff
+import numpy as np
+from typer.testing import CliRunner
+from freefloat.cli.app import app
+
+simulation = ff.simulate(ff.load_scenario("planar_2dof/line").problem(), heading=0.4)
+ff.save(simulation, "motion.h5")
+for name in ("motion.txt", "motion.csv"):
+    words = ["export", "motion.h5", "-o", name, "--times", "5"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+lines = open("motion.txt").read().splitlines()
+table = np.loadtxt("motion.csv", delimiter=",", skiprows=1)
+assert lines[0] == "#1"
+assert f"double trajectory(5,{table.shape[1]})" in lines
+np.testing.assert_array_equal(np.loadtxt(lines[-5:]), table)
+""",
+}
+"""What each recipe makes possible."""
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the sources to which every recipe was applied."""
+    folder = tmp_path_factory.mktemp("checkout")
+    for name in ("src", "models"):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    for recipe in RECIPES.values():
+        subprocess.run(["git", "apply"], input=recipe, cwd=folder, text=True, check=True)
+    return folder
+
+
+def execute(folder: Path, *words: str) -> None:
+    """Run a module of Python on the sources in a folder."""
+    variables = {"PYTHONPATH": str(folder / "src"), "COLUMNS": "200"}
+    done = subprocess.run(
+        [sys.executable, *words], cwd=folder, env=os.environ | variables, check=False,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("recipe", USES)
+def test_a_recipe_adds_what_it_says(recipe: str, extended: Path) -> None:
+    assert set(RECIPES) == set(USES)
+    execute(extended, "-c", USES[recipe])
+
+
+@pytest.mark.slow
+def test_the_recipes_keep_the_style(extended: Path) -> None:
+    execute(extended, "-m", "ruff", "check", "--no-cache", "src")
+    execute(extended, "-m", "ruff", "format", "--check", "--no-cache", "src")
+    execute(
+        extended, "-c", "from importlinter.cli import lint_imports_command as c; c(['--no-cache'])"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_script_runs_as_written(script: str) -> None:
+    execute(ROOT, *script.split())
+
+
+def test_the_picture_shows_the_imports(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import make_package_graph as graph
+
+    assert graph.PICTURE.read_text("utf-8") == graph.svg(graph.imports())
