@@ -1,4 +1,4 @@
-"""CONTRIBUTING: its recipes work as they stand, its picture is current."""
+"""CONTRIBUTING: its recipes work as they stand, its commands run, its picture is current."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
 RECIPES = dict(re.findall(r"^### An? (.+?)\n.*?```diff\n(.*?)```", TEXT, re.MULTILINE | re.DOTALL))
+SCRIPTS = re.findall(r"^python (scripts/.+)$", TEXT, re.MULTILINE)
 USES = {
     "path kind": """
 import freefloat as ff
@@ -128,6 +129,12 @@ def test_the_recipes_keep_the_style(extended: Path) -> None:
     execute(
         extended, "-c", "from importlinter.cli import lint_imports_command as c; c(['--no-cache'])"
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_script_runs_as_written(script: str) -> None:
+    execute(ROOT, *script.split())
 
 
 def test_the_picture_shows_the_imports(monkeypatch: pytest.MonkeyPatch) -> None:
