@@ -1,4 +1,4 @@
-"""README's design names every package; the tables of speeds are those measured."""
+"""CONTRIBUTING names every package; the tables of speeds are those measured."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return benchmark
 
 
-def test_the_design_names_every_package() -> None:
-    design = PAGES["README.md"].split("## Design")[1]
+def test_contributing_names_every_package() -> None:
+    design = PAGES["CONTRIBUTING.md"].split("## The packages")[1].split("## Recipes")[0]
     named = re.findall(r"`(\w+)`(?=[^|]*\| .+ \|$)", design, re.MULTILINE)
     source = ROOT / "src" / "freefloat"
     packages = {path.parent.name for path in source.glob("*/__init__.py")}
