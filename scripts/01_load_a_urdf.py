@@ -1,6 +1,9 @@
 """Load a URDF whose root link is a spacecraft, and mount an arm that has none.
 
 ``python scripts/01_load_a_urdf.py`` ends in the mass of a servicer with a stock arm [kg].
+
+Every plan begins with a model: bodies, joints and masses. The root link of the URDF is the
+spacecraft; the chain from it to the end-effector is the arm.
 """
 
 from pathlib import Path

@@ -2,6 +2,9 @@
 
 ``python scripts/02_generalized_jacobian.py`` ends in the elbow angle [degrees] at which the arm
 becomes dynamically singular although it is bent.
+
+S* gives the velocity of the end-effector per joint rate while the system's momentum stays zero. It
+becomes singular in other configurations than the Jacobian of the same arm on a fixed base.
 """
 
 from pathlib import Path

@@ -2,6 +2,9 @@
 
 ``python scripts/03_follow_a_path.py`` ends in the time [s] at which one of the eight arm branches
 becomes dynamically singular.
+
+A problem consists of a robot, a task, a timed path, the momentum and the margin. A motion is
+integrated for each arm branch that reaches the start of the path.
 """
 
 from pathlib import Path

@@ -1,6 +1,9 @@
 """All feasible initial headings of a planar arm (the paper's Example 1).
 
 ``python scripts/04_planar_ranges.py`` ends in the heading [degrees] with the largest margin.
+
+For planar arms with two or three revolute joints the ranges of feasible headings are found exactly,
+not by sampling. Here they are compared with motions on both sides of an end.
 """
 
 import numpy as np

@@ -2,6 +2,9 @@
 
 ``python scripts/05_so3_map.py`` draws so3_map.png and ends in the percentage of attitudes with a
 feasible arm branch.
+
+In space the feasible set has no closed form. Motions from many attitudes are integrated together,
+with every arm branch; the more attitudes, the finer the map.
 """
 
 from pathlib import Path

@@ -2,6 +2,9 @@
 
 ``python scripts/06_plan_with_limits.py`` ends in the duration [s] that a tenth of the joint rates
 would need.
+
+Limits are checked along the whole motion, also between its samples. If the best motion violates
+one, others are tried.
 """
 
 from dataclasses import replace

@@ -2,6 +2,8 @@
 
 ``python scripts/07_playback.py`` writes playback.html, which any browser plays without a network,
 and ends in the angle between the final attitudes of the two spacecraft [degrees].
+
+The page contains robot, path and motions. It can be mailed, or embedded as below.
 """
 
 import numpy as np

@@ -2,6 +2,9 @@
 
 ``python scripts/08_study.py`` writes the folder study and prints the percentage of feasible runs.
 Run it again: nothing is computed twice.
+
+A study varies keys of a scenario, here momentum and masses, and tells in how many of the runs the
+planned attitude is still feasible.
 """
 
 from pathlib import Path

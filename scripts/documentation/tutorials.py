@@ -56,8 +56,8 @@ def parts_of(source: str) -> tuple[str, list[Part]]:
 
 def _page(script: Path) -> dict[str, str | bytes]:
     docstring, parts = parts_of(script.read_text("utf-8"))
-    title, _, introduction = docstring.partition("\n")
-    content = [f"# {title.rstrip('.')}", introduction.replace("``", "`")]
+    title, usage, *introduction = docstring.replace("``", "`").split("\n\n")
+    content = [f"# {title.rstrip('.')}", *introduction]
     files: dict[str, str | bytes] = {}
     with tempfile.TemporaryDirectory() as folder:
         outputs = _outputs(script, parts, Path(folder))
@@ -70,7 +70,7 @@ def _page(script: Path) -> dict[str, str | bytes]:
                 files[name] = file.read_bytes()
                 page = f'<iframe src="{name}" title="{file.name}"></iframe>'
                 content.append(page if file.suffix == ".html" else f"![{file.stem}]({name})")
-    content.append(f"The script is `scripts/{script.name}`.")
+    content += ["## The script", usage]
     return {f"{script.stem}.md": "\n\n".join(filter(None, content)) + "\n", **files}
 
 
