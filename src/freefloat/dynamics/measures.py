@@ -63,7 +63,8 @@ def singularity_measure(
         name: ``gjm``: det S* (6); for redundant arms sqrt(det(S* S*ᵀ)). ``system``: det A (5),
             which is det D times ``gjm`` and the paper's planar S (21a). ``arm``: the factor of
             det A that belongs to the plane of an elbow arm under a spherical wrist; S0 of the
-            paper's Example 2 is a value of it. ``sigma``: smallest singular value of S*, lengths in units of the reach.
+            paper's Example 2 is a value of it. ``sigma``: smallest singular value of S*, lengths in
+            units of the reach.
             (The null-space objective ``sigma`` is the product of all singular values.)
 
     Raises:

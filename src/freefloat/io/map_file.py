@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from freefloat.ensemble.ensemble import EnsembleResult
 from freefloat.ensemble.feasibility import BranchResults
@@ -26,6 +27,8 @@ from freefloat.planning.regions import Region
 from freefloat.so3 import Array, frozen, heading_quaternion
 
 T = TypeVar("T")
+_CODES = 128
+"""Codes of endings and numbers of branches are smaller."""
 _ENDINGS = "code: 0 completed, 1 singular, 3 step limit reached, -1 no such branch"
 _UNITS = {
     "attitude": QUATERNION, "centre": QUATERNION, "volume_rad3": "rad^3",
@@ -72,7 +75,7 @@ def read_heading_map(file: Any, scenario: Scenario, document: Document) -> Headi
     table = dict(zip(("minimum", "ended_at", "endings"), (a.T for a in motions), strict=True))
     joints = np.full((*shape[::-1], len(problem.model.joint_names)), np.nan)
     results = _results(heading_quaternion(headings), joints, table)
-    numbers = tuple(map(int, branches))
+    numbers = tuple(_codes(branches).tolist())
     return HeadingMap(
         problem, results, frozen(headings), numbers, search=search, seconds=document["seconds"]
     )
@@ -116,11 +119,18 @@ def read_samples(file: Any, problem: Problem, search: Search) -> AttitudeMap:
 def _results(attitudes: Array, joints: Array, table: dict[str, Any]) -> BranchResults:
     """Read-only results; quantities that are not in the table are nan or zero."""
     *shape, n = joints.shape
-    table["endings"] = table["endings"].astype(np.int8)
+    table["endings"] = _codes(table["endings"])
     motions = EnsembleResult.empty((*shape,), n)._replace(**table)
     for values in (attitudes, joints, *motions):
         values.setflags(write=False)
     return BranchResults(attitudes, joints, motions)
+
+
+def _codes(values: Array) -> npt.NDArray[np.int8]:
+    """Codes of endings or numbers of branches, which files contain as any numbers."""
+    if not (np.abs(values) < _CODES).all():
+        raise ValueError("its endings or branches are no codes")
+    return values.astype(np.int8)
 
 
 def read_attitude_map(file: Any, scenario: Scenario, document: Document) -> AttitudeMap:
