@@ -15,6 +15,7 @@ import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 MARK = "\x1e"
@@ -33,7 +34,7 @@ def pages(folder: Path) -> dict[str, str | bytes]:
     """Return the pages of the scripts in a folder and the files that they show, by name."""
     scripts = sorted(folder.glob("[0-9][0-9]_*.py"))
     with ThreadPoolExecutor(os.cpu_count()) as executor:
-        results = executor.map(_page, scripts)
+        results = executor.map(_page, scripts, [script.read_text("utf-8") for script in scripts])
     return {name: content for files in results for name, content in files.items()}
 
 
@@ -54,8 +55,9 @@ def parts_of(source: str) -> tuple[str, list[Part]]:
     ]
 
 
-def _page(script: Path) -> dict[str, str | bytes]:
-    docstring, parts = parts_of(script.read_text("utf-8"))
+@cache  # mkdocs serve asks again after every change of any file
+def _page(script: Path, source: str) -> dict[str, str | bytes]:
+    docstring, parts = parts_of(source)
     title, usage, *introduction = docstring.replace("``", "`").split("\n\n")
     content = [f"# {title.rstrip('.')}", *introduction]
     files: dict[str, str | bytes] = {}
