@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
+import textwrap
+from itertools import pairwise
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -35,9 +39,32 @@ RollPitchYaw = Annotated[Vector, AfterValidator(_in_radians)]
 class Section(BaseModel):
     """A mapping of a file: unknown keys are errors, numbers are finite."""
 
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: Any, handler: Any) -> Any:
+        """The JSON schema, in which the strings below fields are their descriptions.
+
+        The option ``use_attribute_docstrings`` would read all sources at every start.
+        """
+        schema = handler(core_schema)
+        properties = handler.resolve_ref_schema(schema)["properties"]
+        for name, description in descriptions(cls).items():
+            key = cls.model_fields[name].alias or name
+            properties[key].setdefault("description", description)
+        return schema
+
+
+def descriptions(section: type[BaseModel]) -> dict[str, str]:
+    """The strings below the fields of a section and its bases."""
+    found: dict[str, str] = {}
+    for kind in reversed(section.__mro__[: section.__mro__.index(Section)]):
+        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+        for field, below in pairwise(definition.body):  # type: ignore[attr-defined]
+            if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr):
+                text = inspect.cleandoc(ast.literal_eval(below.value))
+                found[field.target.id] = text  # type: ignore[union-attr]
+    return found
 
 
 def exactly_one_of(*names: str) -> Any:

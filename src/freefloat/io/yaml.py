@@ -15,6 +15,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from freefloat.errors import InputError, did_you_mean
+from freefloat.io.field_types import descriptions
 
 _MAX_SIZE = 1_000_000
 """Bytes; a scenario has a few hundred."""
@@ -243,7 +244,7 @@ def section_at(
     for key in location:
         for name, info in schema.model_fields.items():
             if key in (name, info.alias):
-                description = info.description
+                description = descriptions(schema).get(name)
                 schema = next(_sections_in(info.annotation), schema)
                 break
     return schema, None if description is None else " ".join(description.split())
