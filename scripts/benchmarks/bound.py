@@ -21,7 +21,7 @@ from freefloat.ensemble.kernels.tables import lanes
 from freefloat.so3 import attitude_grid
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))
-from tests import lock_step  # noqa: E402: the kernels as plain Python, which is counted
+from tests import lock_step
 
 ROUNDS, CHAINS = 200_000, 6
 COUNTED = (np.add, np.subtract, np.multiply, np.divide, np.sqrt, np.negative)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ LAWS = {
     "follow": "{follow: {axis: x, normal: [0.3, 0.2, 1]}}",
     "point_at": "{point_at: {target: [0.2, -3, 0.1], axis: z}}",
 }
-PAIRS = list(zip(CURVES, LAWS, strict=True))
+PAIRS = list(zip(CURVES, cycle(LAWS), strict=False))
 
 
 def scenario_text(
