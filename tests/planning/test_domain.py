@@ -230,6 +230,7 @@ def test_joints_and_angle_survive_files(tmp_path: Path) -> None:
         ({"within": 4.0, "from_attitude": PRESENT}, "search.within"),
         ({"joints": [0.0, 1.0]}, "search.joints"),
         ({"joints": {"q1": 0.0, "q2": 0.0, "elbow": 1.0}}, "search.joints"),
+        ({"joints": [10.0, 0.0, 90.0]}, "search.joints"),  # degrees
     ],
 )
 def test_unusable_searches(options: dict, key: str) -> None:

@@ -162,7 +162,7 @@ def test_a_base_without_a_valid_run_is_an_error(tmp_path: Path) -> None:
     assert (caught.value.source, caught.value.key) == (str(tmp_path / "base.yaml"), "margin")
     values = {"margin.value": {"list": [1, 5]}}
     assert a_study(tmp_path, values, base=broken, branch="best").count == 2
-    with pytest.raises(InputError) as caught:  # there is no undisturbed motion
+    with pytest.raises(InputError) as caught:  # the unvaried scenario has no motion
         a_study(tmp_path, values, base=broken)
     assert (caught.value.source, caught.value.key) == (str(tmp_path / "study.yaml"), "branch")
 

@@ -247,7 +247,7 @@ def section_at(
                 description = descriptions(schema).get(name)
                 schema = next(_sections_in(info.annotation), schema)
                 break
-    return schema, None if description is None else " ".join(description.split())
+    return schema, None if description is None else " ".join(description.replace("``", "").split())
 
 
 def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:

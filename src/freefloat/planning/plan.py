@@ -30,6 +30,8 @@ if TYPE_CHECKING:  # compiled kernels take half a second to import
 
 HEADINGS, PLAN_ATTITUDES = 360, 4096
 """Default numbers of samples of planar and of spatial tasks."""
+_LARGEST_ANGLE = 4.0 * np.pi
+"""Largest present joint angle [rad]: larger ones are degrees."""
 FEWEST_SAMPLES = 8
 """Smallest accepted number of samples."""
 _MOTION_KEYS = (
@@ -129,6 +131,11 @@ class Search:
         if self.joints is None:
             return problem
         joints = problem.model.joint_vector(self.joints, "search.joints")
+        turned = np.where(problem.model.prismatic, 0.0, np.abs(joints))
+        if turned.max() > _LARGEST_ANGLE:
+            largest = f"{turned.max():g} rad was given"
+            accepted = "radians of at most two full rotations; 90 degrees are 1.5708"
+            raise InputError("search.joints", largest, accepted)
         return replace(problem, start_joints=joints)
 
 

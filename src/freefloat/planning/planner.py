@@ -67,7 +67,7 @@ def plan(
             checked when left out.
         stretch: Whether the duration may grow until rates and torques keep their limits.
         threads: Number of cores to use; all available ones when left out.
-        progress: Called with the fraction of the current step done; restarts with every step.
+        progress: Called with the fraction done, in [0, 1]; not where ranges of heading are exact.
 
     Returns:
         The plan; an infeasible one has the reason.

@@ -208,7 +208,7 @@ def _undisturbed_joints(base: str, source: Path, attitude: tuple[float, ...]) ->
     try:
         simulation = simulate(problem, attitude, joints=near, limits=scenario.limits())
     except UnreachableError as error:
-        reason = f"there is no undisturbed motion: {error.problem}"
+        reason = f"the unvaried scenario has no motion: {error.problem}"
         accepted = "branch: best, or the number of an arm branch"
         raise InputError("branch", reason, accepted) from None
     return simulation.chosen.branch.joints

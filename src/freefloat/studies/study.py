@@ -69,8 +69,8 @@ class StudyFile(Section):
     """Command simulate, planar tasks: initial heading [degrees]."""
     branch: Annotated[int, Field(strict=True, ge=0)] | Literal["best"] | None = None
     """Command simulate: number of the arm branch to integrate, or ``best``, that with the largest
-    minimum margin that keeps the limits, in each run. Default: that of the undisturbed motion,
-    which simulate chooses for the base scenario at the same attitude."""
+    minimum margin that keeps the limits, in each run. Default: the one that simulate chooses
+    for the unvaried scenario at the same attitude."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ class Study:
         if self.content.command is not Command.SIMULATE:
             return None
         if branch is None:
-            return "that of the undisturbed motion (the base scenario at that attitude)"
+            return "the one that simulate chooses for the unvaried scenario"
         return "the best of each run" if branch == "best" else str(branch)
 
     def document(self, number: int) -> dict[str, Any]:
@@ -259,9 +259,9 @@ def _error_of_base(study: Study) -> InputError | None:
 
 
 def _check_branch(study: Study) -> None:
-    """Check that there is an undisturbed motion where the arm branch depends on it."""
+    """Check that the unvaried scenario has a motion where the arm branch depends on it."""
     if study.content.command is Command.SIMULATE and study.content.branch is None:
         error = _error_of_base(study)
         if error is not None:
-            problem = f"the base has no undisturbed motion: {error.key}: {error.problem}"
+            problem = f"the unvaried scenario has no motion: {error.key}: {error.problem}"
             raise InputError("branch", problem, "best, or the number of an arm branch")
