@@ -1,0 +1,155 @@
+"""The determinants of equations (5) and (6) as exact polynomials of the joints.
+
+The entries of A in (5) are sums of products of rotations and strokes. So det A and det D are
+trigonometric polynomials of each revolute joint and ordinary ones of each prismatic joint, of low
+degrees. Samples on a grid determine their coefficients up to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from freefloat.dynamics.joint_polynomial import JointBasis, JointPolynomial, along
+from freefloat.dynamics.joint_space import joint_box
+from freefloat.dynamics.momentum import Task, system_matrix
+from freefloat.errors import InputError
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, frozen, low_discrepancy
+
+MOST_COEFFICIENTS = 5_000_000
+"""Largest number of coefficients."""
+_HIGHEST = 16
+"""Highest degree in a joint that is looked for."""
+_PROBES, _CHECKS = 4, 256
+"""Configurations at which degrees are determined, and those at which the result is checked."""
+_ROUNDING = 1e-13
+"""Magnitude of coefficients that are rounding, relative to the largest value."""
+_BATCH = 4096
+"""Configurations of which matrices are held at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class SingularityPolynomial(JointPolynomial):
+    """Det A of (5) as a polynomial of the joints, whose zeros are the dynamic singularities.
+
+    Of a redundant arm it is det(S* S*ᵀ) det² D, which is nowhere negative.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> polynomial = ff.SingularityPolynomial.of(model, "planar-position")
+        >>> polynomial.degrees, polynomial.coefficients.size
+        ((2, 1), 15)
+        >>> polynomial.values([[0.3, 0.7]]).round(6)
+        array([3.753986])
+        >>> polynomial.gradients([[0.3, 0.7]]).shape
+        (1, 2)
+    """
+
+    @classmethod
+    def of(
+        cls,
+        model: FreeFloatingModel,
+        task: Task | str = Task.POSE,
+        fixed: Mapping[str, float] | None = None,
+    ) -> SingularityPolynomial:
+        """The polynomial of a robot and a task.
+
+        Args:
+            model: Robot.
+            task: Task or its value, such as ``"position"``.
+            fixed: Joints that keep a value [rad or m], by name; the polynomial is that of the
+                others.
+
+        Raises:
+            InputError: If there is no such task or joint, a prismatic joint has no finite range, or
+                the polynomial has more than five million coefficients.
+        """
+        task = Task.of(task)
+        values = {_joint(model, name): value for name, value in (fixed or {}).items()}
+
+        def with_fixed(q: Array) -> Array:
+            q = q.copy()
+            q[:, list(values)] = list(values.values())
+            return determinants(model, q, task)
+
+        found = fitted(with_fixed, model)
+        return cls(found.bases, found.coefficients, found.residual)
+
+
+def _joint(model: FreeFloatingModel, name: str) -> int:
+    """Index of a joint."""
+    if name not in model.joint_names:
+        raise InputError("fixed", f"there is no joint {name}", ", ".join(model.joint_names))
+    return model.joint_names.index(name)
+
+
+def determinants(model: FreeFloatingModel, joints: Array, task: Task) -> Array:
+    """Det A at joint values (K, n); of redundant arms det(S* S*ᵀ) det² D."""
+    A = system_matrix(model, joints, task)
+    if A.shape[-1] == A.shape[-2]:
+        return np.asarray(np.linalg.det(A))
+    k = 1 if task.planar else 3
+    D = A[:, :k, :k]
+    S = A[:, k:, k:] - A[:, k:, :k] @ np.linalg.solve(D, A[:, :k, k:])
+    return np.asarray(np.linalg.det(S @ S.swapaxes(1, 2)) * np.linalg.det(D) ** 2)
+
+
+def locked_inertia_polynomial(model: FreeFloatingModel, task: Task) -> JointPolynomial:
+    """Det D, which is positive, as a polynomial of the joints."""
+    k = 1 if task.planar else 3
+    return fitted(lambda q: np.linalg.det(system_matrix(model, q, task)[:, :k, :k]), model)
+
+
+def fitted(function: Callable[[Array], Array], model: FreeFloatingModel) -> JointPolynomial:
+    """The polynomial that a function of the joints is.
+
+    Args:
+        function: Its values at joint values (K, n); shape (K,).
+        model: Robot.
+
+    Raises:
+        InputError: See :meth:`SingularityPolynomial.of`.
+    """
+    lower, upper = joint_box(model)
+    checks = lower + (upper - lower) * low_discrepancy(_CHECKS, model.dof)
+    exact = function(checks)
+    scale = np.abs(exact).max() or 1.0
+    kinds = zip(model.prismatic.tolist(), lower.tolist(), upper.tolist(), strict=True)
+    bases = []
+    for joint, kind in enumerate(kinds):
+        highest = JointBasis(_HIGHEST, *kind)
+        degree = _degree(function, highest, joint, checks[:_PROBES], _ROUNDING * scale)
+        bases.append(JointBasis(degree, *kind))
+    count = int(np.prod([float(basis.size) for basis in bases]))
+    if count > MOST_COEFFICIENTS:
+        degrees = ", ".join(str(basis.degree) for basis in bases)
+        raise InputError(
+            "robot", f"det A of degrees {degrees} in the joints has {count:,} coefficients",
+            f"at most {MOST_COEFFICIENTS:,}",
+        )  # fmt: skip
+    nodes = np.meshgrid(*(basis.nodes for basis in bases), indexing="ij")
+    grid = np.stack(nodes, axis=-1).reshape(count, -1)
+    samples = [function(grid[first : first + _BATCH]) for first in range(0, count, _BATCH)]
+    coefficients = np.concatenate(samples).reshape([basis.size for basis in bases])
+    for axis, basis in enumerate(bases):
+        coefficients = along(axis, basis.coefficients, coefficients)
+    coefficients = frozen(np.ascontiguousarray(coefficients))
+    deviations = JointPolynomial(tuple(bases), coefficients, 0.0).values(checks) - exact
+    return JointPolynomial(tuple(bases), coefficients, float(np.abs(deviations).max() / scale))
+
+
+def _degree(
+    function: Callable[[Array], Array], basis: JointBasis, joint: int, at: Array, rounding: float
+) -> int:
+    """The degree of a function in a joint, from values along it at some configurations (K, n)."""
+    degree = 0
+    for q in at:
+        line = np.tile(q, (basis.size, 1))
+        line[:, joint] = basis.nodes
+        magnitudes = np.abs(basis.coefficients(function(line)))
+        last = int(np.flatnonzero(magnitudes > rounding).max(initial=0))
+        degree = max(degree, last if basis.prismatic else (last + 1) // 2)
+    return degree

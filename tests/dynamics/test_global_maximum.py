@@ -1,0 +1,79 @@
+"""Proven maxima of determinants agree with known ones, and a wrong bound is noticed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from freefloat.dynamics.global_maximum import global_maximum, guaranteed_magnitude
+from freefloat.dynamics.joint_space import joint_box
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.singularity_polynomial import SingularityPolynomial
+from freefloat.io.scenario import load_scenario
+from freefloat.robot.model import FreeFloatingModel
+from tests.motions import bundled
+from tests.robots import random_robot
+
+
+def test_the_maximum_of_the_paper() -> None:
+    problem = bundled("planar_3dof/parabola")
+    found = guaranteed_magnitude(problem.model, problem.task, "system")
+    assert found.value == pytest.approx(148.6, abs=0.05)  # S_max of the paper's Example 1
+    assert found.value <= found.upper_bound <= (1.0 + 2e-7) * found.value
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "name"), [
+    ("planar_2dof/line", "gjm"), ("spatial_6dof/line", "system"), ("spatial_6dof/line", "gjm"),
+    ("RPRRPR", "system"),
+])  # fmt: skip
+def test_no_configuration_is_above_the_bound_and_the_value_is_attained(
+    robot: str, name: str
+) -> None:
+    if "/" in robot:
+        problem = bundled(robot)
+        model, task = problem.model, problem.task
+    else:
+        random = random_robot(np.random.default_rng(8), robot)
+        model, task = FreeFloatingModel.from_urdf(random.text, random.end_effector), Task.POSE
+    found = guaranteed_magnitude(model, task, name)
+    measure = singularity_measure(model, task, name)
+    assert abs(measure(found.joints)) == pytest.approx(found.value, rel=1e-9)
+    assert found.value <= found.upper_bound <= (1.0 + 1e-5) * found.value
+    lower, upper = joint_box(model)
+    samples = np.random.default_rng(1).uniform(lower, upper, (5000, model.dof))
+    assert max(abs(measure(q)) for q in samples) <= found.upper_bound
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["planar_2dof/line", "spatial_6dof/above", "ur5_servicer/arc", "ets_vii/line"]
+)
+def test_margins_that_are_fractions_refer_to_proven_magnitudes(name: str) -> None:
+    scenario = load_scenario(name)
+    margin = scenario.problem().margin
+    assert scenario.content.margin.fraction is not None
+    found = guaranteed_magnitude(scenario.model(), scenario.problem().task, margin.measure.name)
+    expected = scenario.content.margin.fraction * found.value
+    assert margin.threshold == pytest.approx(expected, rel=1e-6)
+    assert found.upper_bound < (1.0 + 2e-6) * found.value
+
+
+def test_the_search_does_not_depend_on_its_start() -> None:
+    problem = bundled("planar_2dof/line")
+    polynomial = SingularityPolynomial.of(problem.model, problem.task)
+    starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 2))
+    for start in starts:
+        found = global_maximum(polynomial, start, 1e-6)
+        assert found.value == pytest.approx(7.127288996993473, abs=1e-6)
+        assert found.upper_bound >= 7.127288996993473
+
+
+def test_a_wrong_polynomial_is_noticed() -> None:
+    problem = bundled("planar_2dof/line")
+    polynomial = SingularityPolynomial.of(problem.model, problem.task)
+    wrong = replace(polynomial, coefficients=1.001 * polynomial.coefficients)
+    assert global_maximum(wrong, np.zeros(2), 1e-6).value > 7.13

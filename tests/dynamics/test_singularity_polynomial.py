@@ -1,0 +1,175 @@
+"""Det A as a polynomial of the joints agrees with Pinocchio's; its derivatives and their bounds."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from freefloat.dynamics import singularity_polynomial
+from freefloat.dynamics.joint_space import joint_box
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.momentum import Task, system_matrix
+from freefloat.dynamics.singularity_polynomial import (
+    SingularityPolynomial,
+    locked_inertia_polynomial,
+)
+from freefloat.errors import InputError
+from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.workspace.planar import PlanarArm, two_angles
+from tests.motions import bundled
+from tests.robots import random_robot, robots
+
+BUNDLED = ("planar_2dof/line", "planar_3dof/parabola", "spatial_6dof/line", "ets_vii/line",
+           "ur5_servicer/arc")  # fmt: skip
+
+
+@cache
+def of_scenario(name: str) -> tuple[Problem, SingularityPolynomial]:
+    problem = bundled(name)
+    return problem, SingularityPolynomial.of(problem.model, problem.task)
+
+
+def configurations(model: FreeFloatingModel, count: int, seed: int = 0) -> np.ndarray:
+    lower, upper = joint_box(model)
+    return np.random.default_rng(seed).uniform(lower, upper, (count, model.dof))
+
+
+def determinants(model: FreeFloatingModel, task: Task, joints: np.ndarray) -> np.ndarray:
+    """Det A from Pinocchio's matrices; of redundant arms the square of its generalization."""
+    if model.dof == len(task.rows):
+        return np.asarray(np.linalg.det(system_matrix(model, joints, task)))
+    measure = singularity_measure(model, task, "system")
+    return np.array([measure(q) for q in joints]) ** 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BUNDLED)
+def test_values_are_those_of_the_matrices(name: str) -> None:
+    problem, polynomial = of_scenario(name)
+    q = configurations(problem.model, 10_000)
+    exact = determinants(problem.model, problem.task, q)
+    scale = np.abs(exact).max()
+    np.testing.assert_allclose(polynomial.values(q), exact, rtol=0.0, atol=1e-11 * scale)
+    assert polynomial.residual < 1e-11
+
+
+@pytest.mark.slow
+@settings(max_examples=20)
+@given(robot=robots(st.text("RP", min_size=6, max_size=6)), seed=st.integers(0, 2**32 - 1))
+def test_values_are_those_of_the_matrices_of_random_robots(robot: object, seed: int) -> None:
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    polynomial = SingularityPolynomial.of(model)
+    q = configurations(model, 10_000, seed)
+    exact = determinants(model, Task.POSE, q)
+    scale = np.abs(exact).max()
+    np.testing.assert_allclose(polynomial.values(q), exact, rtol=0.0, atol=1e-11 * scale)
+
+
+def test_values_of_redundant_arms_are_squares() -> None:
+    robot = random_robot(np.random.default_rng(3), "RRP")
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    planar, _ = of_scenario("planar_3dof/parabola")
+    for arm, task in ((model, Task.POSITION), (planar.model, Task.PLANAR_POSITION)):
+        q = configurations(arm, 200)
+        exact = determinants(arm, task, q)
+        values = SingularityPolynomial.of(arm, task).values(q)
+        np.testing.assert_allclose(values, exact, rtol=0.0, atol=1e-11 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "degrees"),
+    [("planar_2dof/line", (2, 1)), ("ets_vii/line", (4, 4, 3, 2, 1, 0))],
+)
+def test_degrees(name: str, degrees: tuple[int, ...]) -> None:
+    _, polynomial = of_scenario(name)
+    assert polynomial.degrees == degrees
+    assert polynomial.coefficients.size == np.prod([2 * degree + 1 for degree in degrees])
+
+
+@pytest.mark.parametrize("chain", ["RRRRRR", "RPRRPR"])
+def test_derivatives_are_those_of_differences(chain: str) -> None:
+    robot = random_robot(np.random.default_rng(5), chain)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    measure, h = singularity_measure(model, Task.POSE, "system"), 1e-5
+    polynomial, n = SingularityPolynomial.of(model), model.dof
+    for q in configurations(model, 10):
+        ahead, behind = q + h * np.eye(n), q - h * np.eye(n)
+        slope = np.array([measure(a) - measure(b) for a, b in zip(ahead, behind, strict=True)])
+        (gradient,) = polynomial.gradients(q[None])
+        np.testing.assert_allclose(
+            gradient, slope / (2.0 * h), atol=1e-7 * np.abs(polynomial.gradients(ahead)).max()
+        )
+        change = polynomial.gradients(ahead) - polynomial.gradients(behind)
+        (hessian,) = polynomial.hessians(q[None])
+        np.testing.assert_allclose(hessian, change / (2.0 * h), atol=1e-7 * np.abs(hessian).max())
+
+
+@pytest.mark.parametrize("chain", ["RRRRRR", "RPRRPR"])
+def test_derivatives_stay_within_their_bounds_which_are_not_far_away(chain: str) -> None:
+    robot = random_robot(np.random.default_rng(6), chain)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    polynomial = SingularityPolynomial.of(model)
+    q = configurations(model, 4000)
+    found = polynomial.values(q), polynomial.gradients(q), polynomial.hessians(q)
+    for bound, derivatives in zip(polynomial.derivative_bounds, found, strict=False):
+        largest = np.abs(derivatives).max(axis=0)
+        assert (largest <= bound).all()
+        assert (largest >= 0.02 * bound).all()
+
+
+@pytest.mark.parametrize("chain", ["RRRRRR", "RPRRPR"])
+@pytest.mark.parametrize("half", [0.001, 0.1, 1.0])
+def test_enclosures_hold_the_values_and_are_narrow_in_small_boxes(chain: str, half: float) -> None:
+    robot = random_robot(np.random.default_rng(7), chain)
+    model = FreeFloatingModel.from_urdf(robot.text, robot.end_effector)
+    polynomial = SingularityPolynomial.of(model)
+    centres = configurations(model, 200)
+    halves = half * np.random.default_rng(1).uniform(0.0, 1.0, centres.shape)
+    low, high = polynomial.enclosures(centres, halves)
+    offsets = np.random.default_rng(2).uniform(-1.0, 1.0, (200, *centres.shape))
+    offsets[:64] = np.array(list(product((-1.0, 1.0), repeat=6)))[:, None]
+    values = polynomial.values((centres + offsets * halves).reshape(-1, 6)).reshape(200, -1)
+    assert (low <= values.min(axis=0)).all()
+    assert (values.max(axis=0) <= high).all()
+    if half < 0.1:
+        assert np.mean(np.ptp(values, axis=0) / (high - low)) > 0.8
+
+
+def test_the_zeros_are_the_singular_configurations_of_papadopoulos_and_dubowsky() -> None:
+    _, polynomial = of_scenario("planar_2dof/line")
+
+    def value(degrees: float) -> float:
+        return float(polynomial.values(np.radians([[-65.0, degrees]]))[0])
+
+    assert brentq(value, -20.0, 0.0) == pytest.approx(-11.41080, abs=1e-5)
+    second = brentq(value, 160.0, 179.0)
+    assert second == pytest.approx(171.44254, abs=1e-5)
+    model, q = bundled("planar_2dof/line").model, np.radians([-65.0, -11.41])  # as printed
+    position = model.end_effector_pose([0.0, 0.0, 0.0, 1.0], q).position
+    assert np.linalg.norm(position[:2]) == pytest.approx(2.031705, abs=1e-6)
+    (locked,) = locked_inertia_polynomial(model, Task.PLANAR_POSITION).values(q[None])
+    assert locked == pytest.approx(17.635783, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["planar_2dof/line", "planar_3dof/parabola"])
+def test_values_are_those_of_the_papers_formula(name: str) -> None:
+    """S of (21a), which the paper writes by barycentric vectors and momentum coefficients."""
+    problem, polynomial = of_scenario(name)
+    arm, q = PlanarArm.of(problem.model), configurations(problem.model, 200)
+    exact = arm.determinant(two_angles(arm, q[:, :2]))
+    np.testing.assert_allclose(polynomial.values(q), exact, rtol=0.0, atol=1e-11 * exact.max())
+
+
+def test_polynomials_that_are_too_large_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(singularity_polynomial, "MOST_COEFFICIENTS", 14)
+    problem = bundled("planar_2dof/line")
+    with pytest.raises(InputError) as error:
+        SingularityPolynomial.of(problem.model, problem.task)
+    assert error.value.key == "robot"
