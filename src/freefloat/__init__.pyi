@@ -5,6 +5,8 @@ from .robot.parts import Spacecraft as Spacecraft
 from .dynamics.momentum import Task as Task
 from .dynamics.momentum import generalized_jacobian as generalized_jacobian
 from .dynamics.measures import singularity_measure as singularity_measure
+from .dynamics.singularity_polynomial import SingularityPolynomial as SingularityPolynomial
+from .dynamics.casadi_function import casadi_function as casadi_function
 
 # The path
 from . import paths as paths
@@ -27,6 +29,9 @@ from .planning.simulation import simulate as simulate
 
 # All attitudes
 from .workspace.regions import workspace_regions as workspace_regions
+from .workspace.singularity_map import singularity_map as singularity_map
+from .workspace.singularity_components import singularity_components as singularity_components
+from .workspace.singularity_distance import distance_to_singularity as distance_to_singularity
 from .planning.mapping import attitude_map as attitude_map
 from .planning.plan import Search as Search
 from .planning.planner import plan as plan

@@ -19,12 +19,9 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, frozen
+from freefloat.workspace.certified_areas import certified_areas
 from freefloat.workspace.planar import Interval, PlanarArm, has_two_angle_form, margin_curves
-from freefloat.workspace.spatial import elbow_arm, sampled_areas, sampled_reach, wrist_in_tool
-
-_GAP = 0.01
-"""Singular radii of samples closer than this fraction of the reach belong to one area; narrower
-gaps are ignored."""
+from freefloat.workspace.spatial import elbow_arm, sampled_reach, wrist_in_tool
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +34,13 @@ class Workspace:
         measure: Name of the measure S: ``system``, ``arm`` or ``gjm``.
         reach: Smallest and largest distance.
         path_dependent: Intervals where S can vanish, inner to outer; None if unknown.
-        path_independent: The rest of the reach, inner to outer; None if unknown.
-        exact: Whether the areas are exact. Sampled areas may be incomplete: S does vanish in the
-            path-dependent ones; in the others no singular configuration was found.
-        largest_s: Largest S in the joint space.
-        smallest_s: Smallest S in the joint space.
+        path_independent: Intervals where S cannot vanish, inner to outer; None if unknown.
+        exact: Whether the ends of the areas are exact. Others are those of shells, each of half a
+            percent of the reach: S vanishes somewhere in each path-dependent one, and is proven not
+            to vanish in the path-independent ones.
+        largest_s: Largest S found in the joint space.
+        smallest_s: Smallest S found in the joint space.
+        undecided: Intervals of which neither is proven.
         path: Intervals of s along the path, in order, each with whether it lies in a path-dependent
             area; ends accurate to 1e-3. Empty if the areas are unknown.
     """
@@ -55,6 +54,7 @@ class Workspace:
     exact: bool
     largest_s: float
     smallest_s: float
+    undecided: tuple[Interval, ...] = ()
     path: tuple[tuple[Interval, bool], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -65,6 +65,7 @@ class Workspace:
             "reach": self.reach,
             "pdw": self.path_dependent,
             "piw": self.path_independent,
+            "undecided": self.undecided,
             "exact": self.exact,
             "s_max": self.largest_s,
             "s_min": self.smallest_s,
@@ -73,7 +74,7 @@ class Workspace:
 
 
 def workspace_regions(problem: Problem) -> Workspace:
-    """Reach and areas of a robot, exact if possible, otherwise from samples.
+    """Reach and areas of a robot, exact if possible, otherwise in certified shells.
 
     Raises:
         InputError: If a prismatic joint has no limits.
@@ -85,7 +86,7 @@ def workspace_regions(problem: Problem) -> Workspace:
                [1.436, 2.287]])
     """
     require_problem(problem)
-    workspace = exact_workspace(problem) or _sampled_workspace(problem)
+    workspace = exact_workspace(problem) or _general_workspace(problem)
     return replace(workspace, path=_path_areas(problem, workspace))
 
 
@@ -130,24 +131,16 @@ def exact_workspace(problem: Problem) -> Workspace | None:
     )  # fmt: skip
 
 
-def _sampled_workspace(problem: Problem) -> Workspace:
-    """Reach and areas of the end-effector from samples of the joint space.
-
-    The areas of redundant arms, whose measure has no sign, are unknown.
-    """
-    measure = singularity_measure(problem.model, problem.task, "gjm")
+def _general_workspace(problem: Problem) -> Workspace:
+    """Reach and areas of the end-effector, those of redundant arms being unknown."""
     reach = sampled_reach(problem)
+    measure = singularity_measure(problem.model, problem.task, "gjm")
     extremes = joint_space_extremes(problem.model, measure)
-    gap = _GAP * reach[1]
-    dependent = None
-    independent = None
-    if not problem.redundant:
-        areas = sampled_areas(problem, measure, extremes.magnitude, gap)
-        dependent = merged(areas, 1e-3 * gap)
-        independent = _complement(dependent, reach, gap)
+    areas = None if problem.redundant else certified_areas(problem, reach)
     return Workspace(
-        "end-effector", frozen(np.zeros(3)), measure.name, reach, dependent, independent, False,
-        extremes.largest, extremes.smallest,
+        "end-effector", frozen(np.zeros(3)), measure.name, reach,
+        areas.path_dependent if areas else None, areas.path_independent if areas else None, False,
+        extremes.largest, extremes.smallest, areas.undecided if areas else (),
     )  # fmt: skip
 
 
@@ -162,13 +155,11 @@ def merged(intervals: list[Interval], gap: float = 1e-9) -> tuple[Interval, ...]
     return tuple(joined)
 
 
-def _complement(
-    intervals: tuple[Interval, ...], whole: Interval, narrowest: float = 0.0
-) -> tuple[Interval, ...]:
+def _complement(intervals: tuple[Interval, ...], whole: Interval) -> tuple[Interval, ...]:
     """The rest of an interval between disjoint ones in order, without gaps of rounding errors."""
     edges = [whole[0], *(edge for interval in intervals for edge in interval), whole[1]]
     gaps = zip(edges[::2], edges[1::2], strict=True)
-    return tuple((a, b) for a, b in gaps if b - a > max(narrowest, 1e-6 * whole[1]))
+    return tuple((a, b) for a, b in gaps if b - a > 1e-6 * whole[1])
 
 
 def _path_areas(problem: Problem, workspace: Workspace) -> tuple[tuple[Interval, bool], ...]:

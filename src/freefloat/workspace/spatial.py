@@ -1,13 +1,11 @@
-"""Areas of spatial arms: elbow arms reduced to a plane, and samples of any arm's joint space."""
+"""Elbow arms reduced to a plane, and the reach of any arm."""
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
-from freefloat.dynamics.joint_space import joint_box, joint_space_extremes, optimizer_bounds
-from freefloat.dynamics.measures import SingularityMeasure, plane_axes, singularity_measure
+from freefloat.dynamics.joint_space import joint_space_extremes
+from freefloat.dynamics.measures import plane_axes, singularity_measure
 from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.errors import InputError
@@ -18,14 +16,6 @@ from freefloat.workspace.planar import Complex, Interval, PlanarArm, point_3, tw
 
 _GRID = 8
 """Angles per joint; S is a trigonometric polynomial of degree two, which fewer determine."""
-_LINES = 1024
-"""Sweeps of one joint."""
-_STEPS = 32
-"""Intervals of each."""
-_ENDS = 4
-"""Singular configurations from which each end of an area is extended."""
-_EXTENSION = 5.0
-"""An end that moves by more gaps than this has left its area for another."""
 
 
 def elbow_arm(model: FreeFloatingModel) -> PlanarArm:
@@ -108,85 +98,7 @@ def sampled_reach(problem: Problem) -> Interval:
     return float(np.sqrt(max(extremes.smallest, 0.0))), float(np.sqrt(extremes.largest))
 
 
-def sampled_areas(
-    problem: Problem, measure: SingularityMeasure, scale: float, gap: float
-) -> list[Interval]:
-    """Intervals of the end-effector's distance at which a measure can vanish [m].
-
-    The ends of the areas of :func:`singular_configurations` are extended along the singular surface
-    by optimization.
-
-    Args:
-        problem: The problem.
-        measure: A measure with a sign.
-        scale: Its largest magnitude.
-        gap: Distances closer than this belong to one area [m].
-    """
-    singular = singular_configurations(problem, measure)
-    if len(singular) == 0:
-        return []
-    radii = np.array([_distance(problem, joints) for joints in singular])
-    order = np.argsort(radii)
-    singular, radii = singular[order], radii[order]
-    breaks = np.flatnonzero(np.diff(radii) > gap) + 1
-    extend = partial(_extended, problem, measure, scale)
-    areas = []
-    for first, last in zip([0, *breaks], [*breaks, len(radii)], strict=True):
-        down = np.array([extend(joints, 1.0) for joints in singular[first:last][:_ENDS]])
-        up = np.array([extend(joints, -1.0) for joints in singular[first:last][-_ENDS:]])
-        before = radii[first - 1] if first else -1.0
-        beyond = radii[last] if last < len(radii) else np.inf
-        down = down[down > max(radii[first] - _EXTENSION * gap, before)]
-        up = up[up < min(radii[last - 1] + _EXTENSION * gap, beyond)]
-        areas.append(
-            (float(down.min(initial=radii[first])), float(up.max(initial=radii[last - 1])))
-        )
-    return areas
-
-
-def singular_configurations(problem: Problem, measure: SingularityMeasure) -> Array:
-    """Joints at which a measure changes its sign, shape (K, n).
-
-    One joint at a time sweeps its range from many configurations; between samples of different sign
-    the root is solved for.
-    """
-    from scipy.optimize import brentq  # imported late: it takes a third of a second
-
-    lower, upper = joint_box(problem.model)
-    n = problem.model.dof
-    singular = []
-    for number, fraction in enumerate(low_discrepancy(_LINES, n)):
-        start = lower + (upper - lower) * fraction
-        moving = np.arange(n) == number % n
-
-        def along(value: float, start: Array = start, moving: Array = moving) -> float:
-            return measure(np.where(moving, value, start))
-
-        samples = np.linspace(lower[moving], upper[moving], _STEPS + 1).ravel()
-        signs = np.sign([along(value) for value in samples.tolist()])
-        for i in np.flatnonzero(signs[1:] * signs[:-1] < 0.0):
-            root = brentq(along, samples[i], samples[i + 1], xtol=1e-10)
-            singular.append(np.where(moving, root, start))
-    return np.array(singular).reshape(-1, n)
-
-
 def _distance(problem: Problem, joints: Array) -> float:
     """Distance of the end-effector from the centre of mass, in the plane for planar tasks [m]."""
     position = problem.model.end_effector_pose((0.0, 0.0, 0.0, 1.0), joints).position
     return float(np.linalg.norm(position[:2] if problem.task.planar else position))
-
-
-def _extended(
-    problem: Problem, measure: SingularityMeasure, scale: float, joints: Array, sense: float
-) -> float:
-    """Smallest (sense 1) or largest (-1) radius nearby on the singular surface [m]."""
-    from scipy.optimize import minimize
-
-    end = minimize(
-        lambda q: sense * _distance(problem, q) ** 2, joints, method="SLSQP",
-        bounds=optimizer_bounds(problem.model),
-        constraints={"type": "eq", "fun": lambda q: measure(q) / scale},
-        options={"ftol": 1e-12, "maxiter": 100},
-    )  # fmt: skip
-    singular = abs(measure(end.x)) < 1e-8 * scale
-    return _distance(problem, end.x if singular else joints)

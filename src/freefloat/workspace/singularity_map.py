@@ -1,0 +1,261 @@
+"""Certified maps of the joint space: where det A of (5) has a sign, and where it vanishes.
+
+Boxes are halved across the joint that changes det A most. A box is free of singularities where
+the bounds of the polynomial exclude zero. Where that joint's width has come down to the resolution,
+a box that has points of either sign contains a singular configuration; the others are undecided.
+
+The tree of boxes is kept as one number per node, in breadth-first order: the index of the joint
+across which a box is cut, or its :class:`Kind`. The k-th box that is cut has its halves at 2k + 1
+and 2k + 2, the one of lower joint values first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from freefloat.concurrency import Progress
+from freefloat.dynamics.global_maximum import halved, whole_joint_space
+from freefloat.dynamics.joint_polynomial import JointPolynomial
+from freefloat.dynamics.momentum import Task
+from freefloat.dynamics.singularity_polynomial import SingularityPolynomial
+from freefloat.errors import InputError, finite_number
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, IntArray
+
+_RESOLUTIONS = (0.1, 0.1, 0.1, 1.0, 5.0, 15.0)
+"""Default resolutions [deg] for maps of so many joints; the last one for more joints."""
+_MOST_JOINTS = 5
+"""Joints of redundant arms, whose polynomials have twice the degree, that can be mapped."""
+_BOXES = 2**17
+"""Boxes that are processed together."""
+
+
+class Kind(IntEnum):
+    """What is known of a box of the joint space.
+
+    ``POSITIVE`` and ``NEGATIVE``: det A has this sign everywhere. ``SINGULAR``: a configuration in
+    it is singular. ``UNDECIDED``: none of these is proven.
+    """
+
+    POSITIVE = 252
+    NEGATIVE = 253
+    SINGULAR = 254
+    UNDECIDED = 255
+
+
+@dataclass(frozen=True, eq=False)
+class SingularityMap:
+    """The joint space in boxes that are free of singularities, contain one, or are undecided.
+
+    Joints on which det A does not depend, and those of fixed values, are never cut.
+
+    Attributes:
+        model: Robot.
+        task: Task.
+        polynomial: Det A by the joints, with those of fixed values inserted.
+        fixed: Values of the joints that are fixed [rad or m], by name.
+        resolution: Boxes that are not free of singularities are at most this wide across the joint
+            that changes det A most [rad]; a prismatic joint's range counts as a revolution.
+        nodes: The tree of boxes, see the module, shape (N,).
+    """
+
+    model: FreeFloatingModel = field(repr=False)
+    task: Task
+    polynomial: JointPolynomial = field(repr=False)
+    fixed: Mapping[str, float]
+    resolution: float
+    nodes: npt.NDArray[np.uint8] = field(repr=False)
+
+    @property
+    def joints(self) -> list[int]:
+        """Indices of the joints whose values matter."""
+        return self.polynomial.moving
+
+    @cached_property
+    def levels(self) -> tuple[slice, ...]:
+        """Nodes of each level of the tree; a box of level k has 2^-k of the volume."""
+        ends = [0, 1]
+        while ends[-1] > ends[-2]:
+            cut = int(np.count_nonzero(self.nodes[ends[-2] : ends[-1]] < Kind.POSITIVE))
+            ends.append(ends[-1] + 2 * cut)
+        return tuple(slice(*pair) for pair in pairwise(ends[:-1]))
+
+    @cached_property
+    def volumes(self) -> dict[Kind, float]:
+        """Fraction of the joint space of each kind."""
+        counts = np.array([np.bincount(self.nodes[part], minlength=256) for part in self.levels])
+        weights = 0.5 ** np.arange(len(counts))
+        return {kind: float(weights @ counts[:, kind]) for kind in Kind}
+
+    @property
+    def boxes(self) -> int:
+        """Number of boxes that are not cut."""
+        return int(np.count_nonzero(self.nodes >= Kind.POSITIVE))
+
+    @cached_property
+    def _children(self) -> npt.NDArray[np.int32]:
+        """The lower half of each node that is cut."""
+        return np.asarray(2 * np.cumsum(self.nodes < Kind.POSITIVE, dtype=np.int32) - 1)
+
+    def locate(self, joints: npt.ArrayLike) -> IntArray:
+        """The nodes whose boxes hold joint values (K, n); shape (K,).
+
+        Revolute joints may be any number of revolutions away. Prismatic joints outside of their
+        range are moved to its end.
+        """
+        bases = self.polynomial.bases
+        lower, upper = (np.array([getattr(b, end) for b in bases]) for end in ("lower", "upper"))
+        u = (np.asarray(joints, dtype=float) - lower) / (upper - lower)
+        prismatic = np.array([basis.prismatic for basis in bases])
+        u = np.where(prismatic, np.clip(u, 0.0, np.nextafter(1.0, 0.0)), u % 1.0)
+        found = np.zeros(len(u), dtype=int)
+        todo = np.arange(len(u))
+        while len(todo := todo[self.nodes[found[todo]] < Kind.POSITIVE]):
+            joint = self.nodes[found[todo]]
+            u[todo, joint] *= 2.0
+            upper_half = u[todo, joint] >= 1.0
+            u[todo, joint] -= upper_half
+            found[todo] = self._children[found[todo]] + upper_half
+        return found
+
+    def kinds(self, joints: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+        """What is known of joint values (K, n), see :class:`Kind`; shape (K,)."""
+        return self.nodes[self.locate(joints)]
+
+    def iterate_boxes(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Nodes of a level, centres of their boxes and half their widths [rad or m], (K, n)."""
+        centres, halves = whole_joint_space(self.polynomial)
+        for part in self.levels:
+            yield part, centres, halves
+            cut = self.nodes[part] < Kind.POSITIVE
+            parts = np.zeros((np.count_nonzero(cut), centres.shape[1]))
+            parts[np.arange(len(parts)), self.nodes[part][cut]] = 1.0
+            centres, halves = halved(centres[cut], halves[cut], parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document of ``freefloat singularities``, without components."""
+        names = self.model.joint_names
+        return {
+            "task": str(self.task),
+            "joints": [names[joint] for joint in self.joints],
+            "fixed": dict(self.fixed),
+            "degrees": list(self.polynomial.degrees),
+            "coefficients": self.polynomial.coefficients.size,
+            "residual": self.polynomial.residual,
+            "resolution_deg": float(np.degrees(self.resolution)),
+            "boxes": self.boxes,
+            "volumes": {kind.name.lower(): volume for kind, volume in self.volumes.items()},
+        }
+
+
+def singularity_map(
+    model: FreeFloatingModel,
+    task: Task | str = Task.POSE,
+    resolution: float | None = None,
+    *,
+    fixed: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> SingularityMap:
+    """Divide the joint space into boxes without singularities, with one, and undecided ones.
+
+    Args:
+        model: Robot.
+        task: Task or its value, such as ``"position"``.
+        resolution: Width across the joint that changes det A most, down to which boxes are cut
+            [rad]; a prismatic joint's range counts as 2 pi. By default 0.1 degrees where det A
+            depends on up to two joints, 1 degree for three, 5 for four, 15 for more.
+        fixed: Joints that keep a value [rad or m], by name.
+        progress: Called with the fraction of the joint space that is done.
+
+    Raises:
+        InputError: See :meth:`SingularityPolynomial.of`; if the resolution is not positive, or more
+            than five joints of a redundant arm are not fixed.
+
+    Example:
+        >>> model = ff.FreeFloatingModel.from_urdf("planar_2dof")
+        >>> found = ff.singularity_map(model, "planar-position", np.radians(1.0))
+        >>> free = found.volumes[252] + found.volumes[253]
+        >>> bool(free > 0.99)
+        True
+    """
+    task = Task.of(task)
+    values = {
+        name: finite_number(f"fixed {name}", value, "a joint value [rad or m]")
+        for name, value in (fixed or {}).items()
+    }
+    if model.dof > len(task.rows) and model.dof - len(values) > _MOST_JOINTS:
+        problem = f"its arm is redundant and {model.dof - len(values)} joints are not fixed"
+        raise InputError("robot", problem, f"all but {_MOST_JOINTS} joints fixed")
+    polynomial = SingularityPolynomial.of(model, task, values)
+    count = len(polynomial.moving)
+    if resolution is None:
+        resolution = float(np.radians(_RESOLUTIONS[min(count, len(_RESOLUTIONS) - 1)]))
+    resolution = finite_number("resolution", resolution, "a width above 0", 1e-6)
+    nodes = _Subdivision(polynomial, resolution, progress).nodes()
+    return SingularityMap(model, task, polynomial, values, resolution, nodes)
+
+
+class _Subdivision:
+    """The subdivision of the joint space; long rows of boxes are processed in pieces."""
+
+    def __init__(
+        self, polynomial: JointPolynomial, resolution: float, progress: Progress | None
+    ) -> None:
+        self._polynomial = polynomial
+        self._smallest = (
+            whole_joint_space(polynomial)[1] * resolution / (2.0 * np.pi) * (1.0 + 1e-9)
+        )
+        self._progress = progress
+        self._levels: list[list[npt.NDArray[np.uint8]]] = []
+        self._done = 0.0
+
+    def nodes(self) -> npt.NDArray[np.uint8]:
+        """The tree of boxes, see the module."""
+        self._process(0, *whole_joint_space(self._polynomial))
+        nodes = np.concatenate([row for level in self._levels for row in level])
+        nodes.flags.writeable = False
+        return nodes
+
+    def _process(self, level: int, centres: Array, halves: Array) -> None:
+        """Append the nodes of boxes and all of their parts, in order."""
+        while len(centres):
+            if len(centres) > _BOXES:
+                for first in range(0, len(centres), _BOXES):
+                    part = slice(first, first + _BOXES)
+                    self._process(level, centres[part], halves[part])
+                return
+            values, parts = self._polynomial.variations(centres, halves)
+            signed = np.abs(values) > parts.sum(axis=1) + self._polynomial.rounding
+            joints = parts.argmax(axis=1)
+            cut = ~signed & (halves > self._smallest)[np.arange(len(joints)), joints]
+            nodes = joints.astype(np.uint8)
+            nodes[signed] = np.where(values[signed] > 0.0, Kind.POSITIVE, Kind.NEGATIVE)
+            last = ~signed & ~cut
+            nodes[last] = self._smallest_kinds(centres[last], halves[last])
+            if level == len(self._levels):
+                self._levels.append([])
+            self._levels[level].append(nodes)
+            if self._progress is not None:
+                self._done += 0.5**level * np.count_nonzero(~cut)
+                self._progress(self._done)
+            centres, halves = halved(centres[cut], halves[cut], parts[cut])
+            level += 1
+
+    def _smallest_kinds(self, centres: Array, halves: Array) -> npt.NDArray[np.uint8]:
+        """Kinds of boxes, those with points of either sign being singular, shape (K,)."""
+        if not len(centres):
+            return np.zeros(0, dtype=np.uint8)
+        steps = np.sign(self._polynomial.gradients(centres)) * halves
+        high, low = (self._polynomial.values(centres + side * steps) for side in (1.0, -1.0))
+        zero = self._polynomial.rounding
+        return np.where((high > zero) & (low < -zero), Kind.SINGULAR, Kind.UNDECIDED).astype(
+            np.uint8
+        )

@@ -1,0 +1,115 @@
+"""Distances to singularities agree with searches along the singular curve, and hold everywhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import freefloat as ff
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.momentum import generalized_jacobian
+from freefloat.errors import InputError
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import heading_quaternion, rotation_matrix
+from tests.motions import bundled
+from tests.robots import random_robot
+
+
+def case(name: str) -> tuple[FreeFloatingModel, ff.Task]:
+    if "/" in name:
+        problem = bundled(name)
+        return problem.model, problem.task
+    robot = random_robot(np.random.default_rng(12), name)
+    return FreeFloatingModel.from_urdf(robot.text, robot.end_effector), ff.Task.POSE
+
+
+def singular_curve() -> np.ndarray:
+    """Points of the curve det A = 0 of the arm 40/4/3 around the square, shape (K, 2)."""
+    problem = bundled("planar_2dof/line")
+    measure = singularity_measure(problem.model, problem.task, "system")
+    points = []
+    q2 = np.linspace(-2.0 * np.pi, 2.0 * np.pi, 97)
+    for q1 in np.linspace(-2.0 * np.pi, 2.0 * np.pi, 1441):
+
+        def along(value: float, q1: float = q1) -> float:
+            return measure(np.array([q1, value]))
+
+        values = [along(value) for value in q2]
+        for k in np.flatnonzero(np.diff(np.sign(values))):
+            points.append([q1, brentq(along, q2[k], q2[k + 1])])
+    return np.array(points)
+
+
+@pytest.mark.slow
+def test_the_distance_is_that_of_the_singular_curve() -> None:
+    problem, curve = bundled("planar_2dof/line"), singular_curve()
+    polynomial = ff.SingularityPolynomial.of(problem.model, problem.task)
+    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (12, 2)):
+        found = ff.distance_to_singularity(
+            problem.model, q, problem.task, polynomial=polynomial
+        )  # fmt: skip
+        exact = np.linalg.norm(curve - q, axis=1).min()
+        assert found.lower_bound <= exact
+        assert exact - 1e-4 < found.distance < exact + 1e-9
+        assert found.lower_bound >= 0.99 * found.distance
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ets_vii/line", "ur5_servicer/arc", "RPRRPR"])
+def test_no_configuration_within_the_bound_has_the_other_sign(name: str) -> None:
+    model, task = case(name)
+    measure = singularity_measure(model, task, "system")
+    rng = np.random.default_rng(5)
+    largest = max(abs(measure(q)) for q in rng.uniform(-2.0, 2.0, (500, model.dof)))
+    q = rng.uniform(-0.5, 0.5, model.dof)
+    found = ff.distance_to_singularity(model, q, task)
+    assert found.joints is not None
+    assert found.direction is not None
+    assert found.lower_bound >= 0.95 * found.distance
+    assert np.linalg.norm(found.joints - q) == pytest.approx(found.distance)
+    assert abs(measure(found.joints)) < 1e-8 * largest
+    offsets = rng.normal(size=(5000, model.dof))
+    offsets *= found.lower_bound / np.linalg.norm(offsets, axis=1, keepdims=True)
+    offsets[::2] *= rng.uniform(size=(2500, 1))
+    sign = np.sign(measure(q))
+    assert all(np.sign(measure(q + offset)) == sign for offset in offsets)
+    S = generalized_jacobian(model, found.joints, task)
+    assert np.linalg.norm(found.direction) == pytest.approx(1.0)
+    assert np.abs(found.direction @ S).max() < 1e-6 * np.abs(S).max()
+
+
+def test_the_printed_singularity_of_papadopoulos_and_dubowsky() -> None:
+    problem = bundled("planar_2dof/line")
+    q = np.radians([-65.0, -11.41080])
+    heading = 0.4
+    found = ff.distance_to_singularity(
+        problem.model, q, problem.task, attitude=heading_quaternion(heading)
+    )
+    assert found.distance < 1e-6
+    assert found.direction == pytest.approx([-0.12213, 0.99251], abs=2e-5)
+    R = rotation_matrix(heading_quaternion(heading))[:2, :2]
+    assert found.inertial_direction == pytest.approx(R @ found.direction)
+
+
+def test_full_rotations_do_not_matter() -> None:
+    problem = bundled("planar_2dof/line")
+    first, turned = (
+        ff.distance_to_singularity(problem.model, q, problem.task)
+        for q in ([0.3, 0.7], [0.3 + 2.0 * np.pi, 0.7 - 4.0 * np.pi])
+    )
+    assert turned.distance == pytest.approx(first.distance)
+    assert first.joints is not None
+    assert turned.joints == pytest.approx(
+        first.joints + 2.0 * np.pi * np.array([1.0, -2.0]), abs=1e-5
+    )
+
+
+@pytest.mark.parametrize(("key", "name", "joints"), [
+    ("robot", "panda_servicer/line", [0.1] * 7), ("joints", "RPRRPR", [0.0, 99.0, 0, 0, 0, 0]),
+])  # fmt: skip
+def test_bad_input(key: str, name: str, joints: list[float]) -> None:
+    model, task = case(name)
+    with pytest.raises(InputError) as error:
+        ff.distance_to_singularity(model, joints, task)
+    assert error.value.key == key
