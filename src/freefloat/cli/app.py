@@ -23,6 +23,7 @@ from freefloat.cli.models import models, schema
 from freefloat.cli.plan import plan
 from freefloat.cli.plot import plot
 from freefloat.cli.simulate import simulate
+from freefloat.cli.singularities import singularities
 from freefloat.cli.view import view
 from freefloat.cli.workspace import workspace
 from freefloat.errors import FreeFloatError, InputError
@@ -93,8 +94,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _command in (
-    *(models, info, workspace, simulate, plan, map_, view, plot, check, export),
-    *(assemble, batch, schema),
+    *(models, info, workspace, singularities, simulate, plan, map_, view, plot, check),
+    *(export, assemble, batch, schema),
 ):
     app.command(_command.__name__.rstrip("_"))(_command)
 

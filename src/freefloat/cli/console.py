@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # the command line shows its help without NumPy
     from freefloat.planning.heading_map import HeadingMap
     from freefloat.planning.plan import Plan, Search
     from freefloat.planning.simulation import SimulatedBranch, Simulation
+    from freefloat.workspace.singularity_map import SingularityMap
 
 DONE, NO, BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 0, 1, 2, 3, 130
 _PIPE_WIDTH = 120
@@ -167,7 +168,10 @@ def short_label(label: str) -> str:
 
 
 def draw(
-    console: Console, folder: Path, result: Plan | AttitudeMap | HeadingMap, threads: int | None
+    console: Console,
+    folder: Path,
+    result: Plan | AttitudeMap | HeadingMap | SingularityMap,
+    threads: int | None,
 ) -> list[str]:
     """Draw the figures of a result into a folder; print and return their files."""
     from freefloat.visualization.figure_style import save_figures

@@ -106,7 +106,8 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
             number = f"{entry.branch} {short_label(entry.label)}"
             number = ANY if plan.problem.redundant else number
             ranges.add_row(number, _ranges(entry))
-        yield ranges
+        if plan.ranges:
+            yield ranges
     else:
         feasible = plan.map.feasible_percentage
         yield f"{name}: {feasible} of {plan.map.samples:,} initial attitudes are feasible{scope}"

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from freefloat.motion.motion import Motion
 
 _Files = Annotated[
-    list[Path], typer.Argument(metavar="FILE", help="Files of plan, simulate or map.")
+    list[Path],
+    typer.Argument(metavar="FILE", help="Files of plan, simulate, map or singularities."),
 ]
 _Folder = Annotated[
     Path | None,

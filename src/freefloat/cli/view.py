@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 _Files = Annotated[
     list[Path],
-    typer.Argument(metavar="FILE", help="Files of plan, simulate or map; shown on one page."),
+    typer.Argument(
+        metavar="FILE", help="Files of plan, simulate, map or singularities; shown on one page."
+    ),
 ]
 _Port = Annotated[
     int,
@@ -205,12 +207,14 @@ def _playback(files: Sequence[Path]) -> Playback:
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
     from freefloat.visualization.playback import playback
+    from freefloat.workspace.singularity_map import SingularityMap
 
     results = [load(file) for file in files]
     if len(files) == 1:
-        if not isinstance(results[0], AttitudeMap | HeadingMap):
-            chosen_motion(results[0], files[0])
-        return playback(results[0], files[0].stem)
+        result = results[0]
+        if not isinstance(result, AttitudeMap | HeadingMap | SingularityMap):
+            chosen_motion(result, files[0])
+        return playback(result, files[0].stem)
     motions = {}
     for name, result, file in zip(distinct_stems(files), results, files, strict=True):
         motion, violation = chosen_motion(result, file)

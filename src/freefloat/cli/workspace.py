@@ -37,6 +37,7 @@ def _tables(name: str, result: Workspace, measure: str) -> Iterator[RenderableTy
     rows = [("reach", result.reach)]
     rows += [("path-dependent", interval) for interval in result.path_dependent or ()]
     rows += [("path-independent", interval) for interval in result.path_independent or ()]
+    rows += [("undecided", interval) for interval in result.undecided]
     for region, (low, high) in rows:
         regions.add_row(region, f"{low:.5f}", f"{high:.5f}")
     yield regions
@@ -61,6 +62,7 @@ def _tables(name: str, result: Workspace, measure: str) -> Iterator[RenderableTy
         )
     if not result.exact:
         yield (
-            "Found by sampling: S vanishes in the path-dependent regions; elsewhere no place was "
-            "found where it does"
+            "In shells of half a percent of the reach: each path-dependent one has a singular "
+            "configuration, the path-independent ones are proven to have none; the reach was "
+            "found by sampling"
         )

@@ -55,7 +55,7 @@ class Trail:
 
 @dataclass(frozen=True)
 class TitledScene:
-    """A motion, or an arm branch of a map, which the page shows by its title.
+    """A motion, an arm branch of a map, or a map of the joint space, shown by its title.
 
     Attributes:
         title: The title.
@@ -161,6 +161,21 @@ class MarginColours:
 
 
 @dataclass(frozen=True)
+class ColourKeys:
+    """Colours and what they mean.
+
+    Attributes:
+        entries: Colours, as red, green, blue in [0, 1], by text.
+    """
+
+    entries: Mapping[str, tuple[float, float, float]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of the page's legend."""
+        return {"entries": [[text, to_hex(rgb)] for text, rgb in self.entries.items()]}
+
+
+@dataclass(frozen=True)
 class SceneDescription:
     """Description of a scene for the page.
 
@@ -168,7 +183,7 @@ class SceneDescription:
         title: Title of the page.
         scenes: Motions, or arm branches of a map.
         items: Names of the nodes that can be hidden, and whether they are visible at first.
-        scale: Colours of the margin.
+        scale: Colours of the margin, or of parts of the scene.
         view: First view.
         remarks: Messages on visuals of the robot that cannot be drawn.
         samples: Of a map.
@@ -177,7 +192,7 @@ class SceneDescription:
     title: str
     scenes: tuple[TitledScene, ...]
     items: Mapping[str, bool]
-    scale: MarginColours
+    scale: MarginColours | ColourKeys
     view: View
     remarks: tuple[str, ...] = ()
     samples: Samples | None = None

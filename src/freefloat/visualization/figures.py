@@ -25,9 +25,11 @@ from freefloat.visualization.map_figures import histogram_figure, slices_figure
 from freefloat.visualization.motion_figures import motion_figures
 from freefloat.visualization.planar_figures import headings_figure, joint_space_figure
 from freefloat.visualization.scene_figures import snapshots_figure, workspace_figure
+from freefloat.visualization.singularity_figures import singularity_figures
 from freefloat.visualization.slices import Mark, map_marks, map_slices
 from freefloat.workspace.planar import has_two_angle_form
 from freefloat.workspace.regions import workspace_regions
+from freefloat.workspace.singularity_map import SingularityMap
 
 _HEADINGS = 720
 _TITLES = {
@@ -40,13 +42,16 @@ _TITLES = {
     "momentum": "Errors of the motion",
     "map_slices": "Minimum margin by initial attitude",
     "map_histogram": "Distribution of the minimum margin",
+    "singularities": "Singularities in joint space",
+    "slices": "Singularities in slices of the joint space",
 }
+_ACCEPTED = "a Plan, AttitudeMap, HeadingMap, SingularityMap, Simulation or Motion"
 _TITLE_HEIGHT = 0.15
 """Height that a title takes [inch]."""
 
 
 def figures(
-    result: Plan | AttitudeMap | HeadingMap | Simulation | Motion,
+    result: Plan | AttitudeMap | HeadingMap | Simulation | Motion | SingularityMap,
     *,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -56,7 +61,8 @@ def figures(
     Motions and simulations: ``snapshots``, ``motion``, ``margin`` and ``momentum``. Maps:
     ``headings``, or ``map_slices`` and ``map_histogram``. Plans: ``workspace``, the figures of
     their motion and map, and in the plane ``headings`` (if a heading reaches the path) and
-    ``joint_space`` (if S depends on two joint angles).
+    ``joint_space`` (if S depends on two joint angles). Maps of the joint space:
+    ``singularities``, or ``slices`` if det A depends on more than two joints.
 
     Args:
         result: Result to draw.
@@ -94,7 +100,9 @@ def _figures(result: Any, threads: int | None, progress: Progress | None) -> dic
         return _map_figures(result, map_marks(result), threads, progress)
     if isinstance(result, HeadingMap):
         return {"headings": headings_figure(result)} if result.branches else {}
-    require_type("result", result, Plan, "a Plan, AttitudeMap, HeadingMap, Simulation or Motion")
+    if isinstance(result, SingularityMap):
+        return singularity_figures(result)
+    require_type("result", result, Plan, _ACCEPTED)
     return _plan_figures(result, threads, progress)
 
 

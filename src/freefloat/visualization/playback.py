@@ -31,11 +31,15 @@ from freefloat.visualization.server import open_browser
 if TYPE_CHECKING:  # imports compiled kernels
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
+    from freefloat.workspace.singularity_map import SingularityMap
 
 SIDE_BY_SIDE = "side by side"
 _HERE = Path(__file__).parent
 _MESHCAT = Path(meshcat.viewer_assets_path())
-_ACCEPTED = "a Motion, Plan, Simulation, AttitudeMap or HeadingMap, or a Motion for each name"
+_ACCEPTED = (
+    "a Motion, Plan, Simulation, AttitudeMap, HeadingMap or SingularityMap, or a Motion for each "
+    "name"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,14 +180,22 @@ def show(result: Any, title: str = "freefloat", *, height: int = 600) -> None:
 
 
 def playback(
-    result: Motion | Plan | Simulation | AttitudeMap | HeadingMap | Mapping[str, Motion],
+    result: (
+        Motion
+        | Plan
+        | Simulation
+        | AttitudeMap
+        | HeadingMap
+        | SingularityMap
+        | Mapping[str, Motion]
+    ),
     title: str = "freefloat",
 ) -> Playback:
     """Return the playback of a result.
 
     Args:
         result: A motion, motions by name, a plan (its chosen motion), a simulation (its arm
-            branches) or a map.
+            branches) or a map; see :func:`singularity_scene` for maps of the joint space.
         title: Title of the page.
 
     Raises:
@@ -201,9 +213,13 @@ def playback(
     from freefloat.planning.heading_map import HeadingMap
     from freefloat.visualization.heading_scene import heading_scene
     from freefloat.visualization.map_scene import map_scene
+    from freefloat.visualization.singularity_scene import singularity_scene
+    from freefloat.workspace.singularity_map import SingularityMap
 
     if isinstance(result, HeadingMap):
         return Playback(heading_scene(result, title))
+    if isinstance(result, SingularityMap):
+        return Playback(singularity_scene(result, title))
     require_type("result", result, AttitudeMap, _ACCEPTED)
     return Playback(map_scene(result, title))
 

@@ -390,7 +390,11 @@ class Panels {
   }
 
   makeLegend() {
-    const { stops, below, margin, largest } = about.scale, legend = element("legend");
+    const { entries, stops, below, margin, largest } = about.scale, legend = element("legend");
+    if (entries) {
+      legend.append(...entries.map(([text, colour]) => this.colourKey(text, colour)));
+      return;
+    }
     const bar = document.createElement("div"), ends = document.createElement("div");
     bar.className = "bar";
     bar.style.background = `linear-gradient(to right, ${stops.join(", ")})`;
@@ -401,13 +405,15 @@ class Panels {
       ends.append(end);
     }
     legend.append(`|${about.scale.measure}|` + (unit() && ` [${unit()}]`), ...stops.length ? [bar, ends] : []);
-    if (margin > 0) {
-      const note = document.createElement("div");
-      note.className = "below";
-      note.style.setProperty("--below", below);
-      note.textContent = `below the margin ${shortened(margin)} ${unit()}`;
-      legend.append(note);
-    }
+    if (margin > 0) legend.append(this.colourKey(`below the margin ${shortened(margin)} ${unit()}`, below));
+  }
+
+  colourKey(text, colour) {
+    const key = document.createElement("div");
+    key.className = "key";
+    key.style.setProperty("--colour", colour);
+    key.textContent = text;
+    return key;
   }
 
   playOrPause() { if (this.player.playing) this.player.pause(); else this.player.play(); }

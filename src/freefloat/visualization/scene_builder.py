@@ -23,6 +23,8 @@ from freefloat.visualization.visuals import Visual
 
 ROOT = "meshcat"
 """First part of all paths except those of lights, camera and background."""
+FRONT_SIDE, BACK_SIDE, BOTH_SIDES = 0, 1, 2
+"""Sides of a surface, as numbered by three.js."""
 _FLOAT32 = 0x17
 _UPRIGHT = Pose(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]))
 """Rotates MeshCat's cylinder from its y axis to z."""
@@ -100,6 +102,7 @@ class SceneBuilder:
         *,
         shaded: bool = True,
         overlay: bool = False,
+        side: int = BOTH_SIDES,
     ) -> None:
         """Add a surface.
 
@@ -109,6 +112,7 @@ class SceneBuilder:
             colour: Red, green, blue and opacity, in [0, 1].
             shaded: Whether lights affect the colour.
             overlay: Whether it is drawn over objects in front of it.
+            side: Side that is visible; of the front the corners of faces run anticlockwise.
         """
         if isinstance(geometry, tuple):
             geometry = g.TriangularMeshGeometry(*geometry)
@@ -117,7 +121,7 @@ class SceneBuilder:
         kind = g.MeshLambertMaterial if shaded else g.MeshBasicMaterial
         material = kind(
             color=(red << 16) + (green << 8) + blue, opacity=float(opacity),
-            depthWrite=opacity == 1.0, depthTest=not overlay, reflectivity=0.0,
+            depthWrite=opacity == 1.0, depthTest=not overlay, reflectivity=0.0, side=side,
         )  # fmt: skip
         material.transparent = overlay or opacity < 1.0  # drawn last
         self._put(path, g.Mesh(geometry, material))

@@ -1,0 +1,160 @@
+"""``freefloat singularities``: where in its joint space an arm is singular."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import RenderableType
+
+from freefloat.cli.console import Console, decimals, draw, short_label, table
+from freefloat.cli.options import Json, Plots, Quiet, ResultFile, comma_separated, prepare_outputs
+from freefloat.cli.robots import EndEffector, RobotName, load_robot
+from freefloat.errors import InputError
+
+if TYPE_CHECKING:
+    from freefloat.dynamics.global_maximum import GlobalMaximum
+    from freefloat.workspace.singularity_components import SingularityComponents
+    from freefloat.workspace.singularity_map import SingularityMap
+
+_KINDS = {
+    "positive": "free of singularities, det A > 0",
+    "negative": "free of singularities, det A < 0",
+    "singular": "boxes with a singular configuration",
+    "undecided": "undecided boxes",
+}
+_Resolution = Annotated[
+    float | None,
+    typer.Option(
+        metavar="DEG",
+        help="Width down to which boxes are cut; default 0.1 where det A depends on two joints, "
+        "1 for three, 5 for four, 15 for more.",
+    ),
+]
+_Fix = Annotated[
+    list[str] | None,
+    typer.Option(metavar="JOINT=Q", help="Fix a joint, rad or m; may be repeated."),
+]
+_Page = Annotated[
+    Path | None,
+    typer.Option("--html", metavar="FILE", help="Write a page with the surface det A = 0."),
+]
+
+
+def singularities(
+    robot: RobotName,
+    end_effector: EndEffector = None,
+    resolution: _Resolution = None,
+    fix: _Fix = None,
+    output: ResultFile = None,
+    html: _Page = None,
+    plots: Plots = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Map the joint space: boxes certified to be free of dynamic singularities, and the others.
+
+    Det A of (5) is a polynomial of the sines and cosines of the joints; its bounds certify boxes.
+    Configurations of a component can be reached from each other without a singularity.
+
+    Example: freefloat singularities planar_3dof
+
+    Example: freefloat singularities ets_vii --fix q1=0 --resolution 6 --plots figures
+    """
+    from freefloat.dynamics.global_maximum import guaranteed_magnitude
+    from freefloat.workspace.singularity_components import singularity_components
+    from freefloat.workspace.singularity_map import singularity_map
+
+    console = Console(as_json, quiet)
+    model, task, measure, _ = load_robot(console, robot, end_effector)
+    prepare_outputs(output=output, html=html, folder=plots)
+    width = None if resolution is None else math.radians(resolution)
+    began = time.perf_counter()
+    with console.progress("dividing the joint space") as progress:
+        found = singularity_map(model, task, width, fixed=_fixed(fix or ()), progress=progress)
+    with console.progress("joining boxes"):
+        components = singularity_components(found)
+        names = ("system", *(["gjm"] if measure.name == "gjm" else [])) if _square(found) else ()
+        largest = {name: guaranteed_magnitude(model, task, name) for name in names}
+    seconds = time.perf_counter() - began
+    document = {
+        "robot": robot,
+        **found.to_dict(),
+        "components": components.to_dict(),
+        "largest": {
+            name: {"value": maximum.value, "upper_bound": maximum.upper_bound}
+            for name, maximum in largest.items()
+        },
+        "seconds": seconds,
+    }
+    console.tables(_tables(robot, found, components, largest, seconds))
+    if output is not None:
+        from freefloat.io.results import save  # HDF5 is slow to import
+
+        save(found, output)
+    if html is not None:
+        from freefloat.visualization.playback import playback  # figures are slow to import
+
+        playback(found, robot).save(html)
+        document["html"] = str(html)
+    if plots is not None:
+        document["plots"] = draw(console, plots, found, None)
+    console.json(document)
+
+
+def _square(found: SingularityMap) -> bool:
+    return found.model.dof == len(found.task.rows)
+
+
+def _fixed(options: Sequence[str]) -> dict[str, float]:
+    """Values of joints from options such as ``q1=0.5``."""
+    values = {}
+    for option in options:
+        name, _, value = option.partition("=")
+        numbers = comma_separated("fix", value)
+        if len(numbers) != 1:
+            raise InputError("fix", f"{option!r} was given", "a joint and a value: q1=0.5")
+        values[name] = numbers[0]
+    return values
+
+
+def _tables(
+    name: str,
+    found: SingularityMap,
+    components: SingularityComponents,
+    largest: dict[str, GlobalMaximum],
+    seconds: float,
+) -> Iterator[RenderableType]:
+    names = [found.model.joint_names[joint] for joint in found.joints]
+    polynomial = found.polynomial
+    yield (
+        f"{name}, task {found.task}: det A depends on {', '.join(names) or 'no joint'}; "
+        f"{polynomial.coefficients.size:,} coefficients, residual {polynomial.residual:.1g}"
+    )
+    volumes = table("joint space", "[%]")
+    for kind, volume in found.volumes.items():
+        volumes.add_row(_KINDS[kind.name.lower()], f"{100.0 * volume:.3f}")
+    yield volumes
+    yield f"{found.boxes:,} boxes, down to {math.degrees(found.resolution):.4g} deg"
+    listed = table("component", "det A", "[%]", "arm branches of random poses")
+    for number, part in enumerate(components.components):
+        branches = sorted(part.branches.items(), key=lambda item: -item[1])
+        words = ", ".join(f"{short_label(label) or label} {count}" for label, count in branches)
+        listed.add_row(
+            str(number), "+" if part.sign > 0 else "-", f"{100.0 * part.volume:.3f}", words
+        )
+    if components.components:
+        yield listed
+    for measure, maximum in largest.items():
+        where = decimals(maximum.joints)
+        gap = maximum.upper_bound / maximum.value - 1.0
+        word = "det A" if measure == "system" else "det S*"
+        yield (
+            f"largest |{word}|: {maximum.value:.8g} at joints {where}; no configuration exceeds it "
+            f"by more than {gap:.1g} of it"
+        )
+    yield f"{seconds:.1f} s"

@@ -1,0 +1,107 @@
+"""The surface det A = 0 of scenes, by Pinocchio's matrices, and pages with it."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser
+
+import freefloat as ff
+from freefloat.dynamics.measures import singularity_measure
+from freefloat.errors import InputError
+from freefloat.visualization.implicit_surface import zero_surface
+from freefloat.visualization.joint_sections import influential_joints, section
+from freefloat.visualization.playback import Playback, playback
+from freefloat.visualization.singularity_scene import (
+    BOX,
+    HEIGHT,
+    ZEROS,
+    singularity_scene,
+    surface,
+)
+from freefloat.workspace.singularity_map import SingularityMap, singularity_map
+from tests.browser import differing, opened
+from tests.commands import document
+from tests.motions import bundled
+
+
+@cache
+def mapped(name: str) -> SingularityMap:
+    problem = bundled(name)
+    return singularity_map(problem.model, problem.task, np.radians(20.0))
+
+
+def test_a_sphere_is_closed_and_has_its_radius_and_volume() -> None:
+    axis = np.linspace(-1.3, 1.3, 24)
+    vertices, faces = zero_surface(lambda x: 1.0 - np.linalg.norm(x, axis=1), (axis, axis, axis))
+    assert np.linalg.norm(vertices, axis=1) == pytest.approx(1.0, abs=1e-4)
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2))
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    volume = np.abs(np.linalg.det(vertices[faces])).sum() / 6.0
+    assert volume == pytest.approx(4.0 / 3.0 * np.pi, rel=0.02)
+
+
+def test_the_determinant_vanishes_on_the_surface_and_is_positive_in_front() -> None:
+    problem, found = bundled("spatial_6dof/line"), mapped("spatial_6dof/line")
+    measure = singularity_measure(problem.model, problem.task, "system")
+    part = section(found, influential_joints(found, 3))
+    assert part.joints == (1, 2, 4)
+    largest = abs(measure(part.at))
+    vertices, faces = surface(part)
+    for q in part.configurations(vertices[:: len(vertices) // 300]):
+        assert abs(measure(q)) < 1e-3 * largest
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    normals, edges = np.cross(b - a, c - a), np.linalg.norm(b - a, axis=1)
+    sizes = np.linalg.norm(normals, axis=1)
+    chosen = np.flatnonzero((sizes > 0.3 * edges**2) & (edges > 0.05))[::40]
+    assert len(chosen) > 200
+    steps = 0.02 * normals[chosen] / sizes[chosen, None]
+    centres = (a + b + c)[chosen] / 3.0
+    fronts, backs = (part.configurations(centres + side * steps) for side in (1.0, -1.0))
+    differences = [
+        measure(front) - measure(back) for front, back in zip(fronts, backs, strict=True)
+    ]
+    assert np.mean(np.array(differences) > 0.0) > 0.97  # where sheets cross, either may be
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "items"),
+    [("planar_3dof/parabola", [HEIGHT, ZEROS, BOX]), ("spatial_6dof/line", [ZEROS, BOX])],
+)
+def test_a_page_shows_the_singularities(
+    name: str, items: list[str], browser: Browser, tmp_path: Path
+) -> None:
+    file = playback(mapped(name)).save(tmp_path / "page.html")
+    with opened(browser, file) as page:
+        assert [item["name"] for item in page.ask("freefloat.about.items")] == items
+        page.only()
+        empty = page.picture()
+        for item in items:
+            page.only(item)
+            assert differing(page.picture(), empty) > 200
+        legend = page.ask("document.getElementById('legend').innerText")
+        assert "det A > 0" in legend
+        assert page.errors == []
+
+
+def test_joints_are_chosen_by_name() -> None:
+    found = mapped("spatial_6dof/line")
+    scene = singularity_scene(found, joints=["q3", "q4", "q5"], at=np.full(6, 0.5))
+    (shown,) = Playback(scene).scene.description.scenes
+    texts = [label.text for label in shown.labels]
+    assert texts == [text for name in ("q3", "q4", "q5") for text in ("−180°", name, "180°")]
+    assert shown.lines[0] == "at q2 = 28.65°"
+    for names in (["q3"], ["q3", "q3"], ["q3", "q9"]):
+        with pytest.raises(InputError):
+            singularity_scene(found, joints=names)
+
+
+def test_the_command_view_writes_the_page_of_a_saved_map(tmp_path: Path) -> None:
+    file, page = tmp_path / "map.h5", tmp_path / "page.html"
+    ff.save(mapped("planar_3dof/parabola"), file)
+    assert document("view", file, "--html", page)["html"] == str(page)
+    assert "det A = 0" in page.read_text(encoding="utf-8")
