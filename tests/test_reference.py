@@ -176,6 +176,20 @@ def test_every_key_of_a_document_is_described(in_folder: Path) -> None:
         "check": [document("check", "plan.h5")],
         "info": [document("info", line, "--joints", "0,0.1,0.2,0.3,0.4,0.5")],
         "workspace": [document("workspace", planar)],
+        "singularities": [
+            document(
+                "singularities",
+                "planar_3dof",
+                "--fix",
+                "q3=0.5",
+                "--resolution",
+                5,
+                "--html",
+                "s.html",
+                "--plots",
+                "plots",
+            )
+        ],
     }
     for command, found in documents.items():
         described = rows_of(command)

@@ -42,7 +42,7 @@ def test_a_simulation_has_the_results_of_simulate_and_its_file(tmp_path: Path) -
         assert row.seconds is not None
         assert result.content is not None
         (tmp_path / "run.h5").write_bytes(result.content)
-        assert load(tmp_path / "run.h5").chosen.closest_approach.value == row.margin
+        assert load(tmp_path / "run.h5").chosen.minimum_margin == row.margin
     assert [result.row.verdict for result in simulated] == ["feasible", "infeasible", "feasible"]
     assert simulated[1].row.singular_time == pytest.approx(simulated[1].row.margin_time)
     assert simulated[1].row.reason == "The arm became singular."

@@ -66,7 +66,7 @@ def test_a_study_has_the_rows_of_its_runs_and_is_not_repeated(folder: Path) -> N
         row = result.rows[number]
         assert without_times(row) == without_times(execute(Run.of(study, number)).row)
         stored = load(folder / "out" / str(row.file))
-        assert stored.chosen.closest_approach.value == row.margin
+        assert stored.chosen.minimum_margin == row.margin
     written = {path.name for path in (folder / "out").iterdir()}
     tables = {"study.sqlite", "cases", "cases.csv", "cases.parquet"}
     assert written == tables | {"report.html", "summary.pdf", "summary.png"}

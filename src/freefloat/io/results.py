@@ -29,22 +29,26 @@ from freefloat.io.hdf5 import (
     write_hdf5,
 )
 from freefloat.io.scenario import Scenario, parse_scenario, scenario_of
+from freefloat.io.singularity_file import read_singularity_map, write_singularity_map
 from freefloat.motion.motion import Motion
 from freefloat.planning.plan import Plan
 from freefloat.planning.simulation import Simulation
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.validation import read_urdf
 from freefloat.verification.tolerances import magnitude_range
+from freefloat.workspace.singularity_map import SingularityMap
 
 if TYPE_CHECKING:  # compiled kernels are slow to import
     from freefloat.planning.attitude_map import AttitudeMap
     from freefloat.planning.heading_map import HeadingMap
 
-    Result = Plan | Simulation | AttitudeMap | HeadingMap
+    Result = Plan | Simulation | AttitudeMap | HeadingMap | SingularityMap
 
 FORMAT_VERSION = 2
+_SINGULARITIES = "singularity map"
 _KINDS = {
     "Plan": "plan", "Simulation": "motion", "HeadingMap": "map", "AttitudeMap": "attitude map",
+    "SingularityMap": _SINGULARITIES,
 }  # fmt: skip
 """Kinds of files by the class of the record."""
 _PREFIX = "freefloat "
@@ -62,6 +66,8 @@ def _functions(kind: str) -> tuple[Callable[..., None], Callable[..., Result]]:
         return plan_file.write_plan, plan_file.read_plan
     if kind == "motion":
         return plan_file.write_simulation, plan_file.read_simulation
+    if kind == _SINGULARITIES:
+        return write_singularity_map, read_singularity_map
     from freefloat.io import map_file  # compiled kernels are slow to import
 
     if kind == "map":
@@ -90,14 +96,16 @@ def save(result: Result, path: str | Path, scenario: Scenario | None = None) -> 
         raise InputError("output", "an empty name was given", "the name of a file")
     if type(result).__name__ not in _KINDS:
         problem = f"a {type(result).__name__} was given"
-        raise InputError("result", problem, "a Plan, Simulation, AttitudeMap or HeadingMap")
+        accepted = "a Plan, Simulation, AttitudeMap, HeadingMap or SingularityMap"
+        raise InputError("result", problem, accepted)
     kind = _KINDS[type(result).__name__]
-    described = _describe(result, scenario)
+    described = None if isinstance(result, SingularityMap) else _describe(result, scenario)
+    model = result.model if isinstance(result, SingularityMap) else result.problem.model
     document = result.to_dict()
 
     def build(file: Any) -> None:
         file.attrs["format"], file.attrs["version"] = _PREFIX + kind, FORMAT_VERSION
-        _write_origin(file, described)
+        _write_origin(file, model, described)
         text = json.dumps(document, allow_nan=False)
         file.create_dataset("document", data=text, dtype=TEXT)
         _functions(kind)[0](file, result, document)
@@ -121,17 +129,16 @@ def _describe(result: Any, scenario: Scenario | None) -> Scenario:
     return scenario if posed.text == described.text else described
 
 
-def _write_origin(file: Any, scenario: Scenario) -> None:
+def _write_origin(file: Any, model: FreeFloatingModel, scenario: Scenario | None) -> None:
     """Write software, scenario and robot."""
-    model = scenario.model()
     for package in _SOFTWARE:
         file.attrs[f"software_{package}"] = version(package)
     file.attrs["software_python"] = platform.python_version()
     file.attrs["end_effector"] = model.end_effector
     texts = {
-        "scenario": scenario.text,
-        "scenario_file": str(scenario.source),
-        "samples": scenario.samples,
+        "scenario": scenario and scenario.text,
+        "scenario_file": scenario and str(scenario.source),
+        "samples": scenario and scenario.samples,
         "robot": model.description.text,
         "robot_file": os.path.abspath(model.description.source),
         "held": json.dumps(dict(model.fixed_joints)),
@@ -205,7 +212,12 @@ def _load_record(file: Any, kind: str) -> Result:
     document: Document = json.loads(read_text(file, "document"))
     if kind == "motion":
         document = _upgraded(file, document)
-    result = _functions(kind)[1](file, _read_scenario(file), document)
+    read = _functions(kind)[1]
+    result: Result
+    if kind == _SINGULARITIES:
+        result = read(file, _read_robot(file))
+    else:
+        result = read(file, _read_scenario(file), document)
     for key, stated, recomputed in differences(document, json.loads(json.dumps(result.to_dict()))):
         problem = f"its document states {stated}, but it is {recomputed}"
         raise InputError(key, problem, _ACCEPTED)
@@ -223,17 +235,21 @@ def _upgraded(file: Any, document: Document) -> Document:
     return {**document, "branches": branches}
 
 
-def _read_scenario(file: Any) -> Scenario:
-    """The scenario of a file, with the robot of the file."""
+def _read_robot(file: Any) -> FreeFloatingModel:
+    """The robot of a file."""
     description = replace(read_urdf(read_text(file, "robot")), source=read_text(file, "robot_file"))
     held = {str(name): float(value) for name, value in json.loads(read_text(file, "held")).items()}
-    end_effector = str(file.attrs["end_effector"])
-    model = FreeFloatingModel(description, end_effector, held)
+    return FreeFloatingModel(description, str(file.attrs["end_effector"]), held)
+
+
+def _read_scenario(file: Any) -> Scenario:
+    """The scenario of a file, with the robot of the file."""
+    model = _read_robot(file)
     samples = read_text(file, "samples") if "samples" in file else ""
     source = Path(read_text(file, "scenario_file"))
     scenario = parse_scenario(read_text(file, "scenario"), source, samples, model)
     robot = scenario.content.robot
-    if robot.end_effector != end_effector or dict(robot.held) != held:
+    if (robot.end_effector, robot.held) != (model.end_effector, dict(model.fixed_joints)):
         raise ValueError("its robot is not that of its scenario")
     return scenario
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from freefloat.dynamics.global_maximum import guaranteed_magnitude
 from freefloat.dynamics.joint_space import largest_magnitude
-from freefloat.dynamics.measures import singularity_measure
+from freefloat.dynamics.measures import SingularityMeasure, singularity_measure
 from freefloat.dynamics.redundancy import Redundancy, Toward
 from freefloat.errors import InputError, did_you_mean
 from freefloat.io.path_section import frame_of, path_of, section_of
@@ -86,13 +87,20 @@ class Scenario:
             with file_keys(measure="margin.measure"):
                 measure = singularity_measure(model, content.task, content.margin.measure)
             if content.margin.fraction is not None:
-                value = content.margin.fraction * largest_magnitude(model, measure)
+                value = content.margin.fraction * self._largest_magnitude(measure)
             redundancy = None
             if content.redundancy is not None:
                 redundancy = Redundancy(**content.redundancy.model_dump(exclude_none=True))
             timed = TimedPath(path, timing)
             momentum, margin = np.array(content.momentum), Margin(measure, value)
             return Problem(model, timed, content.task, momentum, margin, redundancy)
+
+    def _largest_magnitude(self, measure: SingularityMeasure) -> float:
+        """Largest magnitude of a measure, guaranteed for det A unless the arm is redundant."""
+        model, task = self.model(), self.content.task
+        if measure.name == "system" and model.dof == len(task.rows):
+            return guaranteed_magnitude(model, task, measure.name).value
+        return largest_magnitude(model, measure)
 
     def search(self) -> Search:
         """The search for a plan.

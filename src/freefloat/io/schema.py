@@ -249,9 +249,9 @@ class ScenarioFile(Section):
 
     robot: RobotSection
     task: Task
-    """Components of the end-effector twist that the path prescribes."""
+    """``pose``, ``position``, ``planar-pose`` or ``planar-position``: what the path prescribes."""
     momentum: Vector = (0.0, 0.0, 0.0)
-    """Angular momentum about the centre of mass, inertial axes [N m s]."""
+    """Angular momentum x, y, z about the centre of mass, inertial axes [N m s]."""
     path: PathSection
     timing: TimingSection
     margin: MarginSection = MarginSection(measure="gjm", value=0.0)

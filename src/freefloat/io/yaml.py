@@ -85,6 +85,8 @@ def parse_yaml(text: str, path: Path) -> dict[str, Any]:
         _require_plain(text)
         data = yaml.load(text, Loader=_PlainLoader)
         problem = "it is empty" if data is None else f"it is a {type(data).__name__}"
+        if text.lstrip().startswith("<"):
+            problem = "it is XML, such as a URDF"
         mark = None
     except yaml.MarkedYAMLError as error:
         problem = str(error.problem or error.context)
@@ -215,9 +217,11 @@ def _first_error(
     if kind == "too_short":
         accepted = f"at least {first['ctx']['min_length']} of them"
     if len(indices) == len(alternatives):
-        accepted = f"{1 + max(indices)} entries"
+        accepted = f"{1 + max(indices)} entries" + (f": {description}" if description else "")
     elif len(alternatives) > 1 and description:  # of a union
         accepted = description
+    elif kind == "tuple_type" and description:
+        accepted = f"a list: {description}"
     shown = "nothing" if value is None else repr(value)
     shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
     hint = did_you_mean(str(value), re.findall("'([^']*)'", accepted))

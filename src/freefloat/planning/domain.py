@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from freefloat.errors import InputError
 from freefloat.motion.problem import Problem
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import (
     Array,
     IntArray,
@@ -21,6 +23,8 @@ from freefloat.so3 import (
     heading_quaternion,
 )
 
+_LARGEST_ANGLE = 4.0 * np.pi
+"""Largest present joint angle [rad]: larger ones are degrees."""
 _HEADINGS = 2880
 """Headings between which the arm branch closest to the present joints changes once at most."""
 _EXACT = 1e-10
@@ -77,6 +81,14 @@ class SearchDomain:
         """First heading [rad], in [0, 2 pi), and last heading of planar attitudes."""
         low = (heading_of(self.centre) - self.radius) % (2.0 * np.pi)
         return low, low + 2.0 * self.radius
+
+
+def require_radians(model: FreeFloatingModel, joints: Array) -> None:
+    """Raise an InputError where present joints (n,) are so large that they must be degrees."""
+    largest = np.where(model.prismatic, 0.0, np.abs(joints)).max()
+    if largest > _LARGEST_ANGLE:
+        accepted = "radians of at most two full rotations; 90 degrees are 1.5708"
+        raise InputError("search.joints", f"{largest:g} rad was given", accepted)
 
 
 def branch_changes(problem: Problem) -> list[float]:

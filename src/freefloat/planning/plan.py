@@ -17,7 +17,7 @@ from freefloat.limits.contact import Contact
 from freefloat.limits.limits import LimitResult, Limits, violated
 from freefloat.motion.certificate import Certificate
 from freefloat.motion.problem import Problem
-from freefloat.planning.domain import SearchDomain
+from freefloat.planning.domain import SearchDomain, require_radians
 from freefloat.planning.heading_arcs import BranchRanges, covered_angle
 from freefloat.planning.planar_ranges import RangeLimit, Span
 from freefloat.planning.simulation import SimulatedBranch
@@ -30,8 +30,6 @@ if TYPE_CHECKING:  # compiled kernels take half a second to import
 
 HEADINGS, PLAN_ATTITUDES = 360, 4096
 """Default numbers of samples of planar and of spatial tasks."""
-_LARGEST_ANGLE = 4.0 * np.pi
-"""Largest present joint angle [rad]: larger ones are degrees."""
 FEWEST_SAMPLES = 8
 """Smallest accepted number of samples."""
 _MOTION_KEYS = (
@@ -131,11 +129,7 @@ class Search:
         if self.joints is None:
             return problem
         joints = problem.model.joint_vector(self.joints, "search.joints")
-        turned = np.where(problem.model.prismatic, 0.0, np.abs(joints))
-        if turned.max() > _LARGEST_ANGLE:
-            largest = f"{turned.max():g} rad was given"
-            accepted = "radians of at most two full rotations; 90 degrees are 1.5708"
-            raise InputError("search.joints", largest, accepted)
+        require_radians(problem.model, joints)
         return replace(problem, start_joints=joints)
 
 

@@ -125,7 +125,7 @@ def _moving_links(robot: RobotDescription) -> Faults:
             continue
         mass = _mass(robot, group)
         if mass == 0.0:
-            remedy = "a small <inertial> where joint torques matter; motions are exact without"
+            remedy = "its <inertial> if it has mass; without mass, joint torques may be undefined"
             yield Fault(robot.links_by_name[first], "link", "it moves but has no mass", remedy)
         elif mass > 0.0:
             yield from _centre_of_mass(robot, group, mass, arm_length)

@@ -8,7 +8,7 @@ import signal
 import struct
 import threading
 from collections.abc import Iterator
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import resource_tracker
@@ -79,7 +79,8 @@ def remote_client(scheduler: str) -> Iterator[Client]:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     expected = version("freefloat")
     try:
-        asyncio.run(_await_answer(scheduler))
+        with ThreadPoolExecutor(1) as thread:  # a notebook's thread has a running event loop
+            thread.submit(asyncio.run, _await_answer(scheduler)).result()
         with Client(scheduler, timeout=_TIMEOUT, set_as_default=False) as client:
             client.wait_for_workers(1, timeout=_TIMEOUT)
             try:

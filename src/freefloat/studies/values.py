@@ -87,7 +87,7 @@ def _motion_values(chosen: SimulatedBranch) -> dict[str, Any]:
     return {
         "completed": motion.completed,
         "measure": margin.measure,
-        "margin": margin.value,
+        "margin": chosen.minimum_margin,
         "margin_time": margin.time,
         "margin_required": motion.problem.margin.threshold,
         "singular_time": motion.final.time if motion.ending is Ending.SINGULAR else None,
