@@ -43,6 +43,8 @@ _LIMITS = {
     "base_rate": "base rate [rad/s]",
     "joint_torque": "joint torque [N m, N]",
     "clearance": "clearance [m]",
+    "pointing": "pointing [rad]",
+    "base_turn": "base turn [rad]",
 }
 
 

@@ -106,8 +106,8 @@ def map_(
     with loaded.error_context(), console.progress("integrating motions") as progress:
         result = attitude_map(
             problem, samples, search=search if seed is None else replace(search, seed=seed),
-            nearest=nearest, boundary=boundary or 0, tangency=touch or 0, threads=threads,
-            progress=progress,
+            limits=loaded.limits(), nearest=nearest, boundary=boundary or 0,
+            tangency=touch or 0, threads=threads, progress=progress,
         )  # fmt: skip
     document = result.to_dict()
     tables: Any = _heading_tables if isinstance(result, HeadingMap) else _attitude_tables

@@ -7,24 +7,37 @@ import numpy as np
 from freefloat.dynamics.measures import NAMES, trigonometric_terms
 from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
+from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
 from freefloat.ensemble.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
-from freefloat.ensemble.kernels.records import Course, Measure, NullSpace, Robot
+from freefloat.ensemble.kernels.records import (
+    CONE_COLUMNS,
+    Cones,
+    Course,
+    Measure,
+    NullSpace,
+    Robot,
+)
 from freefloat.ensemble.kernels.records import Problem as KernelProblem
 from freefloat.ensemble.kernels.steps import TABLEAU
-from freefloat.ensemble.link_frames import link_frames
+from freefloat.ensemble.link_frames import LinkFrames, frames_at_zero, link_frames
+from freefloat.motion.pointing import AttitudeLimits, Keep
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import EndEffectorPath
+from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
 
 _CELLS, _TANGENT_ERROR = (1, 32, 256), 1e-11
 """Numbers of cubics that approximate the path's tangent, and their relative error."""
+_SPARE = 1e-4
+"""Error of the angles of compiled motions [rad]."""
+_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _NODES = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 0.5])
 _THROUGH_NODES = np.linalg.inv(np.vander(_NODES[:4], increasing=True))
 """Maps values at the first four nodes to the cubic's coefficients, lowest power first."""
 
 
-def kernel_problem(problem: Problem) -> KernelProblem:
-    """The arrays that the kernels read of a problem."""
+def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> KernelProblem:
+    """The arrays that the kernels read of a problem and of limits of attitude."""
     model, task = problem.model, problem.task
     frames = link_frames(model)
     robot = Robot(
@@ -35,7 +48,32 @@ def kernel_problem(problem: Problem) -> KernelProblem:
     polynomial = trigonometric_terms(problem.margin.measure) if name == "arm" else np.zeros((0, 4))
     reach = VirtualManipulator.of(model).reach
     measure = Measure(NAMES.index(name), reach, len(polynomial), polynomial)
-    return KernelProblem(robot, _course(problem), measure, _null_space(problem), TABLEAU)
+    cones = _cones(model, frames, limits) if limits else None
+    null_space = _null_space(problem)
+    return KernelProblem(robot, _course(problem), measure, null_space, TABLEAU, cones)
+
+
+def _cones(model: FreeFloatingModel, frames: LinkFrames, limits: AttitudeLimits) -> Cones:
+    """Limits of attitude, each stricter by the error of compiled motions."""
+    zero = np.zeros(model.dof)
+    at_zero, base = frames_at_zero(frames), model.base_position(_UPRIGHT, zero)
+    poses = model.body_poses(_UPRIGHT, zero)
+    rows = np.zeros((len(limits.pointing), CONE_COLUMNS))
+    for row, limit in zip(rows, limits.pointing, strict=True):
+        number, place = model.link_places[limit.body]
+        frame, pose = at_zero[number], poses[number]
+        side = 1.0 if limit.keep is Keep.INSIDE else -1.0
+        target = limit.direction if limit.point is None else limit.point
+        origin = pose.position + pose.rotation @ place.position - base
+        row[:AXIS] = number, limit.point is not None, side, np.cos(limit.angle - side * _SPARE)
+        row[AXIS:ORIGIN] = frame[:3] @ pose.rotation @ place.rotation @ limit.axis
+        row[ORIGIN:TARGET] = frame[:3] @ (origin - frame[3])
+        row[TARGET:] = target
+    if limits.base_turn is not None:
+        turn = np.zeros((1, CONE_COLUMNS))
+        turn[0, :AXIS] = -1.0, 0.0, 1.0, np.cos((limits.base_turn - _SPARE) / 2.0)
+        rows = np.vstack([rows, turn])
+    return Cones(len(rows), rows)
 
 
 def _null_space(problem: Problem) -> NullSpace | None:

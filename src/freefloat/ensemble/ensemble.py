@@ -13,11 +13,17 @@ import numpy.typing as npt
 
 from freefloat.concurrency import Progress, available_cores, run_chunks
 from freefloat.ensemble.arrays import kernel_problem
-from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED, integrate_many
+from freefloat.ensemble.kernels.integration import (
+    COMPLETED,
+    LIMITED,
+    UNREACHED,
+    integrate_many,
+)
 from freefloat.ensemble.kernels.lanes import WIDTH
 from freefloat.ensemble.kernels.records import Motions, make_workspace
 from freefloat.errors import InputError, finite_number, whole_number
 from freefloat.motion.margin import ROUNDING, keeps_threshold
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem
 from freefloat.so3 import Array, IntArray
 
@@ -31,8 +37,9 @@ class EnsembleResult(NamedTuple):
     """Results of K motions; in tables of arm branches the leading shape is (K, B) instead.
 
     Attributes:
-        endings: 0 completed, 1 singular, 2 margin violated, 3 step limit reached, shape (K,); in
-            tables -1 where the arm branch does not exist.
+        endings: 0 completed, 1 singular, 2 margin violated, 3 step limit reached, 4 completed but
+            violates a limit of attitude, shape (K,); in tables -1 where the arm branch does not
+            exist.
         ended_at: Final times [s], shape (K,).
         minimum: Minimum magnitude of the measure, zero where it changes sign, shape (K,).
         minimum_at: Times of the minimum [s], shape (K,).
@@ -44,6 +51,8 @@ class EnsembleResult(NamedTuple):
         determinant_ratios: Smallest over largest magnitude of det S* at the steps; small near any
             singularity, also one at which the measure does not vanish, shape (K,).
         evaluations: Number of evaluations of (4), shape (K,).
+        slacks: Smallest differences of cosines to the bounds of the limits of attitude, negative
+            where they are violated, shape (K, L).
     """
 
     endings: npt.NDArray[np.int8]
@@ -57,9 +66,10 @@ class EnsembleResult(NamedTuple):
     upper: Array
     determinant_ratios: Array
     evaluations: IntArray
+    slacks: Array
 
     @classmethod
-    def empty(cls, shape: tuple[int, ...], n: int) -> EnsembleResult:
+    def empty(cls, shape: tuple[int, ...], n: int, limits: int = 0) -> EnsembleResult:
         """Arrays for results of motions of n joints, with the ending of missing branches."""
         times, minimum_at = np.full((2, *shape), np.nan)
         minimum, determinant_ratios = np.zeros((2, *shape))
@@ -67,7 +77,7 @@ class EnsembleResult(NamedTuple):
         return cls(
             np.full(shape, UNREACHED, np.int8), times, minimum, minimum_at,
             np.full((*shape, 4), np.nan), joints, rates, lower, upper, determinant_ratios,
-            np.zeros(shape, np.int64),
+            np.zeros(shape, np.int64), np.full((*shape, limits), np.nan),
         )  # fmt: skip
 
     def columns(self, numbers: IntArray) -> EnsembleResult:
@@ -88,7 +98,12 @@ class EnsembleIntegrator:
     """Integrator of many motions of one problem."""
 
     def __init__(
-        self, problem: Problem, threads: int | None = None, *, tolerance: float = STEP_TOLERANCE
+        self,
+        problem: Problem,
+        threads: int | None = None,
+        *,
+        tolerance: float = STEP_TOLERANCE,
+        limits: AttitudeLimits | None = None,
     ) -> None:
         """Convert a problem to the arrays that the kernels read.
 
@@ -96,6 +111,8 @@ class EnsembleIntegrator:
             problem: Robot, path and momentum.
             threads: Number of threads; one for each core of this process when left out.
             tolerance: Relative and absolute tolerance of the integration steps, 1e-13 to 1e-2.
+            limits: Limits of attitude that motions are compared with. The turn of the spacecraft
+                is that since the start of a motion.
 
         Raises:
             InputError: If the number of threads or the tolerance is not accepted.
@@ -103,7 +120,8 @@ class EnsembleIntegrator:
         self.threads = whole_number("threads", available_cores() if threads is None else threads, 1)
         self.problem = problem
         self.tolerance = finite_number("tolerance", tolerance, "1e-13 to 1e-2", 1e-13, 1e-2)
-        self._arrays = kernel_problem(problem)
+        self._arrays = kernel_problem(problem, limits)
+        self.limits = 0 if self._arrays.cones is None else self._arrays.cones.number
 
     def integrate(
         self,
@@ -143,16 +161,18 @@ class EnsembleIntegrator:
             _checked("ends", np.full(K, duration) if ends is None else ends, (K,), duration),
             stop_below * (1.0 - ROUNDING),
         )
-        result = EnsembleResult.empty((K,), n)
+        result = EnsembleResult.empty((K,), n, self.limits)
         chunk = min(_CHUNK, max(-(-K // (4 * self.threads)), 4 * WIDTH))
 
         def integrate_chunk(first: int) -> None:
             integrate_many(
                 self._arrays, motions, first, min(first + chunk, K), self.tolerance,
-                make_workspace(n, self._arrays.robot.m), result,
+                make_workspace(n, self._arrays.robot.m, self.limits), result,
             )  # fmt: skip
 
         run_chunks(integrate_chunk, range(0, K, chunk), self.threads, progress)
+        violated = (result.slacks < 0.0).any(axis=1) & (result.endings == COMPLETED)
+        result.endings[violated] = LIMITED
         for array in result:
             array.setflags(write=False)
         return result

@@ -12,6 +12,7 @@ from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.ensemble import STEP_TOLERANCE, EnsembleIntegrator, EnsembleResult
 from freefloat.ensemble.kernels.integration import COMPLETED, UNREACHED
 from freefloat.ik.branches import ClosedForm, closed_form
+from freefloat.motion.pointing import AttitudeLimits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.so3 import Array, IntArray, attitude_grid
 
@@ -24,6 +25,8 @@ _NEGLIGIBLE = 1e-7
 _ATTITUDE_SIZE, _MOTION_SIZE, _JOINT_SIZE = 500, 200, 40
 """Memory of a map for an attitude, for each of its motions, and for each joint of these, with the
 copies made of it [bytes]."""
+_WRIST_BODIES = 4, 5
+"""The bodies that wrist-flipped branches place differently."""
 _FLIPPED_JOINT = 4
 """The joint of a spherical wrist whose sign differs between wrist-flipped branches."""
 
@@ -73,7 +76,12 @@ class FeasibilityEvaluator:
     """
 
     def __init__(
-        self, problem: Problem, threads: int | None = None, *, tolerance: float = STEP_TOLERANCE
+        self,
+        problem: Problem,
+        threads: int | None = None,
+        *,
+        tolerance: float = STEP_TOLERANCE,
+        limits: AttitudeLimits | None = None,
     ) -> None:
         """Prepare a problem.
 
@@ -81,15 +89,24 @@ class FeasibilityEvaluator:
             problem: Robot, path, momentum and margin.
             threads: Number of threads; one for each core of this process when left out.
             tolerance: Relative and absolute tolerance of the integration steps.
+            limits: Limits of attitude; motions that violate them count as infeasible.
 
         Raises:
             InputError: If ``problem`` is not a Problem.
         """
         require_problem(problem)
         self.problem = problem
-        self.integrator = EnsembleIntegrator(problem, threads, tolerance=tolerance)
-        self.wrist_flipped = has_wrist_flipped_branches(problem)
+        self.limits = limits or AttitudeLimits()
+        self.integrator = EnsembleIntegrator(
+            problem, threads, tolerance=tolerance, limits=self.limits
+        )
+        self.wrist_flipped = has_wrist_flipped_branches(problem) and not self._on_wrist()
         self.sample_reduction = 1 if closed_form(problem.model, problem.task) else _REDUCTION
+
+    def _on_wrist(self) -> bool:
+        """Whether an axis moves differently along wrist-flipped branches."""
+        places = self.problem.model.link_places
+        return any(places[limit.body][0] in _WRIST_BODIES for limit in self.limits.pointing)
 
     @property
     def threads(self) -> int:
@@ -135,7 +152,7 @@ class FeasibilityEvaluator:
             stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
             progress=progress,
         )  # fmt: skip
-        table = EnsembleResult.empty(chosen.shape, joints.shape[2])
+        table = EnsembleResult.empty(chosen.shape, joints.shape[2], self.integrator.limits)
         table.assign(chosen, result)
         selected = np.searchsorted(integrated, sources)
         table = table.columns(selected)
@@ -190,7 +207,7 @@ class FeasibilityEvaluator:
             attitudes[exist], joints[exist],
             stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
         )  # fmt: skip
-        table = EnsembleResult.empty((len(attitudes), 1), joints.shape[1])
+        table = EnsembleResult.empty((len(attitudes), 1), joints.shape[1], self.integrator.limits)
         table.assign(exist[:, None], result)
         return table
 

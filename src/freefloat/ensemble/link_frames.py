@@ -60,6 +60,18 @@ def link_frames(model: FreeFloatingModel) -> LinkFrames:
     return LinkFrames(base, bodies, tool)
 
 
+def frames_at_zero(frames: LinkFrames) -> Array:
+    """The link frames at joint values zero, spacecraft frame: rows x, y, z and origin."""
+    placed = [frames.base]
+    for cosine, sine, along_x, angle, along_z in frames.bodies[1:, :5]:
+        x, y, z, origin = placed[-1]
+        origin = origin + along_x * x
+        y, z = cosine * y + sine * z, cosine * z - sine * y
+        x, y = np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x
+        placed.append(np.vstack([x, y, z, origin + along_z * z]))
+    return np.array(placed)
+
+
 def _joints_at_zero(model: FreeFloatingModel) -> tuple[Array, Array, Array]:
     """Axes and origins of the joints and rotations of their frames, spacecraft frame."""
     rotation, point = np.eye(3), np.zeros(3)

@@ -29,7 +29,7 @@ from freefloat.so3 import Array, frozen, heading_quaternion
 T = TypeVar("T")
 _CODES = 128
 """Codes of endings and numbers of branches are smaller."""
-_ENDINGS = "code: 0 completed, 1 singular, 3 step limit reached, -1 no such branch"
+_ENDINGS = "code: 0 completed, 1 singular, 3 step limit reached, 4 limited, -1 no such branch"
 _UNITS = {
     "attitude": QUATERNION, "centre": QUATERNION, "volume_rad3": "rad^3",
     "radius_deg": "deg", "deviation_deg": "deg", "depth_deg": "deg", "gap_deg": "deg",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -23,10 +24,11 @@ from freefloat.io.schema import JointLimits, ScenarioFile
 from freefloat.io.yaml import error_context, file_keys, parse_yaml, read_text, validated
 from freefloat.limits.limits import Limits
 from freefloat.motion.margin import Margin
+from freefloat.motion.pointing import PointingLimit
 from freefloat.motion.problem import Problem
 from freefloat.paths.path import samples_text
 from freefloat.paths.timing import Stop, TimedPath, Timing
-from freefloat.planning.plan import Search
+from freefloat.planning.plan import Search, degrees
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.robot.names import find_robot, find_scenario
 from freefloat.so3 import Array, frozen, unit_quaternion
@@ -140,7 +142,18 @@ class Scenario:
                 _joint_limits("joint_torque", section.joint_torque, efforts),
                 section.base_rate,
                 section.clearance,
+                tuple(self._pointing()),
+                section.base_turn_deg and float(np.radians(section.base_turn_deg)),
             )
+
+    def _pointing(self) -> Iterator[PointingLimit]:
+        for k, entry in enumerate(self.content.limits.pointing):
+            with self.error_context(f"limits.pointing.{k}."):
+                angle = float(np.radians(entry.angle_deg))
+                target = entry.target.model_dump()
+                limit = PointingLimit(entry.body, np.array(entry.axis), angle, entry.keep, **target)
+                limit.require_body(self.model(), "body")
+                yield limit
 
     def error_context(
         self, prefix: str = "", only: str | None = None
@@ -264,6 +277,8 @@ def scenario_of(
             **{key: _limit_map(model.joint_names, getattr(limits, key)) for key in _JOINT_LIMITS},
             "base_rate": limits.base_rate and float(limits.base_rate),
             "clearance": limits.clearance and float(limits.clearance),
+            "pointing": [limit.to_dict() for limit in limits.pointing],
+            "base_turn_deg": degrees(limits.base_turn),
         },
     }
     if problem.redundancy is not None:

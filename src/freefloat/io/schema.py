@@ -13,6 +13,7 @@ from freefloat.dynamics.redundancy import LARGEST_GAIN, Metric, Toward
 from freefloat.io.field_types import (
     Coefficients,
     Factor,
+    Name,
     NotNegative,
     Number,
     Positive,
@@ -23,6 +24,7 @@ from freefloat.io.field_types import (
     exactly_one_of,
 )
 from freefloat.io.robot_section import RobotSection
+from freefloat.motion.pointing import Keep
 from freefloat.paths.timing import TimeLaw
 from freefloat.planning.plan import FEWEST_SAMPLES, Objective
 
@@ -226,6 +228,32 @@ class SearchSection(Section):
     """Objective ``nearest``: the margin is kept within this angle around the attitude [degrees]."""
 
 
+class TargetSection(Section):
+    """What an axis is compared with; exactly one key."""
+
+    direction: Vector | None = None
+    """Direction of a target far away, inertial axes."""
+    point: Vector | None = None
+    """A point [m], inertial axes, about the centre of mass."""
+
+    _exactly_one = exactly_one_of("direction", "point")
+
+
+class PointingSection(Section):
+    """An axis that stays inside or outside a cone about the direction of a target."""
+
+    body: Name
+    """A link, which may be the root link of the spacecraft."""
+    axis: Vector
+    """Axis in the frame of the link; toward a point, it begins at the origin of that frame."""
+    target: TargetSection
+    """What it is compared with."""
+    keep: Keep = Keep.INSIDE
+    """``inside``: the target is seen; ``outside``: it is avoided."""
+    angle_deg: Annotated[float, Field(strict=True, gt=0.0, lt=180.0)]
+    """Half the opening angle of the cone [degrees]."""
+
+
 JointLimits = Positive | dict[str, Positive] | Literal["urdf"]
 
 
@@ -242,6 +270,11 @@ class LimitsSection(Section):
     """Magnitude of the spacecraft's angular velocity [rad/s]."""
     clearance: NotNegative | None = None
     """Smallest distance [m] between bodies that are not neighbours; 0: no contact."""
+    pointing: list[PointingSection] = Field(default=[])
+    """Axes of links that stay inside or outside cones."""
+    base_turn_deg: Annotated[float, Field(strict=True, gt=0.0, le=180.0)] | None = None
+    """Largest angle between the attitudes of the spacecraft at the start and at any time
+    [degrees]."""
 
 
 class ScenarioFile(Section):

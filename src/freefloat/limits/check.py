@@ -22,8 +22,9 @@ from freefloat.motion.extrema import (
 from freefloat.motion.margin import ROUNDING
 from freefloat.motion.motion import Motion
 from freefloat.motion.panels import NODES
+from freefloat.motion.pointing import Keep, PointingLimit, angle_of
 from freefloat.robot.model import FreeFloatingModel
-from freefloat.so3 import Array
+from freefloat.so3 import Array, angle_between
 
 if TYPE_CHECKING:
     from freefloat.limits.clearance import CollisionPairs
@@ -70,6 +71,8 @@ class LimitChecker:
             if values is not None and values.shape != (model.dof,):
                 accepted = f"for {', '.join(model.joint_names)}"
                 raise InputError(f"limits.{key}", f"shape {values.shape} was given", accepted)
+        for k, pointing in enumerate(limits.pointing):
+            pointing.require_body(model, f"limits.pointing.{k}.body")
         self.pairs: CollisionPairs | None = None
         checks: dict[LimitKind, _Check] = {}
         decisions: dict[LimitKind, _Check] = {}
@@ -79,6 +82,10 @@ class LimitChecker:
             checks[LimitKind.JOINT_RATE] = partial(_joint_rate, limits.joint_rate)
         if limits.base_rate is not None:
             checks[LimitKind.BASE_RATE] = partial(_base_rate, limits.base_rate)
+        if limits.base_turn is not None:
+            checks[LimitKind.BASE_TURN] = partial(_base_turn, limits.base_turn)
+        if limits.pointing:
+            checks[LimitKind.POINTING] = partial(_pointing, limits.pointing)
         if limits.clearance is not None:
             from freefloat.limits.clearance import CollisionPairs  # coal and trimesh import slowly
 
@@ -141,6 +148,45 @@ def _base_rate(allowed: float, motion: Motion) -> LimitResult:
     ratio = float(np.sqrt(peak.value))
     time = motion.time_at(peak.u)
     return _result(LimitKind.BASE_RATE, ratio * allowed, allowed, ratio, time, "spacecraft")
+
+
+def _base_turn(allowed: float, motion: Motion) -> LimitResult:
+    initial = motion.initial.attitude
+
+    def nearness(panel: int, x: float) -> Array:
+        """The negative square of the cosine of half the turn, smooth also where there is none."""
+        return np.array([-((motion.at(panel, x)[1] @ initial) ** 2)])
+
+    place = maximum(at_nodes(motion, nearness), nearness).u if motion.panels else 0.0
+    turn = float(angle_between(motion.evaluate(place)[1][0], initial))
+    time = motion.time_at(place)
+    return _result(LimitKind.BASE_TURN, turn, allowed, turn / allowed, time, "spacecraft")
+
+
+def _pointing(limits: tuple[PointingLimit, ...], motion: Motion) -> LimitResult:
+    """The result of the axis that is nearest to the edge of its cone, or farthest beyond it."""
+    return max(
+        (_of_axis(limit, k, motion) for k, limit in enumerate(limits)),
+        key=lambda result: result.ratio,
+    )
+
+
+def _of_axis(limit: PointingLimit, number: int, motion: Motion) -> LimitResult:
+    model, inside = motion.problem.model, limit.keep is Keep.INSIDE
+
+    def cosine(panel: int, x: float) -> Array:
+        """The cosine of the angle; negative where that should be small."""
+        axis, target = limit.vectors(model, *motion.at(panel, x)[1:])
+        return np.array([-axis @ target if inside else axis @ target])
+
+    place = maximum(at_nodes(motion, cosine), cosine).u if motion.panels else 0.0
+    _, attitudes, joints = motion.evaluate(place)
+    angle = angle_of(*limit.vectors(model, attitudes[0], joints[0]))
+    with np.errstate(divide="ignore"):
+        ratio = angle / limit.angle if inside else np.divide(limit.angle, angle)
+    where = f"{limit.body} (pointing.{number})"
+    time = motion.time_at(place)
+    return _result(LimitKind.POINTING, angle, limit.angle, float(ratio), time, where)
 
 
 def _rates(motion: Motion) -> Callable[[int, float], tuple[Array, Array]]:

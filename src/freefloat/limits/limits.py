@@ -8,7 +8,10 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
-from freefloat.errors import InputError, finite_number, number_array
+import numpy as np
+
+from freefloat.errors import InputError, finite_number, number_array, require_type
+from freefloat.motion.pointing import AttitudeLimits, PointingLimit
 from freefloat.so3 import Array, frozen
 
 
@@ -20,6 +23,8 @@ class LimitKind(StrEnum):
     BASE_RATE = "base_rate"
     CLEARANCE = "clearance"
     JOINT_TORQUE = "joint_torque"
+    POINTING = "pointing"
+    BASE_TURN = "base_turn"
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +36,12 @@ class Limits:
         joint_torque: Magnitudes [N m or N], shape (n,); infinite for joints without a limit.
         base_rate: Magnitude of the spacecraft's angular velocity [rad/s].
         clearance: Smallest distance [m] between bodies that no joint connects; 0: no contact.
+        pointing: Axes of links that stay inside or outside cones.
+        base_turn: Largest angle between the attitudes of the spacecraft at the start and at any
+            time [rad], up to pi.
 
     Raises:
-        InputError: If a limit is not positive, or the clearance is negative.
+        InputError: If a limit is not positive, the clearance is negative, or the turn is above pi.
 
     Example:
         >>> problem = ff.load_scenario("planar_2dof/line").problem()
@@ -49,8 +57,18 @@ class Limits:
     joint_torque: Array | None = None
     base_rate: float | None = None
     clearance: float | None = None
+    pointing: tuple[PointingLimit, ...] = ()
+    base_turn: float | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "pointing", tuple(self.pointing))
+        for k, limit in enumerate(self.pointing):
+            accepted = "PointingLimit(body, axis, angle, direction=...)"
+            require_type(f"limits.pointing.{k}", limit, PointingLimit, accepted)
+        if self.base_turn is not None:
+            smallest = np.finfo(float).tiny
+            accepted = "an angle above 0, up to pi"
+            finite_number("limits.base_turn", self.base_turn, accepted, smallest, np.pi)
         for name in ("joint_rate", "joint_torque", "base_rate"):
             limit, key = getattr(self, name), f"limits.{name}"
             if limit is None:
@@ -64,6 +82,11 @@ class Limits:
         if self.clearance is not None:
             finite_number("limits.clearance", self.clearance, "a length, 0 or more", 0.0)
 
+    @property
+    def attitude(self) -> AttitudeLimits:
+        """The limits that depend on the attitudes of bodies alone."""
+        return AttitudeLimits(self.pointing, self.base_turn)
+
 
 @dataclass(frozen=True)
 class LimitResult:
@@ -71,13 +94,16 @@ class LimitResult:
 
     Attributes:
         limit: The kind of limit.
-        worst: Value at that instant, signed [unit of the limit; rad or m for a joint range].
+        worst: Value at that instant, signed [unit of the limit; rad or m for a joint range, rad for
+            pointing and turn].
         allowed: Limit of that value; of a range the nearer end.
         time: The instant [s].
-        where: The joint, the pair of links as ``"a - b"``, or ``"spacecraft"``.
+        where: The joint, the pair of links as ``"a - b"``, the link that points with the number of
+            its limit, or ``"spacecraft"``.
         kept: Whether the motion keeps the limit.
         ratio: 1 where the limit is just kept: worst over allowed; of a range the distance from its
-            middle over half its width; of a clearance allowed over worst.
+            middle over half its width; of a clearance, and of an axis that is kept outside a cone,
+            allowed over worst.
         base_wrench: Numerical error of joint torques: the largest component of the wrench [N, N m]
             that inverse dynamics finds on the free base, where none acts, over the largest torque.
             None for other limits, and where all torques are zero.

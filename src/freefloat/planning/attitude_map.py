@@ -10,7 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches, is_regular
-from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
+from freefloat.ensemble.kernels.integration import (
+    COMPLETED,
+    FAILED,
+    LIMITED,
+    SINGULAR,
+    UNREACHED,
+)
 from freefloat.motion.reach import reach_message
 from freefloat.planning.margin_map import MarginMap
 from freefloat.planning.plan import degrees
@@ -18,8 +24,8 @@ from freefloat.planning.regions import Region
 from freefloat.so3 import Array, angle_between
 from freefloat.statistics import percentage
 
-_ENDINGS = {"completed": COMPLETED, "singular": SINGULAR, "given_up": FAILED,
-            "unreached": UNREACHED}  # fmt: skip
+_ENDINGS = {"completed": COMPLETED, "singular": SINGULAR, "limited": LIMITED,
+            "given_up": FAILED, "unreached": UNREACHED}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,13 @@ import numpy.typing as npt
 
 from freefloat.dynamics.momentum import Task
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
-from freefloat.ensemble.kernels.integration import COMPLETED, FAILED, SINGULAR, UNREACHED
+from freefloat.ensemble.kernels.integration import (
+    COMPLETED,
+    FAILED,
+    LIMITED,
+    SINGULAR,
+    UNREACHED,
+)
 from freefloat.limits.limits import LimitResult, violated
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import (
@@ -118,6 +124,7 @@ def _ending_fractions(endings: npt.NDArray[np.int8]) -> str:
         UNREACHED: "have no arm configuration at the start",
         FAILED: "reach the step limit",
         SINGULAR: "end in a singularity",
+        LIMITED: "violate a limit of pointing or turn",
         COMPLETED: "complete the path below the margin",
     }
     ranks = np.array([list(words).index(code) for code in endings.ravel().tolist()])

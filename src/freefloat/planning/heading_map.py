@@ -12,6 +12,7 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.ensemble import STEP_TOLERANCE
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.errors import whole_number
+from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem
 from freefloat.motion.reach import reach_message
 from freefloat.planning.margin_map import MarginMap
@@ -156,10 +157,13 @@ class HeadingMap(MarginMap):
         }
 
 
-def evaluator_for(problem: Problem, threads: int | None = None) -> FeasibilityEvaluator:
+def evaluator_for(
+    problem: Problem, threads: int | None = None, limits: Limits | None = None
+) -> FeasibilityEvaluator:
     """The evaluator of a problem, for planar tasks precise enough for the limits of ranges."""
     tolerance = _TOLERANCE if problem.task.planar else STEP_TOLERANCE
-    return FeasibilityEvaluator(problem, threads, tolerance=tolerance)
+    attitude = None if limits is None else limits.attitude
+    return FeasibilityEvaluator(problem, threads, tolerance=tolerance, limits=attitude)
 
 
 def sample_headings(

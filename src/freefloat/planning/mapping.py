@@ -18,6 +18,7 @@ from freefloat.concurrency import Progress, require_memory, step_of
 from freefloat.ensemble.ensemble import EnsembleResult
 from freefloat.ensemble.feasibility import BranchResults, FeasibilityEvaluator
 from freefloat.errors import InputError, require_type, whole_number
+from freefloat.limits.limits import Limits
 from freefloat.motion.problem import Problem, require_problem
 from freefloat.planning.attitude_map import AttitudeMap, BoundaryPoint
 from freefloat.planning.deepest import deepest
@@ -60,6 +61,7 @@ def attitude_map(
     samples: int | None = None,
     *,
     search: Search | None = None,
+    limits: Limits | None = None,
     nearest: npt.ArrayLike | None = None,
     boundary: int = 0,
     tangency: int = 0,
@@ -76,6 +78,8 @@ def attitude_map(
         samples: Number of attitudes; when left out that of the search, else 360 headings or
             36,864 attitudes.
         search: Its seed rotates the grid of attitudes, its joints and domain restrict the map.
+        limits: Of these, motions are compared with those of pointing and of the spacecraft's turn:
+            an attitude is feasible where a motion keeps them and the margin.
         nearest: Attitude to find the nearest feasible one to, quaternion x, y, z, w.
         boundary: Points on the boundary of the feasible set to find for each arm branch.
         tangency: Points on the boundary to find from tangency points (Section VI).
@@ -106,13 +110,13 @@ def attitude_map(
     if problem.task.planar:
         _require_none(nearest=nearest is not None, boundary=boundary, touch=tangency)
         count = HEADINGS if samples is None else samples
-        headings = sample_headings(evaluator_for(problem, threads), count, search, progress)
+        headings = sample_headings(evaluator_for(problem, threads, limits), count, search, progress)
         return replace(headings, seconds=time.perf_counter() - start)
     target = None if nearest is None else problem.attitude(nearest, key="nearest")
     if tangency:
         require_tangency_points(problem)
         require_memory("touch", tangency, _POINT_SIZE)
-    evaluator = FeasibilityEvaluator(problem, threads)
+    evaluator = evaluator_for(problem, threads, limits)
     sampled = sample_attitudes(
         evaluator, _ATTITUDES if samples is None else samples, search,
         step_of(progress, 0.0, _SAMPLING),

@@ -102,7 +102,7 @@ def _plan(
     progress: Progress | None,
 ) -> Plan:
     """Plan with the duration as it is; ``known`` is as for :func:`keep_limits`."""
-    evaluator = evaluator_for(problem, threads)
+    evaluator = evaluator_for(problem, threads, limits)
     planner = plan_in_plane if problem.task.planar else plan_in_space
     result = planner(evaluator, search, progress)
     if limits is not None:

@@ -48,7 +48,7 @@ class Trials:
         problem = evaluator.problem
         self.problem = problem
         self._threads = evaluator.integrator.threads
-        self._joint_rate = limits.joint_rate
+        self._limits = limits
         self.checker = LimitChecker(problem.model, limits)
         self.violations: Counter[str] = Counter()
         self.count = 0
@@ -106,10 +106,11 @@ class Trials:
                 enough = self._integrated_stretch(candidate, needed)
             if enough is not None:
                 return enough, candidate
-        if not ranked or self._joint_rate is None or not self.problem.momentum.any():
+        joint_rate = self._limits.joint_rate
+        if not ranked or joint_rate is None or not self.problem.momentum.any():
             return None, None
         try:
-            return self._searched_stretch(attitudes, self._joint_rate, ranked[0][0])
+            return self._searched_stretch(attitudes, joint_rate, ranked[0][0])
         except InputError:  # the system would rotate too often
             return None, None
 
@@ -141,7 +142,8 @@ class Trials:
         for _ in range(_STRETCHES):
             factor = rounded_up(factor)
             stretched = self.problem.stretched(factor)
-            results = evaluator_for(stretched, self._threads).evaluate(attitudes)
+            evaluator = evaluator_for(stretched, self._threads, self._limits)
+            results = evaluator.evaluate(attitudes)
             ratios = (results.motions.rates / joint_rate).max(axis=2)
             ratios[~self.problem.margin.keeps(results.margins)] = np.inf
             for index in np.argsort(ratios, axis=None)[:_STRETCHED]:

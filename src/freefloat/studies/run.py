@@ -152,9 +152,9 @@ def _computed(run: Run, source: Path) -> RunResult:
     if run.command is Command.MAP:
         from freefloat.planning.mapping import attitude_map  # compiled kernels are slow to import
 
-        search = scenario.search()
+        search, limits = scenario.search(), scenario.limits()
         with scenario.error_context():
-            record = attitude_map(problem, search=search, threads=1)
+            record = attitude_map(problem, search=search, limits=limits, threads=1)
         values = map_values(record)
     elif run.command is Command.PLAN:
         from freefloat.planning.planner import plan

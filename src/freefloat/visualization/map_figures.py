@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 
 from freefloat.ensemble.feasibility import has_wrist_flipped_branches
-from freefloat.ensemble.kernels.integration import COMPLETED, SINGULAR, UNREACHED
+from freefloat.ensemble.kernels.integration import COMPLETED, LIMITED, SINGULAR, UNREACHED
 from freefloat.ik.branches import branch_name
 from freefloat.motion.margin import keeps_threshold
 from freefloat.planning.attitude_map import AttitudeMap
@@ -165,6 +165,7 @@ def _percentages(result: AttitudeMap, branch: int | None, values: Array) -> list
     outcomes = {
         "keep the margin": result.problem.margin.keeps(values),
         "fall below": (endings == COMPLETED).any(axis=1),
+        "violate a limit": (endings == LIMITED).any(axis=1),
         "become singular": (endings == SINGULAR).any(axis=1),
         "stopped early": (endings != UNREACHED).any(axis=1),
         "not reached": np.ones(len(values), dtype=bool),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from freefloat.ensemble.kernels.compilation import compiled, inner
+from freefloat.ensemble.kernels.cones import store_slacks
 from freefloat.ensemble.kernels.flow import END, LAW, TIME_WEIGHT
 from freefloat.ensemble.kernels.lanes import WIDTH, bits
 from freefloat.ensemble.kernels.records import (
@@ -36,7 +37,7 @@ from freefloat.ensemble.kernels.tables import get_lane, set_lane
 if TYPE_CHECKING:
     from freefloat.ensemble.ensemble import EnsembleResult
 
-COMPLETED, SINGULAR, MARGIN, FAILED = 0, 1, 2, 3
+COMPLETED, SINGULAR, MARGIN, FAILED, LIMITED = 0, 1, 2, 3, 4
 """Codes of endings."""
 UNREACHED = -1
 """Ending of an arm branch that does not exist at an attitude."""
@@ -120,6 +121,7 @@ def load_motion(
     start, goal = motions.starts[k], motions.goals[k]
     for j in range(4):
         set_lane(work.y, j, lane, motions.attitudes[k, j])
+        set_lane(work.initial, j, lane, motions.attitudes[k, j])
     for j in range(n):
         q = motions.joints[k, j]
         set_lane(work.y, 4 + j, lane, q)
@@ -219,3 +221,4 @@ def store(
         out.rates[k, j] = get_lane(work.extent, 3 * j, lane) / duration
         out.lower[k, j] = get_lane(work.extent, 3 * j + 1, lane)
         out.upper[k, j] = get_lane(work.extent, 3 * j + 2, lane)
+    store_slacks(problem.cones, k, lane, work, out)

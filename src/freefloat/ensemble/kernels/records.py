@@ -11,8 +11,8 @@ from freefloat.ensemble.kernels.lanes import WIDTH
 from freefloat.ensemble.kernels.tables import Table, floats, lanes
 from freefloat.so3 import Array
 
-BODY_COLUMNS, JOINT_COLUMNS = 16, 15
-"""Numbers of columns of ``Robot.bodies`` and ``Workspace.momenta``."""
+BODY_COLUMNS, JOINT_COLUMNS, CONE_COLUMNS = 16, 15, 13
+"""Numbers of columns of ``Robot.bodies``, ``Workspace.momenta`` and ``Cones.table``."""
 (
     SEGMENT, LEG, FORWARD, STEP, BY_TIME, FRESH, TOLERANCE, LAST_ERROR, POSITIVE, SIGN, VALUE,
     LOWEST, LOWEST_AT, HIGHEST, SMALLEST, LARGEST, SPEED, STATUS_ROWS,
@@ -68,6 +68,13 @@ class NullSpace(NamedTuple):
     ranges: Table  # 1 where a joint has a range, otherwise 0, (n,)
 
 
+class Cones(NamedTuple):
+    """Limits of attitude."""
+
+    number: int
+    table: Table  # see freefloat.ensemble.kernels.cones
+
+
 class Problem(NamedTuple):
     """Data common to all motions of a problem."""
 
@@ -76,6 +83,7 @@ class Problem(NamedTuple):
     measure: Measure
     null_space: NullSpace | None  # None for the joint rates of least Euclidean norm
     tableau: Table
+    cones: Cones | None  # None without limits of attitude
 
 
 class Motions(NamedTuple):
@@ -112,15 +120,18 @@ class Workspace(NamedTuple):
     right: Table
     column: Table
     gradient: Table
+    initial: Table  # attitude; this and the following are for limits of attitude
+    inside: Table  # attitude and joints inside a step
+    slacks: Table
 
 
-def make_workspace(n: int, m: int) -> Workspace:
-    """Workspace for a robot of n joints and a task of m rows."""
+def make_workspace(n: int, m: int, cones: int = 0) -> Workspace:
+    """Workspace for a robot of n joints, a task of m rows and a number of limits of attitude."""
     r = n - m
     shapes = (
         (5 + n,), (5 + n,), (5 + n, 7), (1 + n,), (7,), (STATUS_ROWS,), (3,), (3 * n,),
         (n, JOINT_COLUMNS), (3,), (n, 6), (6,), (6,), (n,), (n * n,), (n * r,), (r * r,), (2 * r,),
-        (n,), (n,),
+        (n,), (n,), (4,), (4 + n,), (2 * cones,),
     )  # fmt: skip
     return Workspace(*(np.zeros((*shape, WIDTH)) for shape in shapes))
 
@@ -134,7 +145,8 @@ def workspace_in_tables(work: Workspace) -> Workspace:
         lanes(work.momenta, JOINT_COLUMNS), lanes(work.centre, 3), lanes(work.S, 6),
         lanes(work.scales, 1), lanes(work.b, 1), lanes(work.rates, 1), lanes(work.metric, 1),
         lanes(work.basis, 1), lanes(work.normal, 1), lanes(work.right, 1), lanes(work.column, 1),
-        lanes(work.gradient, 1),
+        lanes(work.gradient, 1), lanes(work.initial, 1), lanes(work.inside, 1),
+        lanes(work.slacks, 1),
     )  # fmt: skip
 
 
@@ -153,6 +165,7 @@ def problem_in_tables(problem: Problem) -> Problem:
         ),
         Measure(measure.code, measure.reach, measure.terms, floats(measure.polynomial, 4)),
         _settings_in_tables(problem.null_space), floats(problem.tableau, 7),
+        _cones_in_tables(problem.cones),
     )  # fmt: skip
 
 
@@ -164,3 +177,8 @@ def _settings_in_tables(null_space: Any) -> Any:
         null_space.metric, null_space.toward, null_space.gain, null_space.bound,
         floats(null_space.weights, 1), floats(null_space.middles, 1), floats(null_space.ranges, 1),
     )  # fmt: skip
+
+
+@inner
+def _cones_in_tables(cones: Any) -> Any:
+    return None if cones is None else Cones(cones.number, floats(cones.table, CONE_COLUMNS))

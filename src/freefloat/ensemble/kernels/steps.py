@@ -15,6 +15,7 @@ from scipy.integrate import RK45
 
 from freefloat.dynamics.redundancy import SINGULAR_SPEED
 from freefloat.ensemble.kernels.compilation import inlined, inner
+from freefloat.ensemble.kernels.cones import note_slacks
 from freefloat.ensemble.kernels.flow import TIME_WEIGHT, flow
 from freefloat.ensemble.kernels.lanes import (
     Float,
@@ -86,6 +87,7 @@ def attempt(problem: Problem, work: Workspace) -> tuple[int, int]:
         begin_motions(fresh, determinant, value, work)
     value *= status[SIGN]
     note_minimum(problem, dt, value, accepted, work)
+    note_slacks(problem, problem.cones, dt, fresh, accepted, work)
     status[VALUE] = select(accepted, value, status[VALUE])
     status[HIGHEST] = select(accepted, maximum(status[HIGHEST], value), status[HIGHEST])
     status[SMALLEST] = select(accepted, minimum(status[SMALLEST], size), status[SMALLEST])

@@ -1,0 +1,156 @@
+"""Limits of attitude along motions in lock step: how far axes stay from the edges of cones.
+
+The slack of a limit is the difference of the cosines of an angle and of its bound, negative where
+the limit is violated. It is evaluated at both ends of a step, in the middle, and where the parabola
+through these is smallest.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from freefloat.ensemble.kernels.compilation import inlined, inner
+from freefloat.ensemble.kernels.equation import (
+    ALONG_X,
+    ALONG_Z,
+    ANGLE,
+    COSINE,
+    MASS,
+    MOMENT,
+    PRISMATIC,
+    SINE,
+)
+from freefloat.ensemble.kernels.flow import to_spacecraft
+from freefloat.ensemble.kernels.lanes import (
+    Float,
+    Mask,
+    any_of,
+    magnitude,
+    minimum,
+    select,
+    sine_cosine,
+    sqrt,
+)
+from freefloat.ensemble.kernels.records import Cones, Problem, Robot, Workspace
+from freefloat.ensemble.kernels.tables import Table, get_lane, get_vector
+from freefloat.ensemble.kernels.vectors import Vector, components, dot, vector
+
+if TYPE_CHECKING:
+    from freefloat.ensemble.ensemble import EnsembleResult
+
+BODY, OF_POINT, SIDE, BOUND, AXIS, ORIGIN, TARGET = 0, 1, 2, 3, 4, 7, 10
+"""Columns of ``Cones.table``: number of the body, -1 for the turn of the spacecraft; 1 for a target
+that is a point; 1 for inside, -1 for outside; cosine of the bound; axis and origin of the line of
+sight in the body's link frame; direction or place of the target, inertial frame."""
+BEFORE, LOWEST = 0, 1
+"""Rows of a limit in ``Workspace.slacks``: slack at the last step, and the smallest."""
+
+
+@inner
+def note_slacks(
+    problem: Problem, cones: Cones | None, dt: Float, fresh: Mask, accepted: Mask, work: Workspace
+) -> None:
+    """Update the smallest slacks by those along a step; write the first ones of fresh motions."""
+    if cones is None:
+        return
+    robot, slacks = problem.robot, work.slacks
+    for i in range(cones.number):
+        after = slack(robot, cones, i, work.at, work)
+        before = select(fresh, after, slacks[2 * i + BEFORE])
+        state_inside(problem, dt, 0.0 * dt + 0.5, work)
+        middle = slack(robot, cones, i, work.inside, work)
+        lowest = select(fresh, after, minimum(slacks[2 * i + LOWEST], minimum(middle, after)))
+        curvature = 2.0 * (before + after - 2.0 * middle)
+        place = 0.5 * (3.0 * before + after - 4.0 * middle) / curvature
+        dips = accepted & (curvature > 0.0) & (place > 0.0) & (place < 1.0)
+        if any_of(dips):
+            state_inside(problem, dt, select(dips, place, 0.5), work)
+            lowest = minimum(lowest, slack(robot, cones, i, work.inside, work))
+        slacks[2 * i + LOWEST] = select(accepted, lowest, slacks[2 * i + LOWEST])
+        slacks[2 * i + BEFORE] = select(accepted, after, slacks[2 * i + BEFORE])
+
+
+@inner
+def store_slacks(
+    cones: Cones | None, k: int, lane: int, work: Workspace, out: EnsembleResult
+) -> None:
+    """Write the smallest slacks of the motion in a lane."""
+    if cones is not None:
+        for i in range(cones.number):
+            out.slacks[k, i] = get_lane(work.slacks, 2 * i + LOWEST, lane)
+
+
+@inlined
+def state_inside(problem: Problem, dt: Float, x: Float, work: Workspace) -> None:
+    """Write attitude and joint values at a fraction of the step into ``work.inside``."""
+    tableau, K, y = problem.tableau, work.K, work.y
+    for s in range(7):
+        power = tableau[8, s] + x * (tableau[9, s] + x * (tableau[10, s] + x * tableau[11, s]))
+        work.weights[s] = power * x * dt
+    for j in range(4 + problem.robot.n):
+        total = y[j]
+        for s in range(7):
+            total += work.weights[s] * K[j, s]
+        work.inside[j] = total
+
+
+@inner
+def slack(robot: Robot, cones: Cones, i: int, y: Table, work: Workspace) -> Float:
+    """The slack of limit ``i`` in a state."""
+    table = cones.table
+    x, e = vector(y[0], y[1], y[2]), y[3]
+    scale = 1.0 / sqrt(dot(x, x) + e * e)
+    body = int(table[i, BODY])
+    if body < 0:
+        x0 = vector(work.initial[0], work.initial[1], work.initial[2])
+        return magnitude(dot(x, x0) + e * work.initial[3]) * scale - table[i, BOUND]
+    target = to_spacecraft(x * scale, e * scale, get_vector(table, i, TARGET))
+    axis = to_base(robot, body, get_vector(table, i, AXIS), 0.0, y)
+    if table[i, OF_POINT] != 0.0:
+        origin = to_base(robot, body, get_vector(table, i, ORIGIN), 1.0, y)
+        target = target - origin + centre_of_mass(robot, y)
+        target = target * (1.0 / sqrt(dot(target, target)))
+    return (dot(axis, target) - table[i, BOUND]) * table[i, SIDE]
+
+
+@inner
+def to_base(robot: Robot, body: int, v: Vector, point: float, y: Table) -> Vector:
+    """A direction, or a point (1), of a body's link frame in the spacecraft frame."""
+    for k in range(body, 0, -1):
+        v = to_previous(robot, k, v, point, y)
+    return in_spacecraft(robot, v, point + 0.0 * y[0])
+
+
+@inlined
+def in_spacecraft(robot: Robot, v: Vector, point: Float) -> Vector:
+    """A vector of link frame 0 in the spacecraft frame; with the part ``point`` of its origin."""
+    base = robot.base
+    x, y, z = components(v)
+    rotated = get_vector(base, 0, 0) * x + get_vector(base, 1, 0) * y + get_vector(base, 2, 0) * z
+    return rotated + get_vector(base, 3, 0) * point
+
+
+@inlined
+def to_previous(robot: Robot, k: int, v: Vector, point: float, y: Table) -> Vector:
+    """A vector of link frame k in frame k - 1, with ``point`` times the frame's displacement."""
+    bodies, q = robot.bodies, y[3 + k]
+    angle, along = bodies[k, ANGLE] + 0.0 * q, bodies[k, ALONG_Z] + 0.0 * q
+    if bodies[k, PRISMATIC] != 0.0:
+        along = along + q
+    else:
+        angle = angle + q
+    s, c = sine_cosine(angle)
+    a, b, z = components(v)
+    a, b, z = c * a - s * b, s * a + c * b, z + along * point
+    s, c = bodies[k, SINE], bodies[k, COSINE]
+    return vector(a + bodies[k, ALONG_X] * point, b * c - z * s, b * s + z * c)
+
+
+@inner
+def centre_of_mass(robot: Robot, y: Table) -> Vector:
+    """Centre of mass of the whole system in the spacecraft frame."""
+    M, u = robot.bodies[robot.n, MASS], get_vector(robot.bodies, robot.n, MOMENT)
+    for k in range(robot.n, 0, -1):
+        u = to_previous(robot, k, u, M, y) + get_vector(robot.bodies, k - 1, MOMENT)
+        M += robot.bodies[k - 1, MASS]
+    return in_spacecraft(robot, u, M + 0.0 * y[0]) * (1.0 / robot.mass)

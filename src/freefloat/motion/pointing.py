@@ -1,0 +1,127 @@
+"""Limits of attitude along a motion: where axes of the robot may point, how far the base may turn.
+
+The value of each is an angle: between an axis that is fixed to a link and the direction of a target
+or, for the spacecraft, between its attitude and that at the start of the motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from freefloat.errors import InputError, did_you_mean, finite_number, finite_vector, member
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import Array, frozen, unit_vector
+
+
+class Keep(StrEnum):
+    """The side of a cone on which an axis is kept."""
+
+    INSIDE = "inside"
+    OUTSIDE = "outside"
+
+
+@dataclass(frozen=True, eq=False)
+class PointingLimit:
+    """An axis of a link that stays inside, or outside, a cone about the direction of a target.
+
+    Attributes:
+        body: Name of a link, which may be the spacecraft's root link.
+        axis: In the link's frame, normalized, shape (3,).
+        angle: Half the opening angle of the cone [rad], above 0 and below pi.
+        keep: The side of the cone.
+        direction: Direction of a target far away, inertial axes, normalized, shape (3,).
+        point: In its place a point [m], inertial axes, about the centre of mass, shape (3,); the
+            line of sight begins at the origin of the link's frame.
+
+    Raises:
+        InputError: If an attribute is not of this kind, or not exactly one of direction and point
+            is given.
+
+    Example:
+        >>> sun = ff.PointingLimit("base", [0, 1, 0], 0.5, keep="outside", direction=[1, 0, 0])
+        >>> sun.keep
+        <Keep.OUTSIDE: 'outside'>
+    """
+
+    body: str
+    axis: Array
+    angle: float
+    keep: Keep = Keep.INSIDE
+    direction: Array | None = None
+    point: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "keep", member("keep", Keep, self.keep))
+        finite_number("angle", self.angle, "an angle above 0 and below pi", 0.0, np.pi)
+        if not 0.0 < self.angle < np.pi:
+            raise InputError("angle", f"{self.angle:g} was given", "an angle above 0 and below pi")
+        if (self.direction is None) == (self.point is None):
+            count = "neither" if self.point is None else "both"
+            raise InputError("target", f"{count} of them was given", "a direction or a point")
+        object.__setattr__(self, "axis", frozen(unit_vector("axis", self.axis)))
+        if self.direction is not None:
+            direction = frozen(unit_vector("target.direction", self.direction))
+            object.__setattr__(self, "direction", direction)
+        if self.point is not None:
+            point = frozen(finite_vector("target.point", self.point, 3))
+            object.__setattr__(self, "point", point)
+
+    def require_body(self, model: FreeFloatingModel, key: str) -> None:
+        """Raise an InputError that names a key unless the robot has the link."""
+        if self.body not in model.link_places:
+            links = list(model.link_places)
+            problem = f"there is no link {self.body!r}{did_you_mean(self.body, links)}"
+            raise InputError(key, problem, ", ".join(links))
+
+    def vectors(
+        self, model: FreeFloatingModel, attitude: Array, joints: Array
+    ) -> tuple[Array, Array]:
+        """The axis and the direction of the target in a configuration, inertial unit vectors."""
+        number, placement = model.link_places[self.body]
+        pose = model.body_poses(attitude, joints)[number]
+        axis = pose.rotation @ placement.rotation @ self.axis
+        if self.point is None:
+            return axis, np.asarray(self.direction)
+        sight = self.point - pose.position - pose.rotation @ placement.position
+        return axis, sight / np.linalg.norm(sight)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The keys of a scenario's limit, angles in degrees."""
+        target = (
+            {"point": self.point.tolist()}
+            if self.point is not None
+            else {"direction": np.asarray(self.direction).tolist()}
+        )
+        return {
+            "body": self.body,
+            "axis": self.axis.tolist(),
+            "target": target,
+            "keep": str(self.keep),
+            "angle_deg": float(np.degrees(self.angle)),
+        }
+
+
+def angle_of(first: Array, second: Array) -> float:
+    """The angle between two unit vectors [rad], exact also for small angles."""
+    return float(2.0 * np.arctan2(np.linalg.norm(first - second), np.linalg.norm(first + second)))
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeLimits:
+    """Limits that depend on the attitudes of a motion's bodies alone.
+
+    Attributes:
+        pointing: The limits of axes.
+        base_turn: Largest angle between the attitudes of the spacecraft at the start and at any
+            time [rad]; None without limit.
+    """
+
+    pointing: tuple[PointingLimit, ...] = ()
+    base_turn: float | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.pointing) or self.base_turn is not None
