@@ -24,6 +24,7 @@ from .io.scenario import load_scenario as load_scenario
 from .motion.integration import integrate_motion as integrate_motion
 from .motion.extrema import closest_approach as closest_approach
 from .limits.limits import Limits as Limits
+from .motion.pointing import PointingLimit as PointingLimit
 from .limits.check import check_limits as check_limits
 from .planning.simulation import simulate as simulate
 

@@ -170,7 +170,7 @@ def test_a_workspace_of_too_few_joints_raises():
     start = redundant(*TEN[-1], None, 1)
     with (
         plain_kernels(),
-        mock.patch.object(ensemble, "make_workspace", lambda n, m: make_workspace(9, m)),
+        mock.patch.object(ensemble, "make_workspace", lambda n, m, cones: make_workspace(9, m)),
         pytest.raises(IndexError),
     ):
         begin(start.problem, start)

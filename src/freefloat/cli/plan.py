@@ -98,7 +98,8 @@ def plan(
 
 def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
     """The feasible attitudes, the chosen one, its tolerances, motion and limits."""
-    scope = " (limits not considered)" if plan.limit_results else ""
+    other = "other " if _limits_attitude(plan) else ""
+    scope = f" ({other}limits not considered)" if plan.limit_results else ""
     if plan.map is None:
         yield f"{name}: feasible initial headings{scope}"
         ranges = table("branch", "ranges [deg]")
@@ -129,12 +130,18 @@ def _tables(name: str, plan: Plan) -> Iterator[RenderableType]:
     yield from contact_lines(plan)
 
 
+def _limits_attitude(plan: Plan) -> bool:
+    """Whether pointing or the spacecraft's turn is limited, which the search considers."""
+    return plan.limits is not None and plan.limits.attitude.number > 0
+
+
 def _chosen_lines(plan: Plan) -> Iterator[str]:
     if plan.stretch != 1.0:
         yield f"Duration stretched by {plan.stretch:.6g} to {plan.problem.path.duration:.6g} s."
     if plan.deviation is not None:
         yield f"Deviation from the present attitude: {math.degrees(plan.deviation):.4f} deg."
-    scope = " for the margin alone" if plan.limit_results else ""
+    alone = "margin, pointing and turn" if _limits_attitude(plan) else "the margin"
+    scope = f" for {alone} alone" if plan.limit_results else ""
     if plan.robust_radius is not None:
         nearest, spare = plan.search.objective == "nearest", plan.search.spare
         less = nearest and plan.robust_radius < spare

@@ -48,13 +48,13 @@ def kernel_problem(problem: Problem, limits: AttitudeLimits | None = None) -> Ke
     polynomial = trigonometric_terms(problem.margin.measure) if name == "arm" else np.zeros((0, 4))
     reach = VirtualManipulator.of(model).reach
     measure = Measure(NAMES.index(name), reach, len(polynomial), polynomial)
-    cones = _cones(model, frames, limits) if limits else None
+    cones = _cones(model, frames, limits) if limits is not None and limits.number else None
     null_space = _null_space(problem)
     return KernelProblem(robot, _course(problem), measure, null_space, TABLEAU, cones)
 
 
 def _cones(model: FreeFloatingModel, frames: LinkFrames, limits: AttitudeLimits) -> Cones:
-    """Limits of attitude, each stricter by the error of compiled motions."""
+    """Limits of attitude as the rows that the kernels read."""
     zero = np.zeros(model.dof)
     at_zero, base = frames_at_zero(frames), model.base_position(_UPRIGHT, zero)
     poses = model.body_poses(_UPRIGHT, zero)
@@ -65,15 +65,25 @@ def _cones(model: FreeFloatingModel, frames: LinkFrames, limits: AttitudeLimits)
         side = 1.0 if limit.keep is Keep.INSIDE else -1.0
         target = limit.direction if limit.point is None else limit.point
         origin = pose.position + pose.rotation @ place.position - base
-        row[:AXIS] = number, limit.point is not None, side, np.cos(limit.angle - side * _SPARE)
+        row[:AXIS] = number, limit.point is not None, side, np.cos(limit.angle)
         row[AXIS:ORIGIN] = frame[:3] @ pose.rotation @ place.rotation @ limit.axis
         row[ORIGIN:TARGET] = frame[:3] @ (origin - frame[3])
         row[TARGET:] = target
     if limits.base_turn is not None:
-        turn = np.zeros((1, CONE_COLUMNS))
-        turn[0, :AXIS] = -1.0, 0.0, 1.0, np.cos((limits.base_turn - _SPARE) / 2.0)
+        turn = np.zeros(CONE_COLUMNS)
+        turn[:AXIS] = -1.0, 0.0, 1.0, np.cos(limits.base_turn / 2.0)
         rows = np.vstack([rows, turn])
     return Cones(len(rows), rows)
+
+
+def spare_slacks(limits: AttitudeLimits) -> Array:
+    """Slacks of limits of attitude above which precise motions keep them, too, shape (L,)."""
+    angles = np.array([limit.angle for limit in limits.pointing])
+    spares: Array = _SPARE * np.sin(angles)
+    if limits.base_turn is None:
+        return spares
+    half = limits.base_turn / 2.0
+    return np.append(spares, np.cos(max(half - _SPARE / 2.0, 0.0)) - np.cos(half))
 
 
 def _null_space(problem: Problem) -> NullSpace | None:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from freefloat.concurrency import Progress, available_cores, run_chunks
-from freefloat.ensemble.arrays import kernel_problem
+from freefloat.ensemble.arrays import kernel_problem, spare_slacks
 from freefloat.ensemble.kernels.integration import (
     COMPLETED,
     LIMITED,
@@ -120,8 +120,9 @@ class EnsembleIntegrator:
         self.threads = whole_number("threads", available_cores() if threads is None else threads, 1)
         self.problem = problem
         self.tolerance = finite_number("tolerance", tolerance, "1e-13 to 1e-2", 1e-13, 1e-2)
+        limits = limits or AttitudeLimits()
         self._arrays = kernel_problem(problem, limits)
-        self.limits = 0 if self._arrays.cones is None else self._arrays.cones.number
+        self._spares = spare_slacks(limits)
 
     def integrate(
         self,
@@ -161,17 +162,17 @@ class EnsembleIntegrator:
             _checked("ends", np.full(K, duration) if ends is None else ends, (K,), duration),
             stop_below * (1.0 - ROUNDING),
         )
-        result = EnsembleResult.empty((K,), n, self.limits)
+        result = EnsembleResult.empty((K,), n, len(self._spares))
         chunk = min(_CHUNK, max(-(-K // (4 * self.threads)), 4 * WIDTH))
 
         def integrate_chunk(first: int) -> None:
             integrate_many(
                 self._arrays, motions, first, min(first + chunk, K), self.tolerance,
-                make_workspace(n, self._arrays.robot.m, self.limits), result,
+                make_workspace(n, self._arrays.robot.m, len(self._spares)), result,
             )  # fmt: skip
 
         run_chunks(integrate_chunk, range(0, K, chunk), self.threads, progress)
-        violated = (result.slacks < 0.0).any(axis=1) & (result.endings == COMPLETED)
+        violated = (result.slacks < self._spares).any(axis=1) & (result.endings == COMPLETED)
         result.endings[violated] = LIMITED
         for array in result:
             array.setflags(write=False)

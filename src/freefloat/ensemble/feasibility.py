@@ -152,7 +152,7 @@ class FeasibilityEvaluator:
             stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
             progress=progress,
         )  # fmt: skip
-        table = EnsembleResult.empty(chosen.shape, joints.shape[2], self.integrator.limits)
+        table = EnsembleResult.empty(chosen.shape, joints.shape[2], self.limits.number)
         table.assign(chosen, result)
         selected = np.searchsorted(integrated, sources)
         table = table.columns(selected)
@@ -207,7 +207,7 @@ class FeasibilityEvaluator:
             attitudes[exist], joints[exist],
             stop_below=self.problem.margin.threshold if stop_at_margin else 0.0,
         )  # fmt: skip
-        table = EnsembleResult.empty((len(attitudes), 1), joints.shape[1], self.integrator.limits)
+        table = EnsembleResult.empty((len(attitudes), 1), joints.shape[1], self.limits.number)
         table.assign(exist[:, None], result)
         return table
 

@@ -123,5 +123,7 @@ class AttitudeLimits:
     pointing: tuple[PointingLimit, ...] = ()
     base_turn: float | None = None
 
-    def __bool__(self) -> bool:
-        return bool(self.pointing) or self.base_turn is not None
+    @property
+    def number(self) -> int:
+        """Number of the limits, those of axes first."""
+        return len(self.pointing) + (self.base_turn is not None)

@@ -35,6 +35,7 @@ from freefloat.workspace.planar import PlanarArm, most_singular_place, point_3_o
 
 ALREADY = "the attitude the spacecraft has keeps the margin already"
 NOT_UNIQUE = "; the optimum is not unique, attitudes around it have the same margin"
+NO_HEADING_WITHIN_LIMITS = "headings keep the margin, but none a limit of pointing or turn as well"
 _TRIED = 24
 """Headings that are tried to report the best infeasible one."""
 _CERTAIN = 0.95
@@ -107,6 +108,8 @@ def no_feasible_attitude_message(evaluator: FeasibilityEvaluator, samples: Attit
         return unreached_start_message(problem, f"none of {N} attitudes")
     fractions = _ending_fractions(samples.results.motions.endings)
     peaks = largest_margins(evaluator, samples)
+    if not peaks and (samples.results.motions.endings == LIMITED).any():
+        return f"of {N} attitudes none completes the path within its limits: {fractions}"
     if not peaks:
         return f"of {N} attitudes none completes the path: {fractions}{_last_singularity(samples)}"
     best = max(peaks, key=lambda peak: peak.minimum_margin)

@@ -21,6 +21,8 @@ class RangeLimitCause(StrEnum):
     MARGIN = "margin"
     REACH = "reach"
     SEARCH = "search"
+    POINTING = "pointing"
+    BASE_TURN = "base_turn"
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from freefloat.concurrency import Progress
 from freefloat.ensemble.feasibility import FeasibilityEvaluator
 from freefloat.motion.problem import Problem
 from freefloat.planning.diagnostics import (
+    NO_HEADING_WITHIN_LIMITS,
     infeasible_distance_message,
     margin_text,
     nearest_message,
@@ -34,6 +35,7 @@ from freefloat.planning.heading_arcs import (
 from freefloat.planning.heading_map import best_headings
 from freefloat.planning.pattern_search import Flags
 from freefloat.planning.plan import HEADINGS, Objective, Plan, Search, Segment
+from freefloat.planning.planar_limits import limited_ranges
 from freefloat.planning.planar_ranges import heading_ranges, limits_of_spans, reach_limits
 from freefloat.planning.search import bisect
 from freefloat.planning.simulation import SimulatedBranch, integrate_branch, simulate
@@ -65,7 +67,10 @@ def plan_in_plane(
         reason = infeasible_distance_message(problem)
         if reason is not None:
             return Plan(problem, search, False, reason)
-        ranges, segments = _exact_ranges(problem, search.domain)
+        margin_ranges, segments = _exact_ranges(problem, search.domain)
+        ranges = limited_ranges(evaluator, margin_ranges)
+        if any(entry.ranges for entry in margin_ranges) > any(entry.ranges for entry in ranges):
+            return Plan(problem, search, False, NO_HEADING_WITHIN_LIMITS, ranges, segments)
     else:
         samples = search.samples or HEADINGS
         ranges = searched_ranges(evaluator, samples, progress, search.domain)

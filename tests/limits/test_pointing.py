@@ -1,0 +1,176 @@
+"""Limits of pointing and of the spacecraft's turn, against dense sampling of motions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import freefloat as ff
+from freefloat.ensemble.ensemble import EnsembleIntegrator
+from freefloat.ensemble.feasibility import FeasibilityEvaluator
+from freefloat.ensemble.kernels.integration import COMPLETED, LIMITED
+from freefloat.limits.check import check_limits
+from freefloat.limits.limits import Limits
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.motion import Motion
+from freefloat.motion.pointing import AttitudeLimits, PointingLimit
+from freefloat.so3 import angle_between, attitude_grid, heading_quaternion
+from tests.errors import error_key
+from tests.lock_step import plain_kernels
+
+SCENARIOS = ["spatial_6dof/line", "ets_vii/reach", "planar_3dof/parabola_nonstop"]
+
+
+def axis_and_target(limit, model, attitudes, joints):
+    """Axis and direction of the target by a product of rotations, without Pinocchio, (K, 3)."""
+    R, p = np.repeat(np.eye(3)[None], len(joints), axis=0), np.zeros((len(joints), 3))
+    number, place = model.link_places[limit.body]
+    centre = np.zeros((len(joints), 3))
+    for k, body in enumerate(model.bodies):
+        if k > 0:
+            p = p + R @ body.placement.position
+            R = R @ body.placement.rotation
+            step = joints[:, k - 1 : k] * body.axis
+            if body.prismatic:
+                p = p + np.einsum("kij,kj->ki", R, step)
+            else:
+                R = R @ Rotation.from_rotvec(step).as_matrix()
+        centre += body.mass * (p + R @ body.centre) / model.total_mass
+        if k == number:
+            axis, origin = R @ place.rotation @ limit.axis, p + R @ place.position
+    R0 = Rotation.from_quat(attitudes)
+    if limit.point is None:
+        return R0.apply(axis), np.broadcast_to(limit.direction, axis.shape)
+    sight = limit.point - R0.apply(origin - centre)
+    return R0.apply(axis), sight / np.linalg.norm(sight, axis=1, keepdims=True)
+
+
+def cosines(motion: Motion, limits: AttitudeLimits) -> np.ndarray:
+    """Extreme cosines of the angles of all limits along a motion, by dense sampling."""
+    _, attitudes, joints = motion.evaluate(np.linspace(0.0, motion.panels, 20_001))
+    extremes = []
+    for limit in limits.pointing:
+        axis, target = axis_and_target(limit, motion.problem.model, attitudes, joints)
+        values = np.einsum("ki,ki->k", axis, target)
+        extremes.append(values.min() if limit.keep == "inside" else values.max())
+    turn = angle_between(attitudes, attitudes[0]).max()
+    return np.array([*extremes, np.cos(turn / 2.0)])
+
+
+def limits_of(model) -> AttitudeLimits:
+    root, tip = model.body_names[0], model.body_names[-1]
+    return AttitudeLimits(
+        (
+            PointingLimit(root, [0.0, 1.0, 0.2], 1.2, direction=[0.0, 1.0, 0.2]),
+            PointingLimit(tip, [1.0, 0.2, 0.0], 0.8, "outside", direction=[0.3, 0.4, 0.0]),
+            PointingLimit(model.body_names[2], [0.0, 0.3, 1.0], 2.0, point=[1.5, 0.4, 3.0]),
+        ),
+        0.7,
+    )
+
+
+def starts(problem, count):
+    """Attitudes and joints of motions of all arm branches."""
+    attitudes = attitude_grid(count)
+    if problem.task.planar:
+        attitudes = heading_quaternion(np.linspace(0.0, 6.2, count))
+    branches = problem.many_branches(attitudes)
+    return attitudes[np.nonzero(branches.exist)[0]], branches.joints[branches.exist]
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_compiled_precise_and_sampled_extremes_agree(name: str) -> None:
+    problem = ff.load_scenario(name).problem()
+    limits = limits_of(problem.model)
+    attitudes, joints = starts(problem, 24)
+    result = EnsembleIntegrator(problem, 1, limits=limits).integrate(attitudes, joints)
+    signs = np.array([1.0, -1.0, 1.0, 1.0])
+    bounds = np.cos([1.2, 0.8, 2.0, 0.35])
+    compared = np.flatnonzero(np.isin(result.endings, (COMPLETED, LIMITED)))[::4]
+    assert len(compared) > 3
+    for k in compared:
+        motion = integrate_motion(problem, attitudes[k], joints[k])
+        sampled = cosines(motion, limits)
+        np.testing.assert_allclose(result.slacks[k], signs * (sampled - bounds), atol=1e-4)
+        turn, pointing = check_limits(
+            motion, Limits(pointing=limits.pointing, base_turn=limits.base_turn)
+        )[-2:]
+        assert turn.worst == pytest.approx(2.0 * np.arccos(sampled[3]), abs=1e-6)
+        ratios = np.arccos(sampled[:3]) / [1.2, 0.8, 2.0]
+        ratios[1] = 1.0 / ratios[1]
+        assert pointing.ratio == pytest.approx(ratios.max(), abs=1e-6)
+        assert pointing.where.endswith(f"(pointing.{ratios.argmax()})")
+        kept = turn.kept and pointing.kept
+        if abs((signs * (sampled - bounds)).min()) > 2e-4:
+            assert bool(result.endings[k] == COMPLETED) is kept
+
+
+def test_plain_and_compiled_kernels_agree() -> None:
+    problem = ff.load_scenario("planar_3dof/parabola_nonstop").problem()
+    limits, (attitudes, joints) = limits_of(problem.model), starts(problem, 4)
+    integrator = EnsembleIntegrator(problem, 1, limits=limits, tolerance=1e-3)
+    compiled = integrator.integrate(attitudes, joints)
+    with plain_kernels():
+        plain = integrator.integrate(attitudes, joints)
+    np.testing.assert_allclose(plain.slacks, compiled.slacks, atol=1e-9)
+
+
+def test_limits_do_not_change_motions() -> None:
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    attitudes, joints = starts(problem, 16)
+    free = EnsembleIntegrator(problem, 1).integrate(attitudes, joints)
+    limits = limits_of(problem.model)
+    limited = EnsembleIntegrator(problem, 1, limits=limits).integrate(attitudes, joints)
+    np.testing.assert_array_equal(free.minimum, limited.minimum)
+    np.testing.assert_array_equal(free.joints, limited.joints)
+
+
+def test_an_axis_on_the_wrist_is_followed_along_every_branch() -> None:
+    """Wrist-flipped branches have the same motion, but not of the bodies in the wrist."""
+    problem = ff.load_scenario("spatial_6dof/line").problem()
+    body = problem.model.body_names[4]
+    limits = AttitudeLimits((PointingLimit(body, [1.0, 0.5, 0.2], 1.5, direction=[0, 0, 1]),))
+    slacks = FeasibilityEvaluator(problem, limits=limits).evaluate(attitude_grid(16)).motions.slacks
+    assert np.nanmax(np.abs(slacks[:, ::2] - slacks[:, 1::2])) > 0.1
+
+
+def test_a_spatial_plan_keeps_limits_that_the_largest_margin_violates() -> None:
+    scenario = ff.load_scenario("spatial_6dof/line")
+    problem, search = scenario.problem(), replace(scenario.search(), samples=1024)
+    free = ff.plan(problem, search).chosen.motion
+    root = problem.model.body_names[0]
+    limit = PointingLimit(root, [0.0, 1.0, 0.0], np.radians(110.0), direction=[0.0, 1.0, 0.2])
+    limits = Limits(pointing=(limit,), base_turn=np.radians(60.0))
+    assert not all(result.kept for result in check_limits(free, limits))
+    plan = ff.plan(problem, search, limits)
+    assert plan.feasible
+    bounds = np.cos([limit.angle, limits.base_turn / 2.0])
+    assert (cosines(plan.chosen.motion, limits.attitude) >= bounds).all()
+    endings = plan.map.to_dict()["endings"]
+    assert endings["limited"] > 0
+    assert endings["completed"] > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"axis": [0, 0, 0]}, "axis"), ({"angle": 0.0}, "angle"), ({"angle": 4.0}, "angle"),
+        ({"keep": "near"}, "keep"), ({"direction": None}, "target"),
+        ({"point": [1, 0, 0]}, "target"), ({"direction": [0, 0, 0]}, "target.direction"),
+    ],
+)  # fmt: skip
+def test_errors_of_a_pointing_limit(change: dict, key: str) -> None:
+    values = {"body": "spacecraft", "axis": [1, 0, 0], "angle": 0.5, "direction": [0, 0, 1]}
+    assert error_key(lambda: PointingLimit(**values | change)) == key
+
+
+def test_errors_of_limits() -> None:
+    motion = ff.simulate(ff.load_scenario("planar_2dof/line").problem(), heading=0.0).chosen.motion
+    limit = PointingLimit("antenna", [1, 0, 0], 0.5, direction=[0, 0, 1])
+    key = "limits.pointing.0.body"
+    assert error_key(lambda: check_limits(motion, Limits(pointing=(limit,)))) == key
+    assert error_key(lambda: Limits(pointing=("sun",))) == "limits.pointing.0"
+    assert error_key(lambda: Limits(base_turn=4.0)) == "limits.base_turn"

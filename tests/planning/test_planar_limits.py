@@ -1,0 +1,67 @@
+"""Exact ranges within limits of attitude, against a sweep over headings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.limits.limits import Limits
+from freefloat.motion.integration import integrate_motion
+from freefloat.motion.pointing import PointingLimit
+from freefloat.so3 import angle_between, heading_quaternion
+
+ROOT = PointingLimit("spacecraft", [0.0, 1.0, 0.0], 1.4, "outside", direction=[1.0, 0.5, 0.3])
+LINK = PointingLimit("link_1", [1.0, 0.0, 0.2], 1.6, point=[1.0, 4.0, 0.5])
+
+
+def keeps(motion, limits: Limits) -> bool:
+    """Whether a motion keeps limits at many instants."""
+    _, attitudes, joints = motion.evaluate(np.linspace(0.0, motion.panels, 2000))
+    model = motion.problem.model
+    for limit in limits.pointing:
+        pairs = [limit.vectors(model, a, q) for a, q in zip(attitudes, joints, strict=True)]
+        angles = np.arccos([axis @ target for axis, target in pairs])
+        inside = limit.keep == "inside"
+        if not (angles <= limit.angle if inside else angles >= limit.angle).all():
+            return False
+    turn = angle_between(attitudes, attitudes[0]).max()
+    return bool(limits.base_turn is None or turn <= limits.base_turn)
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "cause"),
+    [
+        ("planar_3dof/parabola", Limits(pointing=(ROOT,)), "pointing"),
+        ("planar_3dof/parabola", Limits(pointing=(LINK,)), "pointing"),
+        ("planar_2dof/line", Limits(base_turn=0.6), "base_turn"),
+    ],
+)
+def test_ranges_end_where_a_limit_is_just_kept(name: str, limits: Limits, cause: str) -> None:
+    problem = ff.load_scenario(name).problem()
+    free, plan = ff.plan(problem), ff.plan(problem, limits=limits)
+    found = 0
+    for before, entry in zip(free.ranges, plan.ranges, strict=True):
+        headings = np.radians(np.arange(0.5, 360.0, 15.0))
+        ends = [
+            end
+            for part in entry.ranges
+            for end in zip((part.low, part.high), part.causes, strict=False)
+        ]
+        probes = [end + d for end, why in ends if why == cause for d in (-1.7e-4, 1.7e-4)]
+        found += len(probes)
+        for heading in [*headings, *probes]:
+            if before.depth(heading) <= 0.0 or abs(entry.depth(heading)) < 1e-6:
+                assert entry.depth(heading) <= 1e-6
+                continue
+            attitude = heading_quaternion(heading)
+            joints = next(b.joints for b in problem.branches(attitude) if b.index == entry.branch)
+            motion = integrate_motion(problem, attitude, joints)
+            assert keeps(motion, limits) is bool(entry.depth(heading) > 0.0), np.degrees(heading)
+    assert found
+
+
+def test_no_heading_within_limits() -> None:
+    plan = ff.plan(ff.load_scenario("planar_2dof/line").problem(), limits=Limits(base_turn=0.01))
+    assert not plan.feasible
+    assert not any(entry.ranges for entry in plan.ranges)
