@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from freefloat.dynamics.momentum import Task
 from freefloat.dynamics.redundancy import Redundancy
 from freefloat.ensemble.ensemble import EnsembleIntegrator
 from freefloat.ensemble.kernels import flow as flow_kernels
@@ -17,13 +18,30 @@ from tests.lock_step import Kernels, plain_kernels
 from tests.redundant import ARMS, choices, redundant
 
 EVERYTHING = [(*arm, k) for arm in ARMS for k in range(9)]
+LEAST_BASE_RATE = [
+    *((*arm, Redundancy("base")) for arm in [*ARMS, ("RRRRRRR", Task.POSITION)]),
+    *((*arm, Redundancy("base", toward, 0.8, 2.0))
+      for arm in [("RRRRRRR", Task.POSITION), ("5", Task.PLANAR_POSITION)]
+      for toward in ("sigma", "middle")),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("structure", "task", "number"), EVERYTHING)
 def test_rates_agree_with_pinocchio(structure, task, number):
     """At random states, to rounding or, toward sigma, to the error of differences."""
-    start = redundant(structure, task, choices(structure, task, 7)[number], 7)
-    problem, rng, T = start.problem, np.random.default_rng(number), start.problem.path.duration
+    assert_same_rates(structure, task, choices(structure, task, 7)[number], number)
+
+
+@pytest.mark.parametrize(("structure", "task", "redundancy"), LEAST_BASE_RATE)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_rates_of_least_base_rate_agree_with_pinocchio(structure, task, redundancy, seed):
+    assert_same_rates(structure, task, redundancy, seed)
+
+
+def assert_same_rates(structure, task, redundancy, seed):
+    """Compiled rates are those of the precise solver at random states."""
+    start = redundant(structure, task, redundancy, 7)
+    problem, rng, T = start.problem, np.random.default_rng(seed), start.problem.path.duration
     n, times = problem.model.dof, np.repeat([3.0, 12.0], WIDTH // 2)
     joints = start.joints + rng.uniform(-0.5, 0.5, (WIDTH, n))
     with plain_kernels():
@@ -56,6 +74,14 @@ def test_rates_agree_with_pinocchio(structure, task, number):
 def test_motions_agree_with_precise_ones(structure, task, number):
     """Endings, minima of the measure and last states."""
     start = redundant(structure, task, choices(structure, task, 1)[number], 1)
+    (case,) = both(start.problem, start.attitude[None], start.joints[None])
+    case.assert_same()
+
+
+@pytest.mark.parametrize(("structure", "task", "redundancy"), LEAST_BASE_RATE[::3])
+def test_motions_of_least_base_rate_agree_with_precise_ones(structure, task, redundancy):
+    """Endings, minima of the measure and last states, compiled."""
+    start = redundant(structure, task, redundancy, 1)
     (case,) = both(start.problem, start.attitude[None], start.joints[None])
     case.assert_same()
 

@@ -20,17 +20,24 @@ SINGULAR_SPEED = 2e4
 _LARGEST_WEIGHT = 1e6
 LARGEST_GAIN = 1e6
 """Largest gain and bound of the null-space motion."""
+DAMPED_BELOW = 0.02
+"""Angular velocity of the spacecraft per null-space rate, relative to that per joint rate, below
+which the metric ``base`` is damped."""
+NEARLY_DEPENDENT = 1e-10
+"""Sum of the principal minors of a matrix relative to its squared trace that is rounding error."""
 
 
 class Metric(StrEnum):
-    """Norm of the joint rates that is minimized.
+    """What the joint rates minimize.
 
-    ``JOINTS``: the Euclidean norm [rad/s, m/s]. ``ENERGY``: the kinetic energy of the free-floating
-    system, apart from the momentum's constant contribution.
+    ``JOINTS``: their Euclidean norm [rad/s, m/s]. ``ENERGY``: the kinetic energy of the
+    free-floating system, apart from the momentum's constant contribution. ``BASE``: the magnitude
+    of the spacecraft's angular velocity; among the rates that minimize it, the Euclidean norm.
     """
 
     JOINTS = "joints"
     ENERGY = "energy"
+    BASE = "base"
 
 
 class Toward(StrEnum):
@@ -50,8 +57,8 @@ class Redundancy:
     """Null-space motion of a redundant arm, see :mod:`freefloat.dynamics.resolved_rates`.
 
     Attributes:
-        metric: Norm of the joint rates that is minimized; a map from joint to weight for the sum of
-            weight times rate squared, in which the other joints have weight 1.
+        metric: What the joint rates minimize; a map from joint to weight for the sum of weight
+            times rate squared, in which the other joints have weight 1.
         toward: Objective of the null-space motion.
         gain: Gain of the attraction over the path, dimensionless.
         bound: Smooth upper bound of the length, over the path, of the motion due to the attraction;
@@ -101,9 +108,20 @@ class Redundancy:
                     f"there is no such moving joint{did_you_mean(joint, model.joint_names)}",
                     ", ".join(model.joint_names),
                 )
-        if self.metric is Metric.ENERGY and not any(body.mass for body in model.bodies[1:]):
+        of_masses = self.metric in (Metric.ENERGY, Metric.BASE)
+        if of_masses and not any(body.mass for body in model.bodies[1:]):
             accepted = "joints, or an arm with mass"
-            raise InputError("redundancy.metric", "energy, but the arm has no mass", accepted)
+            raise InputError(
+                "redundancy.metric", f"{self.metric}, but the arm has no mass", accepted
+            )
+        needed = len(task.rows) + (1 if task.planar else 3)
+        if self.metric is Metric.BASE and self.toward is not Toward.NONE and model.dof <= needed:
+            raise InputError(
+                "redundancy.toward",
+                f"{self.toward}, but the metric base leaves no freedom: task and attitude take "
+                f"{needed} rates and the arm has {model.dof} joints",
+                "none, or another metric",
+            )
         if self.toward is Toward.MIDDLE and not np.isfinite(range_centres(model)).any():
             raise InputError(
                 "redundancy.toward", "middle, but no joint of this arm has a range", "none or sigma"
@@ -113,7 +131,7 @@ class Redundancy:
 def _checked_metric(metric: Any) -> Metric | Mapping[str, float]:
     if isinstance(metric, str) and metric in tuple(Metric):
         return Metric(metric)
-    accepted = "joints, energy, or a map from joint to weight"
+    accepted = "joints, energy, base, or a map from joint to weight"
     require_type("redundancy.metric", metric, Mapping, accepted)
     weights, accepted = {}, "from 1e-06 to 1e+06"
     for joint, value in metric.items():

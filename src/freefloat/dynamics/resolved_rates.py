@@ -16,6 +16,10 @@ the unsaturated attraction per unit of s, which the objective would add with c =
 minimum norm, and with an objective a null-space motion, projected in the same metric, along which
 the objective does not decrease.
 
+The metric ``base`` has priority instead: among the rates that minimize the magnitude of the
+spacecraft's angular velocity, those of minimum norm are taken. Only a null-space motion that does
+not turn the spacecraft, of an arm that has one, moves toward the objective.
+
 The attraction is proportional to the path speed ds/dt, so it vanishes where the path stops, and
 without momentum joints and attitude depend on the path parameter alone: a longer duration gives the
 same motion. The gain is therefore dimensionless: one over the fraction of the path in which an
@@ -30,13 +34,23 @@ from the joints to the centres of their ranges; joints without a range do not co
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dtrtrs
 
 from freefloat.dynamics.momentum import Task, require_enough_joints
-from freefloat.dynamics.redundancy import Metric, Redundancy, Toward, joint_weights, range_centres
+from freefloat.dynamics.redundancy import (
+    DAMPED_BELOW,
+    NEARLY_DEPENDENT,
+    Metric,
+    Redundancy,
+    Toward,
+    joint_weights,
+    range_centres,
+)
 from freefloat.errors import finite_vector
 from freefloat.robot.model import FreeFloatingModel
 from freefloat.so3 import Array
@@ -68,7 +82,7 @@ class ResolvedRateSolver:
         require_enough_joints(model, task)
         if redundancy is not None:
             redundancy.require_applicable(model, task)
-        self._model, self._rows = model, task.rows
+        self._model, self._rows, self._planar = model, task.rows, task.planar
         self._selected = slice(None) if m == 6 else task.rows
         self._q = np.zeros(7 + n)
         self._M = np.zeros((6 + m, 6 + n), order="F")
@@ -124,23 +138,44 @@ class ResolvedRateSolver:
             return self._infinite()
         u = Q[:, :m] @ coordinates
         if not self._redundancy.minimum_norm:
-            u = u + self._null_space_rates(base, S, Q[:, m:], u, speed)
+            N = Q[:, m:]
+            if self._redundancy.metric is Metric.BASE:
+                z, P = self._least_base_rate(base, (drift - base @ u)[3:], N)
+            else:
+                W = self._metric(base)
+                P = np.linalg.solve(N.T @ W @ N, N.T)
+                z = -P @ (W @ u)
+            if self._redundancy.toward is not Toward.NONE and speed != 0.0:
+                z += speed * self._attraction(base, S, P)
+            u = u + N @ z
         return (drift - base @ u)[3:], u
 
-    def _null_space_rates(self, base: Array, S: Array, N: Array, u: Array, speed: float) -> Array:
-        """Rates to add to the minimum-norm rates ``u``; columns of N span the null space of S."""
-        W = self._metric(base)
-        projected = N.T @ W @ N
-        z = -N @ np.linalg.solve(projected, N.T @ (W @ u))
-        if self._redundancy.toward is not Toward.NONE and speed != 0.0:
-            if self._redundancy.toward is Toward.MIDDLE:
-                g = np.nan_to_num(self._centres - self._q[7:])
-            else:
-                g = self._manipulability_gradient(base, S)
-            attraction = self._redundancy.gain * (N @ np.linalg.solve(projected, N.T @ g))
-            ratio = np.linalg.norm(attraction) / self._redundancy.bound
-            z += speed / np.hypot(1.0, ratio) * attraction
-        return np.asarray(z)
+    def _least_base_rate(self, base: Array, omega: Array, N: Array) -> tuple[Array, Array]:
+        """Components of the null-space rates that offset the spacecraft's angular velocity.
+
+        Args:
+            base: Minus the base twist per joint rate, shape (6, n).
+            omega: Angular velocity of the spacecraft at the minimum-norm rates.
+            N: Basis of the null space of S*.
+
+        Returns:
+            The components, and the matrix that maps joint rates to components of the null-space
+            motion that is left.
+        """
+        rows = base[5:] if self._planar else base[3:]
+        G = rows @ N
+        inverse = damped_inverse(G, float(np.linalg.norm(rows)))
+        return inverse @ omega[-len(rows) :], N.T - inverse @ (G @ N.T)
+
+    def _attraction(self, base: Array, S: Array, P: Array) -> Array:
+        """Components of the saturated attraction per unit of s; P maps g to components."""
+        if self._redundancy.toward is Toward.MIDDLE:
+            g = np.nan_to_num(self._centres - self._q[7:])
+        else:
+            g = self._manipulability_gradient(base, S)
+        attraction = self._redundancy.gain * (P @ g)
+        ratio = np.linalg.norm(attraction) / self._redundancy.bound
+        return np.asarray(attraction / np.hypot(1.0, ratio))
 
     def _metric(self, base: Array) -> Array:
         """W divided by its mean diagonal element, shape (n, n)."""
@@ -177,3 +212,29 @@ class ResolvedRateSolver:
             if row < 3:
                 gradient += np.cross(J[3:] @ motions[:, i], J[:3, 6:].T)[:, row]
         return gradient
+
+
+def damped_inverse(G: Array, size: float) -> Array:
+    """The pseudoinverse of a matrix of at most three rows, damped where it nearly loses rank.
+
+    G^T (G G^T + damping^2 1)^-1, after Nakamura and Hanafusa (1986). With the singular values sigma
+    of G, and s^2 = 1 / sum(1 / sigma^2), a smooth lower bound of the smallest one squared,
+
+        damping = limit (1 - s^2 / limit^2)  where s < limit = DAMPED_BELOW * size,  otherwise 0.
+
+    No singular value of the result exceeds 1.07 / limit, and G times it never amplifies.
+
+    Args:
+        G: Shape (k, r), k up to 3.
+        size: Size with which the singular values compare.
+
+    Returns:
+        Shape (r, k).
+    """
+    U, sigma, V = np.linalg.svd(G, full_matrices=False)
+    limit, squares = DAMPED_BELOW * size, sigma**2
+    total = squares.sum()
+    minors = [1.0, total, (total**2 - squares @ squares) / 2.0 + NEARLY_DEPENDENT * total**2]
+    smallest = squares.prod() / max(minors[len(sigma) - 1], sys.float_info.min)
+    damping = limit * max(0.0, 1.0 - smallest / limit**2)
+    return np.asarray((V.T * (sigma / (squares + damping**2))) @ U.T)

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from freefloat.dynamics.measures import NAMES, trigonometric_terms
-from freefloat.dynamics.redundancy import Metric, Toward, joint_weights, range_centres
+from freefloat.dynamics.redundancy import (
+    DAMPED_BELOW,
+    Metric,
+    Toward,
+    joint_weights,
+    range_centres,
+)
 from freefloat.dynamics.virtual_manipulator import VirtualManipulator
 from freefloat.ensemble.kernels.cones import AXIS, ORIGIN, TARGET
 from freefloat.ensemble.kernels.null_space import ENERGY, MIDDLE_OF_RANGE, SIGMA, WEIGHTED
@@ -97,6 +103,7 @@ def _null_space(problem: Problem) -> NullSpace | None:
         float(redundancy.gain), float(redundancy.bound),
         np.array(joint_weights(problem.model, redundancy), dtype=float),
         np.nan_to_num(centres), np.isfinite(centres).astype(float),
+        DAMPED_BELOW if redundancy.metric is Metric.BASE else None,
     )  # fmt: skip
 
 

@@ -112,7 +112,7 @@ def flow(
         robot, q, to_spacecraft(x, e, v), to_spacecraft(x, e, omega), to_spacecraft(x, e, h), work
     )
     if null_space is not None:
-        add_null_space_motion(robot, null_space, speed, work)
+        add_null_space_motion(robot, null_space, drift, speed, work)
     half = spacecraft_rate(robot, drift, work) * (0.5 * course.duration)
     square = dot(half, half)  # of the quaternion's rate
     for j in range(n):

@@ -5,11 +5,17 @@ With a basis N of the null space of S*, the null-space rates are z = N c with
     (N^T W N) c = -N^T W u   and   (N^T W N) c = N^T g,
 
 where u are the rates of least Euclidean norm, W is the metric and g the gradient of the objective.
-So z neither moves the end-effector nor changes the momentum, and W may be singular.
+So z neither moves the end-effector nor changes the momentum, and W may be singular. With the metric
+``base``, G the spacecraft's angular velocity per component of c, and omega that due to u,
+
+    c = -G^+ omega   and   c = (1 - G^+ G) N^T g,
+
+where the pseudoinverse is that of :func:`freefloat.dynamics.resolved_rates.damped_inverse`.
 """
 
 from __future__ import annotations
 
+from freefloat.dynamics.redundancy import NEARLY_DEPENDENT
 from freefloat.ensemble.kernels.compilation import inlined, inner
 from freefloat.ensemble.kernels.equation import (
     ANGULAR,
@@ -19,19 +25,21 @@ from freefloat.ensemble.kernels.equation import (
     PRISMATIC,
     TURN,
     determinants,
+    spacecraft_rate,
 )
-from freefloat.ensemble.kernels.lanes import Float, select, sqrt
+from freefloat.ensemble.kernels.lanes import Float, maximum, select, sqrt
 from freefloat.ensemble.kernels.records import NullSpace, Robot, Workspace
 from freefloat.ensemble.kernels.reflections import reflect
 from freefloat.ensemble.kernels.tables import Table, below, get_vector
-from freefloat.ensemble.kernels.vectors import cross, dot
+from freefloat.ensemble.kernels.vectors import Vector, components, cross, dot
 
 WEIGHTED, ENERGY = 1, 2
-"""Codes of the metrics."""
+"""Codes of the metrics but ``base``, which has a limit of its own; others do not compile it."""
 SIGMA, MIDDLE_OF_RANGE = 1, 2
 """Codes of the objectives; 0 for none."""
 _STEP = 1e-4
 """Step of the joint values for differences of the manipulability [rad, m]."""
+_TINY = 1e-300
 
 
 @inner
@@ -54,38 +62,20 @@ def gradient(robot: Robot, null_space: NullSpace, q: Table, work: Workspace) -> 
 
 @inner
 def add_null_space_motion(
-    robot: Robot, null_space: NullSpace, speed: Float, work: Workspace
+    robot: Robot, null_space: NullSpace, drift: Vector, speed: Float, work: Workspace
 ) -> None:
     """Add the null-space motion to the rates of least norm in ``work.rates``.
 
     Args:
         robot: Data of the robot.
         null_space: Settings.
+        drift: The spacecraft's angular velocity for resting joints.
         speed: Path speed ds/dt.
         work: Workspace, with the factors of S* and, if there is an objective, its gradient.
     """
-    n, r, W = robot.n, robot.n - robot.m, work.metric
+    n, r = robot.n, robot.n - robot.m
     _basis(robot, work)
-    if null_space.metric == ENERGY:
-        _kinetic_energy(robot, work)
-    else:
-        for i in range(n):
-            for j in range(n):
-                W[i * n + j] = null_space.weights[i] if i == j else 0.0
-    for c in range(r):
-        N = below(work.basis, c * n, 1)
-        for i in range(n):
-            total = 0.0 * speed
-            for j in range(n):
-                total += W[i * n + j] * N[j]
-            work.column[i] = total
-        for d in range(r):
-            work.normal[c * r + d] = _product(n, below(work.basis, d * n, 1), work.column)
-        work.right[2 * c] = -_product(n, work.rates, work.column)
-        work.right[2 * c + 1] = 0.0
-        if null_space.toward != 0:
-            work.right[2 * c + 1] = _product(n, N, work.gradient) * null_space.gain
-    _solve(r, work.normal, work.right)
+    _components(robot, null_space, null_space.damped_below, drift, work)
     square = 0.0 * speed
     for i in range(n):
         toward = 0.0 * speed
@@ -97,6 +87,122 @@ def add_null_space_motion(
         for c in range(r):
             along = work.right[2 * c] + pace * work.right[2 * c + 1]
             work.rates[i] = work.rates[i] + work.basis[c * n + i] * along
+
+
+@inner
+def _components(
+    robot: Robot, null_space: NullSpace, limit: float | None, drift: Vector, work: Workspace
+) -> None:
+    """Write both components c, in pairs, into ``work.right``."""
+    if limit is None:
+        _least_norm(robot, null_space, work)
+    else:
+        _least_base_rate(robot, null_space, limit, drift, work)
+
+
+@inner
+def _least_norm(robot: Robot, null_space: NullSpace, work: Workspace) -> None:
+    """The components for a metric W."""
+    n, r, W = robot.n, robot.n - robot.m, work.metric
+    if null_space.metric == ENERGY:
+        _kinetic_energy(robot, work)
+    else:
+        for i in range(n):
+            for j in range(n):
+                W[i * n + j] = null_space.weights[i] if i == j else 0.0
+    for c in range(r):
+        N = below(work.basis, c * n, 1)
+        for i in range(n):
+            total = 0.0 * N[0]
+            for j in range(n):
+                total += W[i * n + j] * N[j]
+            work.column[i] = total
+        for d in range(r):
+            work.normal[c * r + d] = _product(n, below(work.basis, d * n, 1), work.column)
+        work.right[2 * c] = -_product(n, work.rates, work.column)
+        work.right[2 * c + 1] = 0.0
+        if null_space.toward != 0:
+            work.right[2 * c + 1] = _product(n, N, work.gradient) * null_space.gain
+    _solve(r, work.normal, work.right)
+
+
+@inner
+def _least_base_rate(
+    robot: Robot, null_space: NullSpace, limit: float, drift: Vector, work: Workspace
+) -> None:
+    """The components for the metric ``base``."""
+    n, r, right = robot.n, robot.n - robot.m, work.right
+    first = 2 if robot.planar else 0  # of the components of angular velocities that count
+    k, G, A = 3 - first, work.metric, work.normal
+    omega = components(spacecraft_rate(robot, drift, work))
+    square = _base_rates(robot, first, work) * limit**2
+    if r <= k:
+        for c in range(r):
+            right[2 * c], right[2 * c + 1] = 0.0, 0.0
+            for i in range(k):
+                right[2 * c] = right[2 * c] - G[i * r + c] * omega[first + i]
+            for d in range(r):
+                A[c * r + d] = 0.0
+                for i in range(k):
+                    A[c * r + d] = A[c * r + d] + G[i * r + c] * G[i * r + d]
+        _damp(r, A, square)
+        _solve(r, A, right)
+        return
+    for c in range(r):
+        work.column[c] = 0.0
+        if null_space.toward != 0:
+            N = below(work.basis, c * n, 1)
+            work.column[c] = _product(n, N, work.gradient) * null_space.gain
+    b = below(work.metric, k * r, 1)
+    for i in range(k):
+        row = below(G, i * r, 1)
+        b[2 * i], b[2 * i + 1] = -omega[first + i], -_product(r, row, work.column)
+        for j in range(k):
+            A[i * k + j] = _product(r, row, below(G, j * r, 1))
+    _damp(k, A, square)
+    _solve(k, A, b)
+    for c in range(r):
+        right[2 * c], right[2 * c + 1] = 0.0, work.column[c]
+        for i in range(k):
+            right[2 * c] = right[2 * c] + G[i * r + c] * b[2 * i]
+            right[2 * c + 1] = right[2 * c + 1] + G[i * r + c] * b[2 * i + 1]
+
+
+@inner
+def _base_rates(robot: Robot, first: int, work: Workspace) -> Float:
+    """Write the spacecraft's angular velocity per component of c, from row ``first`` on.
+
+    Returns:
+        The sum of squares of that per joint rate.
+    """
+    n, r, w = robot.n, robot.n - robot.m, work.momenta
+    square = 0.0 * work.rates[0]
+    for i in range(3 - first):
+        for j in range(n):
+            square += w[j, TURN + first + i] * w[j, TURN + first + i]
+        for c in range(r):
+            total = 0.0 * square
+            for j in range(n):
+                total += w[j, TURN + first + i] * work.basis[c * n + j]
+            work.metric[i * r + c] = total
+    return square
+
+
+@inlined
+def _damp(k: int, A: Table, limit: Float) -> None:
+    """Add the damping's square to the diagonal of G G^T or G^T G, given that of the limit."""
+    product, minors = A[0], 0.0 * limit + 1.0
+    if k == 2:
+        product, minors = A[0] * A[3] - A[1] * A[2], A[0] + A[3]
+    elif k == 3:
+        x, y = A[4] * A[8] - A[5] * A[7], A[5] * A[6] - A[3] * A[8]
+        z, total = A[3] * A[7] - A[4] * A[6], A[0] + A[4] + A[8]
+        product = A[0] * x + A[1] * y + A[2] * z
+        minors = x + A[0] * A[8] - A[2] * A[6] + A[0] * A[4] - A[1] * A[3]
+        minors += total * total * NEARLY_DEPENDENT
+    weight = maximum(0.0, 1.0 - product / (maximum(minors, _TINY) * limit))
+    for i in range(k):
+        A[i * k + i] = A[i * k + i] + weight * weight * limit
 
 
 @inlined

@@ -1,0 +1,138 @@
+"""Joint rates of least angular velocity of the spacecraft: metric ``base``."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import freefloat as ff
+from freefloat.dynamics import resolved_rates
+from freefloat.dynamics.momentum import Task, end_effector_jacobian, momentum_map
+from freefloat.dynamics.redundancy import DAMPED_BELOW, Metric, Redundancy, Toward
+from freefloat.motion.integration import integrate_motion
+from freefloat.robot.model import FreeFloatingModel
+from freefloat.so3 import angle_between
+from tests.errors import error_key
+from tests.redundant import ARMS, redundant
+from tests.robots import planar_robot
+
+BASE = Redundancy(Metric.BASE)
+REACTIONLESS = [("RRRRRRR", Task.POSITION), ("5", Task.PLANAR_POSITION)]
+"""Arms whose null space has more dimensions than the spacecraft's attitude."""
+EVERY_ARM = [*ARMS, REACTIONLESS[0]]
+
+
+def general_solution(start, joints):
+    """S*, its right side, and the spacecraft's rate per joint rate and at rest, body frame."""
+    model, task = start.problem.model, start.problem.task
+    A, J = (f(model, joints, start.attitude) for f in (momentum_map, end_effector_jacobian))
+    J = J[task.rows]
+    per_rate = -np.linalg.solve(A[:, :6], A[:, 6:])
+    at_rest = np.linalg.solve(A[:, :6], np.append(np.zeros(3), start.problem.momentum))
+    twist, _ = start.problem.path.twist_and_speed(5.0)
+    y = twist[task.rows] - J[:, :6] @ at_rest
+    return J[:, 6:] + J[:, :6] @ per_rate, y, per_rate[3:], at_rest[3:]
+
+
+def rates_of(problem, start, joints):
+    """Angular velocity and joint rates of a problem at some joints."""
+    motion = problem.path.twist_and_speed(5.0)
+    return problem.resolved_rate_solver().rates(start.attitude, joints, *motion)
+
+
+@pytest.mark.parametrize(("structure", "task"), EVERY_ARM)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_rates_are_the_closed_form(structure, task, seed, monkeypatch):
+    """S^+ y + N z, where z of least norm minimizes the angular velocity; without damping."""
+    monkeypatch.setattr(resolved_rates, "DAMPED_BELOW", 1e-9)
+    start = redundant(structure, task, BASE, seed)
+    S, y, per_rate, at_rest = general_solution(start, start.joints)
+    u, N = np.linalg.pinv(S) @ y, np.linalg.svd(S)[2][len(S) :].T
+    z = np.linalg.lstsq(per_rate @ N, -(at_rest + per_rate @ u), rcond=1e-9)[0]
+    omega, rates = rates_of(start.problem, start, start.joints)
+    np.testing.assert_allclose(rates, u + N @ z, rtol=0, atol=1e-7 * np.abs(rates).max())
+    expected = at_rest + per_rate @ (u + N @ z)
+    np.testing.assert_allclose(omega, expected, rtol=0, atol=1e-8 * np.abs(at_rest).max())
+
+
+@pytest.mark.parametrize(("structure", "task"), EVERY_ARM)
+def test_damping_bounds_the_rates(structure, task):
+    """Everywhere: the task is met, the spacecraft no faster, and the joint rates bounded."""
+    start, rng = redundant(structure, task, BASE), np.random.default_rng(3)
+    plain = replace(start.problem, redundancy=None)
+    for _ in range(60):
+        joints = rng.uniform(-np.pi, np.pi, len(start.joints))
+        S, y, per_rate, _ = general_solution(start, joints)
+        omega_plain, u = rates_of(plain, start, joints)
+        omega, rates = rates_of(start.problem, start, joints)
+        np.testing.assert_allclose(S @ rates, y, rtol=0, atol=1e-10 * np.linalg.norm(rates))
+        assert np.linalg.norm(omega) <= np.linalg.norm(omega_plain) * (1.0 + 1e-9)
+        limit = DAMPED_BELOW * np.linalg.norm(per_rate)
+        assert np.linalg.norm(rates - u) <= 1.07 * np.linalg.norm(omega_plain) / limit
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_damping_is_smooth(size):
+    """On a line of matrices through one of lower rank no change is larger than the bound allows."""
+    rng = np.random.default_rng(size)
+    a, b = rng.normal(size=(2, 3, size))
+    a[:, -1] = a[:, 0] if size > 1 else 0.0
+    steps = np.linspace(-0.2, 0.2, 4001)
+    inverses = np.array([resolved_rates.damped_inverse(a + t * b, 1.0) for t in steps])
+    jumps = np.abs(np.diff(inverses, axis=0)).max(axis=(1, 2))
+    assert np.linalg.norm(inverses, ord=2, axis=(1, 2)).max() < 1.07 / DAMPED_BELOW
+    assert jumps.max() < 4.0 * np.linalg.norm(b) * 1e-4 / DAMPED_BELOW**2
+
+
+@pytest.mark.parametrize(("structure", "task"), REACTIONLESS)
+@pytest.mark.parametrize("toward", list(Toward))
+def test_the_spacecraft_stands_still(structure, task, toward):
+    """Where the arm has the freedom and no momentum is stored; also with an attraction."""
+    settings = Redundancy(Metric.BASE, toward, 0.5)
+    start = redundant(structure, task, settings, seed=1, momentum=False)
+    omega, rates = rates_of(start.problem, start, start.joints)
+    assert np.linalg.norm(omega) < 1e-12 * np.linalg.norm(rates)
+    if toward is not Toward.NONE:
+        _, plain = rates_of(replace(start.problem, redundancy=BASE), start, start.joints)
+        assert np.linalg.norm(rates - plain) > 1e-3 * np.linalg.norm(plain)
+
+
+def panda_circle(normal, **changes):
+    """Largest angle from the initial attitude [rad] along a circle of radius 0.10 m."""
+    spacecraft = {"mass": 300, "inertia": [50, 50, 50], "mount": {"xyz": [0, 0, 0.5]}}
+    joints = [0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8]
+    start, across = np.array([0.35, 0.0, 0.95]), np.cross(normal, [0.3, 0.5, 0.8])
+    scenario = {
+        "robot": {"urdf": "example-robot-data:panda", "end_effector": "panda_hand_tcp",
+                  "spacecraft": spacecraft},
+        "task": "position",
+        "path": {"arc": {"center": (start - 0.1 * across / np.linalg.norm(across)).tolist(),
+                         "normal": normal, "from": start.tolist(), "angle_deg": 360}},
+        "timing": {"law": "quintic", "duration": 20},
+        **changes,
+    }  # fmt: skip
+    problem = replace(ff.load_scenario(scenario).problem(), start_joints=np.array(joints))
+    motion = integrate_motion(problem, [0, 0, 0, 1], problem.closest_start([0, 0, 0, 1]))
+    assert motion.completed
+    assert motion.residuals().end_effector_position < 1e-8
+    states = motion.sample(np.linspace(0.0, 20.0, 101))
+    return max(angle_between(state.attitude, motion.initial.attitude) for state in states)
+
+
+@pytest.mark.parametrize(("normal", "ratio"), [([1.0, 0.0, 0.0], 0.1), ([0.0, 1.0, 0.0], 1e-6)])
+def test_a_circle_turns_the_spacecraft_less(normal, ratio):
+    """A 300 kg spacecraft: a fifth or less of the rotation due to least joint rates, or none."""
+    turn = panda_circle(normal, redundancy={"metric": "base"})
+    assert turn < ratio * panda_circle(normal)
+
+
+def test_settings_that_do_not_apply_raise():
+    """An attraction without freedom left, and an arm without mass."""
+    start = redundant("RRRRRRR", Task.POSE, None)
+    for toward, key in (("sigma", "redundancy.toward"), ("middle", "redundancy.toward")):
+        settings = Redundancy("base", toward)
+        assert error_key(replace, start.problem, redundancy=settings) == key
+    text = planar_robot([50, 0, 0, 0], [8, 0, 0, 0], [0.4] * 3, [0.5] * 4)
+    model = FreeFloatingModel.from_urdf(text)
+    task = Task.PLANAR_POSITION
+    assert error_key(BASE.require_applicable, model, task) == "redundancy.metric"
