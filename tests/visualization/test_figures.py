@@ -70,7 +70,7 @@ def test_a_planar_plan_has_all_figures(folder: Path) -> None:
         sum(1 + (item.high > 2.0 * np.pi) for item in entry.ranges) for entry in result.ranges
     ]
     (axes,) = drawings["joint_space"].axes
-    assert len([label for label in labels(axes) if label.startswith("from")]) == 2
+    assert len([label for label in labels(axes) if label.startswith("heading")]) == 2
     assert [item.get_marker() for item in axes.lines].count("X") == 1
 
 

@@ -37,7 +37,7 @@ def test_s_is_what_the_curves_say(motions: list[Motion]) -> None:
     """(22): S = 0 and S = +-5 in joint space."""
     figure = joint_space_figure(PLANAR, motions)
     (axes,), arm = figure.axes, PlanarArm.of(PLANAR.model)
-    for level, label in ((0.0, "$S$ = 0"), (5.0, "$S$ = 5"), (-5.0, "$S$ = −5")):
+    for level, label in ((0.0, "$S$ = 0 (singular)"), (5.0, "$S$ = 5"), (-5.0, "$S$ = −5")):
         curve = np.radians(line(axes, label))
         curve = curve[np.isfinite(curve).all(axis=1)]
         assert len(curve) > 500
@@ -48,7 +48,7 @@ def test_motion_curves_are_the_joints_of_the_motions(motions: list[Motion]) -> N
     """200 degrees keeps away from S = 0, 140 ends on it."""
     (axes,), arm = joint_space_figure(PLANAR, motions).axes, PlanarArm.of(PLANAR.model)
     ends = []
-    for motion, label in zip(motions, ("from 200°", "from 140°"), strict=True):
+    for motion, label in zip(motions, ("heading 200°", "heading 140°"), strict=True):
         curve = line(axes, label)
         inside = curve[np.isfinite(curve).all(axis=1)]
         assert (np.abs(inside) <= 180.0).all()
@@ -63,7 +63,7 @@ def test_motion_curves_are_the_joints_of_the_motions(motions: list[Motion]) -> N
 
 def test_distance_curves_are_where_the_path_begins_and_ends(motions: list[Motion]) -> None:
     (axes,), arm = joint_space_figure(PLANAR, motions).axes, PlanarArm.of(PLANAR.model)
-    assert {"start radius", "end radius"} <= set(labels(axes))
+    assert {"reaches the start", "reaches the end"} <= set(labels(axes))
     (first, last) = (item for item in axes.collections)
     for drawn, place in ((first, 0), (last, -1)):
         corners = np.radians(np.vstack(drawn.get_paths()[0].vertices))
@@ -77,7 +77,7 @@ def test_levels_of_another_measure_are_not_drawn_as_s() -> None:
         PLANAR.model, PLANAR.path, PLANAR.task, PLANAR.momentum, Margin(gjm, 0.05)
     )  # fmt: skip
     (axes,) = joint_space_figure(problem, []).axes
-    assert [label for label in labels(axes) if "S" in label] == ["$S$ = 0"]
+    assert [label for label in labels(axes) if "S" in label] == ["$S$ = 0 (singular)"]
 
 
 def test_curves_are_cut_where_they_leave_the_square() -> None:
@@ -112,8 +112,9 @@ def test_shaded_spans_are_the_ranges() -> None:
     first, second = figure.axes
     assert np.allclose(spans(first), np.degrees([(1.0, 4.5)]))
     assert np.allclose(sorted(spans(second)), [(0.0, np.degrees(1.0)), (np.degrees(5.0), 360.0)])
-    assert labels(first)[0] == "elbow+"
-    assert "chosen" not in labels(first)
+    assert labels(first) == ["elbow+", "feasible", "margin 5"]
+    reached_in_part = ["elbow-", "feasible", "start out of reach", "margin 5", "chosen"]
+    assert labels(second) == reached_in_part
     assert np.allclose(line(second, "chosen")[:, 0], np.degrees(6.0))
     for axes, row in zip(figure.axes, some_map().results.existing_margins.T, strict=True):
         (curve,) = [item for item in axes.lines if len(item.get_xdata()) == 8]

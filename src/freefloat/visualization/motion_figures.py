@@ -110,9 +110,9 @@ def _motion_figure(motion: Motion, trajectory: Trajectory) -> Figure:
         ("joints", scale * trajectory.joints, joints, unit),
         ("joint rates", scale * trajectory.joint_rates, joints, rate_unit),
         (*attitude_curves(problem, trajectory), "deg"),
-        ("spacecraft rate", spins, spin_names, "deg/s"),
-        ("end-effector", trajectory.end_effector_positions, axes, "m"),
-        ("spacecraft", trajectory.base_positions, axes, "m"),
+        ("spacecraft rate,\ninertial axes", spins, spin_names, "deg/s"),
+        ("end-effector,\ninertial axes", trajectory.end_effector_positions, axes, "m"),
+        ("spacecraft origin,\ninertial axes", trajectory.base_positions, axes, "m"),
     ]
     for panel, (quantity, values, names, quantity_unit) in zip(panels.flat, curves, strict=True):
         draw_curves(panel, trajectory.times, values, names)
@@ -163,7 +163,7 @@ def _margin_figure(motion: Motion, trajectory: Trajectory, closest: ClosestAppro
         axes.axhline(level, label=f"margin {digits(level)}", **MARGIN_LINE)
     lowest = closest.sign * closest.value
     singular = motion.ending is Ending.SINGULAR
-    name = "singular" if singular else f"minimum {digits(lowest)}"
+    name = "singular" if singular else f"minimum $|S|$ = {digits(closest.value)}"
     label = f"{name} at {digits(closest.time)} s"
     marker = "X" if singular else "o"
     draw_point(

@@ -52,7 +52,7 @@ def joint_space_figure(problem: Problem, motions: Sequence[Motion]) -> Figure:
     curves = margin_curves(arm, *(value for value, _, _ in levels))
     for value, dashes, width in levels:
         rows = _joined(np.degrees(curve.joints) for curve in curves if curve.level == value)
-        label = f"$S$ = {digits(value)}"
+        label = f"$S$ = {digits(value)}" + (" (singular)" if value == 0.0 else "")
         axes.plot(*rows.T, color=BLACK, linestyle=dashes, linewidth=width, label=label)
     _draw_distances(axes, problem, arm)
     for motion, (colour, dashes) in zip(motions, STROKES, strict=False):
@@ -83,7 +83,7 @@ def _draw_distances(axes: Any, problem: Problem, arm: PlanarArm) -> None:
                 degrees, degrees, radii, levels=[level], colors=[GREY], linestyles=[dashes],
                 linewidths=1.0,
             )  # fmt: skip
-            axes.plot([], [], color=GREY, linestyle=dashes, linewidth=1.0, label=f"{name} radius")
+            axes.plot([], [], color=GREY, linestyle=dashes, linewidth=1.0, label=f"reaches the {name}")
 
 
 def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
@@ -93,7 +93,7 @@ def _draw_motion(axes: Any, motion: Motion, colour: str, dashes: Any) -> None:
     q = np.degrees(motion.evaluate(places)[2][:, :2])
     rows = wrapped(q)
     axes.plot(
-        *rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=f"from {digits(heading)}°",
+        *rows.T, color=colour, linestyle=dashes, linewidth=1.6, label=f"heading {digits(heading)}°",
         zorder=4,
     )  # fmt: skip
     draw_point(axes, rows[0], "o", 4.5, color=colour, markerfacecolor="white", zorder=5)
@@ -127,9 +127,16 @@ def headings_figure(
     figure = new_figure(COLUMN, 0.7 + 1.35 * len(curves))
     panels = figure.subplots(len(curves), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (branch, name, values, spans) in zip(panels, curves, strict=True):
-        for low, high in spans:
-            axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0)
         axes.plot(np.degrees(result.headings), values, color=BLUE, label=name)
+        for number, (low, high) in enumerate(spans):
+            label = "feasible" if number == 0 else None
+            axes.axvspan(low, high, color=_FEASIBLE, linewidth=0.0, zorder=0, label=label)
+        if (unreached := np.isnan(values)).any():
+            axes.fill_between(
+                np.degrees(result.headings), 0.0, 1.0, where=unreached, step="mid",
+                transform=axes.get_xaxis_transform(), facecolor="white", edgecolor=GREY,
+                hatch="////", linewidth=0.0, zorder=0, label="start out of reach",
+            )  # fmt: skip
         margin = result.problem.margin.threshold
         if margin > 0.0:
             axes.axhline(margin, label=f"margin {digits(margin)}", **MARGIN_LINE)
@@ -137,7 +144,7 @@ def headings_figure(
             axes.axvline(np.degrees(chosen[1]), color=BLACK, linestyle=":", label="chosen")
         axes.set_xlim(0.0, 360.0)
         axes.set_ylabel(axis_label(f"min |{measure.name}|", measure.unit))
-        legend_above(axes)
+        legend_above(axes, columns=3 if unreached.any() else None)
     panels[-1].set_xticks(np.arange(0, 361, 60))
     panels[-1].set_xlabel(axis_label("initial heading", "deg"))
     return figure

@@ -132,13 +132,13 @@ def _sampled_path(problem: Problem, workspace: Workspace | None) -> tuple[Array,
 
 def _labelled_areas(workspace: Workspace) -> Iterator[tuple[str | None, Interval, str]]:
     """Yield label (for the first of each kind), interval and colour of each area."""
-    sampled = "" if workspace.exact else ", sampled"
-    for kind, intervals, colour in (
-        ("dependent", workspace.path_dependent, _DEPENDENT),
-        ("independent", workspace.path_independent, _INDEPENDENT),
-    ):
+    names = "can be singular", "never singular"
+    if workspace.measure == "arm":  # shoulder and wrist can be singular in all areas
+        names = "measure arm can vanish", "measure arm cannot vanish"
+    areas = (workspace.path_dependent, _DEPENDENT), (workspace.path_independent, _INDEPENDENT)
+    for name, (intervals, colour) in zip(names, areas, strict=True):
         for number, interval in enumerate(intervals or ()):
-            yield f"path-{kind}{sampled}" if number == 0 else None, interval, colour
+            yield name if number == 0 else None, interval, colour
 
 
 @styled
